@@ -1,5 +1,5 @@
-"""CUDA kernels of rigid bodies that bounce off each other: their particles' impulses, enlarged for each pair by what both
-bodies would make of theirs, as in model/shape_matching/rigid_rebound.py."""
+"""CUDA kernels of rebounds between rigid bodies: the impulses on their particles, scaled for each pair by the response
+of both bodies (model/shape_matching/rigid_rebound.py)."""
 
 from __future__ import annotations
 
@@ -22,9 +22,12 @@ from model.formulas.shape_matching import rebound
 
 @cache
 def make_give(real: Any, math: str, own: bool, many: bool, scaled: bool) -> Any:
-    """give(position, old, velocity, found, neighbours, record, body, kind, kinds, touching, travel, pressed, scales, struck):
-    what they get of those that they part from, into `struck`; else as `bounce` of contact/particles_bounce.py. `scaled`:
-    times the lesser one of both particles' `scales`."""
+    """Compile give(position, old, velocity, found, neighbours, record, body, kind, kinds, touching, travel, pressed,
+    scales, struck).
+
+    It writes the velocity changes by separating contacts into `struck`; otherwise as `bounce` of
+    contact/particles_bounce.py. `scaled`: impulses are multiplied by the smaller one of both particles' `scales`.
+    """
     formulas = device_formulas(particle_contact.make, real, math)
     split, moved, impulse_of, add = formulas.split, formulas.moved, formulas.impulse, formulas.struck
     whole = device_formulas(rebound.make, real, math)
@@ -69,9 +72,11 @@ def make_give(real: Any, math: str, own: bool, many: bool, scaled: bool) -> Any:
 
 @cache
 def make_bodies_bounce(real: Any, math: str) -> SimpleNamespace:
-    """`spread(own_starts, own_clusters, limits, motions, scales)`: each particle's scale, its body's, 1 without one;
-    `join(position, velocity, struck, own_starts, own_clusters, limits, motions)`: velocities, with what the bodies make of
-    what their particles got, and without one with that."""
+    """Compile `spread(own_starts, own_clusters, limits, motions, scales)`, each particle's scale, that of its body, 1
+    without one, and `join(position, velocity, struck, own_starts, own_clusters, limits, motions)`.
+
+    `join` adds to velocities the motions of the bodies, or the impulse `struck` for a particle without a body.
+    """
     formulas = device_formulas(rebound.make, real, math)
     rigid, joined, zero, one = formulas.rigid, formulas.joined, real(0), np.int32(1)
     unit = real(1)

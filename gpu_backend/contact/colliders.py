@@ -1,4 +1,4 @@
-"""What a mass of a cloth does that meets the colliders, as a device function: one after the other, in the scene's order."""
+"""Collisions of a cloth's mass with all colliders, in the scene's order, as a device function."""
 
 from __future__ import annotations
 
@@ -39,7 +39,8 @@ from model.mass_spring.plan import FRICTION_IN_PLACE
 
 @cache
 def make_place_of(real: Any, math: str) -> Any:
-    """place_of(bodies, at, time) -> (x, y, z): the point [m] at `time` [s] of a collider whose numbers begin at `at`."""
+    """Make place_of(bodies, at, time) -> (x, y, z): position [m] at `time` [s] of the collider whose row begins at
+    `at`."""
     moved = device_formulas(cloth.make, real, math).moved
 
     @inlined(math)
@@ -54,7 +55,8 @@ def make_place_of(real: Any, math: str) -> Any:
 
 
 def _make_answers(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """Of a collider whose numbers begin at `at`: `place_of`; `answer`, the velocity of a mass that touches it; `push`."""
+    """Make `place_of`, `answer` (velocity of a mass after contact) and `push`, for the collider whose row begins at
+    `at`."""
     formulas, place_of = device_formulas(colliders.make, real, math), make_place_of(real, math)
     respond, rebound, pushed = formulas.respond, formulas.rebound, device_formulas(cloth.make, real, math).pushed
     bounces, has_friction, zero, inline = "restitution" in parts, "friction" in parts, real(0), inlined(math)
@@ -77,8 +79,8 @@ def _make_answers(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespac
 
     @inline
     def push(px, py, pz, vx, vy, vz, surface, slow, bodies, at):
-        """Out to the collider's thickness. `surface`: (distance, nx, ny, nz); `slow`: speed up to which nothing bounces, and
-        where friction acts on positions the step [s]."""
+        """Push a mass that is inside the collider's thickness out of it. `surface`: (distance, nx, ny, nz); `slow`:
+        settling speed, below which nothing bounces, and, where friction acts on positions, the step [s]."""
         distance, nx, ny, nz = surface
         thickness = bodies[at + B_THICKNESS]
         if distance < thickness:
@@ -95,7 +97,7 @@ def _make_answers(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespac
 
 
 def _make_meetings(real: Any, math: str, parts: frozenset[str]) -> tuple[Any, ...]:
-    """A mass and one collider: a plane, a sphere, a capsule, a box, a mesh, a field."""
+    """Make the collisions of a mass with one plane, sphere, capsule, box, mesh and field."""
     formulas, answers = device_formulas(colliders.make, real, math), _make_answers(real, math, parts)
     plane, sphere, capsule, box = formulas.plane, formulas.sphere, formulas.capsule, formulas.box
     sphere_entry, between = formulas.sphere_entry, device_formulas(cloth.make, real, math).between
@@ -140,7 +142,7 @@ def _make_meetings(real: Any, math: str, parts: frozenset[str]) -> tuple[Any, ..
         return push(px, py, pz, vx, vy, vz, surface, slow, bodies, at)
 
     def of_surface(topic: Any) -> Any:
-        """In the collider's own frame: see model/formulas/frame.py."""
+        """Make the collision in the collider's own frame (model/formulas/frame.py)."""
         meet = device_formulas(topic.make, real, math, bounces=bounces, in_place=FRICTION_IN_PLACE in parts).touch
 
         @inline
@@ -164,10 +166,11 @@ def _make_meetings(real: Any, math: str, parts: frozenset[str]) -> tuple[Any, ..
 
 @cache
 def make_collide(real: Any, math: str, parts: frozenset[str]) -> Any:
-    """collide(before, px, py, pz, vx, vy, vz, world, step) -> (px, py, pz, vx, vy, vz).
+    """Make collide(before, px, py, pz, vx, vy, vz, world, step) -> (px, py, pz, vx, vy, vz).
 
-    `before`: the mass at the step's start (a quad); the rest: where it is at the step's end. `bodies`: the rows of
-    model/mass_spring/cloth_parameters.py one after the other, then trees and fields; how many of each kind says `integers`.
+    `before`: the mass at the step's start (a quad); the rest: its state at the step's end. `bodies`: the rows of
+    model/mass_spring/cloth_parameters.py one after the other, then trees and fields; `integers` has the number of each
+    kind.
     """
     meet_plane, meet_sphere, meet_capsule, meet_box, meet_mesh, meet_field = _make_meetings(real, math, parts)
     settling_speed = device_formulas(colliders.make, real, math).settling_speed

@@ -1,4 +1,4 @@
-"""Who is near to whom among particles, on CUDA: a service for whatever happens between particles that are near."""
+"""Neighbour search among particles on CUDA, for all interactions of nearby particles."""
 
 from __future__ import annotations
 
@@ -21,28 +21,29 @@ def _table(particles: int) -> int:
 
 
 def neighbour_bytes(particles: int, own: bool, item: int) -> int:
-    """Device memory for the neighbours of so many particles, `item` bytes a scalar; `own`: within bodies, too."""
+    """Return the device memory [bytes] for the neighbours of so many particles; `item`: bytes per scalar; `own`: also
+    within bodies."""
     return particles * (SIZE * item * (1 + own) + 4 * (MAX_NEIGHBOURS + 6)) + 8 * (_table(particles) + 1)
 
 
 class Neighbours:
-    """`found` (particles,) int32: how many neighbours each particle has; `table` (MAX_NEIGHBOURS * particles,): the s-th of
-    particle i in place s * particles + i, in the order of cells, then of numbers.
+    """The neighbours of particles. `found` (particles,) int32: number of neighbours of each particle.
 
-    `pairs`: (the body of each particle, the kind of each body, how many kinds); which of them are neighbours, and how near,
-    the pairs' rows of a record say (model/contact/particle_parameters.py). `rest` (particles, 3) [m] where some body's
-    particles may be neighbours among themselves (`own`): those that were none at rest. Launches alone, so that they can be
-    captured in a graph.
+    `table` (MAX_NEIGHBOURS * particles,): neighbour s of particle i at index s * particles + i, in the order of cells,
+    then of numbers. `pairs`: (the body of each particle, the kind of each body, number of kinds); the rows of pairs in
+    a record define which kinds are neighbours, and up to which distance (model/contact/particle_parameters.py). `rest`
+    (particles, 3) [m], if particles of a body may be neighbours (`own`): those that are neighbours at rest are
+    excluded. Only launches, so that they can be captured in a graph.
     """
 
-    launches = 7  # of `find`, each of `flat`: a thread a particle
+    launches = 7  # of `find`, each of `flat`: one thread per particle
 
     def __init__(self, real: Any, particles: int, pairs: tuple[Any, ...], rest: np.ndarray | None, stream: Any):
         self._stream, self._pairs, own = stream, pairs, rest is not None
         quads = np.zeros((particles if own else 1, SIZE), real)
         quads[:, :3] = 0 if rest is None else rest
         self._rest = self._new(quads.reshape(-1))
-        table = _table(particles) + 1  # the last number of its starts is that of all
+        table = _table(particles) + 1  # the last number of its starts is the total
         self._counts, self._starts = self._integers(table), self._integers(table)
         self._buckets, self._filled, self._sorted_particles, self._sorted_bodies, self.found = (
             self._integers(particles) for _ in range(5)
@@ -60,8 +61,8 @@ class Neighbours:
         return self._new(np.zeros(count, np.int32))
 
     def find(self, position: Any, record: Any) -> None:
-        """From quads of positions, whose fourth number is the weight: what weighs 0 is nobody's neighbour. `record`: rows of
-        pairs, and the longest way between neighbours."""
+        """Search from quads of positions, whose fourth number is the weight: a particle of weight 0 has no neighbours.
+        `record`: rows of pairs, and the largest distance between neighbours."""
         kernels, flat, ordered = self._find, self.flat, (self._sorted, self._sorted_particles, self._sorted_bodies)
         kernels.hash_particles[flat](position, record, self._buckets, self._counts)
         self._scan.run(self._counts, self._starts, self._starts)
@@ -74,11 +75,11 @@ class Neighbours:
 
     @property
     def lost(self) -> int:
-        """How many neighbours were beyond the MAX_NEIGHBOURS of a particle, over all searches so far."""
+        """Number of neighbours beyond the MAX_NEIGHBOURS of a particle, over all searches so far."""
         host = self._lost.copy_to_host(stream=self._stream)
         cuda.synchronize()
         return int(host[0])
 
     def forget(self) -> None:
-        """Nothing was lost so far."""
+        """Set the counter to 0."""
         self._lost.copy_to_device(np.zeros(1, np.int64), stream=self._stream)

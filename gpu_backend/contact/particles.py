@@ -1,5 +1,5 @@
-"""Contacts between particles of bodies on CUDA: three stages that the solver launches, and what they keep. Launches alone, so
-that they can be captured in a graph; in `exact` math to the bits of cpu_backend/contact/particles.py."""
+"""Contacts between particles of bodies on CUDA: three stages for the solver, and their arrays. Only launches, so that
+they can be captured in a graph; in `exact` math with the bits of cpu_backend/contact/particles.py."""
 
 from __future__ import annotations
 
@@ -29,16 +29,18 @@ def _meets_itself(scene: Scene) -> bool:
 
 
 def particle_contact_bytes(scene: Scene, item: int) -> int:
-    """Device memory for the contacts of a scene's particles, `item` bytes a scalar."""
+    """Return the device memory [bytes] for the contacts of a scene's particles; `item`: bytes per scalar."""
     particles = scene.body_set.particle_count
     pressed = MAX_NEIGHBOURS * item * particles  # of rigid bodies
     return neighbour_bytes(particles, _meets_itself(scene), item) + SIZE * item * particles + pressed
 
 
 class ParticleContacts:
-    """Contacts among the `neighbours` of particles; `bounces`: whether they do. `before`, `position`: quads of particles and
-    their weights, on the device; `parts`: the scene's, None: of contacts
-    alone."""
+    """Contacts among the `neighbours` of particles; `bounces`: true with restitution.
+
+    `before`, `position`: quads of particles and their weights, on the device; `parts`: the scene's, None for contacts
+    only.
+    """
 
     def __init__(self, scene: Scene, real: Any, math: str, stream: Any, parts: frozenset[str] | None = None):
         part, body_set = scene.contact, scene.body_set
@@ -66,47 +68,47 @@ class ParticleContacts:
         return cuda.to_device(array, stream=self._stream)
 
     def _record_of(self, scene: Scene) -> np.ndarray:
-        """The record and the longest reach."""
+        """Return the record and the largest contact distance."""
         record = particle_contact_record(scene, self._real)
         return np.append(record, pair_rows(scene)[:, :, G_REACH].max()).astype(self._real)
 
     @property
     def finding(self) -> int:
-        """Launches of `find`."""
+        """Number of launches of `find`."""
         return self.neighbours.launches + self._keeps
 
     @property
     def projecting(self) -> int:
-        """Launches of `project`."""
+        """Number of launches of `project`."""
         return 2 * self._sweeps
 
     @property
     def restitution_launches(self) -> int:
-        """Launches of `bounce`."""
+        """Number of launches of `bounce`."""
         return 2
 
     @property
     def lost(self) -> int:
-        """How many neighbours were beyond the MAX_NEIGHBOURS of a particle, over all substeps so far."""
+        """Number of neighbours beyond the MAX_NEIGHBOURS of a particle, over all substeps so far."""
         return self.neighbours.lost
 
     def forget(self) -> None:
-        """Nothing was lost so far."""
+        """Set the counter to 0."""
         self.neighbours.forget()
 
     def change(self, scene: Scene) -> None:
-        """Take over what may change while running."""
+        """Apply the parameters that may change during a run."""
         self.record.copy_to_device(self._record_of(scene), stream=self._stream)
 
     def find(self, position: Any) -> None:
-        """The neighbours of all particles where they are predicted to be."""
+        """Search the neighbours of all particles at the predicted positions."""
         self.neighbours.find(position, self.record)
         if self._keeps:
             self._project.clear[self._flat](self.neighbours.found, self._pressed)
 
     def project(self, before: Any, position: Any, travel: Any = None, couples: Any = None) -> None:
-        """All sweeps over the contacts of the substep that began at `before`; `travel`: where bodies are rigid; `couples`:
-        where friction turns clusters."""
+        """Sweep over the contacts of the substep that began at `before`; `travel`: with rigid bodies; `couples`: with
+        friction that turns clusters."""
         arguments = self.neighbours.found, self.neighbours.table, self.record, *self._pairs, self._touching
         pressed = None if travel is None else self._pressed
         travels = tuple(one for one in (travel, pressed, couples) if one is not None)
@@ -115,7 +117,7 @@ class ParticleContacts:
             self._project.project[self._flat](before, position, *arguments, *travels)
 
     def count_impacts(self, position: Any, old: Any, velocity: Any, travel: Any) -> tuple[Any, ...]:
-        """What rigid bodies begin with that bounce: what their kernels take of contacts."""
+        """Count the impacts of rigid bodies, and return the arguments of their kernels about contacts."""
         arguments = *self._impacts(position, old, velocity), travel, self._pressed
         self._bounce.count[self._flat](*arguments)
         return arguments
@@ -125,7 +127,7 @@ class ParticleContacts:
         return *states, found, table, self.record, *self._pairs, self._touching
 
     def bounce(self, position: Any, old: Any, velocity: Any) -> None:
-        """Of those that touch at `position`: with `old` velocities the substep began, with `velocity` it ends."""
+        """Bounce particles in contact at `position`; `old`, `velocity`: velocities at the substep's start and end."""
         arguments = self._impacts(position, old, velocity)
         self._bounce.count[self._flat](*arguments)
         self._bounce.bounce[self._flat](*arguments)

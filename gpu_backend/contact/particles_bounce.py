@@ -1,6 +1,6 @@
-"""Particles that bounce off each other, on CUDA, once their velocities are known: a thread for each counts with whom it must
-part faster, then speeds itself up. All from one state, as in contact/particles_project.py: who has neighbours copies its
-velocity while it counts."""
+"""Rebounds between particles on CUDA, after their velocities are known: one thread per particle counts the pairs that
+must separate faster, then changes its velocity. All impulses are computed from one state, as in
+contact/particles_project.py: a particle with neighbours copies its velocity while it counts."""
 
 from __future__ import annotations
 
@@ -27,9 +27,12 @@ from model.formulas import particle_contact
 
 @cache
 def make_lack(real: Any, math: str, own: bool, many: bool, has_rigid: bool = False) -> Any:
-    """lack_of(i, j, p, o, v, w, position, old, record, body, kind, kinds, travel, pressed): see the inner function.
-    `has_rigid`: `travel` is read, as of shape_matching/rigid.py: two particles of rigid bodies, which have slacks, part as
-    those do (model/formulas/particle_contact.py, `parting`), also where nothing is given back."""
+    """Make lack_of(i, j, p, o, v, w, position, old, record, body, kind, kinds, travel, pressed): see the inner
+    function.
+
+    `has_rigid`: `travel` is read, as in shape_matching/rigid.py. Two particles of rigid bodies, which have slacks, then
+    separate as those do (model/formulas/particle_contact.py, `parting`), even without restitution.
+    """
     formulas = device_formulas(particle_contact.make, real, math)
     squared, touches = formulas.squared, formulas.touching
     direction, lacking, parting = formulas.direction, formulas.lacking, formulas.parting
@@ -37,8 +40,8 @@ def make_lack(real: Any, math: str, own: bool, many: bool, has_rigid: bool = Fal
 
     @inlined(math)
     def lack_of(i, j, p, o, v, w, position, old, record, body, kind, kinds, travel, pressed):
-        """(how much faster particle i, at p and at o and v, must part from j, at w, the unit normal from j); `pressed`: their
-        contact in the substep."""
+        """Return how much faster particle i, at p, o and v, must separate from j, at w, and the unit normal from j;
+        `pressed`: their contact in the substep."""
         q, (row, same) = load_quad(position, j), pair_of(i, j, body, kind, kinds)
         distance = record[row + G_OWN] if same else record[row + G_DISTANCE]
         dx, dy, dz = p[0] - q[0], p[1] - q[1], p[2] - q[2]
@@ -62,11 +65,14 @@ def make_lack(real: Any, math: str, own: bool, many: bool, has_rigid: bool = Fal
 
 @cache
 def make_bounce(real: Any, math: str, own: bool, many: bool, has_rigid: bool = False) -> SimpleNamespace:
-    """`count(position, old, velocity, found, neighbours, record, body, kind, kinds, touching)`: of each particle that has
-    neighbours a quad of its velocity and of its weight times the pairs that are to part faster; `bounce(position, old,
-    velocity, found, neighbours, record, body, kind, kinds, touching)`: velocities, in place. `old`: with which the substep
-    began; `own`, `many`: as in `make_pairs`. Where there is code for rigid bodies, `has_rigid`, `count` alone, which takes
-    `travel` and `pressed` last, as of `make_lack` and contact/particles_project.py."""
+    """Compile `count` and `bounce`, both (position, old, velocity, found, neighbours, record, body, kind, kinds,
+    touching).
+
+    `count`: for each particle with neighbours a quad of its velocity and of its weight times the pairs that must
+    separate faster. `bounce`: velocities, in place. `old`: velocities at the start of the substep; `own`, `many`: as in
+    `make_pairs`. With `has_rigid` only `count`, whose last arguments are `travel` and `pressed`, as of `make_lack` and
+    contact/particles_project.py.
+    """
     formulas = device_formulas(particle_contact.make, real, math)
     split, added, moved = formulas.split, formulas.added, formulas.moved
     lack_of, zero, one, most = make_lack(real, math, own, many, has_rigid), real(0), real(1), np.int32(MAX_NEIGHBOURS)

@@ -1,10 +1,10 @@
-"""Which particles of bodies may meet within a substep, on CUDA: a thread for each hashes it, brings it into its place in the
-order of cells, and looks around.
+"""Neighbour search among particles of bodies on CUDA: one thread per particle hashes it, sorts it into the order of
+cells, and tests the particles around it.
 
-Buckets are numbered along x: a row of cells lies side by side in the table, and so do its particles, whose order goes round
-where the table ends. So the 27 cells around a particle are nine runs. Only rows are hashed, after M. Teschner et al.,
-"Optimized Spatial Hashing for Collision Detection of Deformable Objects", VMV 2003. Nothing here is compiled in fast math,
-where a cell might not be the same one in two kernels: a NaN or what has left the world is in none.
+Buckets are numbered along x: a row of cells is contiguous in the table, and so are its particles, whose order wraps
+around at the end of the table. So the 27 cells around a particle are nine runs. Only rows are hashed, after M. Teschner
+et al., "Optimized Spatial Hashing for Collision Detection of Deformable Objects", VMV 2003. Nothing here is compiled in
+fast math, where a cell might differ between two kernels: a NaN, or a particle too far from the origin, is in no cell.
 """
 
 from __future__ import annotations
@@ -32,13 +32,16 @@ from model.contact.particle_parameters import (
 from model.formulas import contact, particle_contact
 
 FARTHEST = 2**30  # cells from the origin
-MIN_TABLE = 8  # buckets: a row's three cells are three buckets, and no fourth one is among them
+MIN_TABLE = 8  # buckets: a row's three cells are three different buckets, and no fourth one is among them
 
 
 @cache
 def make_pairs(own: bool, many: bool) -> Any:
-    """pair_of(i, j, body, kind, kinds) -> (where the row of particles i and j begins in the record, whether they are of one
-    body). `own`: some body meets itself; `many`: the scene has more kinds of bodies than one."""
+    """Make pair_of(i, j, body, kind, kinds) -> (offset of the row of particles i and j in the record, true if they are
+    of one body).
+
+    `own`: some body has self-contact; `many`: the scene has more than one kind of bodies.
+    """
     pairs, fields = np.int32(PAIRS), np.int32(PAIR_FIELDS)
 
     @cuda.jit(device=True)
@@ -57,7 +60,7 @@ def make_pairs(own: bool, many: bool) -> Any:
 
 @cache
 def _make_cells(real: Any) -> SimpleNamespace:
-    """Cells of space: `cell_of` and `is_near` a coordinate, `bucket_of` a cell."""
+    """Make functions of cells: `cell_of` and `is_near` of a coordinate, `bucket_of` of a cell."""
     device = cuda.jit(device=True, **kernel_options("exact"))
     scaled = device_formulas(particle_contact.make, real, "exact").scaled
     (_, prime_y, prime_z), farthest, one = contact.PRIMES, real(FARTHEST), np.int32(1)
@@ -70,7 +73,7 @@ def _make_cells(real: Any) -> SimpleNamespace:
 
     @device
     def is_near(x, inverse_cell):
-        """Whether a coordinate has a number among cells; false for NaN."""
+        """Return True if a coordinate has a cell; false for NaN."""
         return abs(scaled(x, inverse_cell)) <= farthest
 
     @device
@@ -125,7 +128,7 @@ def _look_around(real: Any, own: bool, many: bool) -> Any:
 
     @device
     def take(i, j, p, q, record, body, kind, kinds, rest):
-        """Whether particle i at p keeps particle j at q in mind, which is in a cell beside its own."""
+        """Return True if particle j at q, in a cell next to that of particle i at p, is a neighbour of i."""
         row, same = pair_of(i, j, body, kind, kinds)
         if not within(squared(p[0] - q[0], p[1] - q[1], p[2] - q[2]), record[row + G_REACH]):
             return False
@@ -175,11 +178,14 @@ def _look_around(real: Any, own: bool, many: bool) -> Any:
 
 @cache
 def make_find(real: Any, own: bool, many: bool) -> SimpleNamespace:
-    """`hash_particles(position, record, buckets, counts)`: which bucket each is in, and how many a bucket holds;
-    `fill_buckets(buckets, starts, counts, filled)`: a bucket's particles in any order, and counts 0 again;
-    `arrange(position, buckets, starts, filled, body, sorted_position, sorted_particles, sorted_bodies)`: in ascending order;
-    `find_neighbours(position, record, buckets, starts, sorted_position, sorted_particles, sorted_bodies, body, kind, kinds,
-    rest, neighbours, found, lost)`. `starts` has one number more than there are buckets, `record` one more than elsewhere:
-    the longest reach. Neighbour s of particle i is neighbours[s * particles + i]."""
+    """Compile `hash_particles`, `fill_buckets`, `arrange` and `find_neighbours`.
+
+    `hash_particles(position, record, buckets, counts)`: each particle's bucket, and the number of particles in a
+    bucket. `fill_buckets(buckets, starts, counts, filled)`: a bucket's particles in any order; zeroes the counts.
+    `arrange(position, buckets, starts, filled, body, sorted_position, sorted_particles, sorted_bodies)`: in ascending
+    order. `find_neighbours(position, record, buckets, starts, sorted_position, sorted_particles, sorted_bodies, body,
+    kind, kinds, rest, neighbours, found, lost)`. `starts` has one number more than there are buckets, `record` one more
+    than elsewhere: the largest contact distance. Neighbour s of particle i is neighbours[s * particles + i].
+    """
     variant = f"particle_contacts_{variant_name(real, f'own{own:d}', f'many{many:d}')}"
     return make_kernels((*_sort(real), _look_around(real, own, many)), variant, **kernel_options("exact"))

@@ -1,7 +1,7 @@
-"""What particles of bodies do about their contacts, on CUDA: a thread for each counts what it touches, then moves itself.
+"""Projection of particle contacts on CUDA: one thread per particle counts its contacts, then moves it.
 
-All are projected from one state: a particle that has neighbours copies its position while it counts, and reads the copies
-of others while it moves. So positions stay in their buffer, and a particle without neighbours costs the reading of a number.
+All contacts are projected from one state: a particle with neighbours copies its position while it counts, and reads the
+copies of others while it moves. So positions stay in their buffer, and a particle without neighbours costs one load.
 """
 
 from __future__ import annotations
@@ -48,13 +48,16 @@ def make_project(
     has_rigid: bool = False,
     has_couples: bool = False,
 ) -> SimpleNamespace:
-    """`count(position, found, neighbours, record, body, kind, kinds, touching)`: of each particle that has neighbours a quad
-    of its position and of its weight times the contacts it has now; `project(before, position, found, neighbours, record,
-    body, kind, kinds, touching, travel, pressed)`: particles, in place, and where bodies are rigid, `has_rigid`,
-    their travels (shape_matching/rigid.py) and what neighbours were pressed apart with, in the places of `neighbours`, which
-    `clear(found, pressed)` has made 0; where friction turns clusters, `has_couples`, it takes the particles' `couples` last
-    (shape_matching/couples.py). `has_friction`, `has_adhesion`: whether code for those is there; `own`, `many`: as in
-    `make_pairs`."""
+    """Compile `count`, `project` and `clear`.
+
+    `count(position, found, neighbours, record, body, kind, kinds, touching)`: for each particle with neighbours a quad
+    of its position and of its weight times its contacts. `project(before, position, found, neighbours, record, body,
+    kind, kinds, touching, travel, pressed)`: particles, in place, and with rigid bodies, `has_rigid`, their travels
+    (shape_matching/rigid.py) and the contact impulses of neighbours, indexed as `neighbours`, which `clear(found,
+    pressed)` has zeroed; with friction that turns clusters, `has_couples`, its last argument is the particles'
+    `couples` (shape_matching/couples.py). `has_friction`, `has_adhesion`: code for those; `own`, `many`: as in
+    `make_pairs`.
+    """
     formulas = device_formulas(particle_contact.make, real, math)
     squared, within, split, held = formulas.squared, formulas.within, formulas.split, formulas.held
     direction, depth_of, slip, grip = formulas.direction, formulas.depth, formulas.slip, formulas.grip
@@ -66,7 +69,7 @@ def make_project(
 
     @inlined(math)
     def lever(u, v, w, share, length, d, b, depth, pull, nx, ny, nz, record):
-        """What a contact adds to a particle's couple."""
+        """Return the sum of a particle's couple and the contribution of a contact."""
         if depth > zero or pull > zero:
             sx, sy, sz = slip(d[0], d[1], d[2], b[0], b[1], b[2], nx, ny, nz)
             gripped = grip(sx, sy, sz, depth, pull, record[H_STATIC], record[H_DYNAMIC])
@@ -77,7 +80,8 @@ def make_project(
 
     @inlined(math)
     def added_way(x, y, z, share, d, b, depth, pull, nx, ny, nz, record):
-        """What a contact adds to a particle's way, that of its middle from b to d."""
+        """Return the sum of a particle's displacement and that of a contact; d, b: the pair's distance vectors now and
+        before."""
         if has_friction:
             if depth > zero or pull > zero:
                 sx, sy, sz = slip(d[0], d[1], d[2], b[0], b[1], b[2], nx, ny, nz)
@@ -201,10 +205,13 @@ def make_project(
 
 @cache
 def make_contact_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """Of a substep whose particles have come to their places: `finish(before, position, velocity, contact_record, record,
-    bodies, integers, counter, place, substeps, substep)`: velocities, colliders; `update_velocity(before, position, velocity,
-    contact_record, record)`: velocities alone; `collide(before, position, velocity, record, bodies, integers, counter, place,
-    substeps, substep)`: colliders alone. No particle goes farther than it may, or less than it must."""
+    """Compile the kernels that end a substep: `finish`, `update_velocity` and `collide`.
+
+    `finish(before, position, velocity, contact_record, record, bodies, integers, counter, place, substeps, substep)`:
+    velocities, colliders; `update_velocity(before, position, velocity, contact_record, record)`: only velocities;
+    `collide(before, position, velocity, record, bodies, integers, counter, place, substeps, substep)`: only colliders.
+    The speed limit and sleeping are applied to particles.
+    """
     motion, clock = make_motion(real, math, parts, AXES), make_clock(math, parts)
     formulas = device_formulas(particle_contact.make, real, math)
     far, shortened, rested = formulas.far, formulas.shortened, formulas.rested

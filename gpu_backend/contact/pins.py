@@ -1,7 +1,7 @@
-"""Where pinned masses of a cloth that follow a motion are, as a device function.
+"""Positions of a cloth's pinned masses that follow a motion, as a device function.
 
-The spare number of a mass's position says what it is: 0 free, STILL pinned, else where its row begins in `bodies` (the
-flat array of model/mass_spring/cloth_parameters.py, `body_rows`, where rows of pins come after others, so never at 0 or 1).
+The fourth number of a mass's position marks it: 0 free, STILL pinned, else the offset of its row in `bodies` (the flat
+array `body_rows` of model/mass_spring/cloth_parameters.py, where rows of pins follow others, so never at 0 or 1).
 """
 
 from __future__ import annotations
@@ -44,9 +44,9 @@ STILL = 1
 
 
 def pin_marks(body: Body, bodies: np.ndarray, first: int) -> np.ndarray:
-    """(particles,) in the arithmetic of `bodies`: the masses' spare numbers. `bodies`, `first`: of `body_rows`.
+    """Return (particles,) the masses' marks in the arithmetic of `bodies`. `bodies`, `first`: of `body_rows`.
 
-    Raises SceneError for more rows of pins than whole numbers of that arithmetic can tell apart.
+    Raises SceneError for more rows of pins than integers that this arithmetic can represent.
     """
     marks = (body.inverse_mass == 0).astype(bodies.dtype)
     if first:
@@ -64,8 +64,8 @@ def pin_marks(body: Body, bodies: np.ndarray, first: int) -> np.ndarray:
 
 @cache
 def make_pins(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """`hold(mark, p, step, half_way, world)` -> (x, y, z, vx, vy, vz): a pinned mass, which was at p, at the
-    end of the step of that number, or half-way through it; `mark`: its spare number."""
+    """Make `hold(mark, p, step, half_way, world)` -> (x, y, z, vx, vy, vz): the state of a pinned mass, which was at p,
+    at the end of step number `step`, or half-way through it; `mark`: its mark."""
     has_motion = "motion" in parts
     paths, instant = device_formulas(motion.make, real, math), device_formulas(cloth.make, real, math).instant
     turn, placed, middle = paths.turn, paths.placed, paths.middle
@@ -74,7 +74,8 @@ def make_pins(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
 
     @inline
     def follow(bodies, pin, time):
-        """(x, y, z, vx, vy, vz) at `time` [s] of the mass whose row begins at `pin`, which must name a motion."""
+        """Return (x, y, z, vx, vy, vz) at `time` [s] of the mass whose row begins at `pin`, which must name a
+        motion."""
         row = np.int32(bodies[pin + P_MOTION])
         passed, moves, sine, cosine = turn(time, bodies[row + M_START], bodies[row + M_DURATION], bodies[row + M_TURNS])
         return placed(
@@ -99,9 +100,11 @@ def make_pins(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
 
 @cache
 def make_drive(real: Any, math: str) -> Any:
-    """drive(position, velocity, record, bodies, driven, first, pins, counter, place, substeps, substep): where their motion
-    has pinned particles, and how fast, as a substep ends: of `driven` (pins,), all that are pinned, whose rows begin at
-    `first` of `bodies`; those that follow nothing stay as they are."""
+    """Compile drive(position, velocity, record, bodies, driven, first, pins, counter, place, substeps, substep).
+
+    It sets position and velocity of pinned particles at a substep's end by their motions: of `driven` (pins,), all
+    pinned particles, whose rows begin at `first` of `bodies`; those without a motion are unchanged.
+    """
     follow = make_pins(real, math, frozenset({"motion"})).follow
     instant = device_formulas(cloth.make, real, math).instant
     zero, one, nobody, wide = real(0), np.int64(1), real(0), np.int32(PIN_FIELDS)

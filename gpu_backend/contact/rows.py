@@ -1,5 +1,5 @@
-"""Where the numbers of a collider lie in its row, as unsigned whole numbers: of a signed index numba asks whether it is
-negative, which takes more instructions than the distance from a plane."""
+"""Indices of the numbers of a collider in its row, unsigned: for a signed index numba checks whether it is negative,
+which takes more instructions than the distance from a plane."""
 
 from __future__ import annotations
 

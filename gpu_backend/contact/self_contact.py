@@ -1,5 +1,5 @@
-"""A cloth's contacts with itself on CUDA: two stages that a position-based solver launches, and what they keep. Launches
-alone, so that they can be captured in a graph; in `exact` math to the bits of cpu_backend/contact/self_contact.py."""
+"""Self-contacts of a cloth on CUDA: two stages for a position-based solver, and their arrays. Only launches, so that
+they can be captured in a graph; in `exact` math with the bits of cpu_backend/contact/self_contact.py."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ THREADS = 128
 
 
 def contact_bytes(masses: int, item: int) -> int:
-    """Device memory for the contacts of so many masses, `item` bytes a scalar."""
+    """Return the device memory [bytes] for the contacts of so many masses; `item`: bytes per scalar."""
     contacts = MAX_CONTACTS * (3 * SIZE * item + 4 + 12 + 12)
     return masses * (contacts + 2 * SIZE * item + 8 + 4 * (2 + 3 * 4) + 4 * 4 + 2 * item)
 
 
 class HeldContacts:
-    """See cpu_backend/contact/self_contact.py. `position`, `before`: quads of masses, on the device."""
+    """As in cpu_backend/contact/self_contact.py. `position`, `before`: quads of masses, on the device."""
 
     record: Any
 
@@ -64,22 +64,22 @@ class HeldContacts:
 
     @property
     def projecting(self) -> int:
-        """Launches of `project`."""
+        """Number of launches of `project`."""
         return 4 * self._sweeps
 
     @property
     def lost(self) -> int:
-        """How many contacts were beyond the MAX_CONTACTS nearest of a mass, since this was last read on the device."""
+        """Number of contacts beyond the MAX_CONTACTS nearest of a mass, since it was last read on the device."""
         return int(self._lost.copy_to_host(stream=self._stream)[0])
 
     def _link(self) -> None:
-        """Of what was found and counted, which mass is a corner of which contact."""
+        """List, for each mass, the contacts that it is a corner of."""
         self._link_scan.run(self._link_counts, self._link_starts, self._link_cursors)
         self._project.fill_links[self._of_masses](self.found, self.corners, self._link_cursors, self._links)
         self._project.sort_links[self._of_masses](self._link_starts, self._link_counts, self._links)
 
     def project(self, before: Any, position: Any) -> None:
-        """All sweeps over the contacts of the substep that began at `before`."""
+        """Sweep over the contacts of the substep that began at `before`."""
         kernels, flat = self._project, self._of_masses
         links = self._link_starts, self._link_counts, self._links
         for _ in range(self._sweeps):
@@ -95,7 +95,7 @@ class HeldContacts:
 
 
 class Contacts(HeldContacts):
-    """See cpu_backend/contact/self_contact.py. `before`, `predicted`, `position`: quads of masses, on the device."""
+    """As in cpu_backend/contact/self_contact.py. `before`, `predicted`, `position`: quads of masses, on the device."""
 
     def __init__(self, scene: Scene, body: Body, real: Any, math: str, weights: np.ndarray, stream: Any):
         part = scene.self_collision
@@ -116,7 +116,7 @@ class Contacts(HeldContacts):
 
     @property
     def finding(self) -> int:
-        """Launches of `find`."""
+        """Number of launches of `find`."""
         return 12 if self._touches else 0
 
     @property
@@ -124,7 +124,7 @@ class Contacts(HeldContacts):
         return super().projecting if self._touches else 0
 
     def change(self, scene: Scene) -> None:
-        """Take over what may change while running."""
+        """Apply the parameters that may change during a run."""
         self.record.copy_to_device(contact_record(scene, self._real), stream=self._stream)
 
     def find(self, before: Any, predicted: Any) -> None:

@@ -1,5 +1,5 @@
-"""Which triangles a mass of a cloth may come near within a substep, on CUDA: a thread for each of the sheet's cells hashes
-it, a thread for each mass looks around. Cells lie in a bucket in any order; a mass's nearest triangles do not depend on
+"""Search of the triangles that a mass of a cloth may touch within a substep, on CUDA: one thread per cell of the sheet
+hashes it, one thread per mass searches. Cells are in a bucket in any order; a mass's nearest triangles do not depend on
 that."""
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ from model.contact.self_contact_parameters import (
 )
 from model.formulas import contact
 
-# Contact s of mass k has the number MAX_CONTACTS k + s and, in flat arrays, three corners and two quads: (normal, distance
-# that is held) and (b, c, distance at the substep's beginning, nothing).
+# Contact s of mass k has the number MAX_CONTACTS k + s and, in flat arrays, three corners and two quads: (normal,
+# stored distance) and (b, c, distance at the substep's start, unused).
 
 
 @cache
 def make_slots(math: str) -> SimpleNamespace:
-    """Of a mass's contacts in their order: `place_of` a new one, `copy` one."""
+    """Make `place_of` and `copy`, for the sorted contacts of a mass."""
     device = cuda.jit(device=True, **kernel_options(math))
 
     @device
@@ -53,8 +53,8 @@ def make_slots(math: str) -> SimpleNamespace:
 
 @cache
 def _make_meet(real: Any, math: str) -> Any:
-    """meet(k, i, j, p, triangle, before, predicted, columns, parameters, triangles, corners, normals, weights, found): see
-    cpu_backend/contact/self_find.py."""
+    """Make meet(k, i, j, p, triangle, before, predicted, columns, parameters, triangles, corners, normals, weights,
+    found): see cpu_backend/contact/self_find.py."""
     device = cuda.jit(device=True, **kernel_options(math))
     formulas, numbers = device_formulas(contact.make, real, math), contact.make_numbers(device)
     nearest, away, length, dot = formulas.nearest, formulas.away, formulas.length, formulas.dot
@@ -65,7 +65,7 @@ def _make_meet(real: Any, math: str) -> Any:
 
     @device
     def motion(other, x, y, z, was):
-        """How far a mass that moved by (x, y, z) moved relative to another one."""
+        """Return the displacement of a mass that moved by (x, y, z) relative to another one."""
         return length(x - (other[0] - was[0]), y - (other[1] - was[1]), z - (other[2] - was[2]))
 
     @device
@@ -120,7 +120,8 @@ def _make_meet(real: Any, math: str) -> Any:
 
 @cache
 def _make_cells(real: Any, math: str) -> SimpleNamespace:
-    """Cells of space: `floor`, `scaled`, `key`, `bucket`; and `relative`, how far a mass moved relative to another one."""
+    """Make functions of cells, `floor`, `scaled`, `key`, `bucket`, and `relative`, the relative displacement of two
+    masses."""
     device = cuda.jit(device=True, **kernel_options(math))
     formulas, numbers = device_formulas(contact.make, real, math), contact.make_numbers(device)
     length, one = formulas.length, np.int64(1)
@@ -215,7 +216,8 @@ def _look_around(real: Any, math: str) -> Any:
         before, predicted, record, boxes, keys, starts, counts, sorted_cells, largest, triangles, corners, normals,
         weights, found, link_counts, lost, rows, columns,
     ):  # fmt: skip
-        """found[k]: how many triangles mass k may come near; the first MAX_CONTACTS are kept, and counted by corner."""
+        """Write found[k], the number of triangles that mass k may touch; store the first MAX_CONTACTS, and count by
+        corner."""
         parameters = record[0]
         k = np.int64(cuda.grid(1))
         rows, columns = np.int64(rows), np.int64(columns)
@@ -264,6 +266,6 @@ def _look_around(real: Any, math: str) -> Any:
 
 @cache
 def make_find(real: Any, math: str) -> SimpleNamespace:
-    """The kernels `clear`, `hash_cells`, `fill_buckets`, `find_contacts`; `before`, `predicted`: quads of masses."""
+    """Compile `clear`, `hash_cells`, `fill_buckets`, `find_contacts`; `before`, `predicted`: quads of masses."""
     kernels = (*_hash(real, math), _look_around(real, math))
     return make_kernels(kernels, f"contacts_{variant_name(real, math)}", **kernel_options(math))

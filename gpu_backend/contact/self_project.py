@@ -1,5 +1,5 @@
-"""Holding a cloth's masses away from its triangles on CUDA: a thread a mass, which gathers what its contacts ask of it in
-their order, so that no sum depends on which thread was first. Whole numbers alone are counted with atomics."""
+"""Projection of a cloth's self-contacts on CUDA: one thread per mass, which sums the corrections of its contacts in
+their order, so that no sum depends on the order of threads. Atomics only count integers."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from model.formulas import contact, surface_contact
 
 @cache
 def _make_corners(real: Any, math: str) -> SimpleNamespace:
-    """`held(found, k)`: the range of the contacts of mass k; `offset(points, k, a, b, c, s, t)`: the way to it from a
-    triangle's point; `share(weights, place)`: of a triangle's corner, of contact place // 3 the corner place % 3."""
+    """Make `held(found, k)`, the range of the contacts of mass k, `offset(points, k, a, b, c, s, t)`, the vector from a
+    triangle's point to it, and `share(weights, place)`, the weight of the corner place % 3 of contact place // 3."""
     device, f = cuda.jit(device=True, **kernel_options(math)), device_formulas(contact.make, real, math)
     mixed, first_weight = f.mixed, f.first_weight
 
@@ -49,7 +49,7 @@ def _make_corners(real: Any, math: str) -> SimpleNamespace:
 
 
 def _link(real: Any, math: str, levered: bool) -> tuple[Any, ...]:
-    """Which contacts a mass is a corner of, in one order, and what they load it with."""
+    """Make the kernels that list the contacts that a mass is a corner of, in one order, and sum their load on it."""
     corners_of, load_of_share, zero, one = _make_corners(real, math), _make_now(real, math).load, real(0), real(1)
     held, share = corners_of.held, corners_of.share
 
@@ -61,7 +61,7 @@ def _link(real: Any, math: str, levered: bool) -> tuple[Any, ...]:
                 links[cuda.atomic.add(cursors, corners[place], 1)] = place
 
     def sort_links(starts, counts, links):
-        """Insertion: a mass is a corner of a few contacts, already in much of their order."""
+        """Sort by insertion: a mass is a corner of a few contacts, which are almost in order."""
         k = np.int64(cuda.grid(1))
         if k < counts.size:
             for at in range(starts[k] + 1, starts[k] + counts[k]):
@@ -90,7 +90,7 @@ def _link(real: Any, math: str, levered: bool) -> tuple[Any, ...]:
 
 @cache
 def _make_now(real: Any, math: str) -> SimpleNamespace:
-    """As on the CPU."""
+    """Make `shallower`, `rubbed`, `lever` and `load`, as on the CPU."""
     device, f = cuda.jit(device=True, **kernel_options(math)), device_formulas(surface_contact.make, real, math)
     still_deep, rub, load, split = f.still_deep, f.rub, f.load, f.split
     first_weight = device_formulas(contact.make, real, math).first_weight
@@ -122,7 +122,7 @@ def _make_now(real: Any, math: str) -> SimpleNamespace:
 
     @device
     def lever(turns, place):
-        """Of a triangle's corner: of contact place // 3 the corner place % 3."""
+        """Return the further displacement of the corner place % 3 of contact place // 3."""
         slot, corner = place // 3, place % 3
         if corner == 0:
             s, t = load_quad(turns, 2 * slot), load_quad(turns, 2 * slot + 1)
@@ -143,7 +143,7 @@ def _move(real: Any, math: str, friction: bool, surfaces: bool) -> tuple[Any, ..
     correction, rubbed, taken, shifted = f.correction, f.rubbed, f.taken, f.shifted
 
     def deepen(position, before, found, corners, normals, weights, forces):
-        """forces (quads): how deep a contact is."""
+        """Write forces (quads): the depth of contacts."""
         k = np.int64(cuda.grid(1))
         if k < found.size:
             first, last = held(found, k)
@@ -159,7 +159,7 @@ def _move(real: Any, math: str, friction: bool, surfaces: bool) -> tuple[Any, ..
                 store_quad(forces, slot, zero, zero, zero, depth)
 
     def push(position, before, found, corners, normals, weights, mass_weights, loads, record, forces, turns):
-        """How a contact moves its mass, for a weight of 1."""
+        """Compute the displacement of a mass by a contact, for a weight of 1."""
         parameters = record[0]
         k = np.int64(cuda.grid(1))
         if k < found.size:
@@ -223,8 +223,10 @@ def _move(real: Any, math: str, friction: bool, surfaces: bool) -> tuple[Any, ..
 
 @cache
 def make_project(real: Any, math: str, friction: bool, surfaces: bool = False) -> SimpleNamespace:
-    """The kernels `fill_links` and `sort_links` (once a substep), `deepen`, `load_up`, `push` and `gather` (each sweep).
-    `surfaces`: as on the CPU; `turns`: where they rub, two quads a contact, else nothing."""
+    """Compile `fill_links` and `sort_links` (once per substep), `deepen`, `load_up`, `push` and `gather` (each sweep).
+
+    `surfaces`: as on the CPU; `turns`: two quads per contact with friction of surfaces, else empty.
+    """
     variant = f"contacts_{variant_name(real, math, f'friction_{int(friction)}')}{'_surfaces' * surfaces}"
     levered = friction and surfaces
     return make_kernels(

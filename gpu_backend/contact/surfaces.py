@@ -1,5 +1,5 @@
-"""Contacts between surfaces of tetrahedral bodies on CUDA: two stages that the solver launches, and what they keep. Launches
-alone, so that they can be captured in a graph; in `exact` math to the bits of cpu_backend/contact/surfaces.py."""
+"""Contacts between surfaces of tetrahedral bodies on CUDA: two stages for the solver, and their arrays. Only launches,
+so that they can be captured in a graph; in `exact` math with the bits of cpu_backend/contact/surfaces.py."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from model.scene.scene import Scene
 
 
 def surface_contact_bytes(scene: Scene, item: int, meeting: Meeting = TETRAHEDRA_MEET) -> int:
-    """Device memory for the contacts of a scene's bodies, `item` bytes a scalar."""
+    """Return the device memory [bytes] for the contacts of a scene's bodies; `item`: bytes per scalar."""
     surface = meeting.surface(scene)
     particles, vertices = len(surface.rest), len(surface.vertices)
     lists = 4 * (4 * len(surface.triangles) + 2 * vertices + len(surface.at_vertex.indices) + particles)
@@ -29,7 +29,7 @@ def surface_contact_bytes(scene: Scene, item: int, meeting: Meeting = TETRAHEDRA
 
 
 class SurfaceContacts(HeldContacts):
-    """See cpu_backend/contact/surfaces.py. `before`, `predicted`, `position`: quads of particles, on the device."""
+    """As in cpu_backend/contact/surfaces.py. `before`, `predicted`, `position`: quads of particles, on the device."""
 
     def __init__(
         self, scene: Scene, real: Any, math: str, weights: np.ndarray, stream: Any, meeting: Meeting = TETRAHEDRA_MEET
@@ -52,26 +52,26 @@ class SurfaceContacts(HeldContacts):
         self._ratio = self._new(self._ratio_of(scene))
 
     def _pairs_of(self, scene: Scene) -> np.ndarray:
-        """What the search reads, and the longest reach."""
+        """Return the pairs for the search, and the largest contact distance."""
         pairs = self._meeting.pairs(scene)
         return np.append(neighbour_record(pairs, self._real), pairs[:, :, G_REACH].max()).astype(self._real)
 
     def _ratio_of(self, scene: Scene) -> np.ndarray:
-        """See Meeting; one number that is not read, where there is none."""
+        """Return the ratios of Meeting; without any one number that is not read."""
         return np.ones(1, self._real) if self._meeting.ratio is None else self._meeting.ratio(scene).astype(self._real)
 
     @property
     def finding(self) -> int:
-        """Launches of `find`."""
+        """Number of launches of `find`."""
         return self._neighbours.launches + 8
 
     @property
     def neighbours_lost(self) -> int:
-        """How many vertices in reach there was no room for, over all substeps so far."""
+        """Number of neighbouring vertices that did not fit, over all substeps so far."""
         return self._neighbours.lost
 
     def change(self, scene: Scene) -> None:
-        """Take over what may change while running."""
+        """Apply the parameters that may change during a run."""
         self.record.copy_to_device(self._meeting.record(scene, self._real), stream=self._stream)
         self._ratio.copy_to_device(self._ratio_of(scene), stream=self._stream)
         self._pairs.copy_to_device(self._pairs_of(scene), stream=self._stream)

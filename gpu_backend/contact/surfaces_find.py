@@ -1,5 +1,5 @@
-"""Which triangles of other bodies' surfaces a vertex may come near within a substep, on CUDA: a thread for each vertex at a
-surface looks at those of the vertices that the search for neighbours found (contact/neighbours.py)."""
+"""Search of the triangles of other bodies' surfaces that a vertex may touch within a substep, on CUDA: one thread per
+surface vertex tests those at its neighbouring vertices (contact/neighbours.py)."""
 
 from __future__ import annotations
 
@@ -18,12 +18,13 @@ from model.contact.particle_parameters import MAX_NEIGHBOURS
 from model.contact.self_contact_parameters import MAX_CONTACTS
 from model.formulas import contact, surface_contact
 
-# Slots and quads of a contact as in contact/self_find.py; the last number of its weights: not 0 where the vertex lies inside.
+# Slots and quads of a contact as in contact/self_find.py; the last number of its weights: not 0 if the vertex is
+# inside.
 
 
 @cache
 def _make_slots(real: Any, math: str) -> SimpleNamespace:
-    """`place_of`, `copy`, `one_side`: see cpu_backend/contact/surfaces_find.py."""
+    """Make `place_of`, `copy`, `one_side`, as in cpu_backend/contact/surfaces_find.py."""
     device, zero, slots = cuda.jit(device=True, **kernel_options(math)), real(0), make_slots(math)
     copy = slots.copy
 
@@ -47,8 +48,8 @@ def _make_slots(real: Any, math: str) -> SimpleNamespace:
 
 @cache
 def _make_meet(real: Any, math: str, ratios: bool) -> Any:
-    """meet(k, p, moved, triangle, before, predicted, rest, body, corners_of, owned, parameters, ratio, triangles, corners,
-    normals, weights, found): see cpu_backend/contact/surfaces_find.py."""
+    """Make meet(k, p, moved, triangle, before, predicted, rest, body, corners_of, owned, parameters, ratio, triangles,
+    corners, normals, weights, found), as in cpu_backend/contact/surfaces_find.py."""
     device, slots = cuda.jit(device=True, **kernel_options(math)), _make_slots(real, math)
     formulas, sides = device_formulas(contact.make, real, math), device_formulas(surface_contact.make, real, math)
     outward, kept_by = sides.outward, sides.kept_by
@@ -92,7 +93,7 @@ def _make_meet(real: Any, math: str, ratios: bool) -> Any:
         nearer = max(motion(load_quad(predicted, a), moved, qa), motion(load_quad(predicted, b), moved, qb))
         nearer = max(nearer, motion(load_quad(predicted, c), moved, qc))
         thickness, margin, flat = parameters.thickness, parameters.margin, parameters.normal_distance
-        if ratios:  # of vertices that are balls
+        if ratios:  # balls
             thickness, margin, flat = kept_by(ratio[k], thickness), kept_by(ratio[k], margin), kept_by(ratio[k], flat)
         if not distance < thickness + margin + nearer:
             return found
@@ -125,10 +126,13 @@ def _make_meet(real: Any, math: str, ratios: bool) -> Any:
 
 @cache
 def make_find(real: Any, math: str, ratios: bool = False) -> SimpleNamespace:
-    """The kernels `take(before, vertices, points)`: quads of the vertices, each of weight 1; `clear(found, link_counts)`;
-    `find_contacts(before, predicted, rest, body, vertices, table, numbers, offsets, at_vertex, corners_of, owned, record,
-    ratio, triangles, corners, normals, weights, found, link_counts, lost)`: `table`, `numbers`: the neighbours of each
-    vertex."""
+    """Compile `take`, `clear` and `find_contacts`.
+
+    `take(before, vertices, points)`: quads of the vertices, each of weight 1; `clear(found, link_counts)`;
+    `find_contacts(before, predicted, rest, body, vertices, table, numbers, offsets, at_vertex, corners_of, owned,
+    record, ratio, triangles, corners, normals, weights, found, link_counts, lost)`: `table`, `numbers`: the neighbours
+    of each vertex.
+    """
     meet, one_side = _make_meet(real, math, ratios), _make_slots(real, math).one_side
     one, many = real(1), np.int64(MAX_NEIGHBOURS)
 

@@ -1,4 +1,5 @@
-"""Capsules and boxes that no way within a substep leads through, as device functions (model/formulas/fluid/sweep.py)."""
+"""Swept collisions with capsules and boxes, which no path within a substep crosses, as device functions
+(model/formulas/fluid/sweep.py)."""
 
 from __future__ import annotations
 
@@ -19,8 +20,8 @@ from model.formulas.fluid import sweep
 
 
 def make_swept(real: Any, math: str, answers: SimpleNamespace) -> tuple[Any, Any]:
-    """`meet_capsule`, `meet_box` (before, px, py, pz, vx, vy, vz, slow, bodies, at, begin, end) -> (px, py, pz, vx, vy, vz);
-    `answers`: what gpu_backend/contact/colliders.py has of a collider."""
+    """Make `meet_capsule`, `meet_box` (before, px, py, pz, vx, vy, vz, slow, bodies, at, begin, end) -> (px, py, pz,
+    vx, vy, vz); `answers`: of gpu_backend/contact/colliders.py."""
     formulas, sums = device_formulas(colliders.make, real, math), device_formulas(cloth.make, real, math)
     sweeps, inline = device_formulas(sweep.make, real, math), inlined(math)
     capsule, box, between, pushed = formulas.capsule, formulas.box, sums.between, sums.pushed
@@ -30,7 +31,7 @@ def make_swept(real: Any, math: str, answers: SimpleNamespace) -> tuple[Any, Any
 
     @inline
     def way(before, px, py, pz, bodies, at, begin, end):
-        """(from, to) of a particle, seen from the collider: six numbers."""
+        """Return start and end of a particle's path relative to the collider: six numbers."""
         x, y, z = place_of(bodies, at, end)
         ox, oy, oz = place_of(bodies, at, begin)
         return before[0] - ox, before[1] - oy, before[2] - oz, px - x, py - y, pz - z

@@ -1,8 +1,8 @@
-"""How fast this GPU multiplies and adds: the roof of what no memory bounds, measured and not looked up.
+"""Peak arithmetic rate of this GPU, measured: the roofline of kernels that memory does not limit.
 
-Every thread keeps eight independent numbers in registers and puts each through a chain of products and sums that the
-compiler fuses; there are threads enough to fill each multiprocessor, and the results are stored, so that none is left
-out.
+Every thread has eight independent numbers in registers and passes each through a chain of products and sums that the
+compiler fuses. There are enough threads to fill each multiprocessor, and the results are stored, so that no computation
+is removed.
 """
 
 from __future__ import annotations
@@ -16,16 +16,16 @@ from numba import cuda
 
 from gpu_backend.core.device import simulated
 
-THREADS = 256  # a block
-BLOCKS_EACH = 16  # a multiprocessor
-NUMBERS = 8  # a thread
-UNROLLED = 4  # multiply-adds of a number between two looks at the loop's counter
+THREADS = 256  # per block
+BLOCKS_EACH = 16  # per multiprocessor
+NUMBERS = 8  # per thread
+UNROLLED = 4  # multiply-adds of a number per iteration of the loop
 ROUNDS = 4096  # of the loop: milliseconds on a large device
 
 
 @cache
 def make_chains(real: Any) -> Any:
-    """kernel(out, rounds, factor, summand): out (threads,) gets the sum of a thread's numbers."""
+    """Compile kernel(out, rounds, factor, summand): out (threads,) gets the sum of a thread's numbers."""
 
     @cuda.jit(fastmath=True)
     def chains(out, rounds, factor, summand):
@@ -49,7 +49,7 @@ def make_chains(real: Any) -> Any:
 
 
 def arithmetic_rate(precision: str, budget: float = 0.1) -> float:
-    """Operations a second of the whole device, a multiply-add counting as two: the best of `budget` seconds of trials.
+    """Return the operations/s of the whole device, a multiply-add counting as two: the best trial of `budget` seconds.
 
     `precision`: float32 or float64. Under the CUDA simulator one block does one round: a check, and no rate.
     """

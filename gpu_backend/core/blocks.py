@@ -1,10 +1,10 @@
-"""How blocks of one launch talk to each other: data through device memory, then a flag that says it is there.
+"""Communication between blocks of one launch: data through device memory, then a flag that marks it as complete.
 
-A block writes its data, its threads meet at the block's barrier, and one thread raises the block's flag with a `release`
-store; whoever sees the flag with an `acquire` load, and meets its own block's barrier, sees the data (PTX ISA, "Memory
-consistency model": release and acquire patterns, causality through the barrier). Data is read with loads that pass by
-the first-level cache, which other blocks' writes do not reach. Under the simulator, which runs one block after another,
-these are plain accesses, of use for one block only.
+A block writes its data, its threads synchronise at the block's barrier, and one thread sets the block's flag with a
+`release` store. A thread that sees the flag with an `acquire` load, and passes its own block's barrier, sees the data
+(PTX ISA, "Memory consistency model": release and acquire patterns, causality through the barrier). Data is read with
+loads that bypass the first-level cache, which other blocks' writes do not reach. Under the simulator, which runs one
+block after another, these are plain accesses, valid for one block only.
 """
 
 from __future__ import annotations
@@ -16,20 +16,21 @@ from gpu_backend.core.device import simulated
 if simulated():
 
     def make_flags(scope: str) -> tuple[Any, Any]:
-        """(raise_flag, read_flag), see below."""
+        """Return (raise_flag, read_flag), see below."""
 
         def raise_flag(flags: Any, index: Any, value: Any) -> None:
-            """flags[index] = value, after everything this thread's block wrote before its last barrier."""
+            """Set flags[index] = value, after everything this thread's block wrote before its last barrier."""
             flags[index] = value
 
         def read_flag(flags: Any, index: Any) -> Any:
-            """flags[index] as it is now; what its writer wrote before can be read after the block's next barrier."""
+            """Return the current flags[index]; what its writer wrote before can be read after the block's next
+            barrier."""
             return flags[index]
 
         return raise_flag, read_flag
 
     def load_fresh_pair(array: Any, index: Any) -> Any:
-        """array[index] of a contiguous complex array that other blocks write to."""
+        """Return array[index] of a contiguous complex array that other blocks write to."""
         return array[index]
 
 else:
@@ -38,7 +39,7 @@ else:
     from numba.cuda.extending import intrinsic
 
     def _address(context: Any, builder: Any, kind: Any, array: Any, index_type: Any, index: Any, times: int = 1) -> Any:
-        """The address of element `index` as an integer."""
+        """Return the address of element `index` as an integer."""
         data = context.make_array(kind)(context, builder, array).data
         wide = context.cast(builder, index, index_type, types.int64)
         return builder.ptrtoint(builder.gep(data, [wide]), ir.IntType(64))
@@ -48,7 +49,7 @@ else:
         return builder.call(ir.InlineAsm(kind, text, constraints, side_effect=True), arguments)
 
     def make_flags(scope: str) -> tuple[Any, Any]:
-        """(raise_flag, read_flag) among all threads of the `scope`: "gpu", or "sys", which is every device."""
+        """Make (raise_flag, read_flag) for all threads of the `scope`: "gpu", or "sys", which is every device."""
 
         @intrinsic
         def raise_flag(typing_context, flags, index, value):

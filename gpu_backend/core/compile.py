@@ -1,7 +1,7 @@
-"""Compiling kernels for the GPU, and keeping the machine code between runs.
+"""Compilation of kernels for the GPU, and the cache of machine code between runs.
 
-As on the CPU, a kernel is known by what it is made of (model/core/digest.py), which is in the name of the file in which its
-machine code is kept (model/core/kernel_cache.py).
+As on the CPU, a kernel is identified by its content (model/core/digest.py), which is part of the name of its machine
+code's file (model/core/kernel_cache.py).
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from model.core.kernel_cache import Kept, NamedByContent, Place, keep
 
 
 def variant_name(real: Any, *words: object) -> str:
-    """A name, fit for a symbol, that tells every variant of a kernel apart. Sets are spelt in order."""
+    """Return a unique name of a kernel's variant, valid as a symbol. Sets are sorted."""
     parts = [np.dtype(real).name]
     for word in words:
         parts.extend(sorted(word) if isinstance(word, frozenset) else [str(word)])
@@ -28,12 +28,13 @@ def variant_name(real: Any, *words: object) -> str:
 
 
 def kernel_options(math: str) -> dict[str, Any]:
-    """Options of cuda.jit for a math."""
+    """Return the options of cuda.jit for a math."""
     return {"fastmath": math == "fast"}
 
 
 def inlined(math: str) -> Any:
-    """Decorator of device functions that take arrays in registers: a call would push them into local memory."""
+    """Return the decorator of device functions that take arrays in registers: a call would move them into local
+    memory."""
     options = kernel_options(math)
     if not simulated():
         options["forceinline"] = True
@@ -41,10 +42,10 @@ def inlined(math: str) -> Any:
 
 
 def make_kernel(function: Callable, variant: str, **options: Any) -> Any:
-    """cuda.jit(**options)(function), its machine code kept on disk. Without a writable folder the kernel is compiled in each
-    process anew (NUMBA_CACHE_DIR mends it). The simulator takes no options.
+    """Return cuda.jit(**options)(function), with its machine code cached on disk.
 
-    `variant`: what the kernel is called where people read of it; it need not tell variants apart.
+    Without a writable folder the kernel is compiled in each process (NUMBA_CACHE_DIR sets one). The simulator takes no
+    options. `variant`: label of the kernel for readers; it need not be unique.
     """
     if simulated():
         return cuda.jit(function)
@@ -56,7 +57,7 @@ def make_kernel(function: Callable, variant: str, **options: Any) -> Any:
 
 
 def make_kernels(functions: Iterable[Callable], variant: str, **options: Any) -> SimpleNamespace:
-    """Kernels by the names of their functions."""
+    """Compile kernels, by the names of their functions."""
     return SimpleNamespace(**{function.__name__: make_kernel(function, variant, **options) for function in functions})
 
 

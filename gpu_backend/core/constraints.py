@@ -1,12 +1,12 @@
-"""The executor of position-based constraints on CUDA: a thread for each run of constraints of a colour, no two of which move
-the same particle.
+"""Executor of position-based constraints on CUDA: one thread per run of constraints of a colour; no two runs move the
+same particle.
 
-Corners and values are packed (core/quads.py), multipliers lie column by column, of a colour the first constraints of all runs
-before the second ones (`places`), so that neighbouring threads read neighbouring numbers; what a projection computes is in
-model/formulas/constraints.
+Corners and values are packed (core/quads.py), multipliers stored column by column, and in each colour the first
+constraints of all runs come before the second ones (`places`), so that neighbouring threads read neighbouring numbers;
+model/formulas/constraints has the projections.
 
-Constraints that stand around a run's last one (Projection.around) leave its corners in registers from the first to the
-last: of a voxel's five tetrahedra eight vertices are read and written once each, not twenty.
+Constraints around a run's last one (Projection.around) leave its corners in registers from the first to the last: of a
+voxel's five tetrahedra eight vertices are read and written once each, instead of twenty.
 """
 
 from __future__ import annotations
@@ -27,13 +27,16 @@ from model.core.tuples import each_of, tuple_of
 
 
 def places(found: ConstraintSet) -> np.ndarray:
-    """(constraints,) int64: which constraint of the set stands at each place on the device."""
+    """Return (constraints,) int64: the number of the set's constraint at each place on the device."""
     return np.concatenate([np.zeros(0, np.int64), *found.sweep])
 
 
 def device_corners(projection: Projection, corners: np.ndarray, starts: np.ndarray) -> np.ndarray:
-    """Corners (constraints, n) int32 as `make_run` reads them; groups of runs begin at `starts` (groups + 1,), of each the
-    first constraints of all runs before the second ones."""
+    """Return corners (constraints, n) int32 as `make_run` reads them.
+
+    Groups of runs begin at `starts` (groups + 1,); in each group the first constraints of all runs come before the
+    second ones.
+    """
     if not projection.around:
         return pack(corners)
     run = projection.run
@@ -44,9 +47,11 @@ def device_corners(projection: Projection, corners: np.ndarray, starts: np.ndarr
 
 @cache
 def make_projections(real: Any, math: str, projection: Projection) -> Any:
-    """project(position, before, corners, values, multipliers, start, stop, count, fresh, record): the colour from place
-    `start` to before `stop` of a set of `count`; positions are quads with the particles' weights. `multipliers` count as 0
-    where `fresh`."""
+    """Compile project(position, before, corners, values, multipliers, start, stop, count, fresh, record).
+
+    It projects the colour from place `start` to before `stop` of a set of `count` constraints; positions are quads with
+    the particles' weights. `multipliers` count as 0 if `fresh`.
+    """
     of_run, constants_of = make_run(real, math, projection), make_constants(real, math, projection)
     fetch, take, run = of_run.fetch, of_run.take, np.int32(projection.run)
 
@@ -63,7 +68,7 @@ def make_projections(real: Any, math: str, projection: Projection) -> Any:
 
 @cache
 def make_constants(real: Any, math: str, projection: Projection) -> Any:
-    """constants_of(parameters): compliance, damping and stiffening, as the projection takes them."""
+    """Make constants_of(parameters): compliance, damping and stiffening for the projection."""
     has_constants, zero, neutral = projection.constants is not None, real(0), real(1)
     c_compliance, c_damping, c_stiffening = projection.constants or ("", "", "")
 
@@ -78,10 +83,13 @@ def make_constants(real: Any, math: str, projection: Projection) -> Any:
 
 @cache
 def make_run(real: Any, math: str, projection: Projection) -> SimpleNamespace:
-    """Of the run `number` of constraints of a set of `count`, which lie from `place` on, `apart` from one another:
-    `fetch(corners, values, number, place, count)`: what its first one reads that is always the same; `take(position, before,
-    corners, values, multipliers, fetched, place, apart, count, fresh, constants)`: it is projected, whose `corners` are quads
-    of `position` and `before`."""
+    """Make `fetch` and `take`, for run `number` of a set of `count` constraints, which begin at `place`, `apart` from
+    another.
+
+    `fetch(corners, values, number, place, count)`: constant data of its first constraint. `take(position, before,
+    corners, values, multipliers, fetched, place, apart, count, fresh, constants)`: project the run; `corners` are quads
+    of `position` and `before`.
+    """
     return (_make_around if projection.around else _make_apart)(real, math, projection)
 
 
@@ -108,8 +116,8 @@ def _make_apart(real: Any, math: str, projection: Projection) -> SimpleNamespace
                 quads = quads_of(position, these, count, here)
                 if member + 1 < run:
                     place = np.int32(place + apart)
-                ends = corners_of(corners, count, place)  # what the next one reads is on its way while this one
-                own = values_of(values, count, place)  # is projected
+                ends = corners_of(corners, count, place)  # the next one's data is loaded while this is projected
+                own = values_of(values, count, place)
                 moved = one(before, multipliers, these, quads, those, count, here, fresh, constants)
                 put_all(position, these, count, here, moved)
 
@@ -117,8 +125,11 @@ def _make_apart(real: Any, math: str, projection: Projection) -> SimpleNamespace
 
 
 def _make_around(real: Any, math: str, projection: Projection) -> SimpleNamespace:
-    """In turn a constraint has the corner `a` of its own and `f`, `g`, `h` of the last one's, whose fourth is `e`: they are
-    at x, p, q, r and s."""
+    """Make `fetch` and `take` of constraints around a run's last one.
+
+    In turn a constraint has its own corner `a` and the corners `f`, `g`, `h` of the last one, whose fourth is `e`: they
+    are at x, p, q, r and s.
+    """
     made, run, inline = make_one(real, math, projection), np.int32(projection.run), inlined(math)
     values_of, one, last = made.values_of, made.one, np.int32(projection.run - 1)
 
@@ -137,7 +148,7 @@ def _make_around(real: Any, math: str, projection: Projection) -> SimpleNamespac
             here, those = place, own
             if member < last:
                 place = np.int32(place + apart)
-            own = values_of(values, count, place)  # what the next one reads is on its way while this one is projected
+            own = values_of(values, count, place)  # the next one's data is loaded while this one is projected
             coming = load_quad(position, b)
             x, p, q, r = one(before, multipliers, (a, f, g, h), (x, p, q, r), those, count, here, fresh, constants)
             store_quad(position, a, x[0], x[1], x[2], x[3])
@@ -152,10 +163,12 @@ def _make_around(real: Any, math: str, projection: Projection) -> SimpleNamespac
 
 @cache
 def make_one(real: Any, math: str, projection: Projection) -> SimpleNamespace:
-    """Of the constraint at a place of a set of `count`: `corners_of(corners, count, place)`, `values_of(values, ...)`,
-    what is fixed of it; `quads_of(position, ends, ...)`: its particles, `ends` being its corners; `one(before, multipliers,
-    ends, quads, values, count, place, fresh, constants)`: those after its projection that it moves; `put_all(position, ends,
-    count, place, quads)`: these written."""
+    """Make the functions of one constraint at a place of a set of `count`.
+
+    `corners_of(corners, count, place)`, `values_of(values, ...)`: its constant data; `quads_of(position, ends, ...)`:
+    its particles, `ends` being its corners; `one(before, multipliers, ends, quads, values, count, place, fresh,
+    constants)`: the particles that its projection moves; `put_all(position, ends, count, place, quads)`: store these.
+    """
     project = device_formulas(projection.make, real, math, **dict(projection.flags)).project
     inline, is_soft, is_damped = inlined(math), projection.soft, projection.damped
     zero = real(0)

@@ -1,4 +1,4 @@
-"""A kernel that does whole steps, all its blocks launched together: they meet at barriers, and nothing comes to the host."""
+"""A kernel that does whole steps, with all blocks launched together: they synchronise at barriers, without the host."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from numba import cuda
 from gpu_backend.core.device import simulated
 from gpu_backend.core.launch import prepare
 
-STEPS = 64  # a launch, so that it can be interrupted
+STEPS = 64  # per launch, so that it can be interrupted
 
 
 class Cooperative:
-    """Launches `kernel` with `arguments(steps)`, among them `flags` (1,) int32, 0 before each launch, in at most `most`
-    blocks of `threads`: as many as the device holds at once."""
+    """Launches `kernel` with `arguments(steps)`, in at most `most` blocks of `threads`: as many as the device runs at
+    once. The arguments include `flags` (1,) int32, 0 before each launch."""
 
     def __init__(
         self, simulation: Any, kernel: Any, arguments: Callable[[int], tuple[Any, ...]], most: int, threads: int
@@ -26,7 +26,7 @@ class Cooperative:
         self._most = most
 
     def prepare(self) -> None:
-        """Compile it, and ask how many blocks fit, once its arguments are there."""
+        """Compile the kernel, and query how many blocks fit, once its arguments exist."""
         self.blocks = 1
         if not simulated():
             given = self._arguments(1)

@@ -1,4 +1,4 @@
-"""Is there a GPU that can run the lab, and if not, what is missing and how to get it."""
+"""Check for a GPU that can run the lab; if there is none, what is missing and how to install it."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ SIMULATOR = "NUMBA_ENABLE_CUDASIM=1 runs the kernels, slowly, without a GPU"
 
 
 def simulated() -> bool:
-    """True where numba's CUDA simulator stands in for a GPU."""
+    """Return True if numba's CUDA simulator replaces a GPU."""
     return os.environ.get("NUMBA_ENABLE_CUDASIM", "0") not in ("0", "")
 
 
 @cache
 def _probe() -> tuple[str, str]:
-    """("", the device's name) or (what is missing, the remedy)."""
+    """Return ("", the device's name) or (what is missing, the remedy)."""
     try:
         from numba import cuda
     except ImportError as error:
@@ -31,18 +31,18 @@ def _probe() -> tuple[str, str]:
             return "no NVIDIA GPU or driver was found", f"on a machine with one: {INSTALL}; {SIMULATOR}"
         name = cuda.get_current_device().name
         return "", name.decode() if isinstance(name, bytes) else str(name)
-    except Exception as error:  # drivers fail in many ways, and each of them means: no GPU
+    except Exception as error:  # drivers fail in many ways; any failure means: no GPU
         return f"the NVIDIA driver does not answer ({type(error).__name__}: {error})", INSTALL
 
 
 def gpu_available() -> tuple[bool, str]:
-    """(True, the device's name) or (False, why not and how to get it)."""
+    """Return (True, the device's name) or (False, the reason and the remedy)."""
     missing, text = _probe()
     return (False, f"{missing}; {text}") if missing else (True, text)
 
 
 def require_gpu() -> str:
-    """The device's name. Raises BackendUnavailable where there is no GPU, or it cannot run what numba compiles."""
+    """Return the device's name. Raises BackendUnavailable without a GPU, or if it cannot run numba's code."""
     missing, text = _probe()
     if missing:
         raise BackendUnavailable(missing, text)
@@ -50,7 +50,7 @@ def require_gpu() -> str:
 
 
 def unsupported_code(error: BaseException) -> BackendUnavailable | None:
-    """What an error of compiling or loading a kernel means to a user, or None where it is not about the installation."""
+    """Return the error for the user if compiling or loading a kernel failed due to the installation, else None."""
     text = f"{type(error).__name__}: {error}"
     if "UNSUPPORTED_PTX" in text or "unsupported toolchain" in text or "PTX was compiled" in text:
         return BackendUnavailable(
@@ -63,7 +63,7 @@ def unsupported_code(error: BaseException) -> BackendUnavailable | None:
 
 
 def memory_info() -> tuple[int, int]:
-    """(free, total) bytes of the GPU's memory."""
+    """Return (free, total) bytes of the GPU's memory."""
     from numba import cuda
 
     info: Any = cuda.current_context().get_memory_info()

@@ -1,4 +1,4 @@
-"""Simulations of quads whose pinned particles may move, by motions of the scene or to targets: the rows that say where."""
+"""Simulations of quads whose pinned particles may move, by motions of the scene or to targets: their rows."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from model.tetrahedra.targets import Targeted
 
 
 class DrivenSimulation(Targeted, QuadSimulation):
-    """See model/core/simulation.py for the contract. `_rows`: what `bodies` holds; those of pins begin at `_first_pin`, 0
-    where none moves."""
+    """A simulation with driven particles; model/core/simulation.py defines the contract. `_rows`: content of `bodies`;
+    rows of pins begin at `_first_pin`, 0 if none moves."""
 
     _rows: np.ndarray
     _first_pin: int
 
     def _allocate_driven(self) -> None:
-        """The state, the constants and the rows."""
+        """Allocate the state, the constants and the rows."""
         self._rows, self._first_pin = self._driven_rows()
         self._allocate_quads(self._rows)
 

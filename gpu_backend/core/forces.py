@@ -1,7 +1,7 @@
-"""Forces that look at one particle alone (model/core/own_forces.py) on CUDA, and their stages for all solvers of quads.
+"""Forces on single particles (model/core/own_forces.py) on CUDA, and their stages for all solvers of quads.
 
-Accelerations are [m/s^2]; a force is divided by the sheet's mass, and counted by a particle's `weight`, that mass over its
-own, where the scene has a `load`.
+Accelerations are [m/s^2]; a force is divided by the sheet's mass, and multiplied by a particle's `weight`, that mass
+over its own, if the scene has a `load`.
 """
 
 from __future__ import annotations
@@ -19,13 +19,14 @@ from gpu_backend.core.quads import SIZE, load_quad, store_quad
 from model.core.own_forces import OWN_FORCES, make_add, make_own, own_forces
 from model.core.plan import StageRun
 
-OWN = frozenset({"gravity", "load", *(force.part for force in OWN_FORCES)})  # the parts that these functions ask for
+OWN = frozenset({"gravity", "load", *(force.part for force in OWN_FORCES)})  # the parts that these functions depend on
 
 
 @cache
 def make_forces(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """Device functions: `add(a, weight, f)` of model/core/own_forces.py; and, each (ax, ay, az, ...) -> (ax, ay, az),
-    `add_gravity(..., parameters)` and `add_own(..., k, weight, parameters, integers, step)`, all that acts by itself."""
+    """Make device functions: `add(a, weight, f)` of model/core/own_forces.py, `add_gravity(..., parameters)` and
+    `add_own(..., k, weight, parameters, integers, step)`, all own forces. The last two map (ax, ay, az, ...) to (ax,
+    ay, az)."""
     own, inline, has_gravity = make_own_force(real, math, 3, parts), inlined(math), "gravity" in parts
     add = make_add(inline, lambda make: device_formulas(make, real, math), 3, parts)
 
@@ -44,14 +45,14 @@ def make_forces(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
 
 @cache
 def make_own_force(real: Any, math: str, axes: int, parts: frozenset[str]) -> Any:
-    """own(a, k, weight, parameters, integers, step), see model/core/own_forces.py."""
+    """Make own(a, k, weight, parameters, integers, step) (model/core/own_forces.py)."""
     return make_own(real, inlined(math), lambda make: device_formulas(make, real, math), axes, parts)
 
 
 @cache
 def make_force_stages(real: Any, math: str, parts: frozenset[str]) -> dict[str, Any]:
-    """The stages of gravity and of these forces, by name: kernels (position, record, integers, step, a), which add to the
-    accelerations `a` (quads); the weights lie in `position`."""
+    """Compile the stages of gravity and of own forces, by name: kernels (position, record, integers, step, a), which
+    add to the accelerations `a` (quads); the weights are in `position`."""
     add_gravity, zero = make_forces(real, math, parts).add_gravity, real(0)
 
     def gravity(position, record, integers, step, a):
@@ -79,7 +80,8 @@ def make_force_stages(real: Any, math: str, parts: frozenset[str]) -> dict[str, 
 
 
 def bind_forces(sim: Any, parts: frozenset[str], position: Any, a: Any) -> dict[str, StageRun]:
-    """What runs those stages for `sim`, whose stages find particles at `position` and add accelerations up in `a`."""
+    """Return the functions of those stages for `sim`, which read particles at `position` and add accelerations to
+    `a`."""
 
     def bound(kernel: Any) -> StageRun:
         return lambda moment: kernel[sim._flat](position, sim.record, sim.integers, np.int64(moment.step), a)

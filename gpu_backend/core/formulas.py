@@ -1,11 +1,11 @@
-"""Compiling the formulas of model/formulas for CUDA, in `fast` or `exact` math.
+"""Compilation of the formulas of model/formulas for CUDA, in `fast` or `exact` math.
 
-The CUDA compiler contracts a * b + c into one fused multiply-add, which rounds once instead of twice, and numba.cuda has
-no switch for it. So in `exact` math a factory's source is read again and every product in it becomes a call of the
+The CUDA compiler contracts a * b + c into one fused multiply-add, which rounds once instead of twice, and numba.cuda
+has no switch for it. So in `exact` math a factory's source is parsed again and every product becomes a call of the
 round-to-nearest multiply, which is never contracted. Quotients and roots are correctly rounded unless fast math is on,
-and fast math is off then. In `fast` math the compiler may reorder and approximate, and small functions are replaced by
-instructions: `inverse_length` by the approximate reciprocal root, `difference` by a subtraction that is not cancelled; of
-`reciprocal` both ways are taken, of which one is chosen, since the quotient is sooner there than the comparison.
+and then fast math is off. In `fast` math the compiler may reorder and approximate, and small functions are replaced by
+instructions: `inverse_length` by the approximate reciprocal root, `difference` by a subtraction that is not cancelled;
+of `reciprocal` both branches are computed and one is selected, since the quotient is faster there than the comparison.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from gpu_backend.core.device import simulated
 
 
 class _RoundProducts(ast.NodeTransformer):
-    """a * b -> _product(a, b), also for a *= b."""
+    """Replaces a * b by _product(a, b), also in a *= b."""
 
     def visit_BinOp(self, node: ast.BinOp) -> ast.AST:
         self.generic_visit(node)
@@ -46,7 +46,7 @@ class _RoundProducts(ast.NodeTransformer):
 
 
 class _ReplaceFunctions(ast.NodeTransformer):
-    """Drops the definitions of the named inner functions, so that the names mean what the namespace gives them."""
+    """Removes the definitions of the named inner functions, so that the names refer to the namespace."""
 
     def __init__(self, names: set[str]):
         self.names = names
@@ -70,10 +70,10 @@ def _instructions(real: Any, math: str, options: dict[str, Any]) -> dict[str, Ca
 
 
 def _fast_instructions(real: Any, options: dict[str, Any]) -> dict[str, Callable]:
-    """Replacements of `fast` math, without a branch and, in float64, without a quotient.
+    """Return the replacements for `fast` math: without a branch and, in float64, without a quotient.
 
-    float64 has an approximate root of 20 bits only; with e = 1 - s y^2, 1 / sqrt(s) = y (1 - e)^(-1/2) =
-    y (1 + e/2 + 3 e^2/8 + ...), so one step leaves 5 e^3/16 < 1e-18.
+    float64 has an approximate root of 20 bits only; with e = 1 - s y^2, 1 / sqrt(s) = y (1 - e)^(-1/2) = y (1 + e/2 + 3
+    e^2/8 + ...), so one step leaves 5 e^3/16 < 1e-18.
     """
     from numba.cuda import libdevice
 
@@ -82,7 +82,7 @@ def _fast_instructions(real: Any, options: dict[str, Any]) -> dict[str, Callable
     device = cuda.jit(device=True, **options)
     single = real is np.float32
     root: Any = approximate_root_64
-    least = real(1e-37 if single else 1e-290)  # its root is finite, and beside a real squared length it is nothing
+    least = real(1e-37 if single else 1e-290)  # its root is finite, and it is negligible next to a real squared length
     half, three_eighths, one, zero = real(0.5), real(0.375), real(1), real(0)
 
     @device
@@ -118,7 +118,7 @@ def _fast_instructions(real: Any, options: dict[str, Any]) -> dict[str, Callable
 
 
 def _rewritten(make: FunctionType, real: Any, math: str, options: dict[str, Any]) -> Callable:
-    """The factory `make` with its source transformed for `math`; factories it calls are transformed as well."""
+    """Return the factory `make` with its source transformed for `math`; factories it calls are transformed as well."""
     instructions = _instructions(real, math, options)
     namespace = dict(vars(sys.modules[make.__module__])) | instructions
     _refuse_attributes(make, namespace)
@@ -131,8 +131,8 @@ def _rewritten(make: FunctionType, real: Any, math: str, options: dict[str, Any]
 
 @cache
 def _transformed(make: FunctionType, instructions: frozenset[str]) -> CodeType:
-    """Code that defines the factory `make` with its products rounded, if there is a `_product`, and without the inner
-    functions that instructions stand for."""
+    """Return the code of the factory `make` with its products rounded, if there is a `_product`, and without the inner
+    functions that instructions replace."""
     tree = ast.parse(textwrap.dedent(inspect.getsource(make)))
     if "_product" in instructions:
         factory = tree.body[0]
@@ -144,26 +144,28 @@ def _transformed(make: FunctionType, instructions: frozenset[str]) -> CodeType:
 
 @cache
 def _named_in(make: FunctionType) -> frozenset[tuple[str, str]]:
-    """(name, attribute) of whatever a factory's source takes attributes of."""
+    """Return (name, attribute) of every attribute access in a factory's source."""
     tree = ast.parse(textwrap.dedent(inspect.getsource(make)))
     nodes = [node for node in ast.walk(tree) if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name)]
     return frozenset((node.value.id, node.attr) for node in nodes if isinstance(node.value, ast.Name))
 
 
 def _refuse_attributes(make: FunctionType, namespace: dict[str, Any]) -> None:
-    """A factory that is called as an attribute of its module would not be rewritten: its products would be contracted."""
+    """Refuse a factory that is called as an attribute of its module: it would not be rewritten, and its products
+    contracted."""
     for name, attribute in _named_in(make):
         if isinstance(namespace.get(name), ModuleType) and _is_factory(getattr(namespace[name], attribute, None)):
             raise TypeError(f"{make.__module__}: import {attribute} by its name; {name}.{attribute} is not rewritten")
 
 
 def _is_factory(value: Any) -> bool:
-    """Of formulas in an arithmetic, its first parameter `real`; those of whole numbers have products of their own."""
+    """Return True for a factory of formulas in an arithmetic, with a first parameter `real`; those of integers have
+    their own products."""
     here = isinstance(value, FunctionType) and value.__module__.startswith("model.formulas.")
     return here and value.__code__.co_varnames[:1] == ("real",)
 
 
 def device_formulas(make: Any, real: Any, math: str, **flags: int) -> Any:
-    """What `make(real, compiled, **flags)` returns, compiled as device functions for `math`."""
+    """Return `make(real, compiled, **flags)`, compiled as device functions for `math`."""
     options = {"fastmath": math == "fast"}
     return _rewritten(make, real, math, options)(real, cuda.jit(device=True, **options), **flags)

@@ -1,5 +1,5 @@
-"""Single instructions that numba.cuda has no name for, as intrinsics. A real GPU only: the simulator takes the formulas
-as they stand."""
+"""Single instructions that numba.cuda has no name for, as intrinsics. Only for a real GPU: the simulator runs the
+original formulas."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numba.cuda.extending import intrinsic
 
 @intrinsic
 def approximate_root_64(typing_context, x):
-    """1 / sqrt(x) of a float64 to about 20 bits (PTX rsqrt.approx.ftz.f64)."""
+    """Return 1 / sqrt(x) of a float64 to about 20 bits (PTX rsqrt.approx.ftz.f64)."""
 
     def generate(context, builder, signature, arguments):
         kind = ir.FunctionType(ir.DoubleType(), [ir.DoubleType()])

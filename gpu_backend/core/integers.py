@@ -1,4 +1,5 @@
-"""The whole numbers that kernels of quads read beside the record: seeds, the poked mass, how many colliders of each kind."""
+"""Integers that kernels of quads read besides the record: seeds, the poked mass, the number of colliders of each
+kind."""
 
 from __future__ import annotations
 
@@ -12,17 +13,17 @@ INTEGERS = 9
 # after EXTERNAL_SEED and POKED
 WIND_SEED, PLANES, SPHERES, CAPSULES, BOXES, MESHES, FIELDS = range(2, INTEGERS)
 COUNTS = (PLANES, SPHERES, CAPSULES, BOXES, MESHES, FIELDS)
-COLLIDER_COUNTS = tuple(zip(COUNTS, COLLIDER_KINDS, strict=True))  # place, kind
+COLLIDER_COUNTS = tuple(zip(COUNTS, COLLIDER_KINDS, strict=True))  # index, kind
 COLLIDERS = frozenset(COLLIDER_KINDS)
 
 
 def knows_time(parts: frozenset[str]) -> bool:
-    """Whether anything depends on the number of the step."""
+    """Return True if anything depends on the number of the step."""
     return bool(own_changes(parts) or parts & {"gust", "motion", "emitter"} or parts & COLLIDERS)
 
 
 def integers_of(scene: Scene) -> np.ndarray:
-    """(INTEGERS,) uint64, with nothing poked."""
+    """Return (INTEGERS,) uint64, with nothing poked."""
     found = np.zeros(INTEGERS, np.uint64)
     found[EXTERNAL_SEED] = scene.external.seed if scene.external else 0
     found[WIND_SEED] = scene.wind.seed if scene.wind else 0

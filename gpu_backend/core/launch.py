@@ -1,7 +1,7 @@
-"""Many launches for the price of one: a run of passes captured once as a CUDA graph and replayed.
+"""CUDA graphs: a run of passes captured once and replayed for the cost of one launch.
 
-A launch from Python costs 10 to 40 microseconds, a captured one about one. Captured scalars are frozen, so what changes
-while running (constants, the step counter) lives in small device arrays that the kernels read.
+A launch from Python costs 10 to 40 microseconds, a captured one about one. Captured scalars are frozen, so values that
+change during a run (constants, the step counter) are in small device arrays that the kernels read.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class Graphs:
     """Runs passes over the grid through captured graphs.
 
     `launch(parity, count)` launches `count` passes, the first reading the buffer `parity`; `after(count)` is launched
-    behind them (it moves the step counter on). Graphs are kept by parity and count. Every kernel must have run once
+    behind them (it advances the step counter). Graphs are cached by parity and count. Every kernel must have run once
     before: nothing may be compiled or loaded while a stream is captured.
     """
 
@@ -45,7 +45,7 @@ class Graphs:
         self._graphs: dict[tuple[int, int], Any] = {}
 
     def run(self, parity: int, count: int) -> int:
-        """Run as many of `count` passes as fill even chunks; the rest (0 or 1) is returned."""
+        """Run as many of `count` passes as fill even chunks; returns the rest (0 or 1)."""
         for chunk in CHUNKS:
             while count >= chunk:
                 self.replay(parity, chunk)
@@ -58,7 +58,7 @@ class Graphs:
         _checked(self._runtime.cudaGraphLaunch(self._graphs[parity, count], self._handle()))
 
     def ready(self, parity: int, count: int) -> None:
-        """Capture that graph, unless it was."""
+        """Capture that graph, unless it exists."""
         if (parity, count) not in self._graphs:
             self._graphs[parity, count] = self._capture(parity, count)
 
@@ -86,8 +86,10 @@ class Graphs:
 
 
 def prepare(kernel: Any, arguments: tuple[Any, ...], shared: int, cooperative: bool = False) -> None:
-    """Compile a kernel for these arguments, and allow it `shared` bytes of dynamic shared memory, also above 48 KB;
-    `cooperative`: all blocks are launched together or not at all."""
+    """Compile a kernel for these arguments, and allow it `shared` bytes of dynamic shared memory, also above 48 KB.
+
+    `cooperative`: all blocks are launched together or not at all.
+    """
     if simulated():
         return
     from numba.cuda.cudadrv.driver import binding, driver
@@ -100,10 +102,10 @@ def prepare(kernel: Any, arguments: tuple[Any, ...], shared: int, cooperative: b
 
 
 def can_capture() -> bool:
-    """Streams can be captured on a real GPU, not under the simulator."""
+    """Return True if streams can be captured: on a real GPU, not under the simulator."""
     return not simulated()
 
 
 def new_stream() -> Any:
-    """A stream of its own to capture and run on; the simulator has only the default one."""
+    """Return a new stream to capture and run on; the simulator has only the default one."""
     return cuda.stream() if can_capture() else 0

@@ -1,4 +1,4 @@
-"""The barrier of all blocks of a cooperative launch."""
+"""Barrier of all blocks of a cooperative launch."""
 
 from __future__ import annotations
 
@@ -14,8 +14,10 @@ from gpu_backend.core.compile import inlined
 
 @cache
 def make_meet(math: str) -> Any:
-    """meet(flags, wanted): every thread of every block must call it; what was written before is read after it. `flags` (1,)
-    int32, 0 before the launch; `wanted` is the number of blocks at first, then what the last call returned."""
+    """Make meet(flags, wanted): every thread of every block must call it; what was written before is read after it.
+
+    `flags` (1,) int32, 0 before the launch; `wanted`: the number of blocks at first, then the last returned value.
+    """
 
     @inlined(math)
     def meet(flags, wanted):

@@ -1,10 +1,10 @@
-"""A vector that one block sends to others of the same launch, in one word with the number of the sending.
+"""Messages between blocks of the same launch: a vector in one word together with its sequence number.
 
-A flag beside the data (core/blocks.py) costs its writer a wait until the data is on its way for all to see, and its reader a
-second way to memory. Here each word of 16 bytes carries its own tag: who reads the tag that it waits for has the data with
-it, since an access to a .b128 is a single one (PTX ISA, "Memory consistency model": scalar data types). It is the idea of
-the low-latency protocol of NCCL, whose words have 8 bytes. float32: one word, (x, y, z, tag); float64: three, (x, tag),
-(y, tag), (z, tag). Words pass by the first-level cache, which other blocks' writes do not reach.
+A flag beside the data (core/blocks.py) makes its writer wait until the data is visible to all, and costs its reader a
+second memory access. Here each word of 16 bytes has its own tag: a thread that reads the expected tag has the data with
+it, since an access to a .b128 is a single one (PTX ISA, "Memory consistency model": scalar data types). It is the idea
+of the low-latency protocol of NCCL, whose words have 8 bytes. float32: one word, (x, y, z, tag); float64: three, (x,
+tag), (y, tag), (z, tag). Words bypass the first-level cache, which other blocks' writes do not reach.
 
 Under the simulator the tag is a number beside the others, written last and read first.
 """
@@ -24,14 +24,14 @@ from gpu_backend.core.device import simulated
 
 
 def message_size(real: Any) -> int:
-    """Scalars of a message."""
+    """Return the number of scalars of a message."""
     return 4 if real is np.float32 else 6
 
 
 if simulated():
 
     def let_others_run() -> None:
-        """What waits for a message in vain lets those run that send it, where the simulator's threads take turns."""
+        """Let the senders run while a receiver waits, if the simulator's threads take turns."""
         getattr(threading.current_thread(), "give_way", _no_turns)()
 
     def _no_turns() -> None:
@@ -39,7 +39,8 @@ if simulated():
 
     @cache
     def make_messages(real: Any) -> SimpleNamespace:
-        """`send(array, index, x, y, z, tag)` and `receive(array, index, tag)` -> (x, y, z, has it come)."""
+        """Make `send(array, index, x, y, z, tag)` and `receive(array, index, tag)` -> (x, y, z, true if it has
+        arrived)."""
         size = message_size(real)
 
         def send(array: Any, index: Any, x: Any, y: Any, z: Any, tag: Any) -> None:
@@ -57,7 +58,7 @@ if simulated():
         return SimpleNamespace(send=send, receive=receive)
 
     def pause(cycles: Any) -> None:
-        """Let that many cycles of the multiprocessor pass."""
+        """Wait for that many cycles of the multiprocessor."""
 
 else:
     from llvmlite import ir
@@ -76,7 +77,7 @@ else:
         kind = ir.FunctionType(result, [argument.type for argument in arguments])
         return builder.call(ir.InlineAsm(kind, text, constraints, side_effect=True), arguments)
 
-    # Each text is a block of its own, so that the registers it names may be named again.
+    # Each text is a separate block, so that its register names can be used again.
     SEND_32 = (
         "{ .reg .b64 a, b; .reg .b128 w; mov.b64 a, {$1, $2}; mov.b64 b, {$3, $4}; mov.b128 w, {a, b}; "
         "st.relaxed.gpu.global.b128 [$0], w; }"
@@ -97,7 +98,7 @@ else:
 
     @inlined("exact")
     def pause(cycles):
-        """Let that many cycles of the multiprocessor pass."""
+        """Wait for that many cycles of the multiprocessor."""
         begin = _clock()
         while np.int32(_clock() - begin) < cycles:
             pass
@@ -152,7 +153,8 @@ else:
 
     @cache
     def make_messages(real: Any) -> SimpleNamespace:
-        """`send(array, index, x, y, z, tag)` and `receive(array, index, tag)` -> (x, y, z, has it come)."""
+        """Make `send(array, index, x, y, z, tag)` and `receive(array, index, tag)` -> (x, y, z, true if it has
+        arrived)."""
         inline = inlined("exact")
         one, two, three = np.int32(1), np.int32(2), np.int32(3)
 

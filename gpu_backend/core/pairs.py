@@ -1,8 +1,8 @@
 """Both axes of a mass in one memory transaction: 8 bytes in float32, 16 in float64.
 
-numba.cuda loads a complex number as two scalars, because it knows only the alignment of a scalar. Device memory is
-aligned to 256 bytes and a pair lies at a multiple of its size, so these two intrinsics say so, and the compiler emits one
-vector instruction. Under the simulator they are plain indexing.
+numba.cuda loads a complex number as two scalars, because it only knows the alignment of a scalar. Device memory is
+aligned to 256 bytes and a pair is at a multiple of its size; these two intrinsics declare that alignment, so that the
+compiler emits one vector instruction. Under the simulator they are plain indexing.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ from gpu_backend.core.device import simulated
 if simulated():
 
     def load_pair(array: Any, index: Any) -> Any:
-        """array[index] of a contiguous complex array."""
+        """Return array[index] of a contiguous complex array."""
         return array[index]
 
     def store_pair(array: Any, index: Any, x: Any, y: Any) -> None:
-        """array[index] = x + i y."""
+        """Set array[index] = x + i y."""
         array[index] = complex(x, y)
 
 else:
@@ -29,7 +29,7 @@ else:
     def _pointer(
         context: Any, builder: Any, array_type: Any, array: Any, index_type: Any, index: Any
     ) -> tuple[Any, Any]:
-        """(pointer to element `index` as a vector of two scalars, bytes of the vector)."""
+        """Return (pointer to element `index` as a vector of two scalars, bytes of the vector)."""
         scalar = context.get_value_type(array_type.dtype.underlying_float)
         vector = ir.VectorType(scalar, 2)
         data = context.make_array(array_type)(context, builder, array).data
@@ -39,7 +39,7 @@ else:
 
     @intrinsic
     def load_pair(typing_context, array, index):
-        """array[index] of a contiguous complex array, in one load."""
+        """Return array[index] of a contiguous complex array, in one load."""
 
         def generate(context, builder, signature, arguments):
             pointer, size = _pointer(context, builder, signature.args[0], arguments[0], signature.args[1], arguments[1])
@@ -54,7 +54,7 @@ else:
 
     @intrinsic
     def store_pair(typing_context, array, index, x, y):
-        """array[index] = x + i y, in one store."""
+        """Set array[index] = x + i y, in one store."""
 
         def generate(context, builder, signature, arguments):
             pointer, size = _pointer(context, builder, signature.args[0], arguments[0], signature.args[1], arguments[1])

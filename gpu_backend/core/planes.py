@@ -1,8 +1,8 @@
-"""A scalar of shared memory at a fixed distance from a place: one instruction, the distance part of its address.
+"""Access to a scalar of shared memory at a fixed distance from an index: one instruction, with the distance as part of
+its address.
 
-Where an index is added up in the kernel's integers, the compiler cannot tell that the sum does not wrap around, and
-computes every neighbour's address anew. These intrinsics step from the place's own address. Under the simulator they are
-plain indexing.
+If an index is summed in the kernel's integers, the compiler cannot exclude that the sum wraps around, and computes
+every neighbour's address anew. These intrinsics offset the address itself. Under the simulator they are plain indexing.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ from gpu_backend.core.device import simulated
 if simulated():
 
     def near(array: Any, place: Any, distance: Any) -> Any:
-        """array[place + distance] of a contiguous array of scalars."""
+        """Return array[place + distance] of a contiguous array of scalars."""
         return array[int(place) + int(distance)]
 
     def put_near(array: Any, place: Any, distance: Any, value: Any) -> None:
-        """array[place + distance] = value."""
+        """Set array[place + distance] = value."""
         array[int(place) + int(distance)] = value
 
 else:
@@ -33,7 +33,7 @@ else:
 
     @intrinsic
     def near(typing_context, array, place, distance):
-        """array[place + distance] of a contiguous array of scalars."""
+        """Return array[place + distance] of a contiguous array of scalars."""
 
         def generate(context, builder, signature, arguments):
             return builder.load(_pointer(context, builder, signature, arguments))
@@ -42,7 +42,7 @@ else:
 
     @intrinsic
     def put_near(typing_context, array, place, distance, value):
-        """array[place + distance] = value."""
+        """Set array[place + distance] = value."""
 
         def generate(context, builder, signature, arguments):
             number = context.cast(builder, arguments[3], signature.args[3], signature.args[0].dtype)

@@ -1,4 +1,5 @@
-"""What solvers of quads share: four numbers a particle, in a flat array; the fourth of a position is what `_weight` says."""
+"""Common parts of solvers of quads: four numbers per particle, in a flat array; `_weight` is the fourth of a
+position."""
 
 from __future__ import annotations
 
@@ -12,10 +13,10 @@ from gpu_backend.core.simulation import CudaSimulation
 
 
 class QuadSimulation(CudaSimulation):
-    """A simulation on the GPU whose state is of quads. See model/core/simulation.py for the contract.
+    """A simulation on the GPU whose state is quads; model/core/simulation.py defines the contract.
 
-    `_weight` (particles,): the fourth number of positions; `_fourth`: of velocities. `bodies`: the rows of colliders, and of
-    what else moves.
+    `_weight` (particles,): the fourth number of positions; `_fourth`: of velocities. `bodies`: the rows of colliders,
+    and of other moving objects.
     """
 
     _weight: np.ndarray
@@ -23,11 +24,11 @@ class QuadSimulation(CudaSimulation):
     bodies: Any
 
     def new_array(self) -> Any:
-        """A device array of quads, zeros."""
+        """Return a device array of quads, zeros."""
         return self.zeros(SIZE * self.particle_count, self.real)
 
     def _allocate_quads(self, rows: np.ndarray) -> None:
-        """The state, the constants, and `bodies` of such rows."""
+        """Allocate the state, the constants, and `bodies` from `rows`."""
         self._integers = integers_of(self.scene)
         self._allocate_state()
         self.bodies = self.on_device(rows)
@@ -36,7 +37,7 @@ class QuadSimulation(CudaSimulation):
     # ------------------------------------------------------------------ the contract
 
     def _quads(self, array: Any) -> np.ndarray:
-        """A device array of quads as (quads, 4) on the host."""
+        """Return a device array of quads as (quads, 4) on the host."""
         host = array.copy_to_host(stream=self.stream)
         self.synchronize()
         return host.reshape(-1, SIZE)

@@ -1,11 +1,11 @@
-"""The three axes of a mass and a spare number in one memory transaction: 16 bytes in float32, two of them in float64.
+"""The three axes of a mass and a fourth number in one memory transaction: 16 bytes in float32, two of them in float64.
 
-A quad lies in a flat array of scalars, four to a mass. Device memory is aligned to 256 bytes, and shared memory as asked
-for, so every quad begins at a multiple of 16 bytes; these intrinsics say so, and the compiler emits vector instructions
-(see core/pairs.py). Under the simulator they are plain indexing.
+A quad is in a flat array of scalars, four per mass. Device memory is aligned to 256 bytes, and shared memory as
+requested, so every quad begins at a multiple of 16 bytes; these intrinsics declare that alignment, so that the compiler
+emits vector instructions (core/pairs.py). Under the simulator they are plain indexing.
 
-Rows of any numbers are read by quads as well (`pack`, `make_row`); what is left of them has an unsigned place, since of a
-signed one compiled code asks whether it counts from the array's end, which took as long as half of a constraint.
+Rows of any length are read by quads as well (`pack`, `make_row`). The remaining numbers have unsigned indices, since
+for a signed one compiled code checks whether it is negative, which took half as long as a constraint.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ SIZE = 4  # scalars
 if simulated():
 
     def load_quad(array: Any, index: Any) -> Any:
-        """(x, y, z, spare) of mass `index` in a flat array of scalars."""
+        """Return (x, y, z, spare) of mass `index` in a flat array of scalars."""
         k = SIZE * int(index)
         return array[k], array[k + 1], array[k + 2], array[k + 3]
 
     def store_quad(array: Any, index: Any, x: Any, y: Any, z: Any, spare: Any) -> None:
-        """Mass `index` = (x, y, z, spare)."""
+        """Set mass `index` = (x, y, z, spare)."""
         k = SIZE * int(index)
         array[k], array[k + 1], array[k + 2], array[k + 3] = x, y, z, spare
 
@@ -39,7 +39,7 @@ else:
     BYTES = 16  # of the widest access
 
     def _places(context: Any, builder: Any, array_type: Any, array: Any, index_type: Any, index: Any) -> Any:
-        """(pointers to the vectors of quad `index`, scalars of each)."""
+        """Return (pointers to the vectors of quad `index`, scalars of each)."""
         scalar = context.get_value_type(array_type.dtype)
         width = BYTES * 8 // array_type.dtype.bitwidth
         data = context.make_array(array_type)(context, builder, array).data
@@ -51,7 +51,7 @@ else:
 
     @intrinsic
     def load_quad(typing_context, array, index):
-        """(x, y, z, spare) of mass `index` in a flat array of scalars."""
+        """Return (x, y, z, spare) of mass `index` in a flat array of scalars."""
 
         def generate(context, builder, signature, arguments):
             pointers, width = _places(
@@ -69,7 +69,7 @@ else:
 
     @intrinsic
     def store_quad(typing_context, array, index, x, y, z, spare):
-        """Mass `index` = (x, y, z, spare)."""
+        """Set mass `index` = (x, y, z, spare)."""
 
         def generate(context, builder, signature, arguments):
             kind = signature.args[0]
@@ -87,15 +87,15 @@ else:
 
 
 def pack(rows: np.ndarray) -> np.ndarray:
-    """Rows (count, n) as `make_row` reads them, flat: the first quads of all rows, then the second ones, so that neighbouring
-    threads read neighbouring quads; what is left of n at the end, column by column."""
+    """Return rows (count, n) as `make_row` reads them, flat: the first quads of all rows, then the second ones, so that
+    neighbouring threads read neighbouring quads; the remaining numbers of n at the end, column by column."""
     whole = rows.shape[1] // SIZE * SIZE
     quads = rows[:, :whole].reshape(len(rows), -1, SIZE).swapaxes(0, 1)
     return np.concatenate([quads.ravel(), rows[:, whole:].T.ravel()])
 
 
 def make_row(n: int, inline: Any) -> Any:
-    """row_of(packed, count, k): the n numbers of row k of `count`."""
+    """Make row_of(packed, count, k): the n numbers of row k of `count`."""
     quads = n // SIZE
 
     def quad_at(m: int) -> Any:

@@ -1,7 +1,7 @@
-"""Exclusive prefix sums of whole numbers on CUDA: what a counting sort needs between counting and filling.
+"""Exclusive prefix sums of integers on CUDA, for a counting sort between counting and filling.
 
-Each block sums a chunk of its own in shared memory (W. D. Hillis, G. L. Steele, "Data parallel algorithms", CACM 29, 1986),
-one block then sums the chunks' totals, a strip a thread, and all add theirs. Whole numbers: the same sums in any order.
+Each block sums its chunk in shared memory (W. D. Hillis, G. L. Steele, "Data parallel algorithms", CACM 29, 1986), one
+block then sums the chunks' totals, one strip per thread, and all add theirs. Integers: the same sums in any order.
 """
 
 from __future__ import annotations
@@ -16,13 +16,15 @@ from numba import cuda
 from gpu_backend.core.compile import make_kernels
 from gpu_backend.core.device import simulated
 
-CHUNK = 32 if simulated() else 512  # numbers of a block; the simulator runs each thread as one of Python's
+CHUNK = 32 if simulated() else 512  # numbers per block; the simulator runs each thread as a Python thread
 
 
 @cache
 def make_before(threads: int) -> Any:
-    """before(own): what the block's threads before this one have together; every thread of a block of `threads`, a power of
-    two, must call it."""
+    """Make before(own): the sum over the block's threads before this one.
+
+    Every thread of a block of `threads`, a power of two, must call it.
+    """
     two_copies, threads, zero = 2 * threads, np.int32(threads), np.int32(0)
 
     @cuda.jit(device=True)
@@ -47,8 +49,11 @@ def make_before(threads: int) -> Any:
 
 @cache
 def make_strips(threads: int) -> Any:
-    """strips(sums, size): each of the first `size` numbers becomes what comes before it, a strip a thread, by all threads of
-    a block of `threads`; returned: what comes before the thread's next strip, of the last one all."""
+    """Make strips(sums, size): each of the first `size` numbers is replaced by the sum of those before it, one strip
+    per thread, by all threads of a block of `threads`.
+
+    It returns the sum before the thread's next strip, for the last thread the total.
+    """
     before, zero = make_before(threads), np.int32(0)
 
     @cuda.jit(device=True)
@@ -70,11 +75,12 @@ def make_strips(threads: int) -> Any:
 
 @cache
 def make_scan() -> SimpleNamespace:
-    """The kernels `chunks`, `totals` and `add`."""
+    """Compile the kernels `chunks`, `totals` and `add`."""
     zero, before, strips = np.int32(0), make_before(CHUNK), make_strips(CHUNK)
 
     def chunks(counts, starts, totals):
-        """starts[k]: the sum of the chunk's counts before k; totals[b]: of a whole chunk. One block a chunk."""
+        """Write starts[k], the sum of the chunk's counts before k, and totals[b], that of a chunk. One block per
+        chunk."""
         k = np.int32(cuda.grid(1))
         own = counts[k] if k < counts.size else zero
         start = before(own)
@@ -84,11 +90,11 @@ def make_scan() -> SimpleNamespace:
             totals[cuda.blockIdx.x] = start + own
 
     def totals(sums):
-        """The same in place, over all chunks: one block."""
+        """Replace the total of each chunk by the sum of those before it: one block."""
         strips(sums, np.int32(sums.size))
 
     def add(starts, sums, cursors):
-        """The chunks' sums added, and a copy for a counting sort to move on."""
+        """Add the chunks' sums, and write a copy for a counting sort to increment."""
         k = np.int32(cuda.grid(1))
         if k < cursors.size:
             starts[k] += sums[k // CHUNK]
@@ -98,7 +104,7 @@ def make_scan() -> SimpleNamespace:
 
 
 class Scan:
-    """Sums of `count` numbers, its memory taken once."""
+    """Sums of `count` numbers, with memory allocated once."""
 
     def __init__(self, count: int, stream: Any):
         self._blocks = (count + CHUNK - 1) // CHUNK
@@ -106,7 +112,7 @@ class Scan:
         self._totals = cuda.to_device(np.zeros(self._blocks, np.int32), stream=stream)
 
     def run(self, counts: Any, starts: Any, cursors: Any) -> None:
-        """starts and cursors = what comes before each of the counts; device arrays (count,) int32."""
+        """Write the sum of the counts before each one to starts and cursors; device arrays (count,) int32."""
         kernels, launch = make_scan(), (self._blocks, CHUNK, self._stream)
         kernels.chunks[launch](counts, starts, self._totals)
         kernels.totals[1, CHUNK, self._stream](self._totals)

@@ -1,11 +1,12 @@
-"""What the GPU's simulations share: buffers in turn, passes through graphs, and the contract's copies and looks.
+"""Common parts of the GPU's simulations: alternating buffers, passes through graphs, transfers and checks.
 
-A solver chooses its plan and kernel, asks whether there is room (`_require_memory`), and starts (`_start`): then its
-`_allocate` makes what lies on the device, the state first (`_allocate_state`), and its `_build` compiles every kernel.
+A solver chooses its plan and kernel, checks that there is memory (`_require_memory`), and starts (`_start`): then its
+`_allocate` makes the device arrays, the state first (`_allocate_state`), and its `_build` compiles every kernel.
 
-`position`, `velocity` are two device arrays each, `_current` tells which pair is the state. `_integers` is the host's copy of
-`integers`, number 1 the poke; `_counts`: whether the kernels read the counter of steps; `_flat`: a launch of a thread a mass,
-`_grid`: of blocks over the rows and columns of a sheet; `_tools`: kernels `count` and `first_diverged`.
+`position`, `velocity` are two device arrays each, `_current` is the index of the state. `_integers` is the host's copy
+of `integers`, number 1 the poke; `_counts`: true if the kernels read the counter of steps; `_flat`: a launch of one
+thread per mass, `_grid`: of blocks over the rows and columns of a sheet; `_tools`: kernels `count` and
+`first_diverged`.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ NOTHING_BAD = np.iinfo(np.int32).max
 
 
 class CudaSimulation(Simulation):
-    """A simulation on the GPU, its state on the device throughout. See model/core/simulation.py for the contract."""
+    """A simulation on the GPU, its state on the device throughout; model/core/simulation.py defines the contract."""
 
     backend = "gpu"
     position: list[Any]
@@ -52,7 +53,7 @@ class CudaSimulation(Simulation):
     _normals: Any = None
 
     def __init__(self, scene: Scene, options: Options, stream: Any = None):
-        """`stream`: of a world whose members run on one; None: one of its own."""
+        """Open the simulation. `stream`: of a world whose members run on one; None: a new one."""
         self.device = require_gpu()
         self.stream = stream
         super().__init__(scene, options)
@@ -62,21 +63,21 @@ class CudaSimulation(Simulation):
     def _is_rk4(self) -> bool:
         return self.scene.method.integrator == "rk4"
 
-    # ------------------------------------------------------------------ the start
+    # ------------------------------------------------------------------ start
 
     def _require_memory(self, needed: int, field: str, value: str) -> None:
-        """Raise SceneError, naming the field, where the device has no room for so many bytes."""
+        """Raise SceneError, naming the field, if the device does not have so many free bytes."""
         if not simulated():
             require(needed, memory_info()[0], field, value, "GPU memory")
 
     def _require_rows(self, sheet: str) -> None:
-        """Raise SceneError where a launch of blocks over the sheet has more of them than CUDA takes."""
+        """Raise SceneError if a launch of blocks over the sheet has more of them than CUDA allows."""
         if -(-self.body.rows // BLOCK[1]) > MAX_BLOCKS_DOWN:
             most = MAX_BLOCKS_DOWN * BLOCK[1]
             raise SceneError(f"{sheet}.rows", self.body.rows, f"at most {most} rows on the gpu; turn the sheet")
 
     def _start(self, threads: int = 256) -> None:
-        """Everything that a step needs, on the device, in the state at time 0. `threads`: of a block of `_flat`."""
+        """Allocate everything for a step on the device, in the state at time 0. `threads`: of a block of `_flat`."""
         rows, columns = self.body.rows, self.body.columns
         self.stream = new_stream() if self.stream is None else self.stream
         self._flat = self._over(self.particle_count, threads)
@@ -87,16 +88,16 @@ class CudaSimulation(Simulation):
         self.reset()
 
     def _over(self, count: int, threads: int) -> tuple[int, int, Any]:
-        """A launch of at least `count` threads, `threads` a block."""
+        """Return a launch of at least `count` threads, `threads` per block."""
         return max(1, -(-count // threads)), threads, self.stream
 
     def on_device(self, array: np.ndarray) -> Any:
-        """A flat copy of an array; of an empty one, which kernels do not take, a quad of zeros."""
+        """Return a flat device copy of an array; for an empty one, which kernels do not take, a quad of zeros."""
         flat = np.ascontiguousarray(array).reshape(-1)
         return cuda.to_device(flat if flat.size else np.zeros(4, array.dtype), stream=self.stream)
 
     def zeros(self, count: int, dtype: Any) -> Any:
-        """A flat device array of zeros, which are made there."""
+        """Return a flat device array of zeros, written on the device."""
         if simulated():
             return self.on_device(np.zeros(count, dtype))
         found: Any = cuda.device_array(count, dtype, stream=self.stream)
@@ -105,14 +106,14 @@ class CudaSimulation(Simulation):
 
     @abstractmethod
     def new_array(self) -> Any:
-        """A device array of zeros for one quantity of every particle."""
+        """Return a device array of zeros for one quantity of every particle."""
 
     @abstractmethod
     def _allocate(self) -> None:
-        """Everything on the device."""
+        """Allocate everything on the device."""
 
     def _allocate_state(self) -> None:
-        """What every solver has there; `_integers` has been set."""
+        """Allocate the common arrays of all solvers; `_integers` must be set."""
         self.position, self.velocity = [self.new_array(), self.new_array()], [self.new_array(), self.new_array()]
         self.kept_position, self.kept_velocity = self.new_array(), self.new_array()
         self._current = 0
@@ -126,7 +127,7 @@ class CudaSimulation(Simulation):
         """Compile and load every kernel."""
 
     def _build_or_explain(self) -> None:
-        """`_build`; where the driver does not take the compiler's code, with what to do about it."""
+        """Run `_build`; if the driver rejects the compiler's code, raise an error with the remedy."""
         try:
             self._build()
         except Exception as error:
@@ -146,11 +147,11 @@ class CudaSimulation(Simulation):
             self._counter.copy_to_device(np.array([step], np.int64), stream=self.stream)
 
     def _repeat(self, launches: int, launch: Callable[[int, int], None], passes: int) -> None:
-        """`launches` launches of `passes` passes each, through graphs where they are used."""
+        """Do `launches` launches of `passes` passes each, through graphs if they are used."""
         if self._graphs is not None:
             parity = self._current
             launches = self._graphs.run(parity, launches)
-            self._current = parity  # a graph holds an even number of launches
+            self._current = parity  # a graph has an even number of launches
         if launches:
             launch(self._current, launches)
             self._count_on(launches * passes)
@@ -176,11 +177,11 @@ class CudaSimulation(Simulation):
         return -1 if bad == NOTHING_BAD else bad
 
     def _middle(self) -> tuple[Any, ...]:
-        """(x, y, z) [m] of the scene's centre, from which divergence is measured; a plane lies at z = 0."""
+        """Return (x, y, z) [m] of the scene's centre, from which divergence is measured; a plane is at z = 0."""
         return tuple(map(self.real, (*self._centre, 0.0)[:3]))
 
     def fetch(self, array: Any) -> int:
-        """The first number of a device array, once everything asked for has been done."""
+        """Return the first number of a device array, after everything queued is done."""
         host = array.copy_to_host(stream=self.stream)
         self.synchronize()
         return int(host[0])
@@ -193,7 +194,7 @@ class CudaSimulation(Simulation):
 
     @abstractmethod
     def _to_host(self, array: Any) -> np.ndarray:
-        """A device array of the state as (particles, dimensions)."""
+        """Return a device array of the state as (particles, dimensions)."""
 
     def _download(self) -> tuple[np.ndarray, np.ndarray]:
         return self._to_host(self.position[self._current]), self._to_host(self.velocity[self._current])
@@ -211,11 +212,11 @@ class CudaSimulation(Simulation):
         return into
 
     def _normal_arguments(self) -> tuple[Any, ...]:
-        """What `write_normal` wants to know of the sheet besides positions."""
+        """Return the arguments of `write_normal` about the sheet, besides positions."""
         return np.int32(self.body.rows), np.int32(self.body.columns)
 
     def _read_normal(self, into: Any) -> Any:
-        """Unit vertex normals (particles, 3) of a cloth, computed on the device: see `write_normal` in
+        """Return unit vertex normals (particles, 3) of a cloth, computed on the device by `write_normal` of
         mass_spring/cloth/kernels.py."""
         on_device = into is not None and hasattr(into, "__cuda_array_interface__")
         if not on_device and self._normals is None:

@@ -1,6 +1,6 @@
-"""What the position-based solvers on CUDA share: steps of many launches, captured in graphs of many steps.
+"""Common parts of the position-based solvers on CUDA: steps of many launches, captured in graphs of many steps.
 
-A solver launches a substep (`_substep`), and says of how many launches a step is (`_launches`).
+A solver implements `_substep`, the launches of a substep, and `_launches`, their number per step.
 """
 
 from __future__ import annotations
@@ -14,21 +14,24 @@ from gpu_backend.core.quad_simulation import QuadSimulation
 from model.core.options import unknown_kernel
 from model.scene.scene import Scene
 
-MAX_NODES = 4096  # launches of one graph
-LARGEST_CHUNK = 256  # steps of one graph
+MAX_NODES = 4096  # launches per graph
+LARGEST_CHUNK = 256  # steps per graph
 KERNELS = ("graph", "launch", "stages")
 
 
 def launched_kernel(wanted: str | None, what: str, more: tuple[str, ...] = ()) -> str:
-    """The kernel `wanted`, or the fastest there is, of solvers that only launch; `more`: kernels that are there besides, for
-    the message. Raises SceneError for any other."""
+    """Return the kernel `wanted`, or the fastest available, of solvers that only launch. Raises SceneError for any
+    other.
+
+    `more`: further kernels of the solver, for the message.
+    """
     if wanted is not None and wanted not in KERNELS:
         raise unknown_kernel(wanted, (*more, *KERNELS), f"for {what} on the gpu")
     return wanted or ("graph" if can_capture() else "launch")
 
 
 class Launched:
-    """Steps of substeps, by launches; see CudaSimulation for what `_graphs`, `_current`, `_count_on`, `_set_counter` are."""
+    """Steps of substeps, by launches; CudaSimulation defines `_graphs`, `_current`, `_count_on`, `_set_counter`."""
 
     scene: Scene
     _graphs: Graphs | None
@@ -38,12 +41,13 @@ class Launched:
 
     @abstractmethod
     def _substep(self, place: int, substep: int) -> None:
-        """Launch one substep, from the current buffers into the others; `place`: the step's after the counter."""
+        """Launch one substep, from the current buffers into the others; `place`: number of the step after the
+        counter."""
 
     @property
     @abstractmethod
     def _launches(self) -> int:
-        """Of a step."""
+        """Number of launches of a step."""
 
     def _launch(self, parity: int, steps: int) -> None:
         """Launch `steps` steps, the first from the buffers `parity`."""
@@ -69,19 +73,20 @@ class Launched:
 
 
 class SubstepSimulation(Launched, QuadSimulation):
-    """A position-based simulation on the GPU. See model/core/simulation.py for the contract.
+    """A position-based simulation on the GPU; model/core/simulation.py defines the contract.
 
-    A substep in three is one that others may take part in, before and after each iteration (gpu_backend/world)."""
+    A substep in three parts allows others to take part, before and after each iteration (gpu_backend/world).
+    """
 
     def _substep(self, place: int, substep: int) -> None:
-        """See Launched."""
+        """Launch a substep (see Launched)."""
         self.begin_substep(place, substep)
         for iteration in range(self.scene.method.iterations):
             self.iterate(iteration)
         self.end_substep(place, substep)
 
     def begin_substep(self, place: int, substep: int) -> None:
-        """Launch what predicts, into the other buffers, which then are the current ones, and searches."""
+        """Launch the prediction, into the other buffers, which become the current ones, and the search."""
         raise NotImplementedError
 
     def iterate(self, iteration: int) -> None:
@@ -89,16 +94,16 @@ class SubstepSimulation(Launched, QuadSimulation):
         raise NotImplementedError
 
     def end_substep(self, place: int, substep: int) -> None:
-        """Launch what ends a substep."""
+        """Launch the end of a substep."""
         raise NotImplementedError
 
     @property
     def inertial(self) -> Any:
-        """Where particles would be by inertia, quads, of solvers that come back to it in each iteration: what others do to
-        their particles is done to these places, too; else None."""
+        """Inertial positions, quads, of solvers that return to them in each iteration, else None. Displacements of
+        particles by other solvers must be applied to these, too."""
         return None
 
     @property
     def substep_start(self) -> Any:
-        """Positions with which the substep began, quads."""
+        """Positions at the start of the substep, quads."""
         return self.position[1 - self._current]

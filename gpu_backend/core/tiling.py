@@ -1,10 +1,10 @@
-"""How a grid is cut into tiles that overlap: pure arithmetic, for the kernels, their launches and their tests.
+"""Partition of a grid into overlapping tiles: pure arithmetic, for the kernels, their launches and their tests.
 
-A tile of a block is `columns` wide and `strips * strip` rows high; each thread holds a strip of `strip` masses of one
-column in registers. Advanced by itself, a tile loses one ring of masses a step, those that a neighbour outside would
-have pulled. So it carries a halo: with `halo` rings a block can do `halo` steps before it must look at its neighbours,
-and it owns, and writes, what lies inside. Tiles start every (size - 2 halo) masses; at the grid's own edges nothing is
-lost, so the first and the last tile own up to the edge.
+A tile of a block is `columns` wide and `strips * strip` rows high; each thread has a strip of `strip` masses of one
+column in registers. Advanced by itself, a tile loses one ring of masses per step, those that an outside neighbour would
+have pulled. So it has a halo: with `halo` rings a block can do `halo` steps before it must read its neighbours, and it
+owns, and writes, the interior. Tiles start every (size - 2 halo) masses; at the grid's own edges nothing is lost, so
+the first and the last tile own up to the edge.
 """
 
 from __future__ import annotations
@@ -35,12 +35,12 @@ class Tile:
 
     @property
     def name(self) -> str:
-        """Such as 64x8x8h4: columns, strips, masses a strip, halo."""
+        """Such as 64x8x8h4: columns, strips, masses per strip, halo."""
         return f"{self.columns}x{self.strips}x{self.strip}h{self.halo}"
 
 
 def tile_count(masses: int, size: int, halo: int) -> int:
-    """Tiles along an axis of `masses`, for tiles of `size` with `halo`.
+    """Return the number of tiles along an axis of `masses`, for tiles of `size` with `halo`.
 
     The last tile reaches the edge, and owns more than `halo` masses, so that a halo never spans two neighbours.
     """
@@ -50,7 +50,8 @@ def tile_count(masses: int, size: int, halo: int) -> int:
 
 
 def owned(index: int, count: int, masses: int, size: int, halo: int) -> tuple[int, int, int]:
-    """(first mass of tile `index` of `count`, first mass it owns, first mass after those it owns) along an axis."""
+    """Return (first mass of tile `index` of `count`, first mass it owns, first mass after those it owns) along an
+    axis."""
     start = index * (size - 2 * halo)
     first = start + halo if index > 0 else 0
     end = start + size - halo if index < count - 1 else masses
@@ -58,7 +59,7 @@ def owned(index: int, count: int, masses: int, size: int, halo: int) -> tuple[in
 
 
 def whole_strips(rows: int, tile: Tile) -> bool:
-    """Whether the grid's last row is the last of a strip in every tile: then no strip is cut by the edge.
+    """Return True if the grid's last row is the last of a strip in every tile: then the edge cuts no strip.
 
     Tiles start at multiples of (tile.rows - 2 halo), which must be a whole number of strips too.
     """

@@ -1,4 +1,4 @@
-"""What a mass's step reads beside the masses: it travels through device functions as one thing."""
+"""Data that a mass's step reads besides the masses, passed through device functions as one object."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 
 
 class World(NamedTuple):
-    """`parameters`: the constants, by name, a record or its values in registers; `colliders`: rows of colliders, of motions
-    and of pins, flat (model/mass_spring/cloth_parameters.py); `integers`: of core/integers.py."""
+    """`parameters`: the constants, by name, a record or its values in registers; `colliders`: rows of colliders, of
+    motions and of pins, flat (model/mass_spring/cloth_parameters.py); `integers`: of core/integers.py."""
 
     parameters: Any
     colliders: Any
@@ -15,7 +15,7 @@ class World(NamedTuple):
 
 
 class Cell(NamedTuple):
-    """A mass's place in its sheet: in row `i` of `rows` and column `j` of `columns`."""
+    """Position of a mass in its sheet: row `i` of `rows` and column `j` of `columns`."""
 
     i: Any
     j: Any

@@ -1,6 +1,6 @@
-"""Bodies that never meet on several GPUs of one host, in one process: each share on a GPU, which is told nothing of others.
+"""Bodies that never touch, on several GPUs of one host, in one process: each subset on a GPU, without communication.
 
-Everything is asked of streams in turn, and nothing waits on the host, so that shares step beside one another.
+All work is queued on streams, and nothing waits on the host, so subsets step concurrently.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from model.scene.scene import Scene
 
 
 class GpuBodies(OnGpus, SharedBodies):
-    """Shares on the GPUs of this machine, `count` of them."""
+    """Subsets on the GPUs of this machine, `count` of them."""
 
     def __init__(self, scene: Scene, options: Options, count: int, steps: int | None = None):
         found = division(scene, count, steps, "--gpus")

@@ -1,4 +1,4 @@
-"""Which GPUs have the windows of a sheet, and whether each reaches into its neighbours' memory."""
+"""Assignment of a sheet's windows to GPUs, and access between their memories."""
 
 from __future__ import annotations
 
@@ -15,25 +15,25 @@ from numba import cuda
 from gpu_backend.core.device import require_gpu, simulated
 from model.core.errors import BackendUnavailable
 
-SHARE = "SOFTLAB_SHARE_GPU"  # set to 1: more windows than GPUs take turns on those that there are
+SHARE = "SOFTLAB_SHARE_GPU"  # set to 1: more windows than GPUs share the available ones
 ALREADY_ENABLED = 704  # CUDA_ERROR_PEER_ACCESS_ALREADY_ENABLED
 
 
 def gpu_count() -> int:
-    """GPUs of this machine; 1 under the simulator. Raises BackendUnavailable where there is none."""
+    """Return the number of GPUs of this machine; 1 under the simulator. Raises BackendUnavailable if there is none."""
     require_gpu()
     return len(cuda.gpus)
 
 
 def sharing() -> bool:
-    """Whether windows may take turns on a GPU: to try a decomposition where there are fewer GPUs than windows."""
+    """Return True if windows may share a GPU: to try a decomposition with fewer GPUs than windows."""
     return simulated() or os.environ.get(SHARE, "0") not in ("0", "")
 
 
 def devices_for(count: int) -> list[int]:
-    """The number of the GPU of each of `count` windows. Raises BackendUnavailable where there are not so many.
+    """Return the number of the GPU of each of `count` windows. Raises BackendUnavailable if there are too few.
 
-    Where there are several, what numba would free twice at the end of the process is freed once.
+    With several GPUs, memory that numba would free twice at the end of the process is freed once.
     """
     here = gpu_count()
     if count > here and not sharing():
@@ -48,7 +48,7 @@ def devices_for(count: int) -> list[int]:
 
 @cache
 def _unload_once_at_exit() -> None:
-    """Before numba's own end: what was registered last is called first."""
+    """Register `unload_once` before numba's own exit: the last registered function runs first."""
 
     def end() -> None:
         used = (gpu.primary_context for gpu in cuda.gpus)
@@ -58,10 +58,10 @@ def _unload_once_at_exit() -> None:
 
 
 def unload_once(modules: Iterable[Mapping[Any, Any]]) -> None:
-    """See to it that each library of kernels is unloaded by one GPU alone; `modules`: what each GPU has loaded.
+    """Make one GPU only unload each library of kernels; `modules`: the libraries that each GPU has loaded.
 
-    numba-cuda 0.30.4 loads a library of kernels once for all GPUs, but notes it as loaded by each that runs one, and unloads
-    it at the end of the process as often: "double free or corruption".
+    numba-cuda 0.30.4 loads a library of kernels once for all GPUs, but records it as loaded by each that runs one, and
+    unloads it at the end of the process as often: "double free or corruption".
     """
     seen = set()
     for loaded in modules:
@@ -73,19 +73,20 @@ def unload_once(modules: Iterable[Mapping[Any, Any]]) -> None:
 
 
 def at(device: int) -> AbstractContextManager[Any]:
-    """Everything within is asked of that GPU."""
+    """Return the context in which work is queued on that GPU."""
     found: AbstractContextManager[Any] = cuda.gpus[device]
     return found
 
 
 def new_event() -> Any:
-    """An event of the GPU that is spoken to, without a time; None under the simulator, whose streams are always done."""
+    """Return an event of the current GPU, without timing; None under the simulator, whose streams are always done."""
     api: Any = cuda
     return None if simulated() else api.event(timing=False)
 
 
 def connect(devices: Sequence[int]) -> None:
-    """Let neighbours read and write each other's memory. Raises BackendUnavailable where the hardware does not."""
+    """Let neighbours read and write each other's memory. Raises BackendUnavailable if the hardware does not support
+    it."""
     if simulated():
         return
     for one, other in pairwise(devices):
@@ -95,7 +96,7 @@ def connect(devices: Sequence[int]) -> None:
 
 
 def can_reach(here: int, there: int) -> bool:
-    """Whether GPU `here` can read and write the memory of GPU `there`."""
+    """Return True if GPU `here` can read and write the memory of GPU `there`."""
     with at(here):
         return bool(cuda.current_context().can_access_peer(there))
 

@@ -1,8 +1,8 @@
 """Borders written into the neighbour's memory, with a flag that a kernel there waits for: no event, no host in between.
 
-So a whole cycle, as many steps as the halo lasts and an exchange, is captured once in a graph of each GPU, and many cycles
-are replayed for the price of one launch. A wait has an end, then a look at the state says that the neighbour is lost.
-Windows that share a GPU take turns instead: all have pushed before the first of them looks.
+So a whole cycle, as many steps as the halo lasts and an exchange, is captured once in a graph of each GPU, and many
+cycles are replayed for the cost of one launch. A wait has a timeout, after which a check of the state reports the
+neighbour as lost. Windows that share a GPU alternate instead: all have pushed before the first of them waits.
 """
 
 from __future__ import annotations
@@ -26,14 +26,16 @@ from model.domains.decomposition import Border, Decomposition
 from model.domains.exchange import Exchange
 from model.scene.scene import Scene
 
-FROZEN = ("resident", "stages")  # kernels whose launches carry numbers that a graph would freeze
-CHUNKS = (16, 4, 2)  # cycles of a graph: even, so that buffers are back in place; more would save no time
+FROZEN = ("resident", "stages")  # kernels whose launches have numbers that a graph would freeze
+CHUNKS = (16, 4, 2)  # cycles per graph: even, so that buffers are back in place; more would save no time
 
 
 class FlagExchange(Exchange):
-    """See Exchange. `windows`: as of PeerExchange. Of each border the receiver's GPU has an inbox, flags, and how many
-    exchanges it took, the sender's how many its blocks sent; of each window its GPU has whether an exchange failed. `alone`:
-    each has its own GPU."""
+    """Exchange by flags (see Exchange). `windows`: as of PeerExchange.
+
+    For each border the receiver's GPU has an inbox, flags, and the number of exchanges it took, the sender's the number
+    its blocks sent; for each window its GPU has a flag of failed exchanges. `alone`: true if each has its own GPU.
+    """
 
     def __init__(self, windows: Sequence[Any], decomposition: Decomposition, devices: Sequence[int]):
         self.windows, self.decomposition, self.devices = windows, decomposition, devices
@@ -61,8 +63,8 @@ class FlagExchange(Exchange):
             return found
 
     def _load(self) -> None:
-        """Compile and load every kernel on every GPU, by an exchange that moves nothing: a kernel that is loaded while
-        another one waits could hold up what it waits for."""
+        """Compile and load every kernel on every GPU, by an exchange of no data: loading a kernel while another one
+        waits could block the kernel that it waits for."""
         for give in (True, False):
             for place, window in enumerate(self.windows):
                 with at(self.devices[place]):
@@ -71,11 +73,12 @@ class FlagExchange(Exchange):
                     window.synchronize()
 
     def _launch(self, border: Border, stream: Any) -> tuple[int, int, Any]:
-        """Under the simulator, which runs every thread of every block, two small ones."""
+        """Return the launch configuration; under the simulator, which runs every thread of every block, two small
+        blocks."""
         return (2, 8, stream) if simulated() else (blocks_for(self._count(border)), THREADS, stream)
 
     def push(self, border: Border, stream: Any, nothing: bool = False) -> None:
-        """A border into the inbox of its target; asked of its source's GPU."""
+        """Push a border into the inbox of its target; queued on its source's GPU."""
         state, count = self.states[border.source], 0 if nothing else self._count(border)
         self._kernels.push[self._launch(border, stream)](
             *state.now, np.int32(border.from_row * state.row), np.int32(count), self._inbox[border], self._flags[border],
@@ -83,7 +86,7 @@ class FlagExchange(Exchange):
         )  # fmt: skip
 
     def take(self, border: Border, stream: Any, nothing: bool = False) -> None:
-        """A halo from the inbox, once it is there; asked of its target's GPU."""
+        """Copy a halo from the inbox, once it has arrived; queued on its target's GPU."""
         state, count = self.states[border.target], 0 if nothing else self._count(border)
         launch = self._launch(border, stream)
         self._kernels.wait[1, MOST_BLOCKS, stream](
@@ -99,7 +102,7 @@ class FlagExchange(Exchange):
                 for border in self.out[place]:
                     self.push(border, window.stream)
         if not self.alone:
-            for window in self.windows:  # nothing may wait on a GPU for what it keeps from running there
+            for window in self.windows:  # a wait on a GPU must not block the work that it waits for
                 window.synchronize()
 
     def wait(self) -> None:
@@ -109,7 +112,7 @@ class FlagExchange(Exchange):
                     self.take(border, window.stream)
 
     def require_answers(self) -> None:
-        """Raises BackendUnavailable where a window waited in vain."""
+        """Raise BackendUnavailable if a window timed out."""
         for place, window in enumerate(self.windows):
             with at(self.devices[place]):
                 if window.fetch(self.failed[place]) != 0:
@@ -120,8 +123,10 @@ class FlagExchange(Exchange):
 
 
 class FlagSimulation(PeerSimulation):
-    """As PeerSimulation, with a FlagExchange, and cycles in graphs where each window has a GPU to itself. `graphs`: also
-    where they share one, on which windows of kernels that do not fill it run beside one another (for tests)."""
+    """As PeerSimulation, with a FlagExchange, and cycles in graphs if each window has its own GPU.
+
+    `graphs`: also if they share one, on which windows of kernels that do not fill it run concurrently (for tests).
+    """
 
     exchange: FlagExchange
     _bands: Sequence[Bands | None] = ()
@@ -144,7 +149,7 @@ class FlagSimulation(PeerSimulation):
         return exchange
 
     def _bands_of(self, place: int) -> Bands | None:
-        """Bands of a window, so that an exchange holds up only the rows at its edge."""
+        """Return the bands of a window, so that an exchange only delays the rows at its edge."""
         window, touched = self.windows[place], 2 * self.decomposition.halo
         if window.kernel != "tiles" or not hasattr(window._tiles, "bands") or "middle" in window._passes:
             return None
@@ -158,7 +163,7 @@ class FlagSimulation(PeerSimulation):
 
         def launch(parity: int, count: int) -> None:
             window._current = parity
-            kept, window._graphs = window._graphs, None  # whose launches are captured one by one
+            kept, window._graphs = window._graphs, None  # so that its launches are captured one by one
             try:
                 for _ in range(count):
                     window._run(self.decomposition.steps)
@@ -189,12 +194,13 @@ class FlagSimulation(PeerSimulation):
         super()._run_windows(first + done, steps - done)
 
     def _replay_cycles(self, cycles: int) -> int:
-        """Steps of windows done in graphs of an even number of cycles, after which every buffer is back in its place."""
+        """Return the number of steps of windows done in graphs of an even number of cycles, after which every buffer is
+        back in its place."""
         left = cycles
         for chunk in CHUNKS:
             if left < chunk:
                 continue
-            for place, window in enumerate(self.windows):  # all, before the first of them waits for another
+            for place, window in enumerate(self.windows):  # all are launched before the first of them waits for another
                 with self._at(place):
                     parity = window._current
                     self._cycles[place].ready(parity, chunk)
@@ -223,5 +229,5 @@ class FlagSimulation(PeerSimulation):
 
 
 def _edge(below: bool) -> int:
-    """Which of a window's bands lies at its edge below, or above."""
+    """Return the index of a window's band at its edge below, or above."""
     return -1 if below else 0

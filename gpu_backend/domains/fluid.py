@@ -1,7 +1,7 @@
-"""A fluid on several GPUs of one host, in one process, by slabs of space: a window is the ordinary fluid, by stages, as one
-with a sink that nobody is in is stepped: of its particles those that are there come first.
+"""A fluid on several GPUs of one host, in one process, by slabs of space.
 
-What windows tell each other goes through the host.
+A window is an ordinary fluid, run by stages, like a fluid with an empty sink: its active particles come first. Windows
+communicate through the host.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from model.scene.scene import Scene
 
 
 class FluidWindow(Fluid):
-    """See model/domains/shared_fluid.py. Arrays have room for all of the scene's particles."""
+    """The window of a GPU (model/domains/shared_fluid.py). Arrays have capacity for all of the scene's particles."""
 
     @property
     def _flows(self) -> bool:
@@ -37,37 +37,37 @@ class FluidWindow(Fluid):
         super()._allocate()
 
     def run_stage(self, name: str, moment: Moment) -> None:
-        """One of the plan's."""
+        """Run one stage of the plan."""
         self.stages[name](moment)
 
     def box(self) -> np.ndarray:
-        """(6,) float64 [m]: the lowest predicted places, then the highest ones."""
+        """Return (6,) float64 [m]: the lowest predicted positions, then the highest ones."""
         boxes = self.cells.boxes.copy_to_host(stream=self.stream)
         self.synchronize()
         boxes = boxes.reshape(-1, BOX).astype(np.float64)
         return np.concatenate([boxes[:, :AXES].min(axis=0), boxes[:, AXES:].max(axis=0)])
 
     def take_box(self, box: np.ndarray) -> None:
-        """Sort into the cells of that one."""
+        """Use this box for the sort into cells."""
         boxes = np.tile(box.astype(self.real), self.cells.blocks)
         self.cells.boxes.copy_to_device(boxes, stream=self.stream)
         self.synchronize()
 
     def particles(self) -> tuple[np.ndarray, np.ndarray]:
-        """(numbers (n,), positions and velocities (2 x dimensions, n)) of those that are there."""
+        """Return (numbers (n,), positions and velocities (2 x dimensions, n)) of the active particles."""
         now, axes = self._current, self.scene.dimensions
         particle = self.particle[now].copy_to_host(stream=self.stream)
         self.synchronize()
         number = self._among(particle)
         found = []
         for array in (self.position[now], self.velocity[now]):
-            quads = array[: SIZE * max(1, len(number))].copy_to_host(stream=self.stream)  # no array is empty there
+            quads = array[: SIZE * max(1, len(number))].copy_to_host(stream=self.stream)  # arrays there cannot be empty
             self.synchronize()
             found.append(quads.reshape(-1, SIZE)[: len(number), :axes].T)
         return number, np.concatenate(found)
 
     def hold(self, number: np.ndarray, values: np.ndarray) -> None:
-        """Take those in the place of all that were there."""
+        """Replace all active particles by these."""
         now, axes, count = self._current, self.scene.dimensions, len(number)
         fluid = self.scene.fluid_set.fluid[number]
         for array, some, fourth in (
@@ -83,7 +83,7 @@ class FluidWindow(Fluid):
         self.synchronize()
 
     def multipliers_at(self, places: np.ndarray) -> np.ndarray:
-        """Of the last substep [m^2], by where particles lay after it."""
+        """Return the multipliers of the last substep [m^2], by place after it."""
         found: np.ndarray = self.multipliers.copy_to_host(stream=self.stream)
         self.synchronize()
         return found[places]

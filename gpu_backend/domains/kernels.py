@@ -1,13 +1,13 @@
-"""The kernels that carry borders of a sheet between windows. A border is neighbouring rows, and so one run of bytes of the
-positions and one of the velocities: they are moved as they are, in units of 16 bytes, whatever numbers they hold.
+"""The kernels that transfer borders of a sheet between windows. A border is neighbouring rows, and so one run of bytes
+of the positions and one of the velocities: they are copied unchanged, in units of 16 bytes, whatever numbers they are.
 
-`pull`: a window reads its halo from its neighbour's state, once events say that it is there; `pull_some`: the same of
-particles of a mesh, which lie anywhere. `push`: it writes its border
-into the neighbour's inbox, each block raises a flag of its own there, and counts its exchanges; `wait`: it waits for its own
-flags; `take`, launched behind it: it reads its inbox.
+`pull`: a window reads its halo from its neighbour's state, once events mark it as complete; `pull_some`: the same for
+particles of a mesh, at any places. `push`: it writes its border into the neighbour's inbox, each block sets its own
+flag there, and counts its exchanges; `wait`: it waits for its own flags; `take`, launched behind it: it reads its
+inbox.
 
-Two halves of an inbox in turn are enough: a window pushes number n + 2 only after it took number n + 1, which the neighbour
-pushed after it had taken number n.
+Two alternating halves of an inbox are enough: a window pushes number n + 2 only after it took number n + 1, which the
+neighbour pushed after it had taken number n.
 """
 
 from __future__ import annotations
@@ -25,29 +25,33 @@ from gpu_backend.core.pairs import load_pair, store_pair
 from gpu_backend.domains.system_flags import nanoseconds, raise_system_flag, read_system_flag
 
 FLAG_STRIDE = 32  # int32 between two flags: a 128-byte line each
-THREADS = 512  # of a block of push and take
-MOST_BLOCKS = 64  # of them: what is on its way at once fills the link, and few places are taken from all else
+THREADS = 512  # per block of push and take
+MOST_BLOCKS = 64  # maximum number: the bytes in flight fill the link, and few multiprocessors are occupied
 PATIENCE = 20_000_000_000  # ns that a block waits for a neighbour
-LOOKS = 255  # at a flag between two at the clock; of a binary number, all ones
+LOOKS = 255  # checks of a flag between two of the clock; all binary digits are ones
 
 
 def unit_of(real: Any, dimensions: int, columns: int) -> Any:
-    """The type as which a border's bytes are moved: 16 bytes, or 8 where rows of pairs of float32 are not whole ones."""
+    """Return the type in which a border's bytes are copied: 16 bytes, or 8 if rows of pairs of float32 are not a
+    multiple."""
     return np.complex64 if dimensions == 2 and real is np.float32 and columns % 2 else np.complex128
 
 
 def blocks_for(units: int) -> int:
-    """Of push and take, for a border of so many units of each array."""
+    """Return the blocks of push and take, for a border of so many units of each array."""
     return max(1, min(MOST_BLOCKS, -(-units // THREADS)))
 
 
 @cache
 def make_border_kernels(unit: Any) -> SimpleNamespace:
-    """`pull`, `pull_some`, `push`, `wait`, `take`; see the inner functions. Arrays of positions and velocities are flat, of
-    the complex type `unit` (see `unit_of`), in which all counts are; an inbox is too, for two exchanges both."""
+    """Compile `pull`, `pull_some`, `push`, `wait`, `take`; see the inner functions.
+
+    Arrays of positions and velocities are flat, of the complex type `unit` (see `unit_of`), in which all counts are; so
+    is an inbox, for two exchanges of both.
+    """
 
     def pull(position, velocity, first, new_position, new_velocity, to, count):
-        """Units `first` ... of a neighbour's state become units `to` ... of one's own."""
+        """Copy units `first` ... of a neighbour's state to units `to` ... of the own state."""
         k = np.int32(cuda.grid(1))
         if k < count:
             p, v = load_pair(position, np.int32(first + k)), load_pair(velocity, np.int32(first + k))
@@ -55,7 +59,7 @@ def make_border_kernels(unit: Any) -> SimpleNamespace:
             store_pair(new_velocity, np.int32(to + k), v.real, v.imag)
 
     def pull_some(position, velocity, places, new_position, new_velocity, new_places, count):
-        """Unit `places[k]` of a neighbour's state becomes unit `new_places[k]` of one's own, k < count."""
+        """Copy unit `places[k]` of a neighbour's state to unit `new_places[k]` of the own state, k < count."""
         k = np.int32(cuda.grid(1))
         if k < count:
             p, v = load_pair(position, places[k]), load_pair(velocity, places[k])
@@ -63,8 +67,8 @@ def make_border_kernels(unit: Any) -> SimpleNamespace:
             store_pair(new_velocity, new_places[k], v.real, v.imag)
 
     def push(position, velocity, first, count, inbox, flags, sent):
-        """Units `first` ... into the neighbour's `inbox` (4 x count units), its half told by the exchange's number, which is
-        one more than the block has `sent`."""
+        """Copy units `first` ... into the neighbour's `inbox` (4 x count units), into the half given by the exchange's
+        number, which is one more than the block has `sent`."""
         block = np.int32(cuda.blockIdx.x)
         number = np.int32(sent[block] + 1)
         half = np.int32((number & 1) * 2 * count)
@@ -74,14 +78,17 @@ def make_border_kernels(unit: Any) -> SimpleNamespace:
             store_pair(inbox, np.int32(half + k), p.real, p.imag)
             store_pair(inbox, np.int32(half + count + k), v.real, v.imag)
             k = np.int32(k + cuda.gridsize(1))
-        cuda.syncthreads()  # the release that follows is of what all threads of the block wrote
+        cuda.syncthreads()  # the following release covers the writes of all threads of the block
         if cuda.threadIdx.x == 0:
             raise_system_flag(flags, np.int32(block * FLAG_STRIDE), number)
             sent[block] = number
 
     def wait(flags, count, taken, failed):
-        """Until all `count` flags of the exchange after the last one `taken` are there, which it then is; `failed` (1,) is
-        set to 1 where they never come. One block of as many threads, so that little is kept from what else could run."""
+        """Wait until all `count` flags of the exchange after the last one `taken` are set, and increment `taken`.
+
+        `failed` (1,) is set to 1 on a timeout. One block of as many threads, so that most of the GPU stays free for
+        other work.
+        """
         number = np.int32(taken[0] + 1)
         flag = np.int32(cuda.threadIdx.x)
         if flag < count:
@@ -98,7 +105,7 @@ def make_border_kernels(unit: Any) -> SimpleNamespace:
             taken[0] = number
 
     def take(position, velocity, to, count, inbox, taken):
-        """What the neighbour pushed for the last exchange `taken` becomes units `to` ... of the state."""
+        """Copy the data of the last exchange `taken` to units `to` ... of the state."""
         half = np.int32((taken[0] & 1) * 2 * count)
         k = np.int32(cuda.grid(1))
         while k < count:

@@ -1,4 +1,4 @@
-"""How the GPUs of this machine are linked, as NVML tells it."""
+"""Links between the GPUs of this machine, from NVML."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Links:
 
 
 def find_links() -> Links:
-    """Asked of NVML. Raises ImportError without nvidia-ml-py, NVML's own errors without a driver."""
+    """Query NVML. Raises ImportError without nvidia-ml-py, NVML's own errors without a driver."""
     import pynvml
 
     with _started(pynvml):
@@ -47,7 +47,8 @@ def _started(library: Any) -> Iterator[None]:
 
 
 def _reach(library: Any, one: Any, other: Any) -> bool:
-    """Whether both read and write each other's memory. pynvml 13.615 has a tuple, by a comma too many, for one of these."""
+    """Return True if both read and write each other's memory. pynvml 13.615 has a tuple, by a comma too many, for one
+    of these."""
     named = library.NVML_P2P_CAPS_INDEX_READ, library.NVML_P2P_CAPS_INDEX_WRITE
     kinds = [kind[0] if isinstance(kind, tuple) else kind for kind in named]
     ways = ((one, other), (other, one))
@@ -56,7 +57,7 @@ def _reach(library: Any, one: Any, other: Any) -> bool:
 
 
 def _active(library: Any, handle: Any) -> int:
-    """NVLinks that are up; a GPU without any says that it does not know them."""
+    """Return the number of active NVLinks; a GPU without any reports them as unsupported."""
     up = 0
     for link in range(library.NVML_NVLINK_MAX_LINKS):
         try:

@@ -1,8 +1,9 @@
-"""A sheet on several GPUs, borders sent by NCCL: by one process for all GPUs of its host, or, where MPI started several, by
-each for its own, on one host or many (NVIDIA, "NCCL4Py": Communicator.init, init_all; ncclSend, ncclRecv in a group).
+"""A sheet on several GPUs, borders sent by NCCL: by one process for all GPUs of its host, or, if MPI started several,
+by each for its own, on one host or many (NVIDIA, "NCCL4Py": Communicator.init, init_all; ncclSend, ncclRecv in a
+group).
 
-NVLink multicast is left off (NCCL_NVLS_ENABLE=0), since a group of two asks for nothing of it. What is sent is resolved once:
-an exchange is a few calls of NCCL's bindings with numbers.
+NVLink multicast is off (NCCL_NVLS_ENABLE=0), since a group of two does not use it. Arguments are resolved once: an
+exchange is a few calls of NCCL's bindings with numbers.
 """
 
 from __future__ import annotations
@@ -29,26 +30,28 @@ from model.domains.simulation import cut
 from model.scene.scene import Scene
 
 INSTALL = 'pip install "nccl4py[cu13]" (or [cu12]); for several processes also the lab\'s extra mpi'
-NAP = 1e-4  # s, between two looks at an event
+NAP = 1e-4  # s, between two checks of an event
 Call = tuple[int, int, int, int, Any, int]  # address, bytes, type, neighbour, communicator, stream
 
 
 def nccl() -> Any:
-    """The module nccl.core of nccl4py. Raises BackendUnavailable."""
+    """Return the module nccl.core of nccl4py. Raises BackendUnavailable."""
     if find_spec("nccl") is None:
         raise BackendUnavailable("nccl4py is not installed", INSTALL)
     os.environ.setdefault("NCCL_NVLS_ENABLE", "0")
     try:
         import nccl.core as found
-    except ImportError as error:  # of the library that it speaks to
+    except ImportError as error:  # of the library that it calls
         raise BackendUnavailable(f"NCCL cannot be loaded ({error})", INSTALL) from None
     return found
 
 
 class NcclExchange(Exchange):
-    """See Exchange. `windows`: of this process, window k is domain `mine[k]`, on GPU `devices[k]`; `world`: MPI's processes,
-    a window each; None: this one has all. All that is sent and received in an exchange is one group on the windows' streams,
-    which order it with the steps before and after."""
+    """Exchange by NCCL (see Exchange). `windows`: of this process, window k is domain `mine[k]`, on GPU `devices[k]`.
+
+    `world`: MPI's processes, a window each; None: this one has all. All messages of an exchange are one group on the
+    windows' streams, which order it with the steps before and after.
+    """
 
     def __init__(
         self,
@@ -77,7 +80,7 @@ class NcclExchange(Exchange):
         self._done = [self._event(device) for device in devices]
 
     def _resolved(self, window: Any, group: Any, ends: Sequence[tuple[int, int, int]]) -> list[list[Call]]:
-        """Of either buffer the calls for the borders' `ends`: (first row, rows, neighbour)."""
+        """Return, for either buffer, the calls for the borders' `ends`: (first row, rows, neighbour)."""
         state, how = (
             StateUnits(window, self.decomposition.columns),
             (self._bindings.Comm(group.ptr), int(window.stream)),
@@ -106,10 +109,10 @@ class NcclExchange(Exchange):
             self._bindings.group_end()
 
     def wait(self) -> None:
-        """The streams wait by themselves; `require_answers` for how long."""
+        """Do nothing: the streams wait; `require_answers` has the timeout."""
 
     def require_answers(self) -> None:
-        """Return when all that was asked for has been done. Raises BackendUnavailable after PATIENCE."""
+        """Return when all queued work is done. Raises BackendUnavailable after PATIENCE."""
         end = time.monotonic() + PATIENCE
         for window, device, done in zip(self._windows, self._devices, self._done, strict=True):
             if done is None:
@@ -135,7 +138,7 @@ class NcclExchange(Exchange):
 
 
 class NcclSimulation(GpuWindows):
-    """The windows of this process of a sheet that `count` GPUs share; see model/domains/simulation.py."""
+    """The windows of this process of a sheet on `count` GPUs (model/domains/simulation.py)."""
 
     exchange: NcclExchange
 

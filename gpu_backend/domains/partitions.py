@@ -1,7 +1,7 @@
-"""Bodies whose meshes are stepped in partitions on several GPUs of one host, in one process: halos are read from the
+"""Bodies whose meshes are divided into partitions on several GPUs of one host, in one process: halos are read from the
 neighbours' memory after each substep, as borders of a sheet are (peers.py).
 
-The kernels that keep a whole mesh on the chip do not step a part of one: windows are launched, in graphs.
+The kernels that keep a whole mesh on the chip do not support partitions: windows are launched, in graphs.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ from model.domains.partitioned import PartitionedBodies, partitions
 from model.domains.partitions import Message, Partitions
 from model.scene.scene import Scene
 
-THREADS = 256  # of a block that reads
+THREADS = 256  # per block that reads
 
 
 class ParticlesExchange(PullExchange):
-    """Of windows of meshes."""
+    """Exchange between windows of meshes."""
 
     def __init__(self, windows: Sequence[Any], found: Partitions, devices: Sequence[int]):
         super().__init__(windows, found.messages, devices)
@@ -53,7 +53,7 @@ class ParticlesExchange(PullExchange):
 
 
 def _units(places: np.ndarray, row: int) -> np.ndarray:
-    """(n x row,) int32: where the units of particles lie, of which each has `row`."""
+    """Return (n x row,) int32: the units of particles, `row` units each."""
     return (row * places[:, None] + np.arange(row)).ravel().astype(np.int32)
 
 

@@ -1,9 +1,9 @@
-"""A sheet on several GPUs of one host, in one process: each window on a GPU, borders read from the neighbour's memory; and
-how windows of whatever read what they are sent.
+"""A sheet on several GPUs of one host, in one process: each window on a GPU, borders read from the neighbour's memory;
+and the common parts of all windows that read their messages.
 
-Everything is asked of streams in turn, nothing waits on the host: a window steps, and says so by an event; its neighbours'
-streams wait for that, read their halos, and say so by another, before which the window does not step on. Windows may share
-a GPU, then they take turns on it: no kernel waits for another, so that nothing can hang.
+All work is queued on streams, nothing waits on the host: a window steps, and records an event; its neighbours' streams
+wait for it, read their halos, and record another, which the window's next step waits for. Windows may share a GPU, then
+they alternate on it: no kernel waits for another, so nothing can hang.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ from model.scene.scene import Scene
 
 
 class PullExchange(Exchange):
-    """See Exchange. `windows`: simulations, window k on GPU `devices[k]`, each of which reads what it is sent (`_pull`).
-    `messages`: all of an exchange; `columns`: of a row of state."""
+    """Exchange by reads (see Exchange). `windows`: simulations, window k on GPU `devices[k]`, each of which reads its
+    messages (`_pull`). `messages`: all of an exchange; `columns`: of a row of state."""
 
     def __init__(self, windows: Sequence[Any], messages: Sequence[Any], devices: Sequence[int], columns: int = 1):
         self.windows, self.devices = windows, devices
@@ -59,11 +59,11 @@ class PullExchange(Exchange):
                     self._await(self._pulled[reader], window)
 
     def _pull(self, window: Any, message: Any) -> None:
-        """Ask of the window's stream that it reads what the message tells."""
+        """Queue, on the window's stream, the read of the message."""
         raise NotImplementedError
 
     def _taken(self, window: Any) -> None:
-        """What else is to be done once a window has read all."""
+        """Do further work after a window has read all messages."""
 
     def _record(self, events: Sequence[Any]) -> None:
         for place, window in enumerate(self.windows):
@@ -78,7 +78,7 @@ class PullExchange(Exchange):
 
 
 class PeerExchange(PullExchange):
-    """Of windows of a sheet."""
+    """Exchange between windows of a sheet."""
 
     def __init__(self, windows: Sequence[Any], decomposition: Decomposition, devices: Sequence[int]):
         super().__init__(windows, decomposition.borders, devices, decomposition.columns)
@@ -92,7 +92,7 @@ class PeerExchange(PullExchange):
 
 
 class GpuWindows(OnGpus, DecomposedSimulation):
-    """Windows of a sheet, the domain `mine[k]` on GPU `devices[k]`; see model/domains/simulation.py."""
+    """Windows of a sheet, the domain `mine[k]` on GPU `devices[k]` (model/domains/simulation.py)."""
 
     def __init__(self, scene: Scene, options: Options, cut: Decomposition, mine: Sequence[int], devices: Sequence[int]):
         self.devices = devices

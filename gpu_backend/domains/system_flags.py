@@ -1,5 +1,6 @@
-"""Flags between GPUs: as gpu_backend/core/blocks.py has them between blocks, but seen by all devices of the system, and the
-time, so that no wait is endless (PTX ISA, "Memory consistency model": scope .sys; "Special registers": %globaltimer)."""
+"""Flags between GPUs: like those of gpu_backend/core/blocks.py between blocks, but visible to all devices of the
+system; and the time, so that every wait has a timeout (PTX ISA, "Memory consistency model": scope .sys; "Special
+registers": %globaltimer)."""
 
 from __future__ import annotations
 
@@ -13,7 +14,7 @@ raise_system_flag, read_system_flag = make_flags("sys")
 if simulated():
 
     def nanoseconds() -> int:
-        """A clock of the device."""
+        """Return a clock of the device."""
         return time.perf_counter_ns()
 
 else:

@@ -1,4 +1,4 @@
-"""A window's state as what carries its borders sees it: rows of units of bytes, whatever numbers they hold."""
+"""A window's state for the transfer of its borders: rows of units of bytes, whatever numbers they are."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ def _address(array: Any) -> int:
 
 
 class StateUnits:
-    """Of one `window`: the device arrays of both buffers, seen as arrays of `unit` (see unit_of), `row` of them a row of
-    so many `columns`: of a mesh a particle."""
+    """The device arrays of both buffers of one `window`, viewed as arrays of `unit` (see unit_of), with `row` units per
+    row of `columns`; for a mesh, per particle."""
 
     def __init__(self, window: Any, columns: int = 1):
         axes = window.scene.dimensions
@@ -29,12 +29,12 @@ class StateUnits:
         self._both = [(p.view(self.unit), v.view(self.unit)) for p, v in both]
 
     def spans(self, row: int, rows: int) -> list[list[tuple[int, int]]]:
-        """Of either buffer the (address, bytes) of some rows: of their positions, of their velocities."""
+        """Return, for either buffer, the (address, bytes) of some rows: of their positions, of their velocities."""
         unit = np.dtype(self.unit).itemsize
         first, size = row * self.row * unit, rows * self.row * unit
         return [[(_address(array) + first, size) for array in both] for both in self._both]
 
     @property
     def now(self) -> tuple[Any, Any]:
-        """(positions, velocities) of the state."""
+        """Return (positions, velocities) of the state."""
         return self._both[self._window._current]

@@ -1,4 +1,4 @@
-"""Where windows lie on GPUs, whatever they hold."""
+"""Windows on GPUs, of any kind."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from model.scene.scene import Scene
 
 
 class OnGpus(WindowedSimulation):
-    """Window k of this process is on GPU `devices[k]`; see model/domains/windows.py."""
+    """Window k of this process is on GPU `devices[k]` (model/domains/windows.py)."""
 
     backend = "gpu"
     devices: Sequence[int]
@@ -30,7 +30,7 @@ class OnGpus(WindowedSimulation):
         return window
 
     def _tell_of_turns(self) -> None:
-        """Say so where windows take turns on a GPU."""
+        """Record in `device` that windows share a GPU."""
         count, here = len(self.devices), len(set(self.devices))
         if here < count:
             self.device = f"{count} windows on {here} x {self.windows[0].device}"

@@ -1,4 +1,4 @@
-"""What the mass-spring solvers on CUDA share: passes over the sheet, from one pair of buffers into the other."""
+"""Common parts of the mass-spring solvers on CUDA: passes over the sheet, from one pair of buffers into the other."""
 
 from __future__ import annotations
 
@@ -14,9 +14,12 @@ from model.core.errors import BackendUnavailable
 
 
 class SheetPasses(CudaSimulation):
-    """Steps of a sheet as passes over it. A solver sets `_passes` (kernels by name: `step`, or `opening`, `middle` and
-    `closing` of velocity Verlet), or `_rk4` (four kernels, a step together), `_launch` (how many equal passes are
-    launched) and `_tiles` (of kernels that work tile by tile, else None)."""
+    """Steps of a sheet as passes over it.
+
+    A solver sets `_passes` (kernels by name: `step`, or `opening`, `middle` and `closing` of velocity Verlet), or
+    `_rk4` (four kernels, together a step), `_launch` (which launches a number of equal passes) and `_tiles` (of kernels
+    on tiles, else None).
+    """
 
     _passes: dict[str, Any]
     _rk4: Sequence[Any]
@@ -25,10 +28,10 @@ class SheetPasses(CudaSimulation):
 
     @abstractmethod
     def _constants(self, number: int) -> tuple[Any, ...]:
-        """What a pass reads besides the buffers; `number`: its place after the step counter."""
+        """Return the arguments of a pass besides the buffers; `number`: its number after the step counter."""
 
     def _pass(self, name: str, number: int) -> None:
-        """Launch one pass from the current buffer into the other; `number`: its place after the step counter."""
+        """Launch one pass from the current buffer into the other; `number`: its number after the step counter."""
         source, target = self._current, 1 - self._current
         self._passes[name][self._grid](
             self.position[source], self.velocity[source], self.position[target], self.velocity[target],
@@ -43,7 +46,7 @@ class SheetPasses(CudaSimulation):
             self._pass(name, number)
 
     def _allocate_rk4(self) -> None:
-        """Two states of stages, and the sums."""
+        """Allocate two states of stages, and the sums."""
         self._stage_p, self._stage_v = [self.new_array() for _ in range(2)], [self.new_array() for _ in range(2)]
         self._total_p, self._total_v = self.new_array(), self.new_array()
 
@@ -60,7 +63,7 @@ class SheetPasses(CudaSimulation):
                 source = target
 
     def _many(self, count: int) -> None:
-        """`count` equal passes (steps of RK4), by the kernel's own way."""
+        """Do `count` equal passes (steps of RK4), in the kernel's own variant."""
         if self._tiles is None and self.kernel != "one-block":
             self._repeat(count, self._launch, 1)
             return
@@ -73,7 +76,7 @@ class SheetPasses(CudaSimulation):
             self._count_on(count)
 
     def _launch_on_chip(self, count: int) -> None:
-        """`count` passes in one launch, the sheet, or a tile of it, on the chip."""
+        """Do `count` passes in one launch, with the sheet, or a tile of it, on the chip."""
         self._tiles.launch(0, count)
 
     def _advance_steps(self, step: int, steps: int) -> None:
@@ -101,8 +104,8 @@ class SheetPasses(CudaSimulation):
 
 
 class TileLaunches:
-    """The launches of a `kernel` on tiles for one simulation, whose arrays it reads and writes: from the current state into
-    the other buffer, which then is the current one. Who derives from it sets `_kernel`, `_grid`, of `resident` `_failed`."""
+    """The launches of a `kernel` on tiles for one simulation, from its current state into the other buffer, which
+    becomes the current one. Subclasses set `_kernel`, `_grid`, and for `resident` `_failed`."""
 
     _kernel: Any
     _grid: tuple[Any, ...]
@@ -113,10 +116,10 @@ class TileLaunches:
 
     @abstractmethod
     def _arguments(self, number: int, passes: int) -> tuple[Any, ...]:
-        """What the kernel reads for `passes` passes, the first of which is `number` after the step counter."""
+        """Return the kernel's arguments for `passes` passes, the first of which is `number` after the step counter."""
 
     def launch(self, number: int, passes: int) -> None:
-        """One launch of `passes` passes, the first of which is `number` after the step counter."""
+        """Launch `passes` passes, the first of which is `number` after the step counter."""
         self._kernel[self._grid](*self._arguments(number, passes))
         self.simulation._current = 1 - self.simulation._current
         if self.kernel == "resident":
@@ -124,16 +127,16 @@ class TileLaunches:
             self._epoch = (self._epoch + exchanges + 2**31) % 2**32 - 2**31  # compared by difference: may wrap around
 
     def launch_many(self, parity: int, count: int) -> None:
-        """`count` launches of as many passes as the tile does by itself, the first from the buffer `parity`."""
+        """Do `count` launches of as many passes as the tile can do by itself, the first from the buffer `parity`."""
         self.simulation._current = parity
         for number in range(count):
             self.launch(number * self.tile.halo, self.tile.halo)
 
     def close(self) -> None:
-        """Free what it holds; nothing may be under way."""
+        """Free the bands; nothing may be running."""
 
     def require_exchange(self) -> None:
-        """Raises BackendUnavailable if a block of `resident` waited in vain for others."""
+        """Raise BackendUnavailable if a block of `resident` timed out waiting for others."""
         if self.kernel == "resident" and self.simulation.fetch(self._failed) != 0:
             self._failed.copy_to_device(np.zeros(1, np.int32), stream=self.simulation.stream)
             raise BackendUnavailable(

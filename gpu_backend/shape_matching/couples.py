@@ -1,5 +1,5 @@
-"""CUDA kernels of the couples of friction between particles (model/formulas/shape_matching/couple.py): LANES threads gather
-those of a cluster, one makes its turn of them, a thread a particle goes with those of its clusters."""
+"""CUDA kernels of the moments of friction between particles (model/formulas/shape_matching/couple.py): LANES threads
+sum those of a cluster, one computes its turn, one thread per particle turns with its clusters."""
 
 from __future__ import annotations
 
@@ -19,15 +19,18 @@ from model.formulas.shape_matching.cluster import LANES
 from model.formulas.shape_matching.couple import SUMS
 from model.shape_matching.clusters import Clusters
 
-SHARED = TOGETHER * SUMS * PITCH  # numbers of a block
-QUADS = 2  # of a cluster: its centre, its turn
+SHARED = TOGETHER * SUMS * PITCH  # numbers per block
+QUADS = 2  # per cluster: its centre, its turn
 
 
 @cache
 def make_couples(real: Any, math: str, has_rigid: bool) -> SimpleNamespace:
-    """`gather(position, couples, starts, firsts, indices, members, leans, spins)`: how all clusters turn, in blocks of
-    THREADS; `turn(position, couples, own_starts, own_clusters, own_shares, spins)`: particles, and what they had of couples
-    is 0; where bodies are rigid, `has_rigid`, it takes their `travel` last."""
+    """Compile `gather` and `turn`.
+
+    `gather(position, couples, starts, firsts, indices, members, leans, spins)`: the turns of all clusters, in blocks of
+    THREADS; `turn(position, couples, own_starts, own_clusters, own_shares, spins)`: moves particles and zeroes their
+    couples; with rigid bodies, `has_rigid`, its last argument is their `travel`.
+    """
     masses, formulas = device_formulas(pace.make, real, math), device_formulas(couple.make, real, math)
     total, carried = device_formulas(cluster.make, real, math).total, device_formulas(rigid.make, real, math).carried
     weighted, added, spin, turned, gone = masses.weighted, masses.added, formulas.spin, formulas.turned, formulas.gone
@@ -78,7 +81,7 @@ def make_couples(real: Any, math: str, has_rigid: bool) -> SimpleNamespace:
 
     @inlined(math)
     def turn_one(k, position, couples, own_starts, own_clusters, own_shares, spins):
-        """(where particle k was, where it is)."""
+        """Return (old position, new position) of particle k."""
         store_quad(couples, k, zero, zero, zero, zero)
         p, x, y, z = load_quad(position, k), zero, zero, zero
         if p[3] != zero:
@@ -112,9 +115,10 @@ def make_couples(real: Any, math: str, has_rigid: bool) -> SimpleNamespace:
 
 
 class Couples:
-    """Of `clusters`; `own` (entries,): entries in the particles' order. `sums`: quads of particles, 0 between substeps."""
+    """Couples of `clusters`; `own` (entries,): entries in the particles' order. `sums`: quads of particles, 0 between
+    substeps."""
 
-    launches = 2  # `turn`
+    launches = 2  # of `turn`
 
     def __init__(
         self, clusters: Clusters, own: np.ndarray, particles: int, parts: frozenset[str], real: Any, math: str, stream: Any
@@ -128,7 +132,7 @@ class Couples:
         self._kernels = make_couples(real, math, "rigid-motion" in parts)
 
     def turn(self, position: Any, entries: tuple[Any, ...], leans: Any, gathered: tuple[Any, ...], travel: Any) -> None:
-        """Particles where they are when the substep's contacts are projected; `travel`: of rigid bodies, or None."""
+        """Turn particles after the substep's contacts are projected; `travel`: of rigid bodies, or None."""
         self._kernels.gather[self._blocks](position, self.sums, *entries, leans, self._spins)
         given = position, self.sums, *gathered[:2], self._shares, self._spins
         self._kernels.turn[self._flat](*given, *(() if travel is None else (travel,)))

@@ -1,6 +1,6 @@
-"""CUDA kernels that damp the motion inside clusters: LANES threads gather a cluster's momenta, one makes its rigid motion of
-them, a thread a particle goes towards those of its clusters. Sums have the order of model/formulas/shape_matching/cluster.py.
-"""
+"""CUDA kernels that damp the motion within clusters: LANES threads sum a cluster's momenta, one computes its rigid
+motion, one thread per particle approaches those of its clusters. model/formulas/shape_matching/cluster.py has the order
+of sums."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ from model.formulas.shape_matching import cluster, pace
 from model.formulas.shape_matching.cluster import LANES
 from model.formulas.shape_matching.pace import MOMENTA
 
-SHARED = TOGETHER * MOMENTA * PITCH  # numbers of a block
+SHARED = TOGETHER * MOMENTA * PITCH  # numbers per block
 
 
 @cache
 def make_gather(real: Any, math: str) -> Any:
-    """gather(position, velocity, starts, firsts, indices, members, leans, motions): the rigid motions of all clusters, in
-    blocks of THREADS. `motions`: three quads of each, its centre, its velocity there, its spin."""
+    """Compile gather(position, velocity, starts, firsts, indices, members, leans, motions): the rigid motions of all
+    clusters, in blocks of THREADS. `motions`: three quads each, the centre, the velocity there, the spin."""
     formulas, total = device_formulas(pace.make, real, math), device_formulas(cluster.make, real, math).total
     weighted, added, turned, motion = formulas.weighted, formulas.added, formulas.turned, formulas.motion
     zero, one, lanes, momenta, pitch = real(0), np.int32(1), np.int32(LANES), np.int32(MOMENTA), np.int32(PITCH)
@@ -87,7 +87,8 @@ def make_gather(real: Any, math: str) -> Any:
 
 @cache
 def make_slow(real: Any, math: str) -> Any:
-    """slow_mass(p, v, k, own_starts, own_clusters, slowing, motions) -> (vx, vy, vz): of particle k, at p, moving at v."""
+    """Make slow_mass(p, v, k, own_starts, own_clusters, slowing, motions) -> (vx, vy, vz): particle k at p with
+    velocity v."""
     slowed, zero, one = device_formulas(pace.make, real, math).slowed, real(0), np.int32(1)
 
     @inlined(math)
@@ -107,11 +108,13 @@ def make_slow(real: Any, math: str) -> Any:
 
 @cache
 def make_damping_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """What ends a substep where clusters are damped, before and after `gather`: `rate(before, position, velocity,
-    own_starts, own_clusters, own_members, frames, parameters)`, the last iteration's way to the goals and velocities;
-    `slow(position, velocity, own_starts, own_clusters, slowing, motions)`; and `finish(before, position, velocity,
-    own_starts, own_clusters, slowing, motions, record, bodies, integers, counter, place, substeps, substep)`, that and
-    colliders."""
+    """Compile the kernels that end a substep with damped clusters, before and after `gather`: `rate`, `slow`, `finish`.
+
+    `rate(before, position, velocity, own_starts, own_clusters, own_members, frames, parameters)`: the last iteration's
+    displacement to the goals, and velocities; `slow(position, velocity, own_starts, own_clusters, slowing, motions)`;
+    and `finish(before, position, velocity, own_starts, own_clusters, slowing, motions, record, bodies, integers,
+    counter, place, substeps, substep)`, the same and colliders.
+    """
     points = make_motion(real, math, parts, AXES)
     rate_of, collide = points.rate_of, points.collide
     move_mass, slow_mass, clock, zero = make_move(real, math), make_slow(real, math), make_clock(math, parts), real(0)

@@ -1,8 +1,8 @@
-"""CUDA kernels of bodies: LANES threads sum a cluster up, a thread turns it, a thread a particle gathers its goals.
+"""CUDA kernels of bodies: LANES threads sum a cluster, one thread turns it, one thread per particle sums its goals.
 
 No atomics: a cluster's sums have the order of model/formulas/shape_matching/cluster.py, a particle's goals that of its
-clusters. Particles and members of clusters are quads (rest offset and mass; in a particle's order rest offset and factor),
-a cluster's frame three of them: a row of its rotation and its centre along that axis.
+clusters. Particles and members of clusters are quads (rest offset and mass; in a particle's order rest offset and
+factor), a cluster's frame three of them: a row of its rotation and its centre along that axis.
 """
 
 from __future__ import annotations
@@ -26,18 +26,21 @@ from model.formulas.shape_matching import cluster
 from model.formulas.shape_matching.cluster import LANES, MOMENTS
 
 AXES = 3
-THREADS = 128  # a block
-TOGETHER = THREADS // LANES  # clusters that a block sums up
+THREADS = 128  # per block
+TOGETHER = THREADS // LANES  # clusters that a block sums
 PITCH = LANES + 1  # of a moment's lanes in shared memory, so that threads read from different banks
-SHARED = TOGETHER * MOMENTS * PITCH  # numbers of a block
+SHARED = TOGETHER * MOMENTS * PITCH  # numbers per block
 ROWS = 3  # quads of a frame
 
 
 @cache
 def make_bodies_clusters(real: Any, math: str) -> SimpleNamespace:
-    """`sum_up(position, starts, firsts, indices, members, sums)`: the moments of all clusters, in blocks of THREADS;
-    `turn(position, firsts, leans, sums, rotation, turned, frames)`: their rotations, from `rotation` into `turned`,
-    and their frames; `move(position, own_starts, own_clusters, own_members, frames)`: particles, in place."""
+    """Compile `sum_up`, `turn` and `move`.
+
+    `sum_up(position, starts, firsts, indices, members, sums)`: the moments of all clusters, in blocks of THREADS;
+    `turn(position, firsts, leans, sums, rotation, turned, frames)`: their rotations, from `rotation` into `turned`, and
+    their frames; `move(position, own_starts, own_clusters, own_members, frames)`: particles, in place.
+    """
     formulas, turns = device_formulas(cluster.make, real, math), device_formulas(rotation.make, real, math)
     weighted, added, total = formulas.weighted, formulas.added, formulas.total
     upright, centre = formulas.upright, formulas.centre
@@ -109,8 +112,8 @@ def make_bodies_clusters(real: Any, math: str) -> SimpleNamespace:
 
 @cache
 def make_move(real: Any, math: str, ways: bool = False) -> Any:
-    """move_mass(p, k, own_starts, own_clusters, own_members, frames) -> (x, y, z): particle k, at p, towards its goals;
-    `ways`: its way to them alone."""
+    """Make move_mass(p, k, own_starts, own_clusters, own_members, frames) -> (x, y, z): particle k, at p, moved towards
+    its goals; with `ways` only its displacement."""
     formulas = device_formulas(cluster.make, real, math)
     goal, added_way, arrived = formulas.goal, formulas.added_way, formulas.arrived
     zero, one = real(0), np.int32(1)
@@ -133,13 +136,16 @@ def make_move(real: Any, math: str, ways: bool = False) -> Any:
 
 @cache
 def make_bodies_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """The two ends of a substep. `begin(position, velocity, predicted, parameters, integers)`; `finish(before, position,
-    velocity, own_starts, own_clusters, own_members, frames, record, bodies, integers, counter, place, substeps,
-    substep)`: the last iteration's way to the goals, velocities, colliders."""
+    """Compile `begin` and `finish`, start and end of a substep.
+
+    `begin(position, velocity, predicted, parameters, integers)`; `finish(before, position, velocity, own_starts,
+    own_clusters, own_members, frames, record, bodies, integers, counter, place, substeps, substep)`: the last
+    iteration's displacement to the goals, velocities, colliders.
+    """
     forces, motion = make_forces(real, math, parts), make_motion(real, math, parts, AXES)
     add_gravity, add_own, predict, settle = forces.add_gravity, forces.add_own, motion.predict, motion.settle
     move_mass, clock, zero = make_move(real, math), make_clock(math, parts), real(0)
-    no_step = np.int64(0)  # nothing of bodies depends on it
+    no_step = np.int64(0)  # no force on bodies depends on it
 
     def begin(position, velocity, predicted, record, integers):
         parameters = record[0]

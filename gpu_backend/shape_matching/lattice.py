@@ -1,4 +1,4 @@
-"""Lattices among the bodies of a CUDA device: what their kernels get, and in which order they are launched."""
+"""Lattices of bodies on a CUDA device: the arrays of their kernels, and the order of launches."""
 
 from __future__ import annotations
 
@@ -21,11 +21,12 @@ from model.shape_matching.body_set import BodySet
 from model.shape_matching.lattice import VALUES
 
 FRAME = 12
-BUSY = 2**17  # threads that keep a large device busy: a hundred multiprocessors with a thousand each
+BUSY = 2**17  # threads that occupy a large device: a hundred multiprocessors with a thousand each
 
 
 def lattice_bytes(body_set: BodySet, item: int) -> int:
-    """What the lattices of a body set take beside its particles; `item`: bytes of a number."""
+    """Return the device memory [bytes] for the lattices of a body set without its particles; `item`: bytes of a
+    number."""
     clusters = sum(one.copies * one.lattice.size for one in body_set.lattices)
     return item * clusters * (2 * PLANES + 3 * SIZE + FRAME)
 
@@ -70,7 +71,7 @@ class Lattices:
 
     @property
     def launches(self) -> int:
-        """Of an iteration."""
+        """Number of launches of an iteration."""
         return 7 * len(self.copies)
 
     def keep(self) -> None:
@@ -82,12 +83,12 @@ class Lattices:
             self.rotation.copy_to_device(self._kept, stream=self.stream)
 
     def settle(self) -> None:
-        """The rotations of the last look are the state's."""
+        """Take the rotations of the last look as the state's."""
         if self.copies:
             self.rotation.copy_to_device(self.turned, stream=self.stream)
 
     def change(self, method: Method) -> None:
-        """Follow a step that has changed."""
+        """Apply a changed step length."""
         for one, held in zip(self.copies, self._values, strict=True):
             values = one.values(method.dt / method.substeps, method.iterations).astype(self.real)
             held.copy_to_device(values, stream=self.stream)
@@ -99,7 +100,7 @@ class Lattices:
         )
 
     def _scan(self, kernel: Any, n: int, axis: int, *arrays: Any) -> None:
-        """A pass along an axis, y or z, with windows in turn as far as the device has threads enough without."""
+        """Do a pass along an axis, y or z, with as few threads per group of windows as occupy the device."""
         numbers = [int(number) for number in self._numbers[n]]
         counts, width = numbers[:3], 2 * numbers[N_REGION] + 1
         size = counts[0] * counts[1] * counts[2] * numbers[N_COPIES]
@@ -109,8 +110,8 @@ class Lattices:
         self._launch(kernel, n, threads, *arrays, np.int32(span))
 
     def match(self, position: Any, turned: Any, look: bool = False) -> None:
-        """All lattices' rotations for such positions, from those of the state into `turned`; in a `look` their frames, else
-        what masses need to be moved."""
+        """Compute all lattices' rotations at `position`, from those of the state into `turned`; with `look` their
+        frames, else the arrays that `move` needs."""
         run = self._kernels
         for n, one in enumerate(self.copies):
             each = one.copies * one.lattice.size
@@ -120,7 +121,7 @@ class Lattices:
             self._launch(run.turn, n, each, position, self._one, self.rotation, turned, self.frames, look)
 
     def move(self, position: Any) -> None:
-        """The masses of all lattices, in place, after `match`."""
+        """Move the masses of all lattices, in place, after `match`."""
         run = self._kernels
         for n, one in enumerate(self.copies):
             self._scan(run.goal_slices, n, 2, position, self._one, self._other)

@@ -1,7 +1,8 @@
-"""CUDA kernels of lattices: passes along x with a thread a mass, along y and z with a thread for a group of windows.
+"""CUDA kernels of lattices: passes along x with one thread per mass, along y and z with one thread per group of
+windows.
 
-See formulas/shape_matching/lattice.py for what is summed and in which order. Neighbouring threads work on neighbours along
-x. What is summed lies in planes of `total` numbers: the three components of differences, then those of turns, by axis.
+formulas/shape_matching/lattice.py defines the sums. Neighbouring threads process neighbours along x. Sums are in planes
+of `total` numbers: the three components of differences, then those of turns, by axis.
 """
 
 from __future__ import annotations
@@ -20,21 +21,22 @@ from model.formulas import rotation
 from model.formulas.shape_matching import lattice
 from model.shape_matching.lattice import T_CENTRE, T_COUNT, T_INVERSE, T_MASS, T_SHARE, V_MATCHING, V_SPACING, V_TURN
 
-THREADS = 128  # a block
+THREADS = 128  # per block
 PLANES = 12
-NUMBERS = 10  # of a lattice; tables: where the one of each axis begins
+NUMBERS = 10  # of a lattice; tables: offset of each axis's table
 N_X, N_Y, N_Z, N_REGION, N_COPIES, N_FIRST, N_PLACE, N_TABLE_X, N_TABLE_Y, N_TABLE_Z = range(NUMBERS)
 AXES = 3
 
 
 @cache
 def make_lattice_kernels(real: Any, math: str) -> SimpleNamespace:
-    """All of (numbers, values, tables, total, position, source, ...), of one lattice and its copies. `span`: how many windows
-    of a group a thread goes through, one after the other: many take the fewest sums, few the most threads.
+    """Compile all kernels (numbers, values, tables, total, position, source, ...) of one lattice and its copies.
 
-    `sum_lines(..., out)` without a source, `sum_slices(..., out, span)`, `sum_windows(..., out, span)`: moments; `turn(...,
-    rotation, turned, frames, look)`: rotations, and in the source ways to centres and the columns of rotations;
-    `goal_slices(..., out, span)`, `goal_lines(..., out, span)`: ways to goals, places of masses; `move_lines(...)`: masses.
+    `span`: windows of a group that a thread processes in sequence: many need the fewest sums, few use the most threads.
+    `sum_lines(..., out)` without a source, `sum_slices(..., out, span)`, `sum_windows(..., out, span)`: moments;
+    `turn(..., rotation, turned, frames, look)`: rotations, and in the source vectors to centres and columns of
+    rotations; `goal_slices(..., out, span)`, `goal_lines(..., out, span)`: displacements, positions; `move_lines(...)`:
+    masses.
     """
     found = [*_lines(real, math), *_moments(real, math), _turn(real, math), *_goals(real, math)]
     return make_kernels(found, f"lattice_{variant_name(real, math)}", **kernel_options(math))
@@ -46,7 +48,7 @@ def _lines(real: Any, math: str) -> tuple[Any, ...]:
     added_goal, moved, zero = formulas.added_goal, formulas.moved, real(0)
 
     def sum_lines(numbers, values, tables, total, position, out):
-        """Sums along x of the differences from the mass in the middle, and their turns."""
+        """Sum, along x, the differences from the mass in the middle, and their turns."""
         t, nx = np.int32(cuda.grid(1)), numbers[N_X]
         size = np.int32(nx * numbers[N_Y] * numbers[N_Z])
         if t < size * numbers[N_COPIES]:
@@ -67,8 +69,8 @@ def _lines(real: Any, math: str) -> tuple[Any, ...]:
             out[3 * total + place], out[4 * total + place], out[5 * total + place] = xx, yx, zx
 
     def move_lines(numbers, values, tables, total, position, source):
-        """Sums along x of ways to goals, and masses so much of the mean one on. Neighbours may have moved already: the source
-        has where they were, too."""
+        """Sum displacements to goals along x, and move masses by a fraction of their mean. The source also has old
+        positions, as neighbours may have moved."""
         t, nx, ny, nz = np.int32(cuda.grid(1)), numbers[N_X], numbers[N_Y], numbers[N_Z]
         size = np.int32(nx * ny * nz)
         if t < size * numbers[N_COPIES]:
@@ -103,8 +105,8 @@ def _moments(real: Any, math: str) -> tuple[Any, ...]:
     shifted, zero, one = formulas.shifted, real(0), real(1)
 
     def make_scan(name: str, upwards: bool) -> Any:
-        """Along z if `upwards`, of sums over slices, else along y, of sums along rows."""
-        turns = 2 if upwards else 1  # that there are so far
+        """Make the scan along z if `upwards`, of sums over slices, else along y, of sums along rows."""
+        turns = 2 if upwards else 1  # computed so far
         own, sums = AXES * (turns + 1), AXES * (turns + 2)
 
         def scan(numbers, values, tables, total, position, source, out, span):
@@ -227,8 +229,8 @@ def _goals(real: Any, math: str) -> tuple[Any, ...]:
     zero, one = real(0), real(1)
 
     def make_scan(name: str, upwards: bool) -> Any:
-        """Along z if `upwards`, of single clusters, else along y, of their sums along z; the columns of the rotations in
-        the order x, y, z, of which the last one is spent."""
+        """Scan along z if `upwards`, else along y, sums along z; columns of rotations in the order x, y, z, but the
+        last."""
         own = AXES * (3 if upwards else 2)
         sums = own + AXES
 

@@ -16,7 +16,7 @@ from model.shape_matching.links import LINKS
 
 
 class DeviceLinks:
-    """Of the bodies of `body_set`, where any has some."""
+    """Links of the bodies of `body_set`, if any has some."""
 
     def __init__(self, body_set: BodySet, method: Method, real: Any, math: str, stream: Any):
         self._body_set, self._real, self._stream, self._starts = body_set, real, stream, body_set.links.starts
@@ -28,16 +28,16 @@ class DeviceLinks:
         )
 
     def _of(self, method: Method) -> np.ndarray:
-        """(2 * links,): rest lengths, compliances."""
+        """Return (2 * links,): rest lengths, compliances."""
         found: np.ndarray = self._body_set.links.values(method.dt / method.substeps, self._body_set.mass)
         return pack(found.astype(self._real))
 
     def change(self, method: Method) -> None:
-        """What hangs on the length of a substep."""
+        """Update the values that depend on the length of a substep."""
         self._values.copy_to_device(self._of(method), stream=self._stream)
 
     def project(self, position: Any, record: Any, number: int, fresh: bool) -> None:
-        """The links of a colour; `fresh`: the first time in a substep."""
+        """Project the links of a colour; `fresh`: the first time in a substep."""
         start, stop = self._starts[number], self._starts[number + 1]
         self._project[max(1, -(-int(stop - start) // THREADS)), THREADS, self._stream](
             position, position, self._ends, self._values, self._multipliers, start, stop, self._starts[-1],

@@ -1,7 +1,7 @@
-"""Shape matching of a grid on CUDA: a thread sums up the window around its mass, then one gathers what its windows want.
+"""Shape matching of a grid on CUDA: a thread sums the window around its mass, then one sums the goals of its windows.
 
-See model/formulas/shape_matching/grid.py for the order of sums. No atomics: clusters lie in memory of their own, a quad each
-(centre x, centre y, cosine, sine), and a mass reads those of the windows it is in.
+model/formulas/shape_matching/grid.py defines the order of sums. No atomics: clusters are in separate memory, a quad
+each (centre x, centre y, cosine, sine), and a mass reads those of the windows that contain it.
 """
 
 from __future__ import annotations
@@ -26,8 +26,9 @@ SHARE, INVERSE, CENTRE, MASS, COUNT = range(5)  # of a table (5, rows or columns
 
 @cache
 def make_matching(real: Any, math: str, region: int) -> SimpleNamespace:
-    """`match(position, clusters, row_table, column_table, rows, columns)`; `move(position, target, clusters, row_table,
-    column_table, record, rows, columns)`: from `position` to `target` (quads), pinned masses, of weight 0, as they are."""
+    """Compile `match(position, clusters, row_table, column_table, rows, columns)` and `move(position, target, clusters,
+    row_table, column_table, record, rows, columns)`, from `position` to `target` (quads); pinned masses, of weight 0,
+    stay."""
     formulas = device_formulas(shape_matching.make, real, math)
     added_member, added_row, found = formulas.added_member, formulas.added_row, formulas.cluster
     rest_offset, added_goal, added_goal_row = formulas.rest_offset, formulas.added_goal, formulas.added_goal_row
@@ -36,7 +37,7 @@ def make_matching(real: Any, math: str, region: int) -> SimpleNamespace:
 
     @inline
     def window(i, count):
-        """(first, behind the last) of the window of `i`."""
+        """Return (first, behind the last) of the window of `i`."""
         return max(np.int32(0), np.int32(i - reach)), min(count, np.int32(i + reach + one))
 
     def match(position, clusters, row_table, table, rows, columns):
@@ -101,8 +102,8 @@ def make_matching(real: Any, math: str, region: int) -> SimpleNamespace:
 
 
 class Matching:
-    """The clusters of a grid and their tables on the device. `launch`: the configuration of a thread a mass; `shape`: (rows,
-    columns); `stream`: of all copies."""
+    """The clusters of a grid and their tables on the device. `launch`: the configuration of one thread per mass;
+    `shape`: (rows, columns); `stream`: of all copies."""
 
     launches = 2  # of an iteration
 

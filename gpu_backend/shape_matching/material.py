@@ -1,4 +1,4 @@
-"""What the clusters' material adds on the GPU: shape tables, plastic strain, damping, and the kernels that use them."""
+"""Arrays and kernels for the clusters' material on the GPU: shape tables, plastic strain, damping."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from model.shape_matching.clusters import Clusters
 
 
 class ClusterMaterial:
-    """Of `clusters`, as far as the scene's `parts` need it. `own` (entries,): entries in the particles' order. `plastic`: the
-    state's strains, three quads of a cluster, rows; `bent`: where a look at the state leaves them."""
+    """Material of `clusters`, for the scene's `parts`. `own` (entries,): entries in the particles' order. `plastic`:
+    the state's strains, three quads per cluster, rows; `bent`: those of a look at the state."""
 
     def __init__(self, clusters: Clusters, own: np.ndarray, parts: frozenset[str], real: Any, math: str, stream: Any):
         self._clusters, self._own, self._real, self._stream = clusters, own, real, stream
@@ -37,7 +37,7 @@ class ClusterMaterial:
         return cuda.to_device(np.zeros(count, self._real), stream=self._stream)
 
     def change(self, method: Method) -> None:
-        """What hangs on the length of a substep."""
+        """Update the tables that depend on the length of a substep."""
         h = method.dt / method.substeps
         if self.shaped:
             table = shape_table(self._clusters, h, method.iterations).astype(self._real)
@@ -47,19 +47,20 @@ class ClusterMaterial:
             self._slowing.copy_to_device(found, stream=self._stream)
 
     def turn(self, launch: Any, look: bool, *arguments: Any) -> None:
-        """See shape_matching/shapes.py. A `look` at the state leaves its strains as they are."""
+        """Turn clusters (shape_matching/shapes.py). A `look` at the state does not change its strains."""
         self._turn[launch](*arguments, self._shapes, self._plastic, self._bent if look else self._plastic)
 
     def gather(self, position: Any, velocity: Any, entries: tuple[Any, ...], leans: Any) -> None:
-        """The clusters' rigid motions."""
+        """Compute the clusters' rigid motions."""
         blocks = max(1, -(-self._clusters.count // TOGETHER))
         self._gather[blocks, THREADS, self._stream](position, velocity, *entries, leans, self._motions)
 
     def slowing(self, gathered: tuple[Any, ...]) -> tuple[Any, ...]:
-        """What the kernels of `ends` read of clusters: `gathered` begins with the starts and clusters of particles."""
+        """Return the clusters' arguments of the kernels of `ends`: `gathered` begins with the starts and clusters of
+        particles."""
         return *gathered[:2], self._slowing, self._motions
 
-    # ------------------------------------------------------------------ the state
+    # ------------------------------------------------------------------ state
 
     def keep(self) -> None:
         if self.plastic_parts:
@@ -70,13 +71,13 @@ class ClusterMaterial:
             self._plastic.copy_to_device(self._kept, stream=self._stream)
 
     def download(self) -> np.ndarray | None:
-        """(clusters, 3, 3) on the host; None where nothing is plastic."""
+        """Return (clusters, 3, 3) on the host; None without plastic clusters."""
         if not self.plastic_parts:
             return None
         return np.ascontiguousarray(self._plastic.copy_to_host().reshape(-1, ROWS, SIZE)[:, :, :AXES])
 
     def upload(self, plastic: np.ndarray | None) -> None:
-        """None: no cluster is bent."""
+        """Upload strains; None: no cluster is bent."""
         if self.plastic_parts:
             rows = np.zeros((self._clusters.count, ROWS, SIZE), self._real)
             rows[:, :, :AXES] = np.eye(AXES) if plastic is None else plastic

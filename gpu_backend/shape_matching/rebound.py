@@ -1,7 +1,6 @@
-"""CUDA kernels of rigid bodies that come off colliders as a whole: a thread a particle takes down what colliders gave it,
-LANES threads sum up what a cluster makes of it, a thread a particle goes with its cluster. See
-model/shape_matching/rigid_rebound.py; sums have the order of model/formulas/shape_matching/cluster.py.
-"""
+"""CUDA kernels of rigid bodies that rebound from colliders as a whole: one thread per particle stores its impulse,
+LANES threads sum a cluster's response, one thread per particle applies it (model/shape_matching/rigid_rebound.py).
+model/formulas/shape_matching/cluster.py has the order of sums."""
 
 from __future__ import annotations
 
@@ -27,16 +26,19 @@ from model.formulas.shape_matching.rebound import SUMS
 from model.shape_matching.clusters import Clusters
 from model.shape_matching.rigid_rebound import rebound_limits
 
-SHARED = TOGETHER * SUMS * PITCH  # numbers of a block
+SHARED = TOGETHER * SUMS * PITCH  # numbers per block
 
 
 @cache
 def make_rebound(real: Any, math: str, meets: bool = False) -> SimpleNamespace:
-    """`weigh(position, struck, starts, indices, members, leans, limits, motions)`: what motions clusters get, in
-    blocks of THREADS,
-    from those of what their particles got, `struck`; `go(position, velocity, struck, own_starts, own_clusters, limits,
-    motions)`: particles; `differ(velocity, struck)`: `struck` from velocities after and, in it, before colliders. `limits`
-    (clusters,): 0 of those that do not come off as a whole. `meets`: bounded as of bodies that meet."""
+    """Compile `weigh`, `go` and `differ`.
+
+    `weigh(position, struck, starts, indices, members, leans, limits, motions)`: the resulting motions of clusters, in
+    blocks of THREADS, from the impulses on their particles, `struck`; `go(position, velocity, struck, own_starts,
+    own_clusters, limits, motions)`: particles; `differ(velocity, struck)`: `struck` from velocities after and, in it,
+    before colliders. `limits` (clusters,): 0 of those that do not rebound as a whole. `meets`: with the bound for
+    bodies in contact.
+    """
     formulas, total = device_formulas(rebound.make, real, math), device_formulas(cluster.make, real, math).total
     weighed, rigid, enlarged = formulas.weighed, formulas.rigid, formulas.enlarged
     scaled, rebounded, touched, wanted, bound = (
@@ -117,8 +119,8 @@ def make_rebound(real: Any, math: str, meets: bool = False) -> SimpleNamespace:
 
 @cache
 def make_strike(real: Any, math: str, parts: frozenset[str]) -> Any:
-    """strike(before, position, velocity, struck, record, bodies, integers, counter, place, substeps, substep): colliders,
-    and what they gave into `struck`."""
+    """Compile strike(before, position, velocity, struck, record, bodies, integers, counter, place, substeps, substep):
+    colliders, with their impulses written into `struck`."""
     collide, clock, zero = make_motion(real, math, parts, AXES).collide, make_clock(math, parts), real(0)
 
     def strike(before, position, velocity, struck, record, bodies, integers, counter, place, substeps, substep):
@@ -136,11 +138,14 @@ def make_strike(real: Any, math: str, parts: frozenset[str]) -> Any:
 
 
 class Rebounds:
-    """Of the bodies of `clusters`, where a scene has any that come off as wholes; `own` (entries,): entries in the particles'
-    order. `struck`: a quad of each particle, its velocity before colliders, and then what they gave to it. `contacts`: those
-    of the scene, where they give back to rigid bodies; `turns`: whether colliders do."""
+    """Rebounds of the bodies of `clusters`, if a scene has any that rebound as a whole.
 
-    launches = 4  # `strike`, and what follows it
+    `own` (entries,): entries in the particles' order. `struck`: a quad per particle, its velocity before colliders,
+    then their impulse. `contacts`: those of the scene, if they have restitution for rigid bodies; `turns`: true if
+    colliders do.
+    """
+
+    launches = 4  # `strike`, and the following ones
     restitution_launches = 8  # of `bounce`
 
     def __init__(
@@ -160,13 +165,13 @@ class Rebounds:
         self._limits, self.struck, self._motions = (cuda.to_device(array, stream=stream) for array in (limits, *zeros))
 
     def differ(self, velocity: Any) -> None:
-        """What colliders gave, where `struck` holds the velocities before them."""
+        """Compute the impulses of colliders, from the velocities before them in `struck`."""
         self._kernels.differ[self._flat](velocity, self.struck)
 
     def run(
         self, position: Any, velocity: Any, entries: tuple[Any, ...], leans: Any, gathered: tuple[Any, ...]
     ) -> None:
-        """The velocities after it; other arrays as of the solver's other kernels."""
+        """Update the velocities by the clusters' responses; other arrays as of the solver's other kernels."""
         blocks = max(1, -(-self._clusters.count // TOGETHER)), THREADS, self._stream
         self._weigh(self._kernels, blocks, position, entries, leans)
         self._kernels.go[self._flat](position, velocity, self.struck, *gathered[:2], self._limits, self._motions)
@@ -175,8 +180,11 @@ class Rebounds:
         self, position: Any, old: Any, velocity: Any, travel: Any, entries: tuple[Any, ...], leans: Any,
         gathered: tuple[Any, ...],
     ) -> None:  # fmt: skip
-        """The velocities after particles bounced off each other: of bodies as wholes, whose velocities are rigid motions,
-        with impulses that are enlarged for each pair by the lesser one of what both bodies ask for."""
+        """Update the velocities after particles bounced off each other, of bodies as wholes, whose velocities are rigid
+        motions.
+
+        Impulses are scaled for each pair by the smaller one of the factors of both bodies.
+        """
         blocks, flat = (max(1, -(-self._clusters.count // TOGETHER)), THREADS, self._stream), self._flat
         own, motions = gathered[:2], self._motions
         arguments = *self.contacts.count_impacts(position, old, velocity, travel), self._scales, self.struck
@@ -189,7 +197,7 @@ class Rebounds:
         self._bounce.join[flat](position, velocity, self.struck, *own, self._limits, motions)
 
     def _weigh(self, kernels: Any, blocks: Any, position: Any, entries: tuple[Any, ...], leans: Any) -> None:
-        """The motions that clusters make of what their particles got."""
+        """Compute the clusters' motions from the impulses on their particles."""
         starts, _, indices, members = entries
         self._gather[blocks](position, self.struck, *entries, leans, self._motions)
         kernels.weigh[blocks](position, self.struck, starts, indices, members, leans, self._limits, self._motions)

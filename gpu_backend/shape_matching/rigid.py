@@ -1,7 +1,7 @@
-"""CUDA kernels of rigid bodies that keep their momenta to rounding (model/formulas/shape_matching/rigid.py), a thread a
-particle: they take the place of those of kernels.py and damping.py where a scene has such bodies.
+"""CUDA kernels of rigid bodies that conserve their momenta up to rounding (model/formulas/shape_matching/rigid.py), one
+thread per particle: they replace those of kernels.py and damping.py if a scene has such bodies.
 
-A particle's travel is a quad with its slack, 0 of particles of no rigid body.
+A particle's travel is a quad with its slack, 0 for particles of no rigid body.
 """
 
 from __future__ import annotations
@@ -31,12 +31,13 @@ from model.shape_matching.rigid_rebound import whole_clusters
 
 @cache
 def make_begin(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """`begin(position, velocity, predicted, record, integers, travel)`: predictions and travels; `predict(before, velocity,
-    a, position, record, travel)`: the same of accelerations `a`, which are 0 afterwards."""
+    """Compile `begin(position, velocity, predicted, record, integers, travel)`, predictions and travels, and
+    `predict(before, velocity, a, position, record, travel)`, the same from accelerations `a`, which are then set to
+    0."""
     forces, motion = make_forces(real, math, parts), make_motion(real, math, parts, AXES)
     add_gravity, add_own, predict_mass, kick = forces.add_gravity, forces.add_own, motion.predict, motion.kick
     travelled, zero = device_formulas(rigid.make, real, math).travelled, real(0)
-    no_step = np.int64(0)  # nothing of bodies depends on it
+    no_step = np.int64(0)  # no force on bodies depends on it
 
     @inlined(math)
     def leave(k, p, v, ax, ay, az, predicted, parameters, travel):
@@ -66,13 +67,16 @@ def make_begin(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
 
 @cache
 def make_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """`move(position, own_starts, own_clusters, own_members, frames, travel)`: particles towards their goals, in place;
-    `rate(before, position, velocity, own_starts, own_clusters, own_members, frames, record, travel)`: that, and velocities;
-    `update(before, position, velocity, record, travel)`: these alone, of rigid bodies those of their travels;
-    `update_calmed(before, position, velocity, contact_record, record, travel)`: of particles that go no farther than they
-    may, or less than they must; `rest(before, position, velocity, starts, indices, whole)`, in blocks of THREADS: stop each
-    `whole` cluster (clusters,) none of whose particles has moved; `steady(position, velocity, own_starts, own_clusters,
-    factors, motions)`: velocities, of the bodies' motions."""
+    """Compile `move`, `rate`, `update`, `update_calmed`, `rest` and `steady`.
+
+    `move(position, own_starts, own_clusters, own_members, frames, travel)`: particles towards their goals, in place;
+    `rate(before, position, velocity, own_starts, own_clusters, own_members, frames, record, travel)`: the same, and
+    velocities; `update(before, position, velocity, record, travel)`: only velocities, for rigid bodies from their
+    travels; `update_calmed(before, position, velocity, contact_record, record, travel)`: the same with speed limit and
+    sleeping; `rest(before, position, velocity, starts, indices, whole)`, in blocks of THREADS: stop each `whole`
+    cluster (clusters,) none of whose particles has moved; `steady(position, velocity, own_starts, own_clusters,
+    factors, motions)`: velocities from the bodies' motions.
+    """
     keeping, near = device_formulas(rigid.make, real, math), device_formulas(particle_contact.make, real, math)
     settled, rate_over, carried = keeping.settled, keeping.rate_over, keeping.carried
     far, shortened, rested = near.far, near.shortened, near.rested
@@ -174,7 +178,8 @@ def make_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
 
 
 class RigidMotion:
-    """Of the rigid ones of `clusters`; `own` (entries,): entries in the particles' order. `travel`: quads of particles."""
+    """Motion of the rigid ones of `clusters`; `own` (entries,): entries in the particles' order. `travel`: quads of
+    particles."""
 
     def __init__(
         self, clusters: Clusters, own: np.ndarray, particles: int, parts: frozenset[str], real: Any, math: str, stream: Any
@@ -195,13 +200,13 @@ class RigidMotion:
         self.launches = 2 + self._sleeps  # of `steady` and `rest`
 
     def rest(self, before: Any, position: Any, velocity: Any, entries: tuple[Any, ...]) -> None:
-        """No velocities of bodies that sleep, at the substep's end."""
+        """Zero the velocities of bodies that sleep, at the substep's end."""
         if self._sleeps:
             self.ends.rest[self._blocks](before, position, velocity, entries[0], entries[2], self._whole)
 
     def steady(
         self, position: Any, velocity: Any, entries: tuple[Any, ...], leans: Any, gathered: tuple[Any, ...]
     ) -> None:
-        """Velocities, which become rigid motions of the same momenta."""
+        """Replace velocities by rigid motions of the same momenta."""
         self._gather[self._blocks](position, velocity, *entries, leans, self._motions)
         self.ends.steady[self._flat](position, velocity, *gathered[:2], self._factors, self._motions)

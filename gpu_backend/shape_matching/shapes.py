@@ -1,8 +1,8 @@
-"""The CUDA kernel that turns clusters which do more than turn, a thread each: see `turn` of shape_matching/kernels.py for
-the others.
+"""The CUDA kernel that turns deforming clusters, one thread each; `turn` of shape_matching/kernels.py is for the
+others.
 
-A cluster's constants (model/shape_matching/cluster_tables.py, `shape_table`) are three quads, as are its plastic strain's
-rows.
+A cluster's constants (model/shape_matching/cluster_tables.py, `shape_table`) are three quads, as are its plastic
+strain's rows.
 """
 
 from __future__ import annotations
@@ -24,8 +24,9 @@ from model.formulas.shape_matching.cluster import MOMENTS
 
 @cache
 def make_shaped_turn(real: Any, math: str, shaping: frozenset[str]) -> Any:
-    """turn(position, firsts, leans, sums, rotation, turned, frames, shapes, plastic, bent): as kernels.turn; strains
-    from `plastic` into `bent`, which may be the same. `shaping`: which of `linear` and `plastic` there are."""
+    """Compile turn(position, firsts, leans, sums, rotation, turned, frames, shapes, plastic, bent), as kernels.turn,
+    with strains from `plastic` into `bent`, which may be the same. `shaping`: which of `linear` and `plastic` there
+    are."""
     formulas, turns = device_formulas(cluster.make, real, math), device_formulas(rotation.make, real, math)
     shapes_of = device_formulas(deformation.make, real, math)
     upright, centre = formulas.upright, formulas.centre

@@ -1,10 +1,10 @@
-"""Soft and rigid bodies by shape matching on CUDA: clusters in compressed form, any number a particle.
+"""Soft and rigid bodies by shape matching on CUDA: clusters in compressed form, any number per particle.
 
-M. Mueller et al., "Meshless Deformations Based on Shape Matching", SIGGRAPH 2005, in substeps, with the masses split among
-clusters; see model/shape_matching/clusters.py. A substep: `begin` predicts positions; `iterations` times clusters are
-summed up, turned, and particles moved towards their goals; the last of these ways also makes velocities and lets particles
-meet the colliders. Kernels: `launch`, and `graph`, the same captured as a CUDA graph; `stages`, stage by stage. In `exact`
-math all give the same bits, and the CPU's.
+M. Mueller et al., "Meshless Deformations Based on Shape Matching", SIGGRAPH 2005, in substeps, with the masses divided
+among clusters (model/shape_matching/clusters.py). A substep: `begin` predicts positions; `iterations` times clusters
+are summed, turned, and particles moved towards their goals; the last of these moves also computes velocities and
+collisions. Kernels: `launch`, and `graph`, the same captured as a CUDA graph; `stages`, stage by stage. In `exact` math
+all give the same bits as the CPU.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from model.xpbd.plan import xpbd_plan
 
 
 class Bodies(BodiesState):
-    """See model/core/simulation.py for the contract. `threads` is the number of threads a block."""
+    """Bodies on CUDA; model/core/simulation.py defines the contract. `threads` is the number of threads per block."""
 
     def __init__(self, scene: Scene, options: Options, stream: Any = None):
         super().__init__(scene, options, stream)
@@ -54,7 +54,7 @@ class Bodies(BodiesState):
             return
         self._executor = Executor(self.plan, {}, self._advance_steps)
         if not simulated():
-            self._upload(self.body.position, self.body.velocity)  # all in one place would all meet
+            self._upload(self.body.position, self.body.velocity)  # at one position all would be in contact
             self._advance_steps(0, 1)
             if self.contacts:
                 self.contacts.forget()
@@ -64,8 +64,11 @@ class Bodies(BodiesState):
             self._graphs = Graphs(self.stream, self._launch, self._count_on)
 
     def _match(self, position: Any, turned: Any, look: bool = False) -> None:
-        """The clusters' rotations for such positions, from those of the state into `turned`, and their frames; of lattices
-        into the state's own, in a `look` into others. A `look` at the state makes nothing creep."""
+        """Compute the clusters' rotations at `position`, from those of the state into `turned`, and their frames.
+
+        Those of lattices go into the state's own arrays, with `look` into others. A `look` at the state causes no
+        creep.
+        """
         if self._lattices.copies:
             self._lattices.match(position, self._lattices.turned if look else self._lattices.rotation, look)
         if not self.clusters.count:
@@ -79,7 +82,7 @@ class Bodies(BodiesState):
             self._cluster_kernels.turn[self._over(self.clusters.count, THREADS)](*arrays)
 
     def _move(self, position: Any) -> None:
-        """Particles towards the goals of their loose clusters."""
+        """Move particles towards the goals of their loose clusters."""
         if self._rigid:
             self._rigid.ends.move[self._flat](position, *self._gathered, self._rigid.travel)
         elif self.clusters.count:
@@ -88,7 +91,7 @@ class Bodies(BodiesState):
     # ------------------------------------------------------------------ a step
 
     def begin_substep(self, place: int, substep: int) -> None:
-        """See SubstepSimulation."""
+        """Launch the stages before the iterations (SubstepSimulation)."""
         before, velocity = self.position[self._current], self.velocity[self._current]
         self._current = 1 - self._current
         now = self.position[self._current]
@@ -101,7 +104,8 @@ class Bodies(BodiesState):
             self.contacts.find(now)
 
     def iterate(self, iteration: int) -> None:
-        """See SubstepSimulation. Particles that meet nobody come to the goals of the last one as the substep ends."""
+        """Launch an iteration (SubstepSimulation). Without contacts, particles move to the goals of the last iteration
+        at the substep's end."""
         before, now = self.substep_start, self.position[self._current]
         if iteration and not self.contacts:
             self._move(now)
@@ -114,7 +118,7 @@ class Bodies(BodiesState):
             self.contacts.project(before, now, self.inertial, self.couples)
 
     def end_substep(self, place: int, substep: int) -> None:
-        """See SubstepSimulation."""
+        """Launch the stages after the iterations (SubstepSimulation)."""
         before, velocity = self.substep_start, self.velocity[1 - self._current]
         now, new_velocity = self.position[self._current], self.velocity[self._current]
         time = self._counter, np.int64(place), np.int64(self.scene.method.substeps), np.int64(substep)
@@ -142,7 +146,7 @@ class Bodies(BodiesState):
             self._ends.finish[self._flat](before, now, new_velocity, *self._gathered, *last)
 
     def _end_rigid(self, before: Any, now: Any, velocity: Any) -> None:
-        """Velocities before colliders, of a scene with rigid bodies."""
+        """Compute velocities before colliders, in a scene with rigid bodies."""
         assert self._rigid is not None
         last = self.record, self._rigid.travel
         if self.contacts:
@@ -155,19 +159,19 @@ class Bodies(BodiesState):
             self._material.ends.slow[self._flat](now, velocity, *self._material.slowing(self._gathered))
 
     def _rebound(self, position: Any, velocity: Any) -> None:
-        """Rigid bodies as a whole, of what colliders gave to their particles."""
+        """Apply the response of whole rigid bodies to the impulses of colliders."""
         assert self._rebounds is not None
         self._rebounds.run(position, velocity, self._entries, self._leans, self._gathered)
 
     def _part(self, before: Any, now: Any, old: Any, velocity: Any) -> None:
-        """Velocities of a substep that began with `old` ones, and whose particles have left their contacts."""
+        """Compute velocities of a substep that began with `old` ones, with restitution at contacts."""
         assert self.contacts is not None
         self._contact_ends.update_velocity[self._flat](before, now, velocity, self.contacts.record, self.record)
         if self.contacts.bounces:
             self._bounce(now, old, velocity)
 
     def _bounce(self, position: Any, old: Any, velocity: Any) -> None:
-        """Particles off each other, rigid bodies as wholes."""
+        """Bounce particles off each other, rigid bodies as wholes."""
         assert self.contacts is not None
         if self._rebounds and self._rebounds.contacts:
             assert self._rigid is not None
@@ -178,7 +182,7 @@ class Bodies(BodiesState):
             self.contacts.bounce(position, old, velocity)
 
     def _damp(self, before: Any, now: Any, old: Any, velocity: Any) -> None:
-        """Velocities of a substep whose last goals are known, and the clusters' rigid motions of them."""
+        """Compute velocities of a substep after its last goals, and the clusters' rigid motions."""
         if self.contacts:
             self._part(before, now, old, velocity)
         else:
@@ -187,7 +191,7 @@ class Bodies(BodiesState):
 
     @property
     def _launches(self) -> int:
-        """Of a step."""
+        """Number of launches of a step."""
         method, contacts = self.scene.method, self.contacts
         iteration = 3 + self.scene.body_set.links.colours + (contacts.projecting if contacts else 0)
         iteration += self._lattices.launches

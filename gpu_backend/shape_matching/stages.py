@@ -1,4 +1,4 @@
-"""The stages of the plan of bodies on CUDA, each by itself: slow, easy to time and to test against whole substeps."""
+"""The stages of the plan of bodies on CUDA, one by one: slow, easy to time and to test against whole substeps."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from model.core.plan import Moment, StageRun
 
 
 def bind_bodies_stages(sim: Any) -> dict[str, StageRun]:
-    """What runs each stage of the plan of `sim`, a gpu_backend.shape_matching.solver.Bodies. The state keeps its buffer; a
-    substep's first one is copied aside."""
+    """Return the function of each stage of the plan of `sim`, a gpu_backend.shape_matching.solver.Bodies. The state
+    stays in its buffer; the positions at the start of a substep are copied."""
     flat, shape = sim._flat, (np.int32(1), np.int32(sim.particle_count))
     position, velocity, before, old = sim.position[0], sim.velocity[0], sim.position[1], sim.velocity[1]
     a = sim._zeros(SIZE * sim.particle_count)

@@ -1,4 +1,4 @@
-"""Soft and rigid bodies by shape matching on CUDA: their arrays on the device, made, kept aside, copied in and out."""
+"""Soft and rigid bodies by shape matching on CUDA: their device arrays, snapshots, and transfers."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ from model.shape_matching.clusters import Clusters
 
 
 class BodiesState(SubstepSimulation):
-    """What of a simulation of bodies (gpu_backend/shape_matching/solver.py) lies on the device."""
+    """The device arrays of a simulation of bodies (gpu_backend/shape_matching/solver.py)."""
 
-    clusters: Clusters  # the loose ones, in no lattice
+    clusters: Clusters  # those in no lattice
 
     @abstractmethod
     def _match(self, position: Any, turned: Any, look: bool = False) -> None:
-        """The clusters' rotations for such positions into `turned`, and their frames."""
+        """Compute the clusters' rotations at `position` into `turned`, and their frames."""
 
     def _require_space(self) -> None:
         item, entries, clusters = np.dtype(self.real).itemsize, len(self.clusters.indices), self.clusters.count
@@ -41,8 +41,8 @@ class BodiesState(SubstepSimulation):
         self._require_memory(needed, "bodies", f"{self.particle_count} particles, {entries} entries of clusters")
 
     def _kernel_parts(self) -> frozenset[str]:
-        found = self.plan.parts - {"clusters"} | {"load"}  # every particle has a weight of its own
-        return found | {"pins"} if "spare" in found else found  # what is parked stays
+        found = self.plan.parts - {"clusters"} | {"load"}  # every particle has its own weight
+        return found | {"pins"} if "spare" in found else found  # parked particles stay
 
     def _zeros(self, count: int) -> Any:
         return self.zeros(count, self.real)
@@ -90,23 +90,23 @@ class BodiesState(SubstepSimulation):
 
     @property
     def inertial(self) -> Any:
-        """See SubstepSimulation: of rigid bodies, from where the substep began."""
+        """Inertial displacements of rigid bodies since the start of the substep (SubstepSimulation)."""
         return self._rigid.travel if self._rigid else None
 
     @property
     def couples(self) -> Any:
-        """Quads of particles: what friction at contacts turns them by, in the substep so far; None where it turns nothing."""
+        """Quads of particles: moments of friction at contacts in the substep so far; None if friction turns nothing."""
         return self._couples.sums if self._couples else None
 
     def _in_own_order(self) -> np.ndarray:
-        """(entries, 4): rest offsets and factors, particle by particle."""
+        """Return (entries, 4): rest offsets and factors, particle by particle."""
         method = self.scene.method
         factors = matching_factors(self.clusters, method.dt / method.substeps, method.iterations)
         return np.concatenate([self.clusters.rest, factors[:, None]], axis=1)[self._own].astype(self.real)
 
     @property
     def contacts_lost(self) -> int:
-        """Of particles' neighbours, those that there was no room for since the start."""
+        """Number of neighbours that did not fit into the lists since the start."""
         return self.contacts.lost if self.contacts else 0
 
     def _keep(self) -> None:
@@ -136,7 +136,7 @@ class BodiesState(SubstepSimulation):
         self._weight = (self.body.inverse_mass * self.scene.body_set.mass).astype(self.real)
 
     def _of_all(self, loose: Any, of_lattices: Any, rows: int = 1) -> np.ndarray:
-        """(clusters, rows * 4): arrays of quads, those of loose clusters first."""
+        """Return (clusters, rows * 4) from arrays of quads, those of loose clusters first."""
         arrays = [loose] * bool(self.clusters.count) + [of_lattices] * bool(self._lattices.copies)
         return np.concatenate([self._quads(array).reshape(-1, rows * SIZE) for array in arrays])
 
@@ -164,7 +164,7 @@ class BodiesState(SubstepSimulation):
         self._material.upload(plastic)
 
     def _look(self) -> np.ndarray:
-        """(clusters, 3, 4): the rows of rotations, and centres, where particles are now."""
+        """Return (clusters, 3, 4): the rows of rotations, and centres, at the current positions."""
         self._match(self.position[self._current], self.turned, look=True)
         return self._of_all(self._frames, self._lattices.frames, ROWS).reshape(-1, ROWS, SIZE)
 

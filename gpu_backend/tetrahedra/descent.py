@@ -1,8 +1,8 @@
-"""Bodies of tetrahedra on CUDA by vertex block descent: a thread for each vertex of a colour, a launch a colour.
+"""Bodies of tetrahedra on CUDA by vertex block descent: one thread per vertex of a colour, one launch per colour.
 
-A. H. Chen et al., "Vertex Block Descent", ACM TOG 43 (2024), algorithm 1, without acceleration. What begins and ends a
-substep, and how launches are captured, is a mesh's (xpbd/mesh.py). In `exact` math all kernels give the same bits, and the
-CPU's.
+A. H. Chen et al., "Vertex Block Descent", ACM TOG 43 (2024), algorithm 1, without acceleration. Start and end of a
+substep, and the capture of launches, are a mesh's (xpbd/mesh.py). In `exact` math all kernels give the same bits as the
+CPU.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ Launch = Callable[[Any, Any, Any, Any], None]  # (before, velocity, position: qu
 
 
 class VertexBlockDescent(Tetrahedra):
-    """See model/core/simulation.py for the contract. `threads` is the number of threads a block."""
+    """Vertex block descent on CUDA; model/core/simulation.py defines the contract. `threads`: threads per block."""
 
     def _plan_of(self, scene: Scene, live: frozenset[str]) -> Plan:
         return vbd_plan(scene, live)
@@ -52,10 +52,10 @@ class VertexBlockDescent(Tetrahedra):
 
     def _allocate(self) -> None:
         super()._allocate()
-        self._inertial = self.new_array()  # where vertices would be by inertia and all but elastic forces
+        self._inertial = self.new_array()  # positions by inertia and all forces except elastic ones
 
     def _build(self) -> None:
-        self._first: list[tuple[str, Launch]] = []  # what of a substep comes before its iterations
+        self._first: list[tuple[str, Launch]] = []  # stages of a substep before its iterations
         self._visits: list[tuple[str, Launch]] = []
         held = springs(self.scene.tetrahedra_set, "vbd").arrays(self.real)
         method, size = self.scene.method, 2 * SIZE * self.particle_count
@@ -71,7 +71,7 @@ class VertexBlockDescent(Tetrahedra):
         super()._build()
 
     def _bind(self, found: Descent) -> None:
-        """Put the stages of a material among those of a step."""
+        """Insert the stages of a material into those of a step."""
         damped, real, count = DAMPED in self.plan.parts, self.real, np.int32(len(found.corners))
         kernels = make_visits(real, self.options.math, found.number, damped, visited(self.plan.parts))
         corners, values = self.on_device(pack(found.corners)), self.on_device(pack(found.values.astype(real)))
@@ -117,11 +117,11 @@ class VertexBlockDescent(Tetrahedra):
 
     @property
     def inertial(self) -> Any:
-        """See SubstepSimulation."""
+        """Inertial positions (SubstepSimulation)."""
         return self._inertial
 
     def begin_substep(self, place: int, substep: int) -> None:
-        """See SubstepSimulation."""
+        """Launch the stages before the iterations (SubstepSimulation)."""
         before, velocity = self.position[self._current], self.velocity[self._current]
         self._current = 1 - self._current
         now, new_velocity = self.position[self._current], self.velocity[self._current]
@@ -135,7 +135,7 @@ class VertexBlockDescent(Tetrahedra):
             self.contacts.find(before, now)
 
     def iterate(self, iteration: int) -> None:
-        """See SubstepSimulation."""
+        """Launch an iteration (SubstepSimulation)."""
         before, now = self.substep_start, self.position[self._current]
         for _, launch in self._visits:
             launch(before, self.velocity[1 - self._current], now, self._substep_time)
@@ -144,7 +144,7 @@ class VertexBlockDescent(Tetrahedra):
             self.contacts.project(before, now)
 
     def _go_on(self, position: Any, iteration: int) -> None:
-        """Launch what accelerates sweeps, where they are."""
+        """Launch the acceleration of sweeps, if the plan has it."""
         if self._ways is not None:
             self._accelerate[self._flat](position, self._ways, self._weights[iteration])
 

@@ -1,4 +1,5 @@
-"""Colliders within a visit of vertex block descent, on CUDA: as cpu_backend/tetrahedra/descent_contact.py, for one vertex."""
+"""Colliders in a vertex visit of vertex block descent, on CUDA: as cpu_backend/tetrahedra/descent_contact.py, for one
+vertex."""
 
 from __future__ import annotations
 
@@ -15,8 +16,8 @@ from model.formulas.elastic import descent, friction, newton, solving
 
 @cache
 def make_meeting(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """`has_bodies`; `met(sums, b, p, holds, world, number)`: the sums of a vertex at `p`, which was at `b` as substep
-    `number` began (quads), and what colliders add to them."""
+    """Make `met(sums, b, p, holds, world, number)`: it adds the contribution of colliders to the sums of a vertex at
+    `p`, which was at `b` at the start of substep `number` (quads). `has_bodies`: true if there are colliders."""
     inline, contact = inlined(math), make_contact(real, math, parts)
     within, outer = contact.within, device_formulas(newton.make, real, math).outer
     rub = device_formulas(friction.make, real, math)

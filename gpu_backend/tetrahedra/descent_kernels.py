@@ -1,6 +1,7 @@
-"""CUDA kernels that visit vertices of tetrahedral bodies: a thread for each of a colour, no two of which share a tetrahedron.
+"""CUDA kernels that visit vertices of tetrahedral bodies: one thread per vertex of a colour, no two of which share a
+tetrahedron.
 
-Corners, values and strains are flat and lie column by column; what a visit computes is in model/formulas/elastic/descent.py.
+Corners, values and strains are flat and stored column by column; model/formulas/elastic/descent.py has the formulas.
 """
 
 from __future__ import annotations
@@ -29,8 +30,8 @@ NOTHING: frozenset[str] = frozenset()
 
 @cache
 def make_accelerate(real: Any, math: str) -> Any:
-    """accelerate(position, ways, w): every particle after a sweep; `ways`: quads of where the last sweep ended, then of the
-    one before it."""
+    """Compile accelerate(position, ways, w): it extrapolates every particle after a sweep; `ways`: quads of the
+    positions after the last sweep, then after the one before it."""
     beyond, zero = device_formulas(chebyshev.make, real, math).beyond, real(0)
 
     def accelerate(position, ways, w):
@@ -50,12 +51,15 @@ def make_accelerate(real: Any, math: str) -> Any:
 
 @cache
 def make_visits(real: Any, math: str, material: int, damped: bool, parts: frozenset[str] = NOTHING) -> SimpleNamespace:
-    """`remember(before, corners, values, strains, count)`: of every tetrahedron of a material, where a substep begins;
-    `start(before, velocity, inertial, position, order, falls, stop, record)`: of the vertices before `stop` of the order,
-    pinned ones too; `descend(position, inertial, order, offsets, entries, corners, values, strains, meets,
-    sprung_entries, ends, numbers, before, holds, first, stop, count, record, bodies, integers, counter, place, substeps,
-    substep)`: of a colour; `meets` to `numbers`: of springs; `holds` (particles,) [N/m]; which are looked at where `parts`
-    has such. `count`: tetrahedra of the material."""
+    """Compile `remember`, `start` and `descend`.
+
+    `remember(before, corners, values, strains, count)`: strains of every tetrahedron of a material at the start of a
+    substep; `start(before, velocity, inertial, position, order, falls, stop, record)`: for the vertices before `stop`
+    of the order, also pinned ones; `descend(position, inertial, order, offsets, entries, corners, values, strains,
+    meets, sprung_entries, ends, numbers, before, holds, first, stop, count, record, bodies, integers, counter, place,
+    substeps, substep)`: for a colour; `meets` to `numbers`: of springs; `holds` (particles,) [N/m]; both are read if
+    `parts` has them. `count`: tetrahedra of the material.
+    """
     formulas = device_formulas(descent.make, real, math, material=material, damped=damped)
     element, held, added = formulas.element, formulas.held, formulas.added
     moved, coasted = formulas.moved, formulas.coasted

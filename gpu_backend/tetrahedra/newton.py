@@ -1,6 +1,6 @@
-"""Bodies of tetrahedra on CUDA by implicit Euler: Newton's method, each step by preconditioned conjugate gradients.
+"""Bodies of tetrahedra on CUDA by implicit Euler: Newton's method, with preconditioned conjugate gradients.
 
-One launch does whole steps; nothing comes to the host (newton_kernel.py). In `exact` math the bits are the CPU's.
+One launch does whole steps, without the host (newton_kernel.py). In `exact` math the bits equal the CPU's.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ CODELESS = {"gauss-seidel", ITERATED}  # parts that change no kernel
 
 
 class TetrahedraNewton(DrivenSimulation):
-    """See model/core/simulation.py for the contract. `threads` is the number of threads a block."""
+    """Implicit tetrahedra on CUDA; model/core/simulation.py defines the contract. `threads`: threads per block."""
 
     def __init__(self, scene: Scene, options: Options):
         super().__init__(scene, options)
@@ -73,7 +73,7 @@ class TetrahedraNewton(DrivenSimulation):
         )
         tetrahedra, blocks, size = len(found.tetrahedra), len(rows.columns), len(groups.reach)
         parts = max(-(-max(count, tetrahedra) // SUMMED), groups.count)
-        self._sizes = (  # of the arrays that are only worked in, as the kernel takes them
+        self._sizes = (  # of the work arrays, in the kernel's order
             9 * (BLOCKS * tetrahedra + len(self._springs.blocks)), 9 * blocks, 6 * count, 4 * SIZE * tetrahedra,
         )  # fmt: skip
         inverse = int(pairs.places[-1]) if self.options.math != "exact" else 0
@@ -127,7 +127,7 @@ class TetrahedraNewton(DrivenSimulation):
 
     @property
     def done(self) -> np.ndarray:
-        """(solves, looks, matrices, products, steps) so far: see newton_kernel.py."""
+        """Return (solves, looks, matrices, products, steps) so far (newton_kernel.py)."""
         host: np.ndarray = self._done.copy_to_host(stream=self.stream)
         self.synchronize()
         return host

@@ -1,7 +1,7 @@
 """The coarse level of Newton's method on tetrahedra, on CUDA: the sums of cpu_backend/tetrahedra/newton_coarse.py.
 
-A team takes a group of particles, or solves for a body; a block takes a pair of groups that the matrix couples, or factors a
-body's matrix, whose columns it goes through one after the other. `shared` is a block's memory (newton_sums.py).
+A team processes a group of particles, or solves for a body; a block processes a pair of groups that the matrix couples,
+or factors a body's matrix column by column. `shared` is a block's memory (newton_sums.py).
 """
 
 from __future__ import annotations
@@ -22,15 +22,18 @@ from model.formulas.elastic import coarse as formulas_of
 from model.formulas.elastic import newton, solving
 from model.tetrahedra.aggregates import MODES, MOST
 
-TILE = 64  # blocks of a pair of groups that are seen by rigid motions at once
+TILE = 64  # blocks of a pair of groups that are projected onto rigid motions at once
 ENTRIES = MODES * MODES
 assert max((TILE + 1) * ENTRIES, TEAMS * MODES * MOST, TEAMS * MODES * TEAM) <= ROOM
 
 
 class Coarse(NamedTuple):
-    """Centres of the groups with their scales (quads); the band of the matrix, then of its factor, `width` numbers a row from
-    the diagonal on; of each row one over the factor's diagonal, the matrix's diagonal, what is solved for; in `fast` math the
-    inverses of the bodies' matrices, one after the other."""
+    """Arrays of the coarse level.
+
+    Centres of the groups with their scales (quads); the band of the matrix, then of its factor, `width` numbers per row
+    from the diagonal on; for each row the inverse of the factor's diagonal, the matrix's diagonal, the right-hand side
+    and solution; in `fast` math the inverses of the bodies' matrices, one after the other.
+    """
 
     centres: Any
     band: Any
@@ -43,7 +46,7 @@ class Coarse(NamedTuple):
 
 @cache
 def make_arm(real: Any, math: str) -> Any:
-    """arm_of(k, group, v, coarse): of particle k, from the group's centre."""
+    """Make arm_of(k, group, v, coarse): the vector to particle k from the group's centre."""
     arm = device_formulas(formulas_of.make, real, math).arm
 
     @inlined(math)
@@ -56,8 +59,8 @@ def make_arm(real: Any, math: str) -> Any:
 
 @cache
 def make_coarse(real: Any, math: str) -> SimpleNamespace:
-    """`centre(group, v, lists, coarse, shared)`, `restrict(group, ...)`: of a team;
-    `corrected(k, v, lists, coarse)`: three numbers to be added at particle k."""
+    """Make `centre(group, v, lists, coarse, shared)`, `restrict(group, ...)`, for a team, and `corrected(k, v, lists,
+    coarse)`: three numbers to add at particle k."""
     inline, formulas = inlined(math), device_formulas(formulas_of.make, real, math)
     scale_of, arm, moment, motion = formulas.scale_of, formulas.arm, formulas.moment, formulas.motion
     dot, arm_of, sums = device_formulas(solving.make, real, math).dot, make_arm(real, math), make_sums(real, math)
@@ -68,7 +71,7 @@ def make_coarse(real: Any, math: str) -> SimpleNamespace:
 
     @inline
     def place_of():
-        """(lane, where the team's part of the block's memory begins)"""
+        """Return (lane, start of the team's part of the block's memory)."""
         t = np.int32(cuda.threadIdx.x)
         return np.int32(t % team), np.int32(t // team * room)
 
@@ -133,7 +136,7 @@ def make_coarse(real: Any, math: str) -> SimpleNamespace:
 
 @cache
 def make_couple(real: Any, math: str) -> Any:
-    """couple(pair, v, matrix, lists, coarse, shared): of a block, what the matrix couples two groups by."""
+    """Make couple(pair, v, matrix, lists, coarse, shared): for a block, the coupling of two groups by the matrix."""
     inline, columns = inlined(math), device_formulas(formulas_of.make, real, math).columns
     load_block, arm_of = make_block_access(math).load_block, make_arm(real, math)
     zero, next_one, none = real(0), np.int32(1), np.int32(0)
@@ -176,8 +179,11 @@ def make_couple(real: Any, math: str) -> Any:
 
 @cache
 def make_band(real: Any, math: str) -> SimpleNamespace:
-    """`factor(body, lists, coarse)`: of a block; 1 if the body's coarse matrix is not positive, else 0. `solve(body, lists,
-    coarse, shared)`: of a team; every entry is changed in the order in which the CPU changes it."""
+    """Make `factor(body, lists, coarse)` and `solve(body, lists, coarse, shared)`.
+
+    `factor`: for a block; 1 if the body's coarse matrix is not positive, else 0. `solve`: for a team; every entry is
+    updated in the order of the CPU.
+    """
     inline, pivot = inlined(math), device_formulas(formulas_of.make, real, math).pivot
     moved, times = device_formulas(newton.make, real, math).moved, device_formulas(solving.make, real, math).times
     meet_team, zero, one = make_sums(real, math).meet_team, real(0), real(1)

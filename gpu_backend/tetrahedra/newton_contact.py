@@ -15,10 +15,13 @@ from model.formulas.elastic import newton, solving
 
 @cache
 def make_contact(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """`has_bodies`; `within(b, p, holds, world, number)`: how far a particle at `p` is within the colliders (three numbers,
-    the way in), and how hard they are to it [N/m]; `b`: the quad of where it was, with its weight; `holds` [N/m]: what holds
-    it; `nearly_within(b, p, target, ...)`: where it is not, of where it is a little later; `pressed(b, p, v, ...)`: its
-    velocity with what colliders have pushed."""
+    """Make `within`, `nearly_within` and `pressed`. `has_bodies`: true if there are colliders.
+
+    `within(b, p, holds, world, number)`: penetration of a particle at `p` (a vector) and contact stiffness [N/m]; `b`:
+    the quad of its old position, with its weight; `holds` [N/m]: stiffness that holds it; `nearly_within(b, p, target,
+    ...)`: if there is none, that of its position a little later; `pressed(b, p, v, ...)`: its velocity including the
+    push of colliders.
+    """
     inline, formulas = inlined(math), device_formulas(newton.make, real, math)
     inertia_of, moved = formulas.inertia_of, formulas.moved
     times = device_formulas(solving.make, real, math).times

@@ -1,7 +1,7 @@
-"""What Newton's method asks of a tetrahedron, on CUDA: its energy, forces at its corners, blocks of its tangent.
+"""Terms of a tetrahedron in Newton's method, on CUDA: energy, forces at its corners, blocks of its tangent.
 
-As cpu_backend/tetrahedra/newton_elements.py, for one tetrahedron. Its values lie column by column; its forces are quads, in
-the order of corners; its blocks nine numbers each, one after the other.
+As cpu_backend/tetrahedra/newton_elements.py, for one tetrahedron. Its values are stored column by column; its forces
+are quads, in the order of corners; its blocks nine numbers each, one after the other.
 """
 
 from __future__ import annotations
@@ -24,7 +24,8 @@ from model.tetrahedra.newton import AT_ALPHA, AT_DAMPING, AT_LAME, AT_MU, AT_VOL
 
 @cache
 def make_block_access(math: str) -> SimpleNamespace:
-    """`load_block(array, place)`, `store_block(array, place, m)`: nine numbers, by rows; `transposed(m)`; `added(a, b)`."""
+    """Make `load_block(array, place)`, `store_block(array, place, m)`: nine numbers, by rows; `transposed(m)`;
+    `added(a, b)`."""
     inline = inlined(math)
     nine = np.int32(9)
 
@@ -58,8 +59,8 @@ def make_block_access(math: str) -> SimpleNamespace:
 
 @cache
 def make_reading(real: Any, math: str) -> SimpleNamespace:
-    """`rest_of(values, n, count, n)`: B of tetrahedron n of `count`; `deformed(n, position, corners, rest)`: F; `changed(n,
-    position, other, corners, rest)`: F less that of the `other` positions, by differences."""
+    """Make `rest_of(values, n, count, n)`, B of tetrahedron n of `count`, `deformed(n, position, corners, rest)`, F,
+    and `changed(n, position, other, corners, rest)`, F minus that of the `other` positions, from differences."""
     inline, four = inlined(math), np.int32(4)
     gradient = device_formulas(deformation.make_gradient, real, math).gradient
 
@@ -98,7 +99,7 @@ def make_reading(real: Any, math: str) -> SimpleNamespace:
 
 @cache
 def make_damper(real: Any, math: str, parts: frozenset[str]) -> Any:
-    """viscous(n, v, f, rest, number, corners, mu, lame): (D, N) of tetrahedron n, as on the CPU."""
+    """Make viscous(n, v, f, rest, number, corners, mu, lame): (D, N) of tetrahedron n, as on the CPU."""
     inline, reading, formulas = inlined(math), make_reading(real, math), device_formulas(damper.make, real, math)
     deformed, changed = reading.deformed, reading.changed
     increment, beyond, resisted = formulas.increment, formulas.beyond, formulas.resisted
@@ -122,8 +123,11 @@ def make_damper(real: Any, math: str, parts: frozenset[str]) -> Any:
 
 @cache
 def make_look(real: Any, math: str, parts: frozenset[str]) -> Any:
-    """look(n, count, v, corners, materials, values, rate, number, forces) -> (energy, its doubt) [J], with the forces at the
-    four corners of tetrahedron n of `count`, and what dampers add to all three; `rate`: 1 / h, of the solve `number`."""
+    """Make look(n, count, v, corners, materials, values, rate, number, forces) -> (energy, its rounding error) [J].
+
+    It also writes the forces at the four corners of tetrahedron n of `count`; all three include dampers. `rate`: 1 / h,
+    of the solve `number`.
+    """
     inline, four, zero = inlined(math), np.int32(4), real(0)
     at_corners = device_formulas(deformation.make_gradient, real, math).corners
     rotation, products = (
@@ -171,8 +175,8 @@ def make_look(real: Any, math: str, parts: frozenset[str]) -> Any:
 
 @cache
 def make_blocks(real: Any, math: str, parts: frozenset[str]) -> Any:
-    """blocks(n, count, v, corners, materials, values, rate, number, safe, found): the tangent of tetrahedron n of `count`,
-    BLOCKS blocks, with what dampers add."""
+    """Make blocks(n, count, v, corners, materials, values, rate, number, safe, found): the tangent of tetrahedron n of
+    `count`, BLOCKS blocks, including dampers."""
     inline, every = inlined(math), np.int32(BLOCKS)
     rotation, shape = device_formulas(deformation.make_rotation, real, math), device_formulas(tangent.make, real, math)
     frame, moduli, block, seen_in = shape.frame, shape.moduli, shape.block, shape.seen_in
@@ -194,7 +198,7 @@ def make_blocks(real: Any, math: str, parts: frozenset[str]) -> Any:
 
     @inline
     def left(a, b, c):
-        """What makes the sum of the four nothing."""
+        """Return the block that makes the sum of the four zero."""
         return negative(added(added(a, b), c))
 
     @inline

@@ -1,9 +1,9 @@
-"""The kernel of implicit tetrahedral bodies on CUDA: blocks that go through the passes together, for whole steps.
+"""The kernel of implicit tetrahedral bodies on CUDA: blocks that run the passes together, for whole steps.
 
-Blocks are launched together and meet after every pass. What follows hangs on sums over all
-(model/formulas/elastic/newton.py): each block takes them for itself from the sums of groups, in the CPU's order, so that all
-come to the same decision, and in `exact` math to the CPU's bits. The sums of groups lie in two places in turn, since a quick
-block begins the next pass while a slow one still reads them.
+Blocks are launched together and synchronise after every pass. The next pass depends on sums over all blocks
+(model/formulas/elastic/newton.py): each block computes them from the sums of groups, in the CPU's order, so that all
+make the same decision, and in `exact` math get the CPU's bits. The sums of groups alternate between two buffers, since
+a fast block begins the next pass while a slow one still reads them.
 """
 
 from __future__ import annotations
@@ -52,13 +52,13 @@ from model.formulas.elastic.newton import (
 )
 from model.tetrahedra.newton import SUMMED
 
-DONE = ("solves", "looks", "matrices", "products", "steps")  # that a simulation has done
-WORKING = len(Vectors._fields) - 4  # vectors beside the state: directions are two, and few scenes have the last three
+DONE = ("solves", "looks", "matrices", "products", "steps")  # counters of a simulation
+WORKING = len(Vectors._fields) - 4  # vectors besides the state: two directions, and few scenes have the last three
 
 
 class Lists(NamedTuple):
-    """Of model/tetrahedra: a tetrahedron's corners and material; BlockRows; Aggregates; Couplings; where the row of a pinned
-    particle begins in `bodies`, 0 of one that is free, nothing where none moves; lists of Springs."""
+    """Lists of model/tetrahedra: a tetrahedron's corners and material; BlockRows; Aggregates; Couplings; for each
+    pinned particle the start of its row in `bodies`, 0 for a free one, empty if none moves; lists of Springs."""
 
     tetrahedra: Any
     materials: Any
@@ -88,14 +88,17 @@ class Lists(NamedTuple):
 
 
 def packed(lists: Lists) -> np.ndarray:
-    """int32: where each list begins, and the last ends; then the lists."""
+    """Return int32: the start of each list, and the end of the last; then the lists."""
     ends = np.cumsum([len(lists) + 1, *(one.size for one in lists)])
     return np.concatenate([ends, *(one.reshape(-1) for one in lists)]).astype(np.int32)
 
 
 def _views(math: str) -> SimpleNamespace:
-    """Parts of packed arrays: `vectors(position, velocity, working)`, `lists(tables)`, `coarse(lists, centres, band,
-    unknowns, inverse)`. (Tuples of slices that functions make one by one take the compiler minutes.)"""
+    """Make views of packed arrays: `vectors(position, velocity, working)`, `lists(tables)`, `coarse(lists, centres,
+    band, unknowns, inverse)`.
+
+    Written out in full: tuples of slices that functions make one by one take minutes to compile.
+    """
     inline, one = inlined(math), np.int32(1)
 
     @inline
@@ -130,15 +133,18 @@ def _views(math: str) -> SimpleNamespace:
 
 @cache
 def make_newton(real: Any, math: str, parts: frozenset[str]) -> Any:
-    """kernel(position, velocity, working, values, found, blocks, inverses, forces, holding, springs, centres, band,
-    unknowns, inverse, tables, sums, flags, done, record, bodies, integers, counter, steps, solves, iterations, floor):
-    `steps` steps, of so many `solves` each, of the state in `position` and `velocity`. `working`: WORKING vectors of quads,
-    of order 2 some more; `values`: of tetrahedra, column by column; then those of Matrix and Coarse, of which `unknowns` has
-    three; `tables`: `packed`; `sums`: twice what groups sum up; `flags` (1,) int32, 0 before the launch; `done` (DONE,) int64
-    is added to; `floor`: of residuals that are left alone."""
+    """Compile kernel(position, velocity, working, values, found, blocks, inverses, forces, holding, springs, centres,
+    band, unknowns, inverse, tables, sums, flags, done, record, bodies, integers, counter, steps, solves, iterations,
+    floor).
+
+    It does `steps` steps, of so many `solves` each, of the state in `position` and `velocity`. `working`: WORKING
+    vectors of quads, for order 2 some more; `values`: of tetrahedra, column by column; then those of Matrix and Coarse,
+    of which `unknowns` has three; `tables`: `packed`; `sums`: two buffers of the groups' sums; `flags` (1,) int32, 0
+    before the launch; `done` (DONE,) int64 is incremented; `floor`: of residuals that are not reduced further.
+    """
     views, dispatch, sum_up = _views(math), _make_dispatch(real, math, parts), _make_sum_up(real, math)
     vectors_of, lists_of, coarse_of = views.vectors, views.lists, views.coarse
-    # decided in exact math always: a trial may be so far off that its energy is no number, which fast math takes for one
+    # always decided in exact math: the energy of a distant trial may be NaN, which fast math treats as a number
     after, meet = device_formulas(newton.make_control, real, "exact").after, make_meet(math)
     has_time, zero, quick = knows_time(parts), real(0), math != "exact"
 
@@ -186,7 +192,7 @@ def make_newton(real: Any, math: str, parts: frozenset[str]) -> Any:
                     flip = 1 - flip
                 kind, counts, kept = after(kind, counts, kept, first, second, iterations, floor)
                 if quick:
-                    if kind in (RESTRICT, DIRECTION):  # has been done, or is done with the next pass
+                    if kind in (RESTRICT, DIRECTION):  # already done, or done with the next pass
                         kind, counts, kept = after(kind, counts, kept, zero, zero, iterations, floor)
                 turn = 1 - turn
             if first_thread:
@@ -198,7 +204,7 @@ def make_newton(real: Any, math: str, parts: frozenset[str]) -> Any:
 
 
 def _make_dispatch(real: Any, math: str, parts: frozenset[str]) -> Any:
-    """dispatch(kind, ...): this block's part of a pass."""
+    """Make dispatch(kind, ...): this block's part of a pass."""
     units, coarse_pass = make_unit_passes(real, math, parts), make_coarse_passes(real, math)
     of_elements, of_particles, quick_pass = units.of_elements, units.of_particles, make_quick_passes(real, math)
     summed, unit_size, quad, quick = np.int32(SUMMED), np.int32(UNIT), np.int32(SIZE), math != "exact"
@@ -222,7 +228,7 @@ def _make_dispatch(real: Any, math: str, parts: frozenset[str]) -> Any:
 
 
 def _make_sum_up(real: Any, math: str) -> Any:
-    """sum_up(kind, v, lists, shared, parts) -> the two sums that a pass has left, 0 where it leaves none."""
+    """Make sum_up(kind, v, lists, shared, parts) -> the two sums of a pass, 0 if it has none."""
     total, zero, summed, quad = make_sums(real, math).total, real(0), np.int32(SUMMED), np.int32(SIZE)
     one_sum, two_sums, quick = np.int32(1), np.int32(2), math != "exact"
 

@@ -1,4 +1,5 @@
-"""The passes of implicit Euler on tetrahedra, on CUDA: over units of tetrahedra, groups of particles, the coarse level."""
+"""The passes of implicit Euler on tetrahedra, on CUDA: over units of tetrahedra, groups of particles, the coarse
+level."""
 
 from __future__ import annotations
 
@@ -43,13 +44,13 @@ from model.formulas.elastic.newton import (
 from model.tetrahedra.newton import DAMPED, STAGED, SUMMED
 from model.xpbd.mesh_plan import BODY_DAMPING
 
-FACTOR, INVERT, BACK = range(len(KINDS), len(KINDS) + 3)  # what follows `coarse rows`, and `restrict`, before the next
+FACTOR, INVERT, BACK = range(len(KINDS), len(KINDS) + 3)  # passes after `coarse rows` and `restrict`, before the next
 
 
 @cache
 def make_substep_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """`begin(k, v, lists, world, time)`: where inertia leads particle k, or a motion; `finish(k, v, matrix, lists, world,
-    number)`: its velocity, and what it meets."""
+    """Make `begin(k, v, lists, world, time)`, the inertial or driven position of particle k, and `finish(k, v, matrix,
+    lists, world, number)`, its velocity and collisions."""
     forces, motion = make_forces(real, math, parts), make_motion(real, math, parts, AXES)
     add_gravity, add_own, predict = forces.add_gravity, forces.add_own, motion.predict
     rate_of, collide = motion.rate_of, motion.collide
@@ -64,7 +65,7 @@ def make_substep_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleName
 
     @inline
     def begin_stage(k, p, w, v, h, number):
-        """As on the CPU (cpu_backend/tetrahedra/newton_steps.py)."""
+        """Start a stage, as on the CPU (cpu_backend/tetrahedra/newton_steps.py)."""
         if damped:
             store_quad(v.origin if number % two == 0 else v.middle, k, p[0], p[1], p[2], zero)
         if number % two == 0:
@@ -121,8 +122,8 @@ def make_substep_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleName
 
 @cache
 def make_assembly(real: Any, math: str, parts: frozenset[str]) -> Any:
-    """assemble(group, particles, matrix, lists): of a block, the rows of SUMMED particles put together from blocks of their
-    tetrahedra."""
+    """Make assemble(group, particles, matrix, lists): for a block, it assembles the rows of SUMMED particles from the
+    blocks of their tetrahedra."""
     gather, inline = make_rows(real, math, parts).gather, inlined(math)
     store_block, summed = make_block_access(math).store_block, np.int32(SUMMED)
 
@@ -140,8 +141,8 @@ def make_assembly(real: Any, math: str, parts: frozenset[str]) -> Any:
 
 @cache
 def make_unit_passes(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """`of_elements(kind, unit, count, ...)`: of a block, the passes over UNIT tetrahedra; `of_particles(kind, group, ...)`:
-    those over SUMMED particles; both leave sums of groups in `sums`."""
+    """Make `of_elements(kind, unit, count, ...)`, for a block, the passes over UNIT tetrahedra, and `of_particles(kind,
+    group, ...)`, those over SUMMED particles; both write sums of groups to `sums`."""
     inline, look, blocks = inlined(math), make_look(real, math, parts), make_blocks(real, math, parts)
     rows, assemble = make_rows(real, math, parts), make_assembly(real, math, parts)
     settle_row = rows.settle_row
@@ -209,7 +210,8 @@ def make_unit_passes(real: Any, math: str, parts: frozenset[str]) -> SimpleNames
 
 @cache
 def make_coarse_passes(real: Any, math: str) -> Any:
-    """coarse_pass(kind, v, matrix, lists, coarse, shared, sums): of all blocks, over groups, pairs of them, or bodies."""
+    """Make coarse_pass(kind, v, matrix, lists, coarse, shared, sums): for all blocks, over groups, pairs of them, or
+    bodies."""
     level, band, inline = make_coarse(real, math), make_band(real, math), inlined(math)
     centre, restrict, factor, solve = level.centre, level.restrict, band.factor, band.solve
     couple = make_couple(real, math)
@@ -247,9 +249,11 @@ def make_coarse_passes(real: Any, math: str) -> Any:
 
 @cache
 def make_quick_passes(real: Any, math: str) -> Any:
-    """quick_pass(kind, particles, v, matrix, lists, coarse, flip, shares, shared, sums): of all blocks, what is left of
-    conjugate gradients in `fast` math: `solve` and `update`, which restrict too, `product` with the new direction,
-    `correct`."""
+    """Make quick_pass(kind, particles, v, matrix, lists, coarse, flip, shares, shared, sums): for all blocks, the
+    passes of conjugate gradients in `fast` math.
+
+    `solve` and `update`, which also restrict, `product` with the new direction, `correct`.
+    """
     groups = make_quick_groups(real, math)
     advance, correct, product = groups.advance, groups.correct, make_quick_product(real, math)
     inline, summed = inlined(math), np.int32(SUMMED)

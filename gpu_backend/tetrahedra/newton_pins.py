@@ -1,4 +1,4 @@
-"""Pinned particles that move, in Newton's method on CUDA: where their motion has them as a substep ends, for one of them."""
+"""Pinned particles that move, in Newton's method on CUDA: the position of one of them at a substep's end."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from gpu_backend.core.formulas import device_formulas
 from model.formulas import cloth
 from model.mass_spring.cloth_parameters import P_MOTION
 
-MOTION = "motion"  # of the parts
+MOTION = "motion"  # among the parts
 
 
 @cache
 def make_driven(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """`moves`: whether any pin does; `driven(k, b, lists, world, number)` -> (x, y, z, vx, vy, vz): the pinned particle k,
-    which was at `b` (a quad), as substep `number` ends: at rest there, unless it follows a motion."""
+    """Make `driven(k, b, lists, world, number)` -> (x, y, z, vx, vy, vz): the pinned particle k, which was at `b` (a
+    quad), at the end of substep `number`: at rest there, unless it follows a motion. `moves`: true if any pin does."""
     inline, moves = inlined(math), MOTION in parts
     follow = make_pins(real, math, frozenset({MOTION})).follow
     instant = device_formulas(cloth.make, real, math).instant

@@ -1,9 +1,11 @@
-"""Conjugate gradients on tetrahedra in `fast` math, on CUDA: three passes an iteration, and no unknown waits for another one.
+"""Conjugate gradients on tetrahedra in `fast` math, on CUDA: three passes per iteration, and no unknown waits for
+another.
 
-The coarse matrix is inverted once its factor is known, a team a column: applied, the inverse takes no steps one after the
-other, of which substitution has two for each unknown. A block takes a group of the coarse level and does all with its
-particles that needs no others: they are updated and restricted in one pass, and get the answers of both levels in another.
-The new direction is made where the matrix is applied to it, by each row for itself, from the old one: two arrays in turn.
+The coarse matrix is inverted once its factor is known, one team per column: applying the inverse has no sequential
+steps, of which substitution has two per unknown. A block processes a group of the coarse level and does everything with
+its particles that does not depend on others: they are updated and restricted in one pass, and get the corrections of
+both levels in another. The new direction is computed where the matrix is applied to it, by each row for itself, from
+the old one: two alternating arrays.
 """
 
 from __future__ import annotations
@@ -30,8 +32,8 @@ from model.tetrahedra.newton import SUMMED
 
 @cache
 def make_residual(real: Any, math: str) -> Any:
-    """residual_of(kind, k, particles, v, flip, alpha): of particle k, at a solve's start or after a step along the direction,
-    three numbers."""
+    """Make residual_of(kind, k, particles, v, flip, alpha): the residual of particle k (three numbers), at a solve's
+    start or after a step along the direction."""
     moved, zero = device_formulas(newton.make, real, math).moved, real(0)
 
     @inlined(math)
@@ -57,9 +59,9 @@ def make_residual(real: Any, math: str) -> Any:
 
 @cache
 def make_quick_groups(real: Any, math: str) -> SimpleNamespace:
-    """`advance(kind, group, particles, v, flip, lists, coarse, alpha, shared)`: the residual of the group's particles, and
-    what the coarse level sees of it; `correct(group, particles, v, matrix, lists, coarse, shared, parts)`: what is
-    preconditioned. `flip`: which of the two directions is the last one."""
+    """Make `advance(kind, group, particles, v, flip, lists, coarse, alpha, shared)`, the residual of the group's
+    particles and its restriction, and `correct(group, particles, v, matrix, lists, coarse, shared, parts)`, the
+    preconditioned residual. `flip`: which of the two directions is the last one."""
     inline, formulas = inlined(math), device_formulas(formulas_of.make, real, math)
     moment, motion = formulas.moment, formulas.motion
     products, residual_of, arm_of = (
@@ -137,8 +139,9 @@ def make_quick_groups(real: Any, math: str) -> SimpleNamespace:
 
 @cache
 def make_quick_product(real: Any, math: str) -> Any:
-    """product(group, particles, v, matrix, lists, flip, beta, shared, parts): of SUMMED particles, the new direction and the
-    matrix times it, four threads a row; `flip`: which of the two directions is the old one."""
+    """Make product(group, particles, v, matrix, lists, flip, beta, shared, parts): for SUMMED particles, the new
+    direction and its product with the matrix, four threads per row; `flip`: which of the two directions is the old
+    one."""
     inline, quick = inlined(math), make_quick_sums(real, math)
     of_four, of_block, load_block = quick.of_four, quick.of_block, make_block_access(math).load_block
     products, moved = device_formulas(solving.make, real, math), device_formulas(newton.make, real, math).moved
@@ -180,8 +183,8 @@ def make_quick_product(real: Any, math: str) -> Any:
 
 @cache
 def make_invert(real: Any, math: str) -> Any:
-    """invert(column, lists, coarse, shared): of a team, one column of the inverse of a body's coarse matrix; what the next
-    row needs is loaded while one is worked on."""
+    """Make invert(column, lists, coarse, shared): for a team, one column of the inverse of a body's coarse matrix; data
+    of the next row is loaded while one is processed."""
     inline, meet_team, zero, one = inlined(math), make_sums(real, math).meet_team, real(0), real(1)
     team, modes, next_one, none, room = (
         np.int32(TEAM),
@@ -193,7 +196,7 @@ def make_invert(real: Any, math: str) -> Any:
 
     @inline
     def above(i, k, first, lists, coarse):
-        """Row i's entry in column k."""
+        """Return row i's entry in column k."""
         found = zero
         if i >= first:
             if lists.reach[i] >= k:

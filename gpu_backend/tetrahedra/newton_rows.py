@@ -1,6 +1,7 @@
-"""What Newton's method does with one particle, on CUDA: its row of the matrix, and its part of each pass over particles.
+"""Operations of Newton's method on one particle, on CUDA: its row of the matrix, and its part of each pass over
+particles.
 
-As cpu_backend/tetrahedra/newton_rows.py. Vectors are quads; those of a particle that is held stay nothing.
+As cpu_backend/tetrahedra/newton_rows.py. Vectors are quads; those of a pinned particle stay zero.
 """
 
 from __future__ import annotations
@@ -23,10 +24,13 @@ from model.tetrahedra.springs import PARTS
 
 
 class Vectors(NamedTuple):
-    """Quads of every particle: the state; where it was, with its weight; where inertia leads; where the last step led; the
-    potential's gradient there, and at a trial; a step; what of it is left to solve; the matrix times the direction; what is
-    preconditioned; the direction, of which `fast` math has two in turn; where a substep has stages, velocities at its start,
-    and for dampers positions at the first stage's start and end."""
+    """Quads of every particle.
+
+    The state; old position, with its weight; inertial position; position after the last step; the potential's gradient
+    there, and at a trial; a step; its residual; the matrix times the direction; preconditioned residual; the direction,
+    two alternating ones in `fast` math; for a substep with stages, velocities at its start, and for dampers positions
+    at the first stage's start and end.
+    """
 
     position: Any
     velocity: Any
@@ -46,8 +50,8 @@ class Vectors(NamedTuple):
 
 
 class Matrix(NamedTuple):
-    """Blocks of tetrahedra, of the matrix's rows; inverses of the diagonal (6 numbers a particle, column by
-    column); forces at corners (quads); what holds each particle [N/m]; values of springs."""
+    """Blocks of tetrahedra, of the matrix's rows; inverses of the diagonal (6 numbers per particle, column by column);
+    forces at corners (quads); stiffness that holds each particle [N/m]; values of springs."""
 
     found: Any
     blocks: Any
@@ -59,9 +63,12 @@ class Matrix(NamedTuple):
 
 @cache
 def make_rows(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """`gather(n, lists, found)`: block n of the rows, of all tetrahedra that have a part in it, and of springs; `apply(k,
-    lists, blocks, vector)`: a row's product; `settle_row(k, particles, v, matrix, lists, world, number)`: the row's diagonal
-    and its inverse: 1 if that is not positive, else 0."""
+    """Make `gather`, `apply` and `settle_row`.
+
+    `gather(n, lists, found)`: block n of the rows, summed over its tetrahedra and springs; `apply(k, lists, blocks,
+    vector)`: a row's product; `settle_row(k, particles, v, matrix, lists, world, number)`: the row's diagonal and its
+    inverse: 1 if that is not positive, else 0.
+    """
     inline, formulas = inlined(math), device_formulas(newton.make, real, math)
     products = device_formulas(solving.make, real, math)
     inertia_of, inverse, outer, applied = formulas.inertia_of, formulas.inverse, formulas.outer, products.applied
@@ -123,8 +130,8 @@ def make_rows(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
 
 @cache
 def make_solving(real: Any, math: str, apply: Any) -> Any:
-    """solving(kind, k, particles, v, matrix, lists, added, alpha, beta) -> what particle k adds to the sum of that pass of
-    conjugate gradients; `added`: what the coarse level does to the residual there."""
+    """Make solving(kind, k, particles, v, matrix, lists, added, alpha, beta): particle k's summand in that pass of
+    conjugate gradients; `added`: the coarse level's correction of the residual there."""
     inline, moved = inlined(math), device_formulas(newton.make, real, math).moved
     products, zero = device_formulas(solving.make, real, math), real(0)
     preconditioned, dot = products.preconditioned, products.dot
@@ -167,8 +174,8 @@ def make_solving(real: Any, math: str, apply: Any) -> Any:
 
 @cache
 def make_moving(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """`weigh(k, v, matrix, lists, world, number)`: the potential's gradient at particle k, and its energy but for that of
-    tetrahedra; `move(kind, k, v, share)`: the passes that only move it; what it adds to the sum of MOVE."""
+    """Make `weigh(k, v, matrix, lists, world, number)`, the potential's gradient at particle k and its energy without
+    tetrahedra, and `move(kind, k, v, share)`, the passes that only move it, with its summand in MOVE."""
     inline, formulas = inlined(math), device_formulas(newton.make, real, math)
     products = device_formulas(solving.make, real, math)
     inertia_of, kept, moved = formulas.inertia_of, formulas.kept, formulas.moved

@@ -1,5 +1,5 @@
-"""Sums of Newton's method on CUDA. In `exact` math in the CPU's order: SUMMED tetrahedra or particles one after the other,
-then their sums. In `fast` math over warps, in an order of their own that is always the same.
+"""Sums of Newton's method on CUDA. In `exact` math in the CPU's order: SUMMED tetrahedra or particles one after the
+other, then their sums. In `fast` math over warps, in another order that is always the same.
 
 `shared` is a block's memory of ROOM numbers. A team is a warp; under the simulator, which has none, a whole block.
 """
@@ -18,20 +18,23 @@ from gpu_backend.core.device import simulated
 from model.tetrahedra.newton import SUMMED
 
 TEAM = 32  # threads
-THREADS = TEAM if simulated() else 256  # of a block; the simulator's are threads of Python
-UNIT = max(THREADS, SUMMED)  # tetrahedra that a block takes at once
+THREADS = TEAM if simulated() else 256  # per block; the simulator's are Python threads
+UNIT = max(THREADS, SUMMED)  # tetrahedra that a block processes at once
 TEAMS = THREADS // TEAM
 ROOM = 2560  # numbers
-SLOTS = THREADS if simulated() else TEAMS  # numbers that are left of a block's threads' where teams have no shuffles
+SLOTS = THREADS if simulated() else TEAMS  # partial sums of a block's threads, if teams have no shuffles
 EVERY = 0xFFFFFFFF  # lanes of a warp
 
 
 @cache
 def make_sums(real: Any, math: str) -> SimpleNamespace:
-    """`meet_team()`: a barrier of a team; `add_groups(shared, sums, width, group, count, parts)`: of the `sums` x UNIT
-    numbers in `shared`, of which `width` count, those of each SUMMED become parts[s count + group], + 1, ...;
-    `total(shared, sums, count, parts)`: those of all `count`, in shared[0], shared[1]; `add_team(shared, base, columns, lane,
-    running)`: of `columns` x TEAM numbers from `base` on, lane c adds those of column c to what it has."""
+    """Make `meet_team`, `add_groups`, `total` and `add_team`.
+
+    `meet_team()`: a barrier of a team. `add_groups(shared, sums, width, group, count, parts)`: of the `sums` x UNIT
+    numbers in `shared`, of which `width` count, the sums of each SUMMED become parts[s count + group], + 1, ...
+    `total(shared, sums, count, parts)`: the sums of all `count`, in shared[0], shared[1]. `add_team(shared, base,
+    columns, lane, running)`: of `columns` x TEAM numbers from `base` on, lane c adds those of column c to `running`.
+    """
     inline, zero, warps = inlined(math), real(0), not simulated()
     summed, unit, team, room = np.int32(SUMMED), np.int32(UNIT), np.int32(TEAM), np.int32(ROOM // 2)
 
@@ -93,9 +96,12 @@ def make_sums(real: Any, math: str) -> SimpleNamespace:
 
 @cache
 def make_quick_sums(real: Any, math: str) -> SimpleNamespace:
-    """`of_block(shared, base, x)`: the sum of all threads' x, for each of them; `of_team(shared, x)`: of a team's, for its
-    first lane; `of_four(shared, x)`: of four neighbours', for the first. `put(shared, place, x)`: into the slots `place`
-    SLOTS ... of a block, to be added up by `slots(shared, place)` after a barrier. All threads of a block must call them."""
+    """Make `of_block`, `of_team`, `of_four`, `put` and `slots`. All threads of a block must call them.
+
+    `of_block(shared, base, x)`: the sum of all threads' x, for each of them; `of_team(shared, x)`: of a team's, for its
+    first lane; `of_four(shared, x)`: of four neighbours', for the first. `put(shared, place, x)`: into the slots
+    `place` SLOTS ... of a block, to be summed by `slots(shared, place)` after a barrier.
+    """
     inline, zero, warps = inlined(math), real(0), not simulated()
     team, slot_count, scratch = np.int32(TEAM), np.int32(SLOTS), np.int32(ROOM - THREADS)
 
@@ -113,7 +119,7 @@ def make_quick_sums(real: Any, math: str) -> SimpleNamespace:
 
     @inline
     def neighbours(shared, x, count):
-        """Where there are no shuffles."""
+        """Return the sum without shuffles."""
         t = np.int32(cuda.threadIdx.x)
         cuda.syncthreads()
         shared[scratch + t] = x
@@ -162,7 +168,8 @@ def make_quick_sums(real: Any, math: str) -> SimpleNamespace:
 
 @cache
 def make_quick_totals(real: Any, math: str) -> SimpleNamespace:
-    """`add_groups` and `total` of `make_sums`, by warps; the first of groups gets all of a block's, the others nothing."""
+    """Make `add_groups` and `total` of `make_sums`, by warps; the first of groups gets all of a block's, the others
+    zero."""
     inline, quick, zero = inlined(math), make_quick_sums(real, math), real(0)
     put, slots, of_block = quick.put, quick.slots, quick.of_block
     summed, unit, free = np.int32(SUMMED), np.int32(UNIT), np.int32(2 * UNIT // SLOTS)

@@ -1,17 +1,19 @@
-"""The kernel `resident` of tetrahedra: bodies of voxels kept on the chip, a slab a block, for all substeps of many steps.
+"""The kernel `resident` of tetrahedra: bodies of voxels on the chip, one slab per block, for all substeps of many
+steps.
 
-A block holds the vertices of its slab in shared memory, projects colour by colour with a barrier of its own threads after
-each, and meets its neighbours twice a sweep (slabs.py): each vertex of a common side is a message with its tag
-(core/messages.py), sent as soon as it is known; no flags, and no barrier of all blocks. All blocks must run at once, which a
-cooperative launch guarantees, and no wait is endless.
+A block stores the vertices of its slab in shared memory, projects colour by colour with a barrier of its own threads
+after each, and exchanges with its neighbours twice per sweep (slabs.py): each vertex of a common side is a message with
+its tag (core/messages.py), sent as soon as it is known; no flags, and no barrier of all blocks. All blocks must run at
+once, which a cooperative launch guarantees, and every wait has a timeout.
 
-One message buffer a way is enough. A slab sends downwards in a sweep only after it has heard from the slab below in the
-last one, which spoke after it had heard what was sent downwards then; and so upwards.
+One message buffer per direction is enough. A slab sends downwards in a sweep only after it has received from the slab
+below in the last one, which sent after it had received the downward messages; and likewise upwards.
 
-Velocities are kept nowhere: what ends a substep of a vertex begins its next one.
+Velocities are not stored: the end of a vertex's substep is the start of its next one.
 
-What a sweep must take is the way through one vertex: 40 tetrahedra of 8 voxels, one after the other, for which a thread keeps
-the vertices of a voxel in registers (core/constraints.py); both meetings with neighbours are a tenth of that.
+The lower bound of a sweep is the path through one vertex: 40 tetrahedra of 8 voxels, one after the other, for which a
+thread keeps the vertices of a voxel in registers (core/constraints.py); both exchanges with neighbours are a tenth of
+that.
 """
 
 from __future__ import annotations
@@ -52,15 +54,16 @@ from model.core.constraints import Projection
 
 @cache
 def make_exchange(real: Any, math: str) -> SimpleNamespace:
-    """What the threads of a block do together: `tell(messages, at, quads, first, count, tag)`: send vertices `first` ... of
-    the slab, the messages from `at` on; `hear(messages, at, quads, first, count, tag, failed)`: wait for such messages."""
+    """Make `tell(messages, at, quads, first, count, tag)` and `hear(messages, at, quads, first, count, tag, failed)`,
+    run by the threads of a block together: send vertices `first` ... of the slab, in the messages from `at` on, and
+    wait for such messages."""
     words, inline = make_messages(real), inlined(math)
     send, receive = words.send, words.receive
 
     @inline
     def tell(messages, at, quads, first, count, tag):
         n, threads = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x)
-        while n < count:  # how often a range turns would be a quotient
+        while n < count:  # not a range: its number of iterations would be a quotient
             q = load_quad(quads, np.int32(first + n))
             send(messages, np.int32(at + n), q[0], q[1], q[2], tag)
             n = np.int32(n + threads)
@@ -86,8 +89,8 @@ def make_exchange(real: Any, math: str) -> SimpleNamespace:
 
 @cache
 def make_turn(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """Of one mass, quads: `begin(p, v, particle, world, step)` -> where constraints find it, from the state; `end(before,
-    now, world, number)` -> (position, velocity) after substep `number`."""
+    """Make, for one mass, `begin(p, v, particle, world, step)`, the prediction from the state, and `end(before, now,
+    world, number)` -> (position, velocity) after substep `number`; all quads."""
     forces, motion = make_forces(real, math, parts), make_motion(real, math, parts, AXES)
     add_gravity, add_own, predict, settle = forces.add_gravity, forces.add_own, motion.predict, motion.settle
     inline, zero = inlined(math), real(0)
@@ -109,10 +112,13 @@ def make_turn(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
 
 @cache
 def make_sweep(real: Any, math: str, projection: Projection) -> SimpleNamespace:
-    """`ahead(colour, starts, tables, corners, values, count)`: (first run of a colour, how many, what this thread's first one
-    reads), colours beginning at `starts` in `tables`; `sweep(first, last, colours, starts, tables, now, before, corners,
-    values, multipliers, count, fresh, constants, ready)`: a block's runs of the colours `first` to before `last` of all
-    `colours`, `ready` being what `ahead` gave of the first one; gives that of the one that comes next."""
+    """Make `ahead` and `sweep`.
+
+    `ahead(colour, starts, tables, corners, values, count)`: (first run of a colour, how many, data of this thread's
+    first one), colours beginning at `starts` in `tables`. `sweep(first, last, colours, starts, tables, now, before,
+    corners, values, multipliers, count, fresh, constants, ready)`: a block's runs of the colours `first` to before
+    `last` of all `colours`; `ready` is `ahead` of the first one; returns that of the next one.
+    """
     of_run, run, inline = make_run(real, math, projection), np.int32(projection.run), inlined(math)
     fetch, take, zero, one = of_run.fetch, of_run.take, np.int32(0), np.int32(1)
 
@@ -123,7 +129,7 @@ def make_sweep(real: Any, math: str, projection: Projection) -> SimpleNamespace:
 
     @inline
     def fetched(start, runs, corners, values, count):
-        """A thread that has none of these runs looks at another one's, or at the first of all."""
+        """Load the data of a thread's first run; a thread without one loads another's, or the very first one."""
         number = np.int32(start + min(np.int32(cuda.threadIdx.x), np.int32(runs - one)))
         place = np.int32(np.int32(run - one) * start + number)
         if runs == zero:
@@ -150,7 +156,7 @@ def make_sweep(real: Any, math: str, projection: Projection) -> SimpleNamespace:
                 if n < runs:
                     held = fetch(corners, values, np.int32(start + n), np.int32(run * start + n), count)
             start, runs = coming, many
-            held = fetched(start, runs, corners, values, count)  # on its way while others are waited for
+            held = fetched(start, runs, corners, values, count)  # loaded while others are waited for
             cuda.syncthreads()
         return start, runs, held
 
@@ -159,13 +165,13 @@ def make_sweep(real: Any, math: str, projection: Projection) -> SimpleNamespace:
 
 @cache
 def make_tetrahedra_resident(real: Any, math: str, parts: frozenset[str], projection: Projection) -> Any:
-    """kernel(position, velocity, new_position, new_velocity, tables, corners, values, multipliers, messages, borders, epoch,
-    failed, record, bodies, integers, counter, early, colours, size, largest, steps, substeps, iterations): `steps` steps of
-    the bodies of one set, from the old state to the new one.
+    """Compile kernel(position, velocity, new_position, new_velocity, tables, corners, values, multipliers, messages,
+    borders, epoch, failed, record, bodies, integers, counter, early, colours, size, largest, steps, substeps,
+    iterations): `steps` steps of the bodies of one set, from the old state to the new one.
 
     `tables`, `corners`, `early`, `colours`, `largest`: of Slabs, whose constraints are `size`; `messages` (3 borders *
-    message_size,): downwards, upwards, downwards where vertices were, their tags `epoch` + 1, + 2, ...; `failed` (1,) int32
-    is set to 1 by a block whose messages never come. Launched cooperatively, one block a slab.
+    message_size,): downwards, upwards, downwards of old positions, with tags `epoch` + 1, + 2, ...; `failed` (1,) int32
+    is set to 1 by a block whose messages never arrive. Launched cooperatively, one block per slab.
     """
     turn, clock = make_turn(real, math, parts), make_clock(math, parts)
     exchange, of_sweep = make_exchange(real, math), make_sweep(real, math, projection)
@@ -201,7 +207,7 @@ def make_tetrahedra_resident(real: Any, math: str, parts: frozenset[str], projec
         ready = ahead(no_colour, starts, tables, corners, values, count)
         cuda.syncthreads()
         while place < steps:
-            for half in range(2 * iterations):  # even layers, odd ones: one loop, so that its code is there once
+            for half in range(2 * iterations):  # even layers, odd ones: one loop, so that its code exists once
                 fresh, late = np.int32(half < 2), half % 2 == 1
                 first, last = (early, colours) if late else (no_colour, early)
                 ready = sweep(
@@ -225,7 +231,7 @@ def make_tetrahedra_resident(real: Any, math: str, parts: frozenset[str], projec
                 place, substep = place + one, no_place
             step, coming = clock(counter, place, substeps, substep)
             n = mine
-            while n < own:  # how often a range turns would be a quotient
+            while n < own:  # not a range: its number of iterations would be a quotient
                 p, v = end(load_quad(before, n), load_quad(now, n), world, number)
                 k = tables[np.uint32(particles + n)]
                 if place < steps:

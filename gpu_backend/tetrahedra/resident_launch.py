@@ -1,4 +1,4 @@
-"""Launching the kernel `resident` of tetrahedra: how thick slabs are, what lies on the device, a launch a set."""
+"""Launches of the kernel `resident` of tetrahedra: thickness of slabs, device arrays, one launch per set."""
 
 from __future__ import annotations
 
@@ -23,20 +23,20 @@ from model.tetrahedra.attachments import CORNERS, part_of
 from model.tetrahedra.constraints import CLOTH, SLEEPING, WHOLE, constraint_sets, tetrahedra_of_sets
 from model.xpbd.mesh_plan import BODY_DAMPING
 
-RUNS = 1 << 17  # voxels of a set that one is tried to be cut into slabs at most
+RUNS = 1 << 17  # maximum number of voxels of a set that may be divided into slabs
 
 LAUNCHED_ONLY = ("wind", "motion", CLOTH, BODY_DAMPING, SLEEPING, WHOLE, *map(part_of, CORNERS))  # parts of a plan
 
 
 def launched_only(scene: Scene, parts: Collection[str]) -> str | None:
-    """What of a scene with such parts `resident` does not do."""
+    """Return a feature of a scene with such parts that `resident` does not support."""
     if scene.contact is not None:
         return "contacts"
     return next((part for part in LAUNCHED_ONLY if part in parts), None)
 
 
 def layers_of(kernel: str) -> int | None:
-    """Of a slab, in `resident:4`; None in `resident`. Raises SceneError."""
+    """Return the layers of a slab, in `resident:4`; None in `resident`. Raises SceneError."""
     _, _, number = kernel.partition(":")
     if kernel == "resident":
         return None
@@ -50,8 +50,8 @@ def layers_of(kernel: str) -> int | None:
 def chosen_slabs(
     scene: Scene, real: Any, layers: int | None, limits: tuple[int, int] | None = None
 ) -> list[Slabs]:  # fmt: skip
-    """Of each set, of so many `layers`, or the thinnest of which all run at once on this GPU, or on one of `limits` (see
-    `device_limits`). Raises SceneError where there are none."""
+    """Return the slabs of each set, of `layers` each, or the thinnest that all run at once on this GPU, or on one of
+    `limits` (see `device_limits`). Raises SceneError if there are none."""
     found = scene.tetrahedra_set
     limits = limits or tile_launch.device_limits()
     both = zip(constraint_sets(scene), tetrahedra_of_sets(found), strict=True)
@@ -59,8 +59,8 @@ def chosen_slabs(
 
 
 def default_slabs(scene: Scene, real: Any, limits: tuple[int, int] | None = None) -> list[Slabs]:
-    """The slabs with which `resident` is the scene's own choice; none where it does not run, or where a block would take a
-    colour in several turns: what is launched does those as soon."""
+    """Return the slabs with which `resident` is the scene's default; none if it cannot run, or if a block would need
+    several turns per colour: launches are as fast then."""
     try:
         slabs = chosen_slabs(scene, real, None, limits)
     except SceneError:
@@ -71,7 +71,7 @@ def default_slabs(scene: Scene, real: Any, limits: tuple[int, int] | None = None
 def _slabs(
     found: Any, one: ConstraintSet, tetrahedra: np.ndarray, real: Any, layers: int | None, limits: tuple[int, int]
 ) -> Slabs:
-    """Raises SceneError."""
+    """Return the slabs of one set. Raises SceneError."""
     most_blocks, most_shared = limits
     asked = "resident" if layers is None else f"resident:{layers}"
     if one.run == 1:
@@ -101,7 +101,7 @@ def _slabs(
 
 
 class ResidentSet:
-    """The launches of one set of constraints for a simulation, whose state it reads and writes."""
+    """The launches of one set of constraints for a simulation, on its state."""
 
     def __init__(self, simulation: Any, slabs: Slabs, one: ConstraintSet, projection: Projection):
         self.simulation, self.slabs, self._epoch = simulation, slabs, 0
@@ -131,15 +131,13 @@ class ResidentSet:
         )  # fmt: skip
 
     def launch(self, steps: int) -> None:
-        """Of so many steps, from the current state into the other buffers, which stay the others."""
+        """Launch so many steps, from the current state into the other buffers, which stay the others."""
         self._kernel[self._grid](*self._arguments(steps))
         sweeps = steps * self.simulation.scene.method.substeps * self.simulation.scene.method.iterations
-        self._epoch = (
-            self._epoch + sweeps + 2**31
-        ) % 2**32 - 2**31  # tags are compared for being the same: may wrap around
+        self._epoch = (self._epoch + sweeps + 2**31) % 2**32 - 2**31  # tags are compared for equality: may wrap around
 
     def require_exchange(self) -> None:
-        """Raises BackendUnavailable if a block waited in vain for others."""
+        """Raise BackendUnavailable if a block timed out waiting for others."""
         if self.simulation.fetch(self._failed) != 0:
             self._failed.copy_to_device(np.zeros(1, np.int32), stream=self.simulation.stream)
             raise BackendUnavailable(

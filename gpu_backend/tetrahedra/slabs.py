@@ -1,8 +1,8 @@
-"""Bodies of voxels cut into slabs of whole layers across their longest side, a block of threads each.
+"""Bodies of voxels divided into slabs of whole layers across their longest side, a block of threads each.
 
 A slab begins with an even layer. Even layers share no vertex with one another, nor do odd ones, and all even layers are
-projected before all odd ones (model/tetrahedra/voxel_order.py); so a slab does its even layers by itself, hears from the next
-slab where the vertices of their common side are by then, does its odd layers, and tells the next slab where those are now.
+projected before all odd ones (model/tetrahedra/voxel_order.py). So a slab does its even layers by itself, receives the
+vertices of the common side from the next slab, does its odd layers, and sends those vertices back.
 """
 
 from __future__ import annotations
@@ -15,25 +15,27 @@ import numpy as np
 from model.core.constraints import ConstraintSet
 from model.tetrahedra.body_set import TetrahedraSet
 
-HEADER = 8  # numbers of a slab in `tables`, by place:
+HEADER = 8  # numbers of a slab in `tables`, by index:
 OWN, ALL, LIST, SHARED, BORDER_BEFORE, BORDER_AFTER, STARTS = range(7)
-ENOUGH_THREADS = 128  # of a block for what vertices need: more wait for one another longer than they save
-MOST_THREADS = 384  # of a block: a thread may take 168 registers then
-QUADS = 2  # of a vertex in shared memory: where it is, where it was
+ENOUGH_THREADS = 128  # per block, for vertices: more wait for one another longer than they save
+MOST_THREADS = 384  # per block: a thread may use 168 registers then
+QUADS = 2  # per vertex in shared memory: its position, its old position
 
 
 @dataclass(frozen=True, eq=False)
 class Slabs:
-    """A set of constraints by slabs. Constraint `order[p]` of the set stands at place p: slab by slab, colour by colour, in
-    each the first constraints of all runs before the second ones. `corners` (constraints, 4) int32: vertices by their numbers
-    in the slab: those that it shares with the slab before it, then the rest of its own, then those of the next slab that it
-    needs, in the order in which that one has them.
+    """A set of constraints by slabs.
 
-    `tables` int32: of each slab HEADER numbers: how many vertices it owns, how many it knows, where in `tables` the particles
-    are that these are, how many of its own it shares with the slab before it, the first message about those and about
-    vertices of the next slab, where in `tables` its `starts` are, and where the last one ends. `early`: how many colours are
-    of even layers; `borders`: of how many vertices slabs tell each other; `largest`: the most vertices that a
-    slab knows; `widest`: the most runs of a colour in a slab.
+    Constraint `order[p]` of the set is at place p: slab by slab, colour by colour, in each the first constraints of all
+    runs before the second ones. `corners` (constraints, 4) int32: vertices by their numbers in the slab: those that it
+    shares with the slab before it, then the rest of its own, then those of the next slab that it needs, in that one's
+    order.
+
+    `tables` int32: for each slab HEADER numbers: its own vertices, all vertices that it stores, where in `tables` their
+    particles are, how many of its own it shares with the slab before it, the first message about those and about
+    vertices of the next slab, where in `tables` its `starts` are, and where the last one ends. `early`: number of
+    colours of even layers; `borders`: number of vertices exchanged between slabs; `largest`: the most vertices stored
+    in a slab; `widest`: the most runs of a colour in a slab.
     """
 
     count: int
@@ -49,16 +51,17 @@ class Slabs:
 
     @property
     def threads(self) -> int:
-        """Of a block: whole warps, a thread a run of a colour, but no more than MOST_THREADS."""
+        """Threads of a block: whole warps, one per run of a colour, but no more than MOST_THREADS."""
         return min(MOST_THREADS, -(-max(self.widest, min(self.largest, ENOUGH_THREADS)) // 32) * 32)
 
     def shared_bytes(self, real: type) -> int:
-        """Of a block's shared memory."""
+        """Return the bytes of a block's shared memory."""
         return QUADS * 4 * self.largest * np.dtype(real).itemsize
 
 
 def make_slabs(found: TetrahedraSet, one: ConstraintSet, tetrahedra: np.ndarray, layers: int) -> Slabs:
-    """The slabs, of `layers` each, an even number, of a set of voxels; `tetrahedra` (n,): which its constraints are."""
+    """Return the slabs, of `layers` each, an even number, of a set of voxels; `tetrahedra` (n,): those of its
+    constraints."""
     first = tetrahedra[:: one.run]
     layer, body = found.voxel[first, 0].astype(np.int64), found.body[first].astype(np.int64)
     vertices = one.corners.reshape(len(first), -1)
@@ -88,8 +91,8 @@ def make_slabs(found: TetrahedraSet, one: ConstraintSet, tetrahedra: np.ndarray,
 def _lists(
     vertices: np.ndarray, slab: np.ndarray, owner: np.ndarray, count: int
 ) -> tuple[list[tuple[np.ndarray, np.ndarray, np.ndarray]], np.ndarray]:
-    """(of each slab its particles: shared with the one before, the rest of its own, of the next one, ascending; where in the
-    messages those of each border begin (slabs + 1,): border k lies before slab k)."""
+    """Return (for each slab its particles: shared with the one before, the rest of its own, of the next one, ascending;
+    for each border its start in the messages (slabs + 1,): border k is before slab k)."""
     known = [np.unique(vertices[slab == k]) for k in range(count)]
     foreign = [some[owner[some] != k] for k, some in enumerate(known)]
     assert all((owner[some] == k + 1).all() for k, some in enumerate(foreign))
@@ -99,7 +102,7 @@ def _lists(
 
 
 def _places(group: np.ndarray, groups: int, run: int) -> tuple[np.ndarray, np.ndarray]:
-    """(constraint at each place; which run each group begins with (groups + 1,)) of runs in groups."""
+    """Return (constraint at each place; first run of each group (groups + 1,)) of runs in groups."""
     runs = np.argsort(group, kind="stable")
     bounds = np.concatenate([[0], np.cumsum(np.bincount(group, minlength=groups))])
     parts = [(runs[first:last] * run + np.arange(run)[:, None]).ravel() for first, last in pairwise(bounds)]
@@ -109,7 +112,7 @@ def _places(group: np.ndarray, groups: int, run: int) -> tuple[np.ndarray, np.nd
 def _tables(
     lists: list[tuple[np.ndarray, np.ndarray, np.ndarray]], borders: np.ndarray, starts: np.ndarray, colours: int
 ) -> np.ndarray:
-    """See Slabs."""
+    """Return `tables` of Slabs."""
     head = np.zeros((len(lists), HEADER), np.int32)
     rest: list[np.ndarray] = []
     at = head.size

@@ -1,4 +1,5 @@
-"""Vertices that keep their places while they and their neighbours are slow (model/formulas/elastic/sleep.py), on CUDA."""
+"""Sleeping vertices, which keep their positions while they and their neighbours are slow
+(model/formulas/elastic/sleep.py), on CUDA."""
 
 from __future__ import annotations
 
@@ -17,8 +18,11 @@ from model.formulas.elastic import sleep
 
 @cache
 def make_sleep(real: Any, math: str) -> SimpleNamespace:
-    """`look(velocity, earlier, slow, speed, record)`: who is slow; `keep(before, position, velocity, earlier, slow, offsets,
-    neighbours)`: places and velocities of vertices. `slow` (particles,) int32; `earlier`: velocities as a substep ended."""
+    """Compile `look(velocity, earlier, slow, speed, record)`, which marks slow vertices, and `keep(before, position,
+    velocity, earlier, slow, offsets, neighbours)`, which resets positions and velocities.
+
+    `slow` (particles,) int32; `earlier`: velocities at the end of the last substep.
+    """
     is_slow = device_formulas(sleep.make, real, math).is_slow
     zero, next_one = real(0), np.int32(1)
 

@@ -1,10 +1,10 @@
-"""Bodies of tetrahedra on CUDA, position-based: two constraints a tetrahedron, a thread for each tetrahedron of a colour, or
-for each voxel.
+"""Bodies of tetrahedra on CUDA, position-based: two constraints per tetrahedron, one thread per tetrahedron of a
+colour, or per voxel.
 
-M. Macklin et al., "XPBD", MIG 2016, algorithm 1; M. Macklin et al., "Small Steps in Physics Simulation", SCA 2019. Launches
-are a mesh's (xpbd/mesh.py), what a tetrahedron does is model/formulas/constraints/tetrahedron.py. Kernels besides a mesh's:
-`resident`, all steps in one launch, of bodies of voxels that fit on the chip (resident.py); `resident:4` in slabs of 4
-layers. In `exact` math all give the same bits, and the CPU's.
+M. Macklin et al., "XPBD", MIG 2016, algorithm 1; M. Macklin et al., "Small Steps in Physics Simulation", SCA 2019.
+Launches are a mesh's (xpbd/mesh.py); model/formulas/constraints/tetrahedron.py has the formulas. Kernels besides a
+mesh's: `resident`, all steps in one launch, of bodies of voxels that fit on the chip (resident.py); `resident:4` in
+slabs of 4 layers. In `exact` math all give the same bits as the CPU.
 """
 
 from __future__ import annotations
@@ -30,7 +30,8 @@ from model.tetrahedra.topology import neighbours
 
 
 class Tetrahedra(MeshPositionBased):
-    """See model/core/simulation.py for the contract. `threads` is the number of threads a block."""
+    """Position-based tetrahedra on CUDA; model/core/simulation.py defines the contract. `threads`: threads per
+    block."""
 
     what, named = "tetrahedral bodies", "tetrahedral_body"
     _residents: tuple[ResidentSet, ...] = ()
@@ -57,7 +58,7 @@ class Tetrahedra(MeshPositionBased):
             needed += surface_contact_bytes(self.scene, np.dtype(self.real).itemsize)
         super()._require_memory(needed, field, value)
 
-    # ------------------------------------------------------------------ vertices that keep their places
+    # ------------------------------------------------------------------ sleeping vertices
 
     def _allocate(self) -> None:
         super()._allocate()
@@ -74,13 +75,13 @@ class Tetrahedra(MeshPositionBased):
         kernels.keep[self._flat](before, position, velocity, self._earlier, slow, *self._near)
 
     def end_substep(self, place: int, substep: int) -> None:
-        """See SubstepSimulation."""
+        """Launch the stages after the iterations (SubstepSimulation)."""
         super().end_substep(place, substep)
         if SLEEPING in self.plan.parts:
             self._keep_places(self.substep_start, self.position[self._current], self.velocity[self._current])
 
     def state_taken(self) -> None:
-        """What the state was is another's: with these velocities as the last ones, as they are when a substep has ended."""
+        """Take the velocities of a replaced state as the earlier ones, as a substep has ended."""
         if SLEEPING in self.plan.parts:
             self._earlier.copy_to_device(self.velocity[self._current], stream=self.stream)
 
@@ -93,7 +94,7 @@ class Tetrahedra(MeshPositionBased):
         return super()._stages() | {SLEEP: lambda moment: self._keep_places(before, position, velocity)}
 
     def _upload(self, position: np.ndarray, velocity: np.ndarray) -> None:
-        """With these velocities as the last ones."""
+        """Upload the state; its velocities become the earlier ones."""
         super()._upload(position, velocity)
         self.state_taken()
 

@@ -1,4 +1,4 @@
-"""Attachments as springs (model/tetrahedra/springs.py) on CUDA: what those of one particle add to a sum.
+"""Attachments as springs (model/tetrahedra/springs.py) on CUDA: the contribution of one particle's springs.
 
 Corners and values are flat, spring by spring.
 """
@@ -18,8 +18,11 @@ from model.formulas.elastic import spring
 
 @cache
 def make_pulled(real: Any, math: str) -> Any:
-    """pulled(k, position, meets, entries, corners, values) -> (the derivative, three numbers, what stands on the diagonal of
-    the block, the energy that particle k counts), of all springs at it in their order."""
+    """Make pulled(k, position, meets, entries, corners, values): the sum over all springs of particle k, in their
+    order.
+
+    It returns the derivative (three numbers), the diagonal of the block, and the energy that particle k counts.
+    """
     pull, zero, inline = device_formulas(spring.make, real, math).pull, real(0), inlined(math)
     one, four, seven = np.int32(1), np.int32(4), np.int32(7)
     wide, long = np.int32(spring.CORNERS), np.int32(spring.COUNT)

@@ -1,4 +1,4 @@
-"""Particles of several members in one row, on CUDA: copies of those that meet, and the ways from and to members."""
+"""Particles of several members in one array, on CUDA: copies of those in contact, and transfers to and from members."""
 
 from __future__ import annotations
 
@@ -21,9 +21,12 @@ THREADS = 128
 
 @cache
 def make_ways(real: Any) -> SimpleNamespace:
-    """`take(quads, particles, first, rows)`: quad first + k is that of particles[k]; `give(rows, weights, particles, first,
-    quads)`: likewise back, of those that weigh anything; a quad keeps its fourth number; `carry(..., quads, inertial)`:
-    before that, how far they move is added to `inertial`."""
+    """Compile `take`, `give` and `carry`.
+
+    `take(quads, particles, first, rows)`: quad first + k is that of particles[k]; `give(rows, weights, particles,
+    first, quads)`: the reverse, for particles with a weight; a quad keeps its fourth number; `carry(..., quads,
+    inertial)`: as `give`, and adds their displacements to `inertial` before.
+    """
     zero, carried = real(0), device_formulas(make_carried, real, "exact").carried
 
     def take(quads, particles, first, rows):
@@ -51,7 +54,7 @@ def make_ways(real: Any) -> SimpleNamespace:
 
 
 class Joined:
-    """See cpu_backend/world/joined.py. `before`, `position`: quads of the particles, on the device."""
+    """As in cpu_backend/world/joined.py. `before`, `position`: quads of the particles, on the device."""
 
     def __init__(
         self, particles: np.ndarray, members: Mapping[str, SubstepSimulation], slices: Mapping[str, slice],
@@ -74,18 +77,18 @@ class Joined:
 
     @property
     def launches(self) -> int:
-        """Of `take` of positions alone, and of `give`."""
+        """Number of launches of `take` of positions only, and of `give`."""
         return len(self._members) + sum(member.inertial is not None for member, *_ in self._members)
 
     def take(self, fresh: bool) -> None:
-        """Where members' particles are; `fresh`: and where the substep began."""
+        """Read the members' positions; with `fresh` also those at the start of the substep."""
         for member, own, first, launch in self._members:
             self._ways.take[launch](member.position[member._current], own, first, self.position)
             if fresh:
                 self._ways.take[launch](member.substep_start, own, first, self.before)
 
     def give(self) -> None:
-        """Members' particles are where these are."""
+        """Write the positions back to the members."""
         for member, own, first, launch in self._members:
             there = self.position, self._weights, own, first, member.position[member._current]
             if member.inertial is not None:

@@ -1,6 +1,6 @@
-"""A world on CUDA: members of several families on one stream, and contacts between them. Kernels: `launch`, members' own
-launches with contacts between them; `graph`, the same captured as a CUDA graph; `stages`, stage by stage. In `exact` math all
-give the same bits, and the CPU's."""
+"""A world on CUDA: members of several families on one stream, and contacts between them. Kernels: `launch`, members'
+own launches with contacts between them; `graph`, the same captured as a CUDA graph; `stages`, stage by stage. In
+`exact` math all give the same bits as the CPU."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from model.world.solids import solids_of
 
 
 class World(WorldSimulation, Launched):
-    """See model/world/simulation.py."""
+    """A world on CUDA (model/world/simulation.py)."""
 
     backend = "gpu"
     threads = THREADS
@@ -44,7 +44,7 @@ class World(WorldSimulation, Launched):
         super().__init__(scene, options)
         self.plan, self.kernel = scene_plan(scene, options.live), launched_kernel(options.kernel, "a world")
         if {"bodies", "fluid"} <= set(scene.members) and not scene.contact:
-            self.kernel = STAGES  # launches of bodies that meet nobody come to their goals too late for a fluid
+            self.kernel = STAGES  # without contacts, launches of bodies move to their goals too late for a fluid
         self.stream = new_stream()
         try:
             self._open_members(STAGES if self.kernel == STAGES else "launch")
@@ -58,14 +58,14 @@ class World(WorldSimulation, Launched):
             raise
 
     def _open(self, scene: Scene, options: Options) -> Simulation:
-        if scene.fluids:  # the last of all, among the solids of those that are open
+        if scene.fluids:  # a fluid is opened last, among the solids of the other members
             solids, weights = solids_of(self.scene), self.body.inverse_mass * self.scene.grid.mass
             places = Joined(solids.particles, self.members, self.slices, weights, self.stream)
             return FluidAmongSolids(scene, options, solids.samples, places, self.stream)
         return named(family_of(scene).solvers[self.backend])(scene, options, self.stream)
 
     def _build(self) -> None:
-        """What runs a step; every kernel compiled, by running it once on arrays that `reset` then overwrites."""
+        """Compile every kernel of a step, by running it once on arrays that `reset` then overwrites."""
         if coupled(self.scene):
             self._join()
         if self.kernel == STAGES:
@@ -79,7 +79,7 @@ class World(WorldSimulation, Launched):
             self._graphs = Graphs(self.stream, self._launch, self._count_on)
 
     def _join(self) -> None:
-        """Particles that meet."""
+        """Allocate the particles in contact."""
         if not simulated():
             needed = surface_contact_bytes(self.scene, np.dtype(self.real).itemsize, MEMBERS_MEET)
             count = self.scene.world_set.particle_count
@@ -93,7 +93,7 @@ class World(WorldSimulation, Launched):
 
     @property
     def _current(self) -> int:
-        """Which buffers of the members hold the state: the same of all."""
+        """Index of the members' buffers with the state: the same for all."""
         return next(iter(self.members.values()))._current
 
     @_current.setter
@@ -136,7 +136,7 @@ class World(WorldSimulation, Launched):
 
     @property
     def _launches(self) -> int:
-        """Of a step."""
+        """Number of launches of a step."""
         own = sum(member._launches for member in self.members.values())
         if self.wetting:
             own += self.scene.method.substeps * self.wetting.launches
@@ -176,7 +176,7 @@ class World(WorldSimulation, Launched):
         return into
 
     def close(self) -> None:
-        """And all members."""
+        """Close the world and all members."""
         if self._graphs is not None:
             self.synchronize()
             self._graphs.close()

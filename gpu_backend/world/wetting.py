@@ -1,4 +1,5 @@
-"""A cloth that drinks, on CUDA: model/world/plan.py, `soak`; a thread a particle of the cloth, then one a sample."""
+"""Absorption of a fluid by a cloth, on CUDA (model/world/plan.py, `soak`); one thread per particle of the cloth, then
+one per sample."""
 
 from __future__ import annotations
 
@@ -23,9 +24,12 @@ from model.world.wetting import drinkers_of, rates_of
 
 @cache
 def make_soak(real: Any, math: str) -> SimpleNamespace:
-    """`soak(wetness, first, offsets, samples, slots, found, rates)`; `weigh(wetness, first, vertices, weight, dry, rates,
-    position, lightness)`; `share(corners, shares, lightness, begin, kinds)`: of every sample, from place `begin` of `kinds`
-    on."""
+    """Compile `soak`, `weigh` and `share`.
+
+    `soak(wetness, first, offsets, samples, slots, found, rates)`; `weigh(wetness, first, vertices, weight, dry, rates,
+    position, lightness)`; `share(corners, shares, lightness, begin, kinds)`: for every sample, from index `begin` of
+    `kinds` on.
+    """
     f = device_formulas(wetting.make, real, math)
     soaked, lighter, given_way = f.soaked, f.lighter, f.given_way
     corners_each, last = np.int32(CORNERS), np.int32(SIZE - 1)
@@ -57,7 +61,7 @@ def make_soak(real: Any, math: str) -> SimpleNamespace:
 
 
 class Wetting:
-    """See cpu_backend/world/wetting.py."""
+    """Wetting of a world's cloth in its fluid, as in cpu_backend/world/wetting.py."""
 
     launches = 3  # of `soak`
 
@@ -76,11 +80,11 @@ class Wetting:
         self.change(scene)
 
     def change(self, scene: Scene) -> None:
-        """Rates of a scene whose numbers have changed."""
+        """Apply the rates of a scene whose numbers have changed."""
         self._rates.copy_to_device(rates_of(scene).astype(self._real), stream=self._cloth.stream)
 
     def soak(self) -> None:
-        """At a substep's end."""
+        """Update the wetness at a substep's end."""
         fluid = self._fluid
         _, offsets, samples, _ = fluid._carriers
         given = offsets, samples, fluid._slots, fluid.cells.found, self._rates
@@ -88,7 +92,7 @@ class Wetting:
         self.weigh()
 
     def weigh(self) -> None:
-        """Weights and lightness of what is as wet as it is."""
+        """Update weights and lightness from the wetness."""
         cloth, fluid = self._cloth, self._fluid
         position, lightness = cloth.position[cloth._current], fluid._carriers[0]
         given = self._own, self._weight, self._dry, self._rates, position, lightness
@@ -96,22 +100,22 @@ class Wetting:
         self._kernels.share[self._samples](*fluid._points, lightness, self._begin, fluid._kinds)
 
     def keep(self) -> None:
-        """Put the wetness aside."""
+        """Save the wetness."""
         self._kept.copy_to_device(self.wetness, stream=self._cloth.stream)
 
     def restore(self) -> None:
-        """As it was put aside."""
+        """Restore the saved wetness."""
         self.wetness.copy_to_device(self._kept, stream=self._cloth.stream)
         self.weigh()
 
     def tell(self) -> np.ndarray:
-        """(n,)"""
+        """Return the wetness (n,)."""
         host = self.wetness.copy_to_host(stream=self._cloth.stream)
         self._cloth.synchronize()
         return np.asarray(host)
 
     def take(self, wetness: np.ndarray) -> None:
-        """Go on from (n,) others."""
+        """Replace the wetness by another (n,)."""
         self.wetness.copy_to_device(np.ascontiguousarray(wetness, self._real), stream=self._cloth.stream)
         self.weigh()
         self._cloth.synchronize()

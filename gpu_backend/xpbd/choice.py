@@ -1,11 +1,11 @@
-"""Which kernel runs a position-based solver on the GPU, and on which tiles.
+"""Choice of the kernel that runs a position-based solver on the GPU, and of its tiles.
 
-What bounds an iteration of Gauss-Seidel (float32, twelve colours, an H200): `graph` has a launch a colour, 12 x 1.3 us
-however small the sheet. In a block a colour cannot take less than one constraint does from load to store with the barrier
-after it, some 160 cycles, 1 us for twelve; nor less than 32 bytes a mass through shared memory at 128 bytes a cycle, 1.5 ns
-a mass for twelve: 1.6 us at 32 x 32, 6 us at 64 x 64 in one block. `tiled` adds a launch and its loads, and spreads the
-masses over 132 multiprocessors, halos counted: 40 bytes a mass in and 40 out through the second-level cache, multipliers
-included.
+Bounds of a Gauss-Seidel iteration (float32, twelve colours, an H200): `graph` has one launch per colour, 12 x 1.3 us
+however small the sheet. In a block a colour takes at least one constraint from load to store and the barrier after it,
+about 160 cycles, 1 us for twelve; and at least 32 bytes per mass through shared memory at 128 bytes per cycle, 1.5 ns
+per mass for twelve: 1.6 us at 32 x 32, 6 us at 64 x 64 in one block. `tiled` adds a launch and its loads, and
+distributes the masses over 132 multiprocessors, halos included: 40 bytes per mass in and 40 out through the
+second-level cache, multipliers included.
 """
 
 from __future__ import annotations
@@ -28,14 +28,15 @@ XPBD_KERNELS = ("one-block", "tiled", "graph", "launch", "stages")
 MAX_THREADS = 1024
 ONE_BLOCK_MASSES = 4 * MAX_THREADS
 OWNED = (8, 16, 24, 32, 48, 64)  # masses that a tile owns along an axis
-MAX_DEPTH = 4  # iterations a launch
+MAX_DEPTH = 4  # iterations per launch
 AIR_BYTES = 32  # of shared memory, for the wind's velocity
-# us: a captured launch with the loads and stores of its tiles; a barrier of a colour with the waits around it; a mass of a
-# tile through shared memory (16 bytes each way at 128 bytes a cycle); the same for a mass that gathers; and for one whose
-# colour goes through device memory. ALL, FAMILY, FAR: a launch of `graph` that gathers, for each family, for each mass.
-# Estimated, then held against an NVIDIA H200, twelve neighbours in float32: by Gauss-Seidel the choice is the fastest that
-# was measured from 32 x 32 to 1024 x 1024 (2.3, 4.1, 5.3, 8.9, 26.6 and 97 us an iteration); the last four are fitted: so
-# Jacobi leaves the tiles for `graph` from 512 x 512 on (10.4 against 12.8 us, at 1024 x 1024 64 against 97).
+# us: a captured launch with the loads and stores of its tiles; a barrier of a colour with the waits around it; a mass
+# of a tile through shared memory (16 bytes each way at 128 bytes per cycle); the same for a mass that gathers; and for
+# one whose colour goes through device memory. ALL, FAMILY, FAR: a launch of `graph` that gathers, for each family, for
+# each mass. Estimated, then compared with an NVIDIA H200, twelve neighbours in float32: for Gauss-Seidel the choice is
+# the fastest that was measured from 32 x 32 to 1024 x 1024 (2.3, 4.1, 5.3, 8.9, 26.6 and 97 us per iteration). The last
+# four are fitted: with them Jacobi uses `graph` instead of tiles from 512 x 512 on (10.4 against 12.8 us, at 1024 x
+# 1024 64 against 97).
 LAUNCH, BARRIER, MASS, STREAM = 1.8, 0.08, 1.3e-4, 1e-5
 GATHER, ALL, FAMILY, FAR = 2.9e-3, 1.3, 0.35, 2.5e-5
 
@@ -44,7 +45,7 @@ CONTACTS_REACH = "self_collision reaches across the sheet: no tile holds what a 
 
 @dataclass(frozen=True)
 class Choice:
-    """A kernel, for those on tiles the tile, and of `tiled` how many iterations a launch does."""
+    """A kernel, its tile for kernels on tiles, and for `tiled` the number of iterations per launch."""
 
     kernel: str
     tile: SheetTile | None = None
@@ -52,7 +53,7 @@ class Choice:
 
     @property
     def name(self) -> str:
-        """As it may be asked for."""
+        """Name in the form of the option `--kernel`."""
         if self.kernel != "tiled" or self.tile is None:
             return self.kernel
         tile = self.tile
@@ -60,32 +61,32 @@ class Choice:
 
 
 def threads_for(masses: int) -> int:
-    """Threads of a block: one for each constraint of a colour, which has half as many as there are masses; in a Jacobi
+    """Return the threads of a block: one for each constraint of a colour, half as many as there are masses; in a Jacobi
     ordering one for two masses, whose up to 24 multipliers then fit its registers."""
     return min(MAX_THREADS, max(32, -(-masses // 64) * 32))
 
 
 def block_tile(scene: Scene, threads: int | None = None) -> SheetTile:
-    """The tile of `one-block`."""
+    """Return the tile of `one-block`."""
     rows, columns = scene.grid.rows, scene.grid.columns
     return whole(rows, columns, threads or threads_for(rows * columns))
 
 
 def cut(parts: frozenset[str], owned: tuple[int, int], depth: int, threads: int | None = None) -> SheetTile:
-    """The tile that owns `owned` rows and columns, with the halo of `depth` iterations."""
+    """Return the tile that owns `owned` rows and columns, with the halo of `depth` iterations."""
     rows, columns = span(parts, True, owned[0], depth), span(parts, False, owned[1], depth)
     return SheetTile(rows, columns, threads or threads_for(rows.size * columns.size))
 
 
 def _sweep_time(parts: frozenset[str], masses: int) -> float:
-    """Of one iteration on a block [us]."""
+    """Return the time of one iteration on a block [us]."""
     if "gauss-seidel" in parts:
         return len(colour_order(parts)) * (BARRIER + MASS * masses)
     return BARRIER + len(families(parts)) / 6 * GATHER * masses
 
 
 def estimate(scene: Scene, parts: frozenset[str], choice: Choice, processors: int) -> float:
-    """Of one iteration [us]."""
+    """Return the estimated time of one iteration [us]."""
     rows, columns = scene.grid.rows, scene.grid.columns
     if choice.tile is None:
         if "gauss-seidel" not in parts:
@@ -94,13 +95,13 @@ def estimate(scene: Scene, parts: frozenset[str], choice: Choice, processors: in
     if choice.kernel == "one-block":
         return _sweep_time(parts, rows * columns)
     blocks = choice.tile.rows.count(rows) * choice.tile.columns.count(columns)
-    share = -(-blocks // processors)  # of one multiprocessor, which does them together or one after the other
+    share = -(-blocks // processors)  # for one multiprocessor, which runs them together or one after the other
     masses = choice.tile.rows.size * choice.tile.columns.size * share
     return LAUNCH / choice.depth + _sweep_time(parts, masses)
 
 
 def best_tiled(scene: Scene, real: Any, parts: frozenset[str], limits: tuple[int, int]) -> Choice | None:
-    """`tiled` with the tile that should be fastest, or None where none fits a block."""
+    """Return `tiled` with the tile that should be fastest, or None if none fits a block."""
     choices, most = [], ONE_BLOCK_MASSES if "gauss-seidel" in parts else MAX_THREADS
     for depth in range(1, min(MAX_DEPTH, scene.method.iterations) + 1):
         for owned in ((r, c) for r in OWNED for c in OWNED):
@@ -112,7 +113,7 @@ def best_tiled(scene: Scene, real: Any, parts: frozenset[str], limits: tuple[int
 
 
 def why_not_one_block(scene: Scene, real: Any, parts: frozenset[str], limits: tuple[int, int]) -> str:
-    """The reason why the kernel `one-block` cannot run the scene, or nothing."""
+    """Return the reason why the kernel `one-block` cannot run the scene, or ""."""
     masses = scene.grid.particle_count
     if masses > ONE_BLOCK_MASSES:
         return f"holds at most {ONE_BLOCK_MASSES} masses, this sheet has {masses}; use tiled or graph"
@@ -125,8 +126,10 @@ def why_not_one_block(scene: Scene, real: Any, parts: frozenset[str], limits: tu
 def default_xpbd_kernel(
     scene: Scene, real: Any, parts: frozenset[str], limits: tuple[int, int] | None = None
 ) -> tuple[str, str]:
-    """(kernel, why in a few words) of a scene that asks for none. `limits`: (multiprocessors, bytes of shared memory that a
-    block can have); None: this GPU's."""
+    """Return (kernel, reason) for a scene without a choice.
+
+    `limits`: (multiprocessors, bytes of shared memory that a block can have); None: this GPU's.
+    """
     if scene.self_collision:
         return "graph", CONTACTS_REACH
     if scene.method.matches_shapes:
@@ -137,7 +140,7 @@ def default_xpbd_kernel(
 
 
 def default_choice(scene: Scene, real: Any, parts: frozenset[str], limits: tuple[int, int]) -> Choice:
-    """The kernel that should be fastest."""
+    """Return the kernel that should be fastest."""
     if scene.self_collision or scene.method.matches_shapes:
         return Choice("graph")
     choices = [Choice("graph")]
@@ -150,8 +153,10 @@ def default_choice(scene: Scene, real: Any, parts: frozenset[str], limits: tuple
 
 
 def xpbd_kernel(scene: Scene, real: Any, parts: frozenset[str], asked: str | None) -> Choice:
-    """The kernel asked for (also as `one-block:THREADS` or `tiled:ROWSxCOLUMNSxTHREADSdDEPTH`: a tile that owns so much), or
-    the backend's own choice. Raises SceneError for one that cannot run the scene."""
+    """Return the kernel asked for, or the default. Raises SceneError for one that cannot run the scene.
+
+    Also as `one-block:THREADS` or `tiled:ROWSxCOLUMNSxTHREADSdDEPTH`: a tile that owns so many rows and columns.
+    """
     if asked is None:
         return default_choice(scene, real, parts, device_limits()) if can_capture() else Choice("launch")
     kernel, _, tile = asked.partition(":")
@@ -178,7 +183,7 @@ def xpbd_kernel(scene: Scene, real: Any, parts: frozenset[str], asked: str | Non
 
 
 def _tiled(scene: Scene, real: Any, parts: frozenset[str], asked: str, name: str, limits: tuple[int, int]) -> Choice:
-    """The choice `tiled`, on the tile of that name if there is one."""
+    """Return the choice `tiled`, on the tile of that name if there is one."""
     if not name:
         choice = best_tiled(scene, real, parts, limits)
         if choice is None:

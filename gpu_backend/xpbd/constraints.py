@@ -1,7 +1,7 @@
-"""Distance constraints as device functions: one of a colour (Gauss-Seidel). All of a mass (Jacobi): gather.py.
+"""Distance constraints as device functions: one of a colour (Gauss-Seidel). gather.py has all of a mass (Jacobi).
 
-Both read and write quads in any array, in device memory or in a block's shared memory, by place. Gauss-Seidel moves both
-ends of a constraint; no two of a colour share a mass.
+Both read and write quads in any array, in device memory or in a block's shared memory, by index. Gauss-Seidel moves
+both ends of a constraint; no two of a colour share a mass.
 """
 
 from __future__ import annotations
@@ -24,18 +24,18 @@ KINDS = ("structural", "shear", "bending")
 
 
 def dampers(parts: frozenset[str]) -> bool:
-    """Whether any constraint asks how far apart its ends were at the substep's beginning."""
+    """Return True if any constraint needs the distance of its ends at the start of the substep."""
     return any(f"{kind}-damping" in parts for kind in KINDS)
 
 
 def compliant(parts: frozenset[str], family: Family) -> bool:
-    """Whether a family's constraints have multipliers."""
+    """Return True if a family's constraints have multipliers."""
     return f"{family.kind}-compliance" in parts
 
 
 @cache
 def make_constants(math: str) -> Any:
-    """constants(parameters): of each of `OF_SHEETS` its `CONSTANTS` by name, read once."""
+    """Make constants(parameters): for each of `OF_SHEETS` its `CONSTANTS` by name, read once."""
     inline = inlined(math)
     of_kind = [reader(CONSTANTS, inline, f"constraint_{kind}_") for kind in OF_SHEETS]
     structural, stiff, shear, bending = of_kind
@@ -44,8 +44,8 @@ def make_constants(math: str) -> Any:
 
 @cache
 def make_change(real: Any, math: str, parts: frozenset[str], kind: str, axes: int) -> Any:
-    """change(dx, dy, dz, ex, ey, ez, reciprocal, multiplier, rest, compliance, damping) -> (change, its scale) of one of a
-    kind's constraints: d leads from one end to the other, e is what d changed by in this substep."""
+    """Make change(dx, dy, dz, ex, ey, ez, reciprocal, multiplier, rest, compliance, damping) -> (change, its scale) of
+    one of a kind's constraints: d is the vector between its ends, e its change in this substep."""
     formulas = device_formulas(distance.make, real, math)
     rigid, soft, damped = formulas.rigid_change, formulas.soft_change, formulas.damped_change
     squared_2d, squared_3d = formulas.squared_length_2d, formulas.squared_length_3d
@@ -68,8 +68,8 @@ def make_change(real: Any, math: str, parts: frozenset[str], kind: str, axes: in
 
 @cache
 def make_pair(real: Any, math: str, parts: frozenset[str], family: Family, colour: int, axes: int) -> Any:
-    """pair(position, before, a, b, multiplier, constants) -> the multiplier afterwards: projects the constraint between the
-    masses at places a (the first) and b of both arrays, and moves both in `position`."""
+    """Make pair(position, before, a, b, multiplier, constants): it projects the constraint between the masses at
+    indices a (the first) and b of both arrays, moves both in `position`, and returns the new multiplier."""
     kind = "stiff" if "alternating" in parts and family.kind == "structural" and colour else family.kind
     number = OF_SHEETS.index(kind)
     change_of = make_change(real, math, parts, family.kind, axes)
@@ -82,7 +82,7 @@ def make_pair(real: Any, math: str, parts: frozenset[str], family: Family, colou
 
     @inline
     def reciprocal_between(first, second, own):
-        """By the weights of both ends."""
+        """Return the reciprocal from the weights of both ends."""
         if has_load:
             return reciprocal_of(first + second, own.stiffening, own.compliance)
         if has_pins:

@@ -1,8 +1,8 @@
 """Distance constraints of a mass, all at once, as device functions: the Jacobi orderings.
 
-Every mass gathers from the positions before the iteration: both of a constraint's ends compute its change, to the same bits,
-and each keeps a multiplier of its own. The spare number of a position is its share of its constraints' denominators: valence
-times weight, or the weight alone where displacements are averaged.
+Every mass reads the positions before the iteration: both of a constraint's ends compute its change, to the same bits,
+and each stores its own multiplier. The fourth number of a position is its part of its constraints' denominators:
+valence times weight, or the weight alone if displacements are averaged.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from model.xpbd.parameters import OF_SHEETS
 
 
 def _make_pulls(real: Any, math: str, parts: frozenset[str], axes: int) -> Any:
-    """make_pull(kind, number) -> pull(other, odd, those), by one constraint of a kind; `odd`: whether it begins in an odd row
-    or column."""
+    """Make make_pull(kind, number) -> pull(other, odd, those), the displacement by one constraint of a kind; `odd`:
+    true if it begins in an odd row or column."""
     formulas = device_formulas(distance.make, real, math)
     reciprocal_of, scaled = formulas.reciprocal, formulas.scaled
     solid, alternates, zero = axes == 3, "alternating" in parts, real(0)
@@ -71,17 +71,19 @@ def _make_pulls(real: Any, math: str, parts: frozenset[str], axes: int) -> Any:
 
 
 def _make_neighbour_sum(real: Any, math: str, parts: frozenset[str], make_pull: Callable[[str, int], Any]) -> Any:
-    """total(k, pitch, cell, those) -> (x, y, z): what the neighbours of a mass displace it by, by kind in
-    pairs, (structural + shear) + bending; `those`: what pulls take beside. See `make_gather`."""
+    """Make total(k, pitch, cell, those) -> (x, y, z): the displacement of a mass by its neighbours.
+
+    Summed by kind in pairs, (structural + shear) + bending; `those`: further arguments of pulls. See `make_gather`.
+    """
     has_structural, has_shear, has_bending = "structural" in parts, "shear" in parts, "bending" in parts
     zero, one, two = real(0), np.int32(1), np.int32(2)
     inline = inlined(math)
 
-    # A neighbour that is not there is the mass itself, as in mass_spring/cloth/point.py: it displaces nothing.
+    # A missing neighbour is the mass itself, as in mass_spring/cloth/point.py: it displaces nothing.
 
     @inline
     def beside(k, pitch, cell):
-        """Places to the right, to the left, below, above."""
+        """Return the indices to the right, to the left, below, above."""
         i, j, rows, columns = cell.i, cell.j, cell.rows, cell.columns
         return (
             k if j == columns - 1 else k + one, k if j == 0 else k - one,
@@ -90,7 +92,7 @@ def _make_neighbour_sum(real: Any, math: str, parts: frozenset[str], make_pull: 
 
     @inline
     def across(k, pitch, cell):
-        """Below to the right, above to the left, below to the left, above to the right."""
+        """Return the indices below to the right, above to the left, below to the left, above to the right."""
         i, j, rows, columns = cell.i, cell.j, cell.rows, cell.columns
         top, bottom, first, last = i == 0, i == rows - 1, j == 0, j == columns - 1
         return (
@@ -111,7 +113,7 @@ def _make_neighbour_sum(real: Any, math: str, parts: frozenset[str], make_pull: 
 
         @inline
         def kind_sum(k, pitch, cell, those):
-            """(first + second) + (third + fourth), by axis."""
+            """Return (first + second) + (third + fourth), by axis."""
             i, j = cell.i, cell.j
             places, odd_row, odd_column = places_of(k, pitch, cell), (i & one) != 0, (j & one) != 0
             a, b = first(places[0], odd_column, those), second(places[1], not odd_column, those)
@@ -145,13 +147,13 @@ def _make_neighbour_sum(real: Any, math: str, parts: frozenset[str], make_pull: 
 
 @cache
 def make_gather(real: Any, math: str, parts: frozenset[str], axes: int) -> SimpleNamespace:
-    """Jacobi's device functions:
+    """Make the device functions of Jacobi orderings:
 
-    - `valence_of(cell)`: how many constraints a mass has; `share_of(valence, weight)`: its spare number;
-    - `gather(position, before, k, lag, pitch, cell, p, old, m, first, step, constants)` -> (x, y, z): the
-      sum of a mass's displacements. It lies at place k of `position` (p), the mass below it `pitch` places on; of `before`
-      (old) all places are `lag` less. Its multipliers are numbers first, first + step, ... of m, 4 of each kind of
-      constraints with compliance;
+    - `valence_of(cell)`: number of constraints of a mass; `share_of(valence, weight)`: its fourth number;
+    - `gather(position, before, k, lag, pitch, cell, p, old, m, first, step, constants)` -> (x, y, z): the sum of a mass's
+      displacements. It is at index k of `position` (p), the mass below it at k + `pitch`; in `before` (old) all indices
+      are `lag` less. Its multipliers are numbers first, first + step, ... of m, 4 of each kind of constraints with
+      compliance;
     - `arrive(p, weight, sum, valence)` -> (x, y, z): the mass after the iteration.
     """
     formulas = device_formulas(distance.make, real, math)

@@ -1,8 +1,8 @@
-"""CUDA kernels of the position-based solvers that go over the whole sheet: one launch for each part of a substep.
+"""CUDA kernels of the position-based solvers over the whole sheet: one launch for each part of a substep.
 
-A thread is a mass of a two-dimensional block, or, in a colour of Gauss-Seidel, a constraint: none of a colour shares a mass,
-so that constraints move their ends in place without locks. Multipliers lie in planes of a number for each mass: one plane
-for each family of constraints, by (i, j), or for Jacobi one for each constraint of a mass.
+A thread is a mass of a two-dimensional block, or, in a colour of Gauss-Seidel, a constraint: no two of a colour share a
+mass, so constraints move their ends in place without locks. Multipliers are stored in planes of one number per mass:
+one plane for each family of constraints, by (i, j), or for Jacobi one for each constraint of a mass.
 """
 
 from __future__ import annotations
@@ -27,19 +27,19 @@ from model.xpbd.plan import JACOBI, Family, families
 
 
 def compact_shape(family: Family, rows: int, columns: int) -> tuple[int, int]:
-    """(rows, columns) of the lattice of threads that covers a colour: half the sheet, in whole strides."""
+    """Return (rows, columns) of the lattice of threads that covers a colour: half the sheet, in whole strides."""
     if family.rows:
         return family.rows * -(-rows // (2 * family.rows)), columns
     return rows, family.columns * -(-columns // (2 * family.columns))
 
 
 def blocks_over(rows: int, columns: int) -> tuple[int, int]:
-    """(across, down): of threads, so that each of rows x columns has one."""
+    """Return (across, down): blocks of threads, so that each of rows x columns has a thread."""
     return -(-columns // BLOCK[0]), -(-rows // BLOCK[1])
 
 
 def multiplier_planes(parts: frozenset[str]) -> int:
-    """How many numbers of multipliers a mass has in device memory."""
+    """Return the number of multipliers per mass in device memory."""
     soft = [family for family in families(parts) if compliant(parts, family)]
     if "gauss-seidel" in parts:
         return len(soft)
@@ -48,8 +48,10 @@ def multiplier_planes(parts: frozenset[str]) -> int:
 
 @cache
 def make_clock(math: str, parts: frozenset[str]) -> Any:
-    """clock(counter, place, substeps, substep) -> (the step's number, the substep's): `place` is the step's after the
-    counter; 0 where nothing depends on time."""
+    """Make clock(counter, place, substeps, substep) -> (the step's number, the substep's).
+
+    `place`: number of the step after the counter. 0 if nothing depends on time.
+    """
     has_time, no_step = knows_time(parts), np.int64(0)
 
     @inlined(math)
@@ -64,7 +66,7 @@ def make_clock(math: str, parts: frozenset[str]) -> Any:
 
 @cache
 def make_place(math: str) -> Any:
-    """place() -> (i, j) of the thread in the lattice of its launch."""
+    """Make place() -> (i, j) of the thread in the lattice of its launch."""
 
     @inlined(math)
     def place():
@@ -78,8 +80,8 @@ def make_place(math: str) -> Any:
 
 @cache
 def make_begin(real: Any, math: str, parts: frozenset[str], axes: int) -> Any:
-    """begin(position, velocity, predicted, record, integers, counter, place, substeps, substep, rows, columns): from the
-    state at the substep's beginning to the positions that constraints start from."""
+    """Compile begin(position, velocity, predicted, record, integers, counter, place, substeps, substep, rows, columns):
+    it predicts the positions that constraints start from, from the state at the start of the substep."""
     accelerate = make_accelerations(real, math, parts).accelerate
     predict, gather = make_motion(real, math, parts, axes).predict, make_gather(real, math, parts, axes)
     valence_of, share_of = gather.valence_of, gather.share_of
@@ -111,8 +113,11 @@ def make_begin(real: Any, math: str, parts: frozenset[str], axes: int) -> Any:
 
 @cache
 def make_colour(real: Any, math: str, parts: frozenset[str], family: Family, colour: int, axes: int) -> Any:
-    """project(position, before, multipliers, plane, fresh, record, rows, columns): all constraints of a colour. `plane`:
-    the number of the family's plane of multipliers, which counts as 0 where `fresh`, in a substep's first iteration."""
+    """Compile project(position, before, multipliers, plane, fresh, record, rows, columns): all constraints of a colour.
+
+    `plane`: the number of the family's plane of multipliers, which count as 0 if `fresh`, in a substep's first
+    iteration.
+    """
     pair, constants = make_pair(real, math, parts, family, colour, axes), make_constants(math)
     lattice, has_multiplier = make_place(math), compliant(parts, family)
     down, along, rising = np.int32(family.rows), np.int32(abs(family.columns)), family.columns < 0
@@ -146,7 +151,8 @@ def make_colour(real: Any, math: str, parts: frozenset[str], family: Family, col
 
 @cache
 def make_jacobi(real: Any, math: str, parts: frozenset[str], axes: int) -> Any:
-    """project_all(position, before, target, multipliers, fresh, record, rows, columns): one Jacobi iteration."""
+    """Compile project_all(position, before, target, multipliers, fresh, record, rows, columns): one Jacobi
+    iteration."""
     jacobi, constants = make_gather(real, math, parts, axes), make_constants(math)
     gather, arrive, valence_of = jacobi.gather, jacobi.arrive, jacobi.valence_of
     lattice, slots = make_place(math), multiplier_planes(parts)
@@ -174,8 +180,8 @@ def make_jacobi(real: Any, math: str, parts: frozenset[str], axes: int) -> Any:
 
 @cache
 def make_attach(real: Any, math: str) -> Any:
-    """attach(position, before, anchors, reaches, count): the `count` long-range attachments of every mass; its weight is
-    read in `before`."""
+    """Compile attach(position, before, anchors, reaches, count): the `count` long-range attachments of every mass; its
+    weight is read in `before`."""
     tether_mass = make_tethers(real, math)
 
     def attach(position, before, anchors, reaches, count):
@@ -190,8 +196,8 @@ def make_attach(real: Any, math: str) -> Any:
 
 @cache
 def make_end(real: Any, math: str, parts: frozenset[str], axes: int) -> Any:
-    """end(before, position, velocity, record, bodies, integers, counter, place, substeps, substep): velocities of a
-    substep, then its colliders."""
+    """Compile end(before, position, velocity, record, bodies, integers, counter, place, substeps, substep): velocities
+    of a substep, then its colliders."""
     settle, clock = make_motion(real, math, parts, axes).settle, make_clock(math, parts)
     zero = real(0)
 
@@ -210,7 +216,7 @@ def make_end(real: Any, math: str, parts: frozenset[str], axes: int) -> Any:
 
 @cache
 def make_plane_tools(real: Any) -> SimpleNamespace:
-    """`write_position(position, out)`: both axes of a grid's quads, for drawing."""
+    """Compile `write_position(position, out)`: both axes of a grid's quads, for drawing."""
 
     def write_position(position, out):
         k = np.int32(cuda.grid(1))

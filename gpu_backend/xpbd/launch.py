@@ -1,4 +1,4 @@
-"""Launching the position-based kernels that work in shared memory, for a gpu_backend.xpbd.solver.PositionBased."""
+"""Launches of the position-based kernels in shared memory, for a gpu_backend.xpbd.solver.PositionBased."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from gpu_backend.xpbd.kernels import multiplier_planes
 from gpu_backend.xpbd.sweep import shared_bytes
 from gpu_backend.xpbd.tiled import make_one_block, make_tiled
 
-MAX_ITERATIONS = 1 << 14  # of one launch of `one-block`, which nothing can interrupt: some tens of milliseconds
+MAX_ITERATIONS = 1 << 14  # of one launch of `one-block`, which cannot be interrupted: a few 10 ms
 
 
 class BlockLauncher:
-    """`one-block`: steps of the current buffers, in place."""
+    """Launches of `one-block`: steps of the current buffers, in place."""
 
     def __init__(self, simulation: Any, choice: Choice):
         assert choice.tile is not None
@@ -46,7 +46,7 @@ class BlockLauncher:
 
 
 class TiledLauncher:
-    """`tiled`: one substep, from the current buffers into the others."""
+    """Launches of `tiled`: one substep, from the current buffers into the others."""
 
     def __init__(self, simulation: Any, choice: Choice):
         assert choice.tile is not None
@@ -65,13 +65,13 @@ class TiledLauncher:
 
     @property
     def launches(self) -> int:
-        """Of a substep."""
+        """Number of launches of a substep."""
         return -(-self.simulation.scene.method.iterations // self.depth)
 
     def _arguments(self, place: int, substep: int, launch: int, launches: int) -> tuple[Any, ...]:
         sim, method = self.simulation, self.simulation.scene.method
         now = sim._current
-        ahead = (launches - 1 - launch) % 2  # the last launch writes the new state, those before it take turns
+        ahead = (launches - 1 - launch) % 2  # the last launch writes the new state, those before it alternate
         buffers = sim.position[1 - now], sim.scratch
         left = method.iterations - launch * self.depth
         return (

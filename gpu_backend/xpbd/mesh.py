@@ -1,9 +1,9 @@
 """Position-based dynamics (XPBD, PBD) of a triangle mesh on CUDA: constraints in index arrays sorted by colour.
 
-M. Macklin et al., "XPBD", MIG 2016, algorithm 1, in substeps. A substep: `begin` predicts positions; `iterations` times every
-colour of the edges, the hinges, the long-range attachments is projected by a launch (core/constraints.py); `end`
-makes velocities and lets masses meet the colliders. Kernels: `launch`, and `graph`, the same captured as a CUDA graph;
-`stages`, stage by stage. In `exact` math all give the same bits, and the CPU's.
+M. Macklin et al., "XPBD", MIG 2016, algorithm 1, in substeps. A substep: `begin` predicts positions; `iterations` times
+every colour of the edges, the hinges, the long-range attachments is projected by a launch (core/constraints.py); `end`
+computes velocities and collisions. Kernels: `launch`, and `graph`, the same captured as a CUDA graph; `stages`, stage
+by stage. In `exact` math all give the same bits as the CPU.
 """
 
 from __future__ import annotations
@@ -35,14 +35,14 @@ from model.scene.scene import Scene
 from model.xpbd.mesh_constraints import attachment_set, constraint_sets, projections_of
 from model.xpbd.mesh_plan import BODY_DAMPING, stage_name, xpbd_mesh_plan
 
-THREADS = 128  # a block: small ones leave more of a colour's few thousand constraints to every processor
+THREADS = 128  # per block: small blocks distribute a colour's few thousand constraints over more processors
 
 
 class MeshPositionBased(DrivenSimulation, SubstepSimulation):
-    """See model/core/simulation.py for the contract. `threads` is the number of threads a block.
+    """A position-based mesh on CUDA; model/core/simulation.py defines the contract. `threads`: number of threads per
+    block.
 
-    Other particles that constraints hold say which those are, and what their surface is: `_plan_of`, `_constraints`,
-    `_surface_lists`.
+    Subclasses with other constrained particles override `_plan_of`, `_constraints` and `_surface_lists`.
     """
 
     what, named = "a mesh", "mesh"
@@ -55,7 +55,7 @@ class MeshPositionBased(DrivenSimulation, SubstepSimulation):
         self._start(THREADS)
 
     def _choose_kernel(self, wanted: str | None) -> str:
-        """The kernel `wanted`, or the fastest. Raises SceneError."""
+        """Return the kernel `wanted`, or the fastest. Raises SceneError."""
         return launched_kernel(wanted, self.what)
 
     def _require_space(self) -> None:
@@ -69,23 +69,23 @@ class MeshPositionBased(DrivenSimulation, SubstepSimulation):
         return xpbd_mesh_plan(scene, live)
 
     def _constraints(self) -> tuple[list[ConstraintSet], tuple[Projection, ...]]:
-        """The sets in the order in which they are projected, and how each of them is."""
+        """Return the sets in the order in which they are projected, and the projection of each."""
         sets = list(constraint_sets(self.scene))
         if "attachments" in self.plan.parts:
             sets.append(attachment_set(self.scene, self.body))
         return sets, projections_of(self.plan.parts)
 
     def _surface_lists(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """See `wind_lists`; for normals."""
+        """Return `wind_lists` of the surface, for normals."""
         assert self.scene.mesh is not None
         return wind_lists(mesh_of(self.scene.mesh))
 
     def _wind_lists(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The same of what wind blows on."""
+        """Return `wind_lists` of the surface that wind acts on."""
         return self._surface_lists()
 
     def _contacts(self) -> Any:
-        """Those of surfaces, or None."""
+        """Return the contacts of surfaces, or None."""
         return None
 
     # ------------------------------------------------------------------ arrays
@@ -121,7 +121,7 @@ class MeshPositionBased(DrivenSimulation, SubstepSimulation):
             return
         self._executor = Executor(self.plan, {}, self._advance_steps)
         if not simulated():
-            self._upload(self.body.position, self.body.velocity)  # surfaces in one place would all be in contact
+            self._upload(self.body.position, self.body.velocity)  # surfaces at one position would all be in contact
             self._advance_steps(0, 1)
             cuda.synchronize()
         if self.kernel == "graph" and can_capture():
@@ -133,7 +133,7 @@ class MeshPositionBased(DrivenSimulation, SubstepSimulation):
     def _projections(
         self, found: ConstraintSet, projection: Projection
     ) -> list[tuple[str, Callable[[Any, Any, bool], None]]]:
-        """(stage, project(before, position, fresh)) of every colour of a set of constraints."""
+        """Return (stage, project(before, position, fresh)) of every colour of a set of constraints."""
         kernel, count = make_projections(self.real, self.options.math, projection), len(found.corners)
         multipliers = self.on_device(np.zeros(max(1, projection.soft * projection.multipliers * count), self.real))
         order, run = places(found), found.run
@@ -155,8 +155,8 @@ class MeshPositionBased(DrivenSimulation, SubstepSimulation):
     # ------------------------------------------------------------------ a step
 
     def _drive(self, position: Any, velocity: Any, time: tuple[Any, ...]) -> None:
-        """Launch what puts pins where their motion has them as a substep ends, where there are such; `time`: counter, place,
-        substeps, substep."""
+        """Launch the motion of driven pins to a substep's end, if there are any; `time`: counter, place, substeps,
+        substep."""
         if self._pins is not None:
             count = len(self.body.pinned)
             first = np.int32(self._first_pin), np.int32(count)
@@ -165,16 +165,16 @@ class MeshPositionBased(DrivenSimulation, SubstepSimulation):
             )
 
     def _brake(self, velocity: Any) -> None:
-        """Launch what slows bodies that have a rate of damping of their own."""
+        """Launch the damping of bodies with their own damping rate."""
         if self._slow is not None:
             self._slow[self._flat](velocity, self._rates, self.record)
 
     def _when(self, place: int, substep: int) -> tuple[Any, ...]:
-        """What kernels take of when a substep is."""
+        """Return the arguments of kernels about the time of a substep."""
         return self._counter, np.int64(place), np.int64(self.scene.method.substeps), np.int64(substep)
 
     def begin_substep(self, place: int, substep: int) -> None:
-        """See SubstepSimulation."""
+        """Launch the stages before the iterations (SubstepSimulation)."""
         before, velocity = self.position[self._current], self.velocity[self._current]
         self._current = 1 - self._current
         now, new_velocity = self.position[self._current], self.velocity[self._current]
@@ -186,7 +186,7 @@ class MeshPositionBased(DrivenSimulation, SubstepSimulation):
             self.contacts.find(before, now)
 
     def iterate(self, iteration: int) -> None:
-        """See SubstepSimulation."""
+        """Launch an iteration (SubstepSimulation)."""
         before, now = self.substep_start, self.position[self._current]
         for _, project in self._colours:
             project(before, now, iteration == 0)
@@ -194,7 +194,7 @@ class MeshPositionBased(DrivenSimulation, SubstepSimulation):
             self.contacts.project(before, now)
 
     def end_substep(self, place: int, substep: int) -> None:
-        """See SubstepSimulation."""
+        """Launch the stages after the iterations (SubstepSimulation)."""
         before, now, velocity = self.substep_start, self.position[self._current], self.velocity[self._current]
         time = self._when(place, substep)
         self._end[self._flat](before, now, velocity, self.record, self.bodies, self.integers, *time)
@@ -202,7 +202,7 @@ class MeshPositionBased(DrivenSimulation, SubstepSimulation):
 
     @property
     def _launches(self) -> int:
-        """Of a step."""
+        """Number of launches of a step."""
         method, find, project = self.scene.method, 0, 0
         if self.contacts:
             find, project = self.contacts.finding, self.contacts.projecting
@@ -210,7 +210,8 @@ class MeshPositionBased(DrivenSimulation, SubstepSimulation):
         return method.substeps * (2 + more + find + method.iterations * (len(self._colours) + project))
 
     def _stages(self) -> dict[str, StageRun]:
-        """What runs each stage of the plan by itself. The state keeps its buffer; a substep's first one is copied aside."""
+        """Return the function of each stage of the plan. The state stays in its buffer; the positions at the start of a
+        substep are copied."""
         flat = self._flat
         position, velocity, before = self.position[0], self.velocity[0], self.position[1]
         stage = make_xpbd_stages(self.real, self.options.math, forces_of(self.plan.parts), AXES)

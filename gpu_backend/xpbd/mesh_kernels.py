@@ -1,4 +1,4 @@
-"""CUDA kernels of a mesh's step, a thread a mass: the prediction with all forces, and normals for drawing.
+"""CUDA kernels of a mesh's step, one thread per mass: the prediction with all forces, and normals for drawing.
 
 Velocities and colliders are the sheets' (xpbd/kernels.py); constraints are in core/constraints.py.
 """
@@ -26,14 +26,14 @@ AXES = 3
 
 
 def forces_of(parts: frozenset[str]) -> frozenset[str]:
-    """The parts that the kernels over masses depend on: those about constraints are not."""
+    """Return the parts that the kernels over masses depend on, without those of constraints."""
     return frozenset(part for part in parts if part.split("-")[0] not in CONSTRAINT_KINDS)
 
 
 @cache
 def make_vertex_wind(real: Any, math: str) -> Any:
-    """wind_of(position, velocity, k, offsets, at_vertex, corners, parameters, air): over the sheet's mass [m/s^2] on vertex
-    k, the sum over its triangles in their order."""
+    """Make wind_of(position, velocity, k, offsets, at_vertex, corners, parameters, air): the wind over the sheet's mass
+    [m/s^2] on vertex k, the sum over its triangles in their order."""
     triangle_wind = device_formulas(wind.make, real, math).triangle_wind
     mean, inline = device_formulas(cloth.make, real, math).mean, inlined(math)
     zero, three, one, two = real(0), np.int32(3), np.int32(1), np.int32(2)
@@ -64,8 +64,9 @@ def make_vertex_wind(real: Any, math: str) -> Any:
 
 @cache
 def make_mesh_begin(real: Any, math: str, parts: frozenset[str]) -> Any:
-    """begin(position, velocity, predicted, offsets, at_vertex, corners, record, integers, counter, place, substeps,
-    substep): from the state at the substep's beginning to the positions that constraints start from."""
+    """Compile begin(position, velocity, predicted, offsets, at_vertex, corners, record, integers, counter, place,
+    substeps, substep): it predicts the positions that constraints start from, from the state at the start of the
+    substep."""
     forces, predict = make_forces(real, math, parts), make_motion(real, math, parts, AXES).predict
     add_gravity, add, add_own = forces.add_gravity, forces.add, forces.add_own
     wind_of = make_vertex_wind(real, math)
@@ -94,7 +95,7 @@ def make_mesh_begin(real: Any, math: str, parts: frozenset[str]) -> Any:
 
 @cache
 def make_slow(real: Any, math: str) -> Any:
-    """slow(velocity, rates, record): velocities after a substep of dampers of `rates` (particles,) [1/s]."""
+    """Compile slow(velocity, rates, record): velocities after a substep of dampers of `rates` (particles,) [1/s]."""
     slowed = device_formulas(distance.make, real, math).slowed
 
     def slow(velocity, rates, record):
@@ -110,8 +111,8 @@ def make_slow(real: Any, math: str) -> Any:
 
 @cache
 def make_mesh_tools(real: Any) -> SimpleNamespace:
-    """`write_normal(position, out, offsets, at_vertex, corners)`: unit normals (vertices, 3) for drawing, of the triangles
-    at each vertex, by area."""
+    """Compile `write_normal(position, out, offsets, at_vertex, corners)`: unit normals (vertices, 3) for drawing, of
+    the triangles at each vertex, weighted by area."""
     formulas = device_formulas(cloth.make, real, "exact")
     cross, unit = formulas.cross, formulas.unit
     zero, one, two, three = real(0), np.int32(1), np.int32(2), np.int32(3)

@@ -1,7 +1,7 @@
-"""What a position-based solver does to one mass, as device functions: its prediction, and its velocity afterwards.
+"""Operations of a position-based solver on one mass, as device functions: its prediction, and its velocity afterwards.
 
-Masses are quads: x, y, z and the weight w, 0 where pinned, 1, or the sheet's mass over the mass's own where the scene has
-a `load`. In a plane z stays 0 and no arithmetic is done on it. What constraints do is in xpbd/constraints.py and gather.py.
+Masses are quads: x, y, z and the weight w, 0 if pinned, 1, or the sheet's mass over the mass's own if the scene has a
+`load`. In a plane z stays 0 and is not computed. xpbd/constraints.py and gather.py have constraints.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from model.formulas import distance
 
 @cache
 def make_accelerations(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """What accelerates a mass of a sheet besides its constraints, each (ax, ay, az, ...) -> (ax, ay, az) [m/s^2]: `add_wind`;
-    and `accelerate`, that and what acts on it by itself."""
+    """Make the accelerations of a sheet's mass without constraints, each (ax, ay, az, ...) -> (ax, ay, az) [m/s^2]:
+    `add_wind`; and `accelerate`, wind and own forces."""
     forces, wind_sum = make_forces(real, math, parts), make_wind(real, math, parts).wind_sum
     add, add_gravity, add_own = forces.add, forces.add_gravity, forces.add_own
     inline, has_wind, zero = inlined(math), "wind" in parts, real(0)
@@ -36,7 +36,8 @@ def make_accelerations(real: Any, math: str, parts: frozenset[str]) -> SimpleNam
 
     @inline
     def accelerate(position, velocity, k, cell, p, v, parameters, integers, step, air):
-        """On mass k in row i, column j, at p and moving at v (quads), from the state at the substep's beginning."""
+        """Return the acceleration of mass k in row i, column j, at p and with velocity v (quads), at the start of the
+        substep."""
         ax, ay, az = add_gravity(zero, zero, zero, parameters)
         ax, ay, az = add_wind(ax, ay, az, position, velocity, k, cell, p, v, parameters, air)
         return add_own(ax, ay, az, k, p[3], parameters, integers, step)
@@ -46,10 +47,13 @@ def make_accelerations(real: Any, math: str, parts: frozenset[str]) -> SimpleNam
 
 @cache
 def make_motion(real: Any, math: str, parts: frozenset[str], axes: int) -> SimpleNamespace:
-    """`predict(p, v, ax, ay, az, parameters)` -> (x, y, z): where a mass would be without constraints; `kick(p, v, ax, ay,
-    az, parameters)` -> the velocity with which; `rate_of(p, b, parameters)` -> its velocity on the way from b to p (quads);
-    `collide(b, p, vx, vy, vz, world, number)` -> (x, y, z, vx, vy, vz): after the colliders, in substep `number`; `settle`:
-    both, from the substep's two ends."""
+    """Make `predict`, `kick`, `rate_of`, `collide` and `settle`.
+
+    `predict(p, v, ax, ay, az, parameters)` -> (x, y, z): the position without constraints; `kick(p, v, ax, ay, az,
+    parameters)` -> the velocity of the prediction; `rate_of(p, b, parameters)` -> the velocity from b to p (quads);
+    `collide(b, p, vx, vy, vz, world, number)` -> (x, y, z, vx, vy, vz): after the colliders, in substep `number`;
+    `settle`: the last two, from the substep's start and end.
+    """
     formulas = device_formulas(distance.make, real, math)
     kicked, kept, predicted, rate = formulas.kicked, formulas.kept, formulas.predicted, formulas.rate
     touch = make_collide(real, math, parts)
@@ -74,7 +78,7 @@ def make_motion(real: Any, math: str, parts: frozenset[str], axes: int) -> Simpl
 
     @inline
     def kick(p, v, ax, ay, az, parameters):
-        """The velocity of a prediction in space; 0 of what is pinned."""
+        """Return the velocity of a prediction in space; 0 for a pinned mass."""
         h, keep = parameters.dt, one
         if has_damping:
             keep = kept(parameters.braking, p[3]) if has_load else parameters.keep
@@ -113,9 +117,12 @@ def make_motion(real: Any, math: str, parts: frozenset[str], axes: int) -> Simpl
 
 @cache
 def make_tethers(real: Any, math: str) -> Any:
-    """tether_mass(p, weight, position, anchors, reaches, first, count) -> (x, y, z): after the long-range attachments of one
-    mass, the nearest first: numbers `first` ... `first + count - 1` of the flat arrays of anchors (masses) and reaches [m].
-    Anchors are pinned: any array of positions tells where they are."""
+    """Make tether_mass(p, weight, position, anchors, reaches, first, count) -> (x, y, z): the position after the
+    long-range attachments of one mass, the nearest first.
+
+    They are numbers `first` ... `first + count - 1` of the flat arrays of anchors (masses) and maximum distances [m].
+    Anchors are pinned: any array of positions has them.
+    """
     formulas = device_formulas(distance.make, real, math)
     tether, tethered, squared_length = formulas.tether, formulas.tethered, formulas.squared_length_3d
     zero = real(0)

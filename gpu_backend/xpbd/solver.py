@@ -1,14 +1,14 @@
 """Position-based dynamics (XPBD, PBD) of a grid or a cloth on CUDA, the state on the device throughout.
 
-M. Macklin, M. Mueller, N. Chentanez, "XPBD: Position-Based Simulation of Compliant Constrained Dynamics", MIG 2016, algorithm
-1, in substeps (M. Macklin et al., "Small Steps in Physics Simulation", SCA 2019). A substep: `begin` predicts positions,
-`iterations` times all constraints are projected (colour by colour, or all at once for Jacobi) and then the long-range
-attachments, `end` makes velocities of what became of the positions and lets the masses meet the colliders.
+M. Macklin, M. Mueller, N. Chentanez, "XPBD: Position-Based Simulation of Compliant Constrained Dynamics", MIG 2016,
+algorithm 1, in substeps (M. Macklin et al., "Small Steps in Physics Simulation", SCA 2019). A substep: `begin` predicts
+positions, `iterations` times all constraints are projected (colour by colour, or all at once for Jacobi) and then the
+long-range attachments, `end` computes velocities from positions, and collisions.
 
-Kernels, a ladder: `stages` (stage by stage), `launch` (the substep above, every colour a launch), `graph` (the same captured
-as a CUDA graph; what a cloth that meets itself runs on), `tiled` (a launch does all colours of some iterations, tile by
-tile, in a graph) and `one-block` (a small sheet in one block, many steps a launch); xpbd/choice.py says which is taken
-when. In `exact` math all give the same bits, and the CPU's.
+Kernels, by speed: `stages` (stage by stage), `launch` (the substep above, one launch per colour), `graph` (the same
+captured as a CUDA graph; the kernel of a cloth with self-contact), `tiled` (a launch does all colours of some
+iterations, tile by tile, in a graph) and `one-block` (a small sheet in one block, many steps per launch);
+xpbd/choice.py chooses one. In `exact` math all give the same bits as the CPU.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ NOT_YET = ("motion", "mesh")
 
 
 class PositionBased(SubstepSimulation):
-    """See model/core/simulation.py for the contract. `threads` is the number of threads a block."""
+    """Position-based sheets on CUDA; model/core/simulation.py defines the contract. `threads`: threads per block."""
 
     def __init__(self, scene: Scene, options: Options):
         for name, kind in scene.kinds.items():
@@ -74,7 +74,7 @@ class PositionBased(SubstepSimulation):
     def _require_space(self) -> None:
         rows, columns = self.body.rows, self.body.columns
         sheet = "cloth" if self.scene.cloth else "grid"
-        scalars = 9 * SIZE + 2 * multiplier_planes(self.plan.parts)  # arrays, those of the stages counted
+        scalars = 9 * SIZE + 2 * multiplier_planes(self.plan.parts)  # arrays, including those of the stages
         item = np.dtype(self.real).itemsize
         needed = scalars * self.particle_count * item
         if self.scene.self_collision:
@@ -88,7 +88,7 @@ class PositionBased(SubstepSimulation):
         scene = self.scene
         self._allocate_quads(collider_numbers(scene, self.real))
         self.scratch = self.new_array()
-        inverse, mass = self.body.inverse_mass, scene.grid.mass  # their product may be 1 less a rounding
+        inverse, mass = self.body.inverse_mass, scene.grid.mass  # their product may be 1 minus rounding
         self._weight = np.where(inverse == 1 / mass, 1.0, inverse * mass).astype(self.real)
         self.matching: Matching | None = None
         if scene.method.matches_shapes:
@@ -98,13 +98,13 @@ class PositionBased(SubstepSimulation):
             self.contacts = Contacts(scene, self.body, self.real, self.options.math, self._weight, self.stream)
         planes = multiplier_planes(self.plan.parts)
         self.multipliers = self.zeros(max(1, planes * self.particle_count), self.real)
-        self.attachments = 0  # of a mass
+        self.attachments = 0  # per mass
         self.anchors, self.reaches = self.on_device(np.zeros(1, np.int32)), self.on_device(np.zeros(1, self.real))
         if "attachments" in self.plan.parts:
             self._allocate_attachments()
 
     def _allocate_attachments(self) -> None:
-        """(particles, count) anchors and reaches; a mass without that many repeats the nearest."""
+        """Allocate (particles, count) anchors and maximum distances; a mass with fewer anchors repeats the nearest."""
         attachments = self.scene.attachments
         assert attachments is not None
         anchor, reach = sheet_reaches(self.scene, self.body, self.real)
@@ -128,7 +128,7 @@ class PositionBased(SubstepSimulation):
             return
         self._executor = Executor(self.plan, {}, self._advance_steps)
         if not simulated():
-            self._upload(self.body.position, self.body.velocity)  # masses in one place would all be in contact
+            self._upload(self.body.position, self.body.velocity)  # masses at one position would all be in contact
             self._advance_steps(0, 1)
             cuda.synchronize()
         if self.kernel in ("graph", "tiled") and can_capture():
@@ -153,12 +153,12 @@ class PositionBased(SubstepSimulation):
             self._colours.append((kernel, (blocks, BLOCK, self.stream), np.int32(plane)))
 
     def project_colour(self, entry: int, before: Any, position: Any, fresh: bool) -> None:
-        """The constraints of one colour; `fresh`: in a substep's first iteration."""
+        """Project the constraints of one colour; `fresh`: in a substep's first iteration."""
         kernel, launch, plane = self._colours[entry]
         kernel[launch](position, before, self.multipliers, plane, np.int32(fresh), self.record, *self.shape)
 
     def project_all(self, before: Any, position: Any, target: Any, fresh: bool) -> None:
-        """One Jacobi iteration from `position` to `target`."""
+        """Do one Jacobi iteration from `position` to `target`."""
         self._jacobi[self._grid](
             position, before, target, self.multipliers, np.int32(fresh), self.record, *self.shape
         )  # fmt: skip
@@ -170,7 +170,7 @@ class PositionBased(SubstepSimulation):
     # ------------------------------------------------------------------ a step
 
     def _substep(self, place: int, substep: int) -> None:
-        """Launch one substep, from the current buffers into the others; `place`: the step's after the counter."""
+        """Launch one substep, from the current buffers into the others; `place`: of the step after the counter."""
         if self._tiled is not None:
             self._tiled.substep(place, substep)
             return
@@ -202,7 +202,7 @@ class PositionBased(SubstepSimulation):
 
     @property
     def _launches(self) -> int:
-        """Of a step."""
+        """Number of launches of a step."""
         method = self.scene.method
         if self._tiled is not None:
             return method.substeps * self._tiled.launches

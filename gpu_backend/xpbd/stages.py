@@ -1,5 +1,5 @@
-"""The stages of a position-based solver's plan as CUDA kernels, each over the whole sheet and in memory of its own: slow,
-easy to read, to time and to test against the fused kernels. In all, `a` is the acceleration (quads)."""
+"""The stages of a position-based solver's plan as CUDA kernels, each over the whole sheet and with separate arrays:
+slow, but easy to read, to time and to test against the fused kernels. In all, `a` is the acceleration (quads)."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from model.xpbd.plan import JACOBI, colour_order
 
 @cache
 def make_xpbd_stages(real: Any, math: str, parts: frozenset[str], axes: int) -> SimpleNamespace:
-    """The stages that look at one mass: wind, its prediction, its velocity, its colliders. Other forces: core/forces.py."""
+    """Compile the stages of single masses: wind, prediction, velocity, colliders. core/forces.py has other forces."""
     forces, motion = make_accelerations(real, math, parts), make_motion(real, math, parts, axes)
     add_wind = forces.add_wind
     predict_mass, rate_of, collide_mass = motion.predict, motion.rate_of, motion.collide
@@ -45,7 +45,7 @@ def make_xpbd_stages(real: Any, math: str, parts: frozenset[str], axes: int) -> 
             store_quad(a, k, ax, ay, az, zero)
 
     def predict(before, velocity, a, position, record, rows, columns):
-        """`a` is 0 afterwards, for the next substep's forces to be added to."""
+        """Predict positions; `a` is set to 0, for the next substep's forces."""
         parameters = record[0]
         k = np.int32(cuda.grid(1))
         if k < a.size // SIZE:
@@ -81,8 +81,8 @@ def make_xpbd_stages(real: Any, math: str, parts: frozenset[str], axes: int) -> 
 
 
 def bind_xpbd_stages(sim: Any) -> dict[str, StageRun]:
-    """What runs each named stage of `sim`, a gpu_backend.xpbd.solver.PositionBased. The state keeps its buffer; the substep's
-    first positions are copied aside."""
+    """Return the function of each named stage of `sim`, a gpu_backend.xpbd.solver.PositionBased. The state stays in its
+    buffer; the positions at the start of a substep are copied."""
     axes, parts = sim.scene.dimensions, sim.plan.parts
     stage, flat = make_xpbd_stages(sim.real, sim.options.math, parts, axes), sim._flat
     position, velocity, record, integers = sim.position[0], sim.velocity[0], sim.record, sim.integers

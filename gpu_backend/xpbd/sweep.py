@@ -1,8 +1,8 @@
-"""An iteration over all constraints of a tile that a block holds in shared memory, as device functions.
+"""An iteration over all constraints of a tile in a block's shared memory, as device functions.
 
-A thread looks after the same constraints in every iteration, so that their multipliers stay in its registers: an array of
-numbers whose loops the compiler unrolls (tests/xpbd/test_xpbd_ptx.py sees to it that nothing is left in local memory).
-After each colour the block's threads meet; no colour is a launch.
+A thread processes the same constraints in every iteration, so their multipliers stay in its registers: an array of
+numbers whose loops the compiler unrolls (tests/xpbd/test_xpbd_ptx.py checks that nothing is left in local memory).
+After each colour the block's threads synchronise; no colour is a launch.
 """
 
 from __future__ import annotations
@@ -25,18 +25,18 @@ from model.xpbd.plan import Family, colour_order
 
 
 def masses_each(tile: SheetTile) -> int:
-    """Masses of a thread."""
+    """Return the number of masses of a thread."""
     return -(-tile.rows.size * tile.columns.size // tile.threads)
 
 
 def colour_slots(tile: SheetTile, family: Family) -> int:
-    """Constraints of a thread, of one colour of a family."""
+    """Return the number of constraints of a thread, of one colour of a family."""
     rows, columns = compact_shape(family, tile.rows.size, tile.columns.size)
     return -(-rows * columns // tile.threads)
 
 
 def register_multipliers(parts: frozenset[str], tile: SheetTile) -> int:
-    """How many multipliers a thread keeps; at least 1, since no array is empty."""
+    """Return the number of multipliers that a thread stores; at least 1, since no array is empty."""
     if "gauss-seidel" in parts:
         found = (colour_slots(tile, family) for family, _ in colour_order(parts) if compliant(parts, family))
         return max(1, sum(found))
@@ -45,19 +45,20 @@ def register_multipliers(parts: frozenset[str], tile: SheetTile) -> int:
 
 
 def copies(parts: frozenset[str]) -> int:
-    """Arrays of quads in shared memory: the positions, for Jacobi twice, and those before the substep for dampers."""
+    """Return the number of arrays of quads in shared memory: the positions, for Jacobi twice, and those before the
+    substep for dampers."""
     return (1 if "gauss-seidel" in parts else 2) + dampers(parts)
 
 
 def shared_bytes(real: Any, parts: frozenset[str], tile: SheetTile) -> int:
-    """Of the arrays that a block of such a tile keeps."""
+    """Return the bytes of the arrays of a block with such a tile."""
     return copies(parts) * tile.quads * 4 * np.dtype(real).itemsize
 
 
 @cache
 def make_lattice(math: str, height: int, width: int, down_columns: bool) -> Any:
-    """spot(item) -> (i, j): item number of height x width, along rows, or down columns so that the threads of a warp lie
-    below one another: with an odd pitch either way of going meets no bank twice."""
+    """Make spot(item) -> (i, j): item number of height x width, along rows, or down columns so that the threads of a
+    warp are below one another: with an odd pitch neither direction has bank conflicts."""
     across, down = np.uint32(width), np.uint32(height)
 
     @inlined(math)
@@ -72,7 +73,8 @@ def make_lattice(math: str, height: int, width: int, down_columns: bool) -> Any:
 
 @cache
 def make_constraint_place(math: str, tile: SheetTile, family: Family, colour: int) -> Any:
-    """constraint_place(slot) -> (whether there is one, i, j) of a thread's constraint of a colour, within the tile."""
+    """Make constraint_place(slot) -> (true if it exists, i, j) of a thread's constraint of a colour, within the
+    tile."""
     by_rows = family.rows > 0
     rows, columns = compact_shape(family, tile.rows.size, tile.columns.size)
     spot = make_lattice(math, rows, columns, not by_rows)
@@ -99,8 +101,11 @@ def make_colour_sweep(
     real: Any, math: str, parts: frozenset[str], axes: int, tile: SheetTile, family: Family, colour: int,
     first_slot: int,
 ) -> Any:  # fmt: skip
-    """sweep(positions, before, multipliers, constants, bounds): one colour, with a barrier at its end. `bounds`: (first row,
-    end, first column, end) of the tile's masses that the sheet has. Multipliers begin at `first_slot`."""
+    """Make sweep(positions, before, multipliers, constants, bounds): one colour, with a barrier at its end.
+
+    `bounds`: (first row, end, first column, end) of the tile's masses that are on the sheet. Multipliers begin at
+    `first_slot`.
+    """
     pair = make_pair(real, math, parts, family, colour, axes)
     constraint_place = make_constraint_place(math, tile, family, colour)
     slots, has_multiplier = colour_slots(tile, family), compliant(parts, family)
@@ -128,7 +133,7 @@ def make_colour_sweep(
 
 
 def chained(math: str, functions: Sequence[Any]) -> Any:
-    """A device function that calls all of them, in order, with its five arguments."""
+    """Make a device function that calls all of them, in order, with its five arguments."""
     inline = inlined(math)
     if not functions:
 
@@ -149,7 +154,7 @@ def chained(math: str, functions: Sequence[Any]) -> Any:
 
 @cache
 def make_sweep(real: Any, math: str, parts: frozenset[str], axes: int, tile: SheetTile) -> Any:
-    """sweep(positions, before, multipliers, constants, bounds): all colours of Gauss-Seidel."""
+    """Make sweep(positions, before, multipliers, constants, bounds): all colours of Gauss-Seidel."""
     functions, slot = [], 0
     for family, colour in colour_order(parts):
         functions.append(make_colour_sweep(real, math, parts, axes, tile, family, colour, slot))
@@ -159,11 +164,12 @@ def make_sweep(real: Any, math: str, parts: frozenset[str], axes: int, tile: She
 
 @cache
 def make_jacobi_sweep(real: Any, math: str, parts: frozenset[str], axes: int, tile: SheetTile) -> Any:
-    """sweep(positions, old, before, multipliers, constants, bounds, state, origin, rows, columns) -> where the new positions
-    begin: one Jacobi iteration, from the copy that begins at quad `old` into the other one. Weights are those of `state`,
-    in device memory; `origin` is the tile's place (i, j) in the sheet.
+    """Make sweep(positions, old, before, multipliers, constants, bounds, state, origin, rows, columns): one Jacobi
+    iteration.
 
-    A tile's edge is to it as the sheet's: what is wrong there is in the halo.
+    It goes from the copy that begins at quad `old` into the other one, and returns the start of the new positions.
+    Weights are those of `state`, in device memory; `origin` is the tile's position (i, j) in the sheet. The tile treats
+    its edge as the sheet's: the resulting errors stay in the halo.
     """
     jacobi = make_gather(real, math, parts, axes)
     gather, arrive, valence_of = jacobi.gather, jacobi.arrive, jacobi.valence_of
@@ -175,8 +181,8 @@ def make_jacobi_sweep(real: Any, math: str, parts: frozenset[str], axes: int, ti
     inline = inlined(math)
 
     def make_move(slot: int) -> Any:
-        """Moves one of a thread's masses. A function each: in a loop, which the compiler does not unroll around so much,
-        multipliers would lie in memory."""
+        """Make the move of one of a thread's masses. Each is a separate function: in a loop, which the compiler does
+        not unroll around so much code, multipliers would be in local memory."""
         first_item, first = np.int32(slot * threads), np.int32(slot * slots)
 
         @inline

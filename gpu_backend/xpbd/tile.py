@@ -1,8 +1,9 @@
-"""How a sheet is cut into tiles whose blocks project all colours of an iteration on their own: pure arithmetic.
+"""Partition of a sheet into tiles whose blocks project all colours of an iteration on their own: pure arithmetic.
 
-What a block owns would be wrong after an iteration without the masses that it depends on (model/xpbd/reach.py), so it loads
-these, too, and does their constraints again: the halo. With all twelve families and an owned part that begins at a multiple
-of 4 plus 2 (then the last colour ends inside), the halo of an iteration is 4 rows and 8 columns on either side.
+After an iteration a block's own masses would be wrong without the masses that they depend on (model/xpbd/reach.py), so
+it loads these, too, and projects their constraints again: the halo. With all twelve families and an owned part that
+begins at a multiple of 4 plus 2 (then the last colour ends inside), the halo of an iteration is 4 rows and 8 columns on
+either side.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from model.xpbd.reach import PERIOD, dependencies
 
 @dataclass(frozen=True)
 class Span:
-    """A tile along one axis: it loads `size` masses, of which `before` lie before the `owned` ones; tile 0 owns from
+    """A tile along one axis: it loads `size` masses, of which `before` are before the `owned` ones; tile 0 owns from
     `start` <= 0 on, the next from start + owned, and so on."""
 
     size: int
@@ -25,11 +26,11 @@ class Span:
 
     @property
     def phase(self) -> int:
-        """Where in the period of colours every tile's first mass lies: 0 or 2."""
+        """Position of every tile's first mass in the period of colours: 0 or 2."""
         return (self.start - self.before) % PERIOD
 
     def count(self, masses: int) -> int:
-        """Tiles that own all of `masses`."""
+        """Return the number of tiles that own all of `masses`."""
         return -(-(masses - self.start) // self.owned)
 
 
@@ -43,7 +44,7 @@ class SheetTile:
 
     @property
     def pitch(self) -> int:
-        """Quads from a row to the next in shared memory: odd, so that neither rows nor columns of them meet in a bank."""
+        """Quads from a row to the next in shared memory: odd, so that neither rows nor columns have bank conflicts."""
         return self.columns.size | 1
 
     @property
@@ -60,7 +61,8 @@ class SheetTile:
 
 @cache
 def span(parts: frozenset[str], along_rows: bool, owned: int, iterations: int = 1) -> Span:
-    """The tile along an axis that owns `owned` masses (a multiple of PERIOD), placed so that its halo is smallest."""
+    """Return the tile along an axis that owns `owned` masses (a multiple of PERIOD), placed so that its halo is
+    smallest."""
     found = []
     for offset in (0, 2):
         first, end = dependencies(parts, along_rows, offset, offset + owned, iterations)
@@ -71,6 +73,6 @@ def span(parts: frozenset[str], along_rows: bool, owned: int, iterations: int = 
 
 
 def whole(rows: int, columns: int, threads: int) -> SheetTile:
-    """The one tile of a sheet that fits into a block; sides are even, so that halves of them are whole."""
+    """Return the single tile of a sheet that fits into a block; sides are even, so that halves of them are whole."""
     down, across = rows + rows % 2, columns + columns % 2
     return SheetTile(Span(down, down), Span(across, across), threads)

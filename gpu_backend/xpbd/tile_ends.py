@@ -1,7 +1,7 @@
-"""How a tile's masses and multipliers come to a block and leave it again, as device functions.
+"""Transfers of a tile's masses and multipliers to and from a block, as device functions.
 
-A thread looks after the same masses of the tile throughout. What the block owns is all that it writes; what it reads
-includes the halo.
+A thread processes the same masses of the tile throughout. A block only writes the masses that it owns; it also reads
+the halo.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from model.xpbd.plan import colour_order, families
 
 
 def _make_places(math: str, tile: SheetTile) -> tuple[Any, Any]:
-    """`mass` and `owned`, of number `slot` of a thread's masses."""
+    """Make `mass` and `owned`, for number `slot` of a thread's masses."""
     spot, pitch = make_lattice(math, tile.rows.size, tile.columns.size, False), np.int32(tile.pitch)
     masses, threads = np.int32(tile.rows.size * tile.columns.size), np.int32(tile.threads)
     first_row, first_column = np.int32(tile.rows.before), np.int32(tile.columns.before)
@@ -34,7 +34,7 @@ def _make_places(math: str, tile: SheetTile) -> tuple[Any, Any]:
 
     @inline
     def mass(slot, origin, rows, columns):
-        """(whether the sheet has it, its place in the tile, its number, i, j) in the sheet."""
+        """Return (true if it is on the sheet, its index in the tile, its number, i, j) in the sheet."""
         item = np.int32(cuda.threadIdx.x + slot * threads)
         i, j = spot(item)
         row, column = np.int32(origin[0] + i), np.int32(origin[1] + j)
@@ -43,7 +43,7 @@ def _make_places(math: str, tile: SheetTile) -> tuple[Any, Any]:
 
     @inline
     def owned(slot, origin, rows, columns):
-        """(whether the block owns it, its place in the tile, its number)."""
+        """Return (true if the block owns it, its index in the tile, its number)."""
         there, here, k, row, column = mass(slot, origin, rows, columns)
         i, j = np.int32(row - origin[0]), np.int32(column - origin[1])
         inside = i >= first_row and i < end_row and j >= first_column and j < end_column
@@ -54,11 +54,11 @@ def _make_places(math: str, tile: SheetTile) -> tuple[Any, Any]:
 
 @cache
 def make_tile_ends(real: Any, math: str, parts: frozenset[str], axes: int, tile: SheetTile) -> SimpleNamespace:
-    """How a tile's masses come into shared memory and leave it; `origin` is the place of its first mass in the sheet.
+    """Make the transfers of a tile to and from shared memory; `origin` is the position of its first mass in the sheet.
 
-    - `open_substep`: predicts from the state; `load`: from what the launch before left;
-    - `attach`: the long-range attachments; `store`: what the block owns, for the next launch;
-    - `close_substep`: velocities and colliders of what it owns, into the new state.
+    - `open_substep`: predicts from the state; `load`: reads the results of the previous launch;
+    - `attach`: the long-range attachments; `store`: writes owned masses for the next launch;
+    - `close_substep`: velocities and colliders of owned masses, into the new state.
     """
     accelerate = make_accelerations(real, math, parts).accelerate
     motion, tether_mass = make_motion(real, math, parts, axes), make_tethers(real, math)
@@ -135,8 +135,11 @@ def make_tile_ends(real: Any, math: str, parts: frozenset[str], axes: int, tile:
 
 @cache
 def make_multiplier_moves(real: Any, math: str, parts: frozenset[str], axes: int, tile: SheetTile) -> SimpleNamespace:
-    """`fetch(multipliers, planes, origin, rows, columns)`: a thread's multipliers from the planes that the launch before
-    left, halo included; `leave(...)`: those of the constraints that the block owns, by their first mass, into the planes."""
+    """Make `fetch(multipliers, planes, origin, rows, columns)` and `leave(...)`.
+
+    `fetch`: a thread's multipliers from the planes of the previous launch, including the halo; `leave`: those of owned
+    constraints, by their first mass, into the planes.
+    """
     inline = inlined(math)
     if "gauss-seidel" not in parts:
         return _jacobi_moves(math, parts, tile)
@@ -169,10 +172,10 @@ def make_multiplier_moves(real: Any, math: str, parts: frozenset[str], axes: int
 
 
 def _colour_moves(math: str, tile: SheetTile, family: Any, colour: int, first_slot: int, plane: int) -> tuple[Any, Any]:
-    """fetch and leave of one colour."""
+    """Make fetch and leave of one colour."""
     constraint_place, slots = make_constraint_place(math, tile, family, colour), colour_slots(tile, family)
     down, along = np.int32(family.rows), np.int32(abs(family.columns))
-    lead = np.int32(1 if family.columns < 0 else 0)  # of a rising diagonal the first mass lies to the right of (i, j)
+    lead = np.int32(1 if family.columns < 0 else 0)  # on a rising diagonal the first mass is to the right of (i, j)
     most_rows, most_columns = np.int32(tile.rows.size), np.int32(tile.columns.size)
     first_row, first_column = np.int32(tile.rows.before), np.int32(tile.columns.before)
     end_row, end_column = np.int32(first_row + tile.rows.owned), np.int32(first_column + tile.columns.owned)
@@ -180,7 +183,7 @@ def _colour_moves(math: str, tile: SheetTile, family: Any, colour: int, first_sl
 
     @inline
     def place_of(slot, origin, rows, columns):
-        """(whether it is in sheet and tile, whether the block owns it, its number in the planes)."""
+        """Return (true if it is in sheet and tile, true if the block owns it, its number in the planes)."""
         there, i, j = constraint_place(slot)
         row, column = np.int32(origin[0] + i), np.int32(origin[1] + j)
         there = there and row >= 0 and column >= 0 and row + down < rows and column + along < columns

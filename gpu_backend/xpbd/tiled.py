@@ -1,8 +1,9 @@
 """The kernels that project in shared memory: `one-block`, a small sheet that stays there for many steps, and `tiled`.
 
-A block of `tiled` loads its tile with a halo (xpbd/tile.py), does some iterations of all colours and writes what it owns
-into other buffers, which the next launch reads: one launch for what `graph` needs one a colour for. The first launch of a
-substep predicts, halo included; the last one makes velocities and meets the colliders. No block waits for another.
+A block of `tiled` loads its tile with a halo (xpbd/tile.py), does some iterations of all colours and writes its own
+masses into other buffers, which the next launch reads: one launch instead of one per colour in `graph`. The first
+launch of a substep predicts, including the halo; the last one computes velocities and collisions. No block waits for
+another.
 """
 
 from __future__ import annotations
@@ -28,8 +29,8 @@ from model.xpbd.plan import families
 
 @cache
 def make_iterate(real: Any, math: str, parts: frozenset[str], axes: int, tile: SheetTile) -> Any:
-    """iterate(iterations, shared, before, multipliers, constants, bounds, state, anchors, reaches, count, origin, rows,
-    columns) -> where in `shared` the positions are afterwards."""
+    """Make iterate(iterations, shared, before, multipliers, constants, bounds, state, anchors, reaches, count, origin,
+    rows, columns), which returns the offset of the final positions in `shared`."""
     attach = make_tile_ends(real, math, parts, axes, tile).attach
     colours = "gauss-seidel" in parts
     sweep = make_sweep(real, math, parts, axes, tile) if colours else None
@@ -69,8 +70,9 @@ def make_iterate(real: Any, math: str, parts: frozenset[str], axes: int, tile: S
 
 @cache
 def make_one_block(real: Any, math: str, parts: frozenset[str], axes: int, tile: SheetTile) -> Any:
-    """one_block(position, velocity, anchors, reaches, count, record, bodies, integers, counter, steps, substeps,
-    iterations, rows, columns): `steps` steps of the whole sheet, in place. Launched as one block of the tile's threads."""
+    """Compile one_block(position, velocity, anchors, reaches, count, record, bodies, integers, counter, steps,
+    substeps, iterations, rows, columns): `steps` steps of the whole sheet, in place. Launched as one block of the
+    tile's threads."""
     ends, iterate = make_tile_ends(real, math, parts, axes, tile), make_iterate(real, math, parts, axes, tile)
     open_substep, close_substep = ends.open_substep, ends.close_substep
     constants_of, clock, block_air = make_constants(math), make_clock(math, parts), make_block_air(real, math, parts)
@@ -114,12 +116,13 @@ def make_one_block(real: Any, math: str, parts: frozenset[str], axes: int, tile:
 
 @cache
 def make_tiled(real: Any, math: str, parts: frozenset[str], axes: int, tile: SheetTile) -> Any:
-    """tiled(state, velocity, source, target, new_velocity, planes, new_planes, anchors, reaches, count, record, bodies,
-    integers, counter, place, substeps, substep, opening, closing, iterations, rows, columns): some iterations of a substep.
+    """Compile tiled(state, velocity, source, target, new_velocity, planes, new_planes, anchors, reaches, count, record,
+    bodies, integers, counter, place, substeps, substep, opening, closing, iterations, rows, columns): some iterations
+    of a substep.
 
-    `state` holds the positions and `velocity` the velocities at the substep's beginning; an `opening` launch begins with
-    them, another one with `source` and the multipliers of `planes`; a `closing` one leaves the new state, another one
-    positions and multipliers for the next. A block a tile.
+    `state` and `velocity`: positions and velocities at the start of the substep. An `opening` launch starts from them,
+    others from `source` and the multipliers of `planes`; a `closing` one writes the new state, others positions and
+    multipliers for the next. One block per tile.
     """
     ends, iterate = make_tile_ends(real, math, parts, axes, tile), make_iterate(real, math, parts, axes, tile)
     moves = make_multiplier_moves(real, math, parts, axes, tile)

@@ -1,8 +1,9 @@
-"""The kernel `one-block` of the cloth: a small sheet in one block, thousands of steps a launch.
+"""The kernel `one-block` of the cloth: a small sheet in one block, thousands of steps per launch.
 
-A thread keeps its mass in registers; positions, and velocities where neighbours ask for them, lie twice in shared memory:
-a pass reads one copy and writes the other, so that one barrier a pass is enough. Where velocity Verlet's kicks meet, its
-first and last pass are launches of their own (mass_spring/cloth/kernels.py), which leaves a loop with one force in it.
+A thread has its mass in registers. Positions, and velocities if neighbours need them, are stored twice in shared
+memory: a pass reads one copy and writes the other, so one barrier per pass is enough. If velocity Verlet's kicks can be
+combined, its first and last pass are separate launches (mass_spring/cloth/kernels.py), which leaves a loop with one
+force evaluation.
 """
 
 from __future__ import annotations
@@ -22,22 +23,22 @@ from gpu_backend.mass_spring.cloth.point import make_cloth_forces
 from gpu_backend.mass_spring.grid.strips import ALIGNMENT
 from model.mass_spring.cloth_plan import kicks_meet
 
-MAX_THREADS = 1024  # of a block, hence masses
+MAX_THREADS = 1024  # per block, hence masses
 
 
 def block_threads(masses: int) -> int:
-    """Threads of the block: a power of two, so that few variants are compiled."""
+    """Return the threads of the block: a power of two, so that few variants are compiled."""
     return max(32, 1 << (masses - 1).bit_length())
 
 
 def block_bytes(real: Any, parts: frozenset[str], masses: int) -> int:
-    """Shared memory of the block: two copies of what neighbours read, and of the air's velocity."""
+    """Return the shared memory of the block [bytes]: two copies of what neighbours read, and of the air's velocity."""
     arrays = 2 if kicks_meet(parts) else 4
     return (arrays * masses + 2) * SIZE * np.dtype(real).itemsize
 
 
 def _make_phase(real: Any, math: str, moving: bool, move: Any) -> Any:
-    """One pass of the thread's mass, from the copies that begin at `old` to those at `new`."""
+    """Make one pass of the thread's mass, from the copies that begin at `old` to those at `new`."""
     zero = real(0)
 
     @inlined(math)
@@ -59,10 +60,11 @@ def _make_phase(real: Any, math: str, moving: bool, move: Any) -> Any:
 
 @cache
 def make_cloth_block(real: Any, math: str, integrator: str, parts: frozenset[str], threads: int) -> Any:
-    """kernel(position, velocity, new_position, new_velocity, record, bodies, integers, counter, pass_number, passes,
-    rows, columns): `passes` steps of the whole sheet, from the old state to the new one; where velocity Verlet's kicks meet,
-    `passes` of its middle passes. Launched with one block of `threads` threads, a mass each, and `block_bytes` of shared
-    memory.
+    """Compile kernel(position, velocity, new_position, new_velocity, record, bodies, integers, counter, pass_number,
+    passes, rows, columns): `passes` steps of the whole sheet, from the old state to the new one.
+
+    If velocity Verlet's kicks can be combined, `passes` of its middle passes. Launched with one block of `threads`
+    threads, a mass each, and `block_bytes` of shared memory.
     """
     forces = make_cloth_forces(real, math, parts)
     current_step, air_now = forces.current_step, forces.air_now
@@ -114,7 +116,7 @@ def make_cloth_block(real: Any, math: str, integrator: str, parts: frozenset[str
         for number in range(passes):
             step = first + number
             new, now = np.int32(masses - old), np.int32(number & 1)
-            if has_gust:  # the first thread computes the next step's air beside its mass
+            if has_gust:  # the first thread computes the next step's air besides its mass
                 air = read_air(airs, now)
                 if k == 0:
                     x, y, z = air_now(parameters, integers, step + 1, zero)

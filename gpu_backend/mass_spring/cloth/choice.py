@@ -1,7 +1,7 @@
-"""Which kernel runs a cloth on the GPU, and on which tiles: read off small measured tables.
+"""Choice of the kernel that runs a cloth on the GPU, and of its tiles, from small measured tables.
 
-The numbers are microseconds a step on one NVIDIA H200, of the catalogue's cloth-hanging: velocity Verlet, 12 springs a mass,
-gravity, damping and two pins. Only their proportions matter for a choice, so that other parts are served well enough.
+The numbers are us per step on one NVIDIA H200, of the catalogue's cloth-hanging: velocity Verlet, 12 springs per mass,
+gravity, damping and two pins. A choice depends only on their ratios, so it suits other scenes well enough.
 """
 
 from __future__ import annotations
@@ -23,12 +23,13 @@ from model.scene.scene import Scene
 
 CLOTH_KERNELS = ("one-block", "resident", "tiles", "graph", "launch", "stages")
 ON_TILES = ("resident", "tiles")
-# One block has one multiprocessor: from some size on its arithmetic takes longer than a captured launch. On an H200, float32,
-# 12 springs: 1.46 against 1.94 us a step at 32 x 32; in wind 4.5 against 5.4 at 24 x 24, but 7.2 against 5.5 at 32 x 32.
+# One block runs on one multiprocessor: above some size its arithmetic takes longer than a captured launch. On an H200,
+# float32, 12 springs: 1.46 against 1.94 us per step at 32 x 32; in wind 4.5 against 5.4 at 24 x 24, but 7.2 against 5.5
+# at 32 x 32.
 ONE_BLOCK_MASSES = 1024
 ONE_BLOCK_MASSES_IN_WIND = 576
-# us a step of `resident` on a tile, by the blocks that share a multiprocessor; all run at once, so that the sheet's size
-# does not matter beside these. Of those that are not measured, the first that the sheet fits is taken where it is asked for.
+# us per step of `resident` on a tile, by the blocks that share a multiprocessor; all run at once, so the sheet's size
+# does not matter otherwise. Of tiles without measurements, the first one that fits is used on request.
 # begin measured
 RESIDENT: dict[Any, dict[str, dict[int, float]]] = {
     np.float32: {
@@ -46,20 +47,21 @@ RESIDENT: dict[Any, dict[str, dict[int, float]]] = {
         "64x4x8h1": {1: 5.95},
     },
 }
-# Of `tiles`: the tile; us a launch at least, and a step for each million masses of all tiles together, overlaps counted.
-# Chosen nowhere: 26.3 against 22.3 us of `graph` at 1024 x 1024 in float32, 63 against 51 in float64.
+# Of `tiles`: the tile; us per launch at least, plus us per step and million masses of all tiles together, overlaps
+# included. Never the default: 26.3 against 22.3 us of `graph` at 1024 x 1024 in float32, 63 against 51 in float64.
 TILES: dict[Any, tuple[str, float | None, float | None]] = {
     np.float32: ("64x8x8h3", None, None),
     np.float64: ("32x8x4h2", None, None),
 }
 # end measured
-# of `one-block` and `graph`: us a step at least, and for each million masses more; `one-block` in float64 taken as twice that
+# of `one-block` and `graph`: us per step at least, plus us per million masses; `one-block` in float64 estimated as
+# twice that
 ONE_BLOCK = {np.float32: (0.1, 1330.0), np.float64: (0.2, 2660.0)}
 GRAPH = {np.float32: (2.2, 18.6), np.float64: (3.2, 44.0)}
 
 
 def why_not_one_block(scene: Scene, real: Any, parts: frozenset[str], limits: tuple[int, int] | None = None) -> str:
-    """The reason why the kernel `one-block` cannot run the scene, or nothing. `limits`: as `device_limits` gives them."""
+    """Return the reason why the kernel `one-block` cannot run the scene, or "". `limits`: of `device_limits`."""
     masses = scene.grid.particle_count
     if scene.method.integrator == "rk4":
         return "runs integrators with one force a step, not rk4; use graph"
@@ -72,7 +74,7 @@ def why_not_one_block(scene: Scene, real: Any, parts: frozenset[str], limits: tu
 
 
 def why_not_on_tiles(scene: Scene, parts: frozenset[str]) -> str:
-    """The reason why neither `resident` nor `tiles` can run the scene whatever the tile, or nothing."""
+    """Return the reason why neither `resident` nor `tiles` can run the scene, whatever the tile, or ""."""
     if scene.method.integrator == "rk4":
         return "runs integrators with one force a step, not rk4; use graph"
     if scene.method.integrator == "velocity-verlet" and not kicks_meet(parts):
@@ -83,7 +85,7 @@ def why_not_on_tiles(scene: Scene, parts: frozenset[str]) -> str:
 def cloth_tiles_of(
     kernel: str, rows: int, columns: int, real: Any, parts: frozenset[str], limits: tuple[int, int] | None = None
 ) -> list[tuple[Tile, float | None]]:
-    """(tile, us a step where measured) of the tables' tiles that the sheet fits."""
+    """Return (tile, us per step if measured) of the tables' tiles that fit the sheet."""
     if kernel == "tiles":
         name, least, million = TILES[real]
         tile = parsed_tile(name)
@@ -105,7 +107,7 @@ def cloth_tiles_of(
 def choose_cloth(
     scene: Scene, real: Any, parts: frozenset[str], limits: tuple[int, int] | None = None
 ) -> tuple[str, Tile | None, str]:
-    """(kernel, tile, why in a few words) of a cloth that asks for none. `limits`: as `device_limits` gives them."""
+    """Return (kernel, tile, reason) for a cloth without a choice. `limits`: of `device_limits`."""
     rows, columns, masses = scene.grid.rows, scene.grid.columns, scene.grid.particle_count
     small = masses <= (ONE_BLOCK_MASSES_IN_WIND if "wind" in parts else ONE_BLOCK_MASSES)
     times: dict[tuple[str, Tile | None], float] = {}
@@ -130,13 +132,13 @@ def _spelt(kernel: str, tile: Tile | None) -> str:
 def default_cloth_kernel(
     scene: Scene, real: Any, parts: frozenset[str], limits: tuple[int, int] | None = None
 ) -> tuple[str, str]:
-    """(kernel, why in a few words) of a cloth that asks for none."""
+    """Return (kernel, reason) for a cloth without a choice."""
     kernel, _, why = choose_cloth(scene, real, parts, limits)
     return kernel, why
 
 
 def cloth_kernel(scene: Scene, real: Any, parts: frozenset[str], asked: str | None) -> str:
-    """The kernel asked for, without its tile, or the backend's own choice. Raises SceneError for one that cannot run the
+    """Return the kernel asked for, without its tile, or the default. Raises SceneError for one that cannot run the
     scene."""
     if asked is None:
         return default_cloth_kernel(scene, real, parts)[0] if can_capture() else "launch"
@@ -154,7 +156,8 @@ def cloth_kernel(scene: Scene, real: Any, parts: frozenset[str], asked: str | No
 
 
 def cloth_tile(scene: Scene, real: Any, parts: frozenset[str], kernel: str, asked: str | None) -> Tile | None:
-    """The tile for a kernel on tiles: the one asked for, as in `resident:8x8x1h1`, or the tables'. Raises SceneError."""
+    """Return the tile for a kernel on tiles: the one asked for, as in `resident:8x8x1h1`, or the tables'. Raises
+    SceneError."""
     if kernel not in ON_TILES:
         return None
     _, colon, text = (asked or "").partition(":")

@@ -1,9 +1,9 @@
 """Implicit Euler on the cloth: one launch does whole steps, and decides on the device how often each pass runs.
 
-Blocks are launched together (cooperatively) and meet at a barrier after every pass over the sheet. A block takes segments
-of rows in turn, a mass to a thread. What follows a pass hangs on sums over all masses: each block takes them for itself
-from the segments' sums, in the CPU's order (cpu_backend/mass_spring/cloth/sums.py), so that all come to the same decision
-and to its bits.
+Blocks are launched together (cooperatively) and synchronise at a barrier after every pass over the sheet. A block
+processes segments of rows in turn, one mass per thread. The next pass depends on sums over all masses: each block
+computes them from the segments' sums, in the CPU's order (cpu_backend/mass_spring/cloth/sums.py), so that all blocks
+make the same decision, and get the CPU's bits.
 """
 
 from __future__ import annotations
@@ -37,15 +37,15 @@ from model.mass_spring.implicit_parameters import (
 )
 from model.scene.scene import Scene
 
-COUNTS = ("steps", "matrices", "iterations", "halvings")  # that a simulation has done
-THREADS = LANES if simulated() else SEGMENT  # of a block; the simulator's are threads of Python
-TOGETHER = 2  # blocks that a multiprocessor holds at least, which bounds their registers
+COUNTS = ("steps", "matrices", "iterations", "halvings")  # counters of a simulation
+THREADS = LANES if simulated() else SEGMENT  # per block; the simulator's are Python threads
+TOGETHER = 2  # minimum number of blocks per multiprocessor, which bounds their registers
 
 
 @cache
 def make_meetings(real: Any, math: str) -> SimpleNamespace:
-    """What a block's threads do together: `add_segment(products, sums, g, width, count, parts)`, segment g's sums of the
-    products of its masses; `total(products, sums, count, parts)`: of all segments. `products` (SUMS * TREE,) is shared
+    """Make the block-wide sums `add_segment(products, sums, g, width, count, parts)`, segment g's sums of the products
+    of its masses, and `total(products, sums, count, parts)`, over all segments. `products` (SUMS * TREE,) is shared
     memory."""
     inline = inlined(math)
     zero, warps, whole_warp = real(0), not simulated(), 0xFFFFFFFF
@@ -53,7 +53,7 @@ def make_meetings(real: Any, math: str) -> SimpleNamespace:
 
     @inline
     def halved(products, sums, half, stride, last):
-        """Each of the sums' 2 `half` numbers added up in halves, until `last` are left."""
+        """Add up the 2 `half` numbers of each sum in halves, until `last` are left."""
         t, threads = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x)
         while half >= last:
             for n in range(sums):
@@ -65,8 +65,10 @@ def make_meetings(real: Any, math: str) -> SimpleNamespace:
 
     @inline
     def lanes_halved(products, sums, stride):
-        """The first of each of the sums' LANES numbers becomes their sum, added up in halves: by one warp, whose threads
-        hand each other numbers without memory. Every thread of the block must call it, none waits at its end."""
+        """Replace the first of each sum's LANES numbers by their sum, added up in halves, by shuffles of one warp.
+
+        Every thread of the block must call it; it does not synchronise at its end.
+        """
         if warps:
             t = np.int32(cuda.threadIdx.x)
             if t < lanes:
@@ -119,10 +121,12 @@ def make_meetings(real: Any, math: str) -> SimpleNamespace:
 
 @cache
 def make_cloth_implicit(real: Any, math: str, linear: bool, parts: frozenset[str]) -> Any:
-    """kernel(position, velocity, base, x, u, r, s, q, aq, ar, begin, sums, flags, done, record, matrix, bodies, integers,
-    counter, steps, rows, columns): `steps` steps of the state in `position` and `velocity`. The nine arrays of quads that
-    follow are working memory; `sums` (SUMS * segments,); `flags` (1,) int32, 0 before the launch; `done` (len(COUNTS),) int64
-    is added to; the rest is as in mass_spring/cloth/kernels.py. With `linear` a step ends after its first matrix.
+    """Compile kernel(position, velocity, base, x, u, r, s, q, aq, ar, begin, sums, flags, done, record, matrix, bodies,
+    integers, counter, steps, rows, columns): `steps` steps of the state in `position` and `velocity`.
+
+    The nine arrays of quads that follow are working memory; `sums` (SUMS * segments,); `flags` (1,) int32, 0 before the
+    launch; `done` (len(COUNTS),) int64 is incremented; the rest is as in mass_spring/cloth/kernels.py. With `linear` a
+    step ends after its first matrix.
     """
     point, meetings = make_implicit_point(real, math, parts), make_meetings(real, math)
     start, residual, product = point.start, point.residual, point.product
@@ -211,14 +215,14 @@ def make_cloth_implicit(real: Any, math: str, linear: bool, parts: frozenset[str
 
 
 def implicit_kernel(scene: Scene, real: Any, parts: frozenset[str], asked: str | None) -> str:
-    """Its only kernel. Raises SceneError if another one was asked for."""
+    """Return the only kernel. Raises SceneError if another one was asked for."""
     if asked not in (None, "cooperative"):
         raise SceneError("--kernel", asked, f"must be cooperative for {scene.method.integrator} on the gpu")
     return "cooperative"
 
 
 class ImplicitSteps:
-    """The steps of one simulation, a gpu_backend.mass_spring.cloth.solver.ClothMassSpring, and what they need besides its
+    """The steps of one simulation, a gpu_backend.mass_spring.cloth.solver.ClothMassSpring, and their arrays besides its
     state."""
 
     def __init__(self, simulation: Any):
@@ -237,13 +241,13 @@ class ImplicitSteps:
 
     @property
     def done(self) -> np.ndarray:
-        """(steps, matrices, iterations of conjugate gradients, halved Newton steps) so far."""
+        """Return (steps, matrices, iterations of conjugate gradients, halved Newton steps) so far."""
         host = self._done.copy_to_host(stream=self.simulation.stream)
         self.simulation.synchronize()
         return host
 
     def renew(self) -> None:
-        """Take the scene's fields as they are now."""
+        """Update the system from the scene's current fields."""
         sim = self.simulation
         self._system.copy_to_device(system_record(sim.scene, sim.real), stream=sim.stream)
         sim.synchronize()

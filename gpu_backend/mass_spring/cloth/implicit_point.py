@@ -1,8 +1,8 @@
-"""What implicit Euler does with one mass of a cloth in each pass, as device functions (model/formulas/implicit.py).
+"""Operations of implicit Euler on one mass of a cloth in each pass, as device functions (model/formulas/implicit.py).
 
-Vectors are arrays of quads. The spare numbers of `x`, the position at the step's end as far as it is known, and of `base`,
-the one without the velocity there, tell as that of the state's position what is pinned: such a mass has no entry in a vector
-of the system.
+Vectors are arrays of quads. The fourth numbers of `x`, the current position at the step's end, and of `base`, the
+position without the end velocity, mark pinned masses as in the state: such a mass has no entry in a vector of the
+system.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from model.scene.cloth import SPRING_KINDS
 
 
 def _make_vectors(real: Any, math: str) -> SimpleNamespace:
-    """`added_3`, value + factor other; `dot_3`; and of one axis `applied`, `missing`."""
+    """Make `added_3`, value + factor other, `dot_3`, and along one axis `applied`, `missing`."""
     formulas, inline = device_formulas(implicit.make, real, math), inlined(math)
     added, dot = formulas.added, formulas.dot
 
@@ -38,7 +38,7 @@ def _make_vectors(real: Any, math: str) -> SimpleNamespace:
 
 
 def _make_iteration(real: Any, math: str, springs: frozenset[str], has_pins: bool, vectors: Any) -> tuple[Any, Any]:
-    """`product` and `update`, the two passes of an iteration of conjugate gradients."""
+    """Make `product` and `update`, the two passes of an iteration of conjugate gradients."""
     product_sum = make_cloth_springs(real, math, springs, "product")
     applied, added_3, dot_3 = vectors.applied, vectors.added_3, vectors.dot_3
     zero, inline = real(0), inlined(math)
@@ -80,7 +80,7 @@ def _make_iteration(real: Any, math: str, springs: frozenset[str], has_pins: boo
 
 @cache
 def make_implicit_point(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """The passes of mass k in row i and column j, by name; `residual` and `product` return what is to be summed up."""
+    """Make the passes of mass k in row i and column j, by name; `residual` and `product` return summands."""
     springs = frozenset(part for part in parts if part.split("-")[0] in SPRING_KINDS)
     elsewhere, collide = make_cloth_forces(real, math, parts - springs), make_collide(real, math, parts)
     steady, add_own = elsewhere.steady, elsewhere.add_own
@@ -91,7 +91,7 @@ def make_implicit_point(real: Any, math: str, parts: frozenset[str]) -> SimpleNa
 
     @inline
     def put(x, u, k, p, position, velocity, step, world):
-        """The state at the step's end as far as it is known; a pinned mass is where it will be."""
+        """Store the current state at the step's end; a pinned mass is at its end position."""
         px, py, pz = position
         vx, vy, vz = velocity
         if has_pins:

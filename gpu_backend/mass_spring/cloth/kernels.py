@@ -1,7 +1,8 @@
-"""CUDA kernels of the cloth: one thread a mass, one pass over the sheet a launch, as in mass_spring/grid/kernels.py.
+"""CUDA kernels of the cloth: one thread per mass, one pass over the sheet per launch, as in
+mass_spring/grid/kernels.py.
 
-Position and velocity are quads (see core/quads.py); the spare number of a position tells pinned masses (contact/pins.py).
-The air's velocity, the same for all masses, is computed by one thread of each block where it gusts.
+Position and velocity are quads (core/quads.py); the fourth number of a position marks pinned masses (contact/pins.py).
+With gusts, the air's velocity, which is the same for all masses, is computed by one thread of each block.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from model.formulas import cloth
 
 @cache
 def make_block_air(real: Any, math: str, parts: frozenset[str]) -> Any:
-    """air(parameters, integers, step, offset) -> (x, y, z) [m/s]; every thread of the block must call it."""
+    """Make air(parameters, integers, step, offset) -> (x, y, z) [m/s]; every thread of the block must call it."""
     air_now = make_cloth_forces(real, math, parts).air_now
     has_wind, has_gust = "wind" in parts, "gust" in parts
     zero = real(0)
@@ -46,11 +47,11 @@ def make_block_air(real: Any, math: str, parts: frozenset[str]) -> Any:
 
 @cache
 def make_cloth_passes(real: Any, math: str, integrator: str, parts: frozenset[str]) -> dict[str, Any]:
-    """The kernels of one-force integrators (`step`) or of velocity Verlet (`opening`, `middle`, `closing`).
+    """Compile the kernels of one-force integrators (`step`) or of velocity Verlet (`opening`, `middle`, `closing`).
 
     Each is kernel(position, velocity, new_position, new_velocity, record, bodies, integers, counter, pass_number, rows,
     columns): flat arrays of quads, the constants, the colliders' rows one after the other, the integer record
-    (mass_spring/cloth/point.py), the step counter and the pass's place after it.
+    (mass_spring/cloth/point.py), the step counter and the pass's number after it.
     """
     current_step, block_air = make_cloth_forces(real, math, parts).current_step, make_block_air(real, math, parts)
     zero = real(0)
@@ -85,11 +86,11 @@ def make_cloth_passes(real: Any, math: str, integrator: str, parts: frozenset[st
 
 @cache
 def make_cloth_rk4_stages(real: Any, math: str, parts: frozenset[str]) -> list[Any]:
-    """The four stage kernels of RK4.
+    """Compile the four stage kernels of RK4.
 
     kernel(position, velocity, base_position, base_velocity, total_position, total_velocity, new_position, new_velocity,
-    record, bodies, integers, counter, pass_number, rows, columns): neighbours are read in (position, velocity), the state
-    of the stage; each stage adds to the total, the last one writes the new state to `new`.
+    record, bodies, integers, counter, pass_number, rows, columns): neighbours are read in (position, velocity), the
+    state of the stage; each stage adds to the total, the last one writes the new state to `new`.
     """
     current_step, block_air = make_cloth_forces(real, math, parts).current_step, make_block_air(real, math, parts)
     zero = real(0)
@@ -136,7 +137,8 @@ def make_cloth_rk4_stages(real: Any, math: str, parts: frozenset[str]) -> list[A
 
 @cache
 def make_cloth_tools(real: Any) -> SimpleNamespace:
-    """Small kernels around the passes: count steps, look for bad masses, write positions and normals for drawing."""
+    """Compile small kernels around the passes: count steps, find bad masses, write positions and normals for
+    drawing."""
     formulas = device_formulas(cloth.make, real, "exact")
     cross, unit = formulas.cross, formulas.unit
     inline = inlined("exact")
@@ -147,8 +149,8 @@ def make_cloth_tools(real: Any) -> SimpleNamespace:
             counter[0] += steps
 
     def first_diverged(position, velocity, bound, x, y, z, result):
-        """The lowest index of a mass that is not finite, or farther than `bound` from (x, y, z) along an axis, by an atomic
-        minimum of integers."""
+        """Find the lowest index of a mass that is not finite, or farther than `bound` from (x, y, z) along an axis, by
+        an atomic minimum of integers."""
         k = np.int32(cuda.grid(1))
         if k < position.size // SIZE:
             p, v = load_quad(position, k), load_quad(velocity, k)
@@ -167,13 +169,13 @@ def make_cloth_tools(real: Any) -> SimpleNamespace:
 
     @inline
     def triangle(position, a, b, c):
-        """The normal of the triangle of masses a, b, c, as long as twice its area."""
+        """Return the normal of the triangle of masses a, b, c, with the length of twice its area."""
         p, q, r = load_quad(position, a), load_quad(position, b), load_quad(position, c)
         return cross(q[0] - p[0], q[1] - p[1], q[2] - p[2], r[0] - p[0], r[1] - p[1], r[2] - p[2])
 
     @inline
     def cell_sum(position, k, cell):
-        """The sum of the normals of the up to six triangles at mass k, as in mass_spring/cloth/point.py."""
+        """Return the sum of the normals of the up to six triangles at mass k, as in mass_spring/cloth/point.py."""
         i, j, rows, columns = cell.i, cell.j, cell.rows, cell.columns
         top, bottom, first, last = i == 0, i == rows - 1, j == 0, j == columns - 1
         right, below = k if last else k + one, k if bottom else k + columns

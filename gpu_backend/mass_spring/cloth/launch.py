@@ -1,4 +1,5 @@
-"""Launching the cloth's kernels on tiles: their grids of blocks, their shared memory, and the buffers of their messages."""
+"""Launches of the cloth's kernels on tiles: their grids of blocks, their shared memory, and the buffers of their
+messages."""
 
 from __future__ import annotations
 
@@ -18,12 +19,12 @@ from gpu_backend.mass_spring.grid import tile_launch
 from gpu_backend.mass_spring.passes import TileLaunches
 from model.core.errors import SceneError
 
-MAX_THREADS = 1024  # of a block
+MAX_THREADS = 1024  # per block
 MAX_EACH = 31  # masses that a thread fetches: bits of an integer
 
 
 def cloth_blocks(rows: int, columns: int, tile: Tile, parts: frozenset[str]) -> tuple[int, int]:
-    """(across, down): tiles over a sheet."""
+    """Return (across, down): the tiles over a sheet."""
     overlap = overlap_of(tile, parts)
     return tile_count(columns, tile.columns, overlap), tile_count(rows, tile.rows, overlap)
 
@@ -32,8 +33,8 @@ def why_no_cloth_tile(
     kernel: str, rows: int, columns: int, real: Any, tile: Tile, parts: frozenset[str],
     limits: tuple[int, int] | None = None,
 ) -> str:  # fmt: skip
-    """The reason why `resident` or `tiles` cannot run a sheet on this tile on this GPU, or on one of `limits` (see
-    `device_limits`), or nothing."""
+    """Return the reason why `resident` or `tiles` cannot run a sheet on this tile on this GPU, or on one of `limits`
+    (see `device_limits`), or ""."""
     processors, most_shared = limits or tile_launch.device_limits()
     needed, overlap = tile_bytes(real, tile, parts), overlap_of(tile, parts)
     if tile.halo < 1:
@@ -58,7 +59,7 @@ def why_no_cloth_tile(
 
 
 class ClothTiles(TileLaunches):
-    """Of `resident` or `tiles`, for gpu_backend/mass_spring/cloth/solver.py."""
+    """The launches of `resident` or `tiles`, for gpu_backend/mass_spring/cloth/solver.py."""
 
     def __init__(self, simulation: Any, kernel: str, tile: Tile):
         super().__init__(simulation, kernel, tile)

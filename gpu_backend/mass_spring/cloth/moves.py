@@ -1,4 +1,4 @@
-"""How one mass of a cloth moves in a pass of an integrator: its forces, the step's formula, the colliders, the pins."""
+"""Motion of one mass of a cloth in a pass of an integrator: its forces, the step's formula, the colliders, the pins."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ RK4_TOTAL = ("sixth_dt", "third_dt", "third_dt", "sixth_dt")
 
 @cache
 def make_cloth_kicks(real: Any, math: str, integrator: str, parts: frozenset[str]) -> dict[str, Any]:
-    """Device functions: `step` of one-force integrators; `opening`, `middle`, `closing` of velocity Verlet.
+    """Make device functions: `step` of one-force integrators; `opening`, `middle`, `closing` of velocity Verlet.
 
-    Each is kick(ax, ay, az, k, p, v, world, step) -> (px, py, pz, vx, vy, vz): of mass k, at p and
-    moving at v (quads), which springs, gravity and wind accelerate by a. `step` is the number of the step that begins.
+    Each is kick(ax, ay, az, k, p, v, world, step) -> (px, py, pz, vx, vy, vz): of mass k, at p and with velocity v
+    (quads), which springs, gravity and wind accelerate by a. `step` is the number of the step that begins.
     """
     forces, collide = make_cloth_forces(real, math, parts), make_collide(real, math, parts)
     hold = make_pins(real, math, parts).hold
@@ -40,7 +40,7 @@ def make_cloth_kicks(real: Any, math: str, integrator: str, parts: frozenset[str
 
     @inline
     def settle(p, px, py, pz, vx, vy, vz, world, step):
-        """Colliders, then pins: a pinned mass stays where it was, or follows its motion."""
+        """Apply colliders, then pins: a pinned mass stays where it was, or follows its motion."""
         px, py, pz, vx, vy, vz = collide(p, px, py, pz, vx, vy, vz, world, step)
         if has_pins:
             if p[3] != zero:
@@ -60,7 +60,7 @@ def make_cloth_kicks(real: Any, math: str, integrator: str, parts: frozenset[str
 
     @inline
     def kick_and_drift(p, vx, vy, vz, ax, ay, az, world, step):
-        """The first half of a step from the velocity (vx, vy, vz)."""
+        """Do the first half of a step from the velocity (vx, vy, vz)."""
         parameters = world.parameters
         dt, half_dt, rate = parameters.dt, parameters.half_dt, parameters.damping
         px, vx = first_half(p[0], vx, ax, dt, half_dt, rate)
@@ -89,13 +89,13 @@ def make_cloth_kicks(real: Any, math: str, integrator: str, parts: frozenset[str
         ax, ay, az = add_own(ax, ay, az, k, zero, parameters, integers, step - one)
         vx, vy, vz = second_kick(v, ax, ay, az, parameters)
         if has_pins:
-            if p[3] != zero:  # one that follows a motion was given its velocity with its place
+            if p[3] != zero:  # one that follows a motion already has its velocity
                 vx, vy, vz = v[0], v[1], v[2]
         return p[0], p[1], p[2], vx, vy, vz
 
     @inline
     def middle_mass(bx, by, bz, k, p, v, world, step):
-        """The second half kick of one step and the first of the next: both need the force here, computed once."""
+        """Do the second half kick of one step and the first of the next: both need the force here, computed once."""
         parameters, integers = world.parameters, world.integers
         ax, ay, az = add_own(bx, by, bz, k, zero, parameters, integers, step - one)
         if changes:
@@ -112,14 +112,14 @@ def make_cloth_kicks(real: Any, math: str, integrator: str, parts: frozenset[str
 
 @cache
 def make_cloth_moves(real: Any, math: str, integrator: str, parts: frozenset[str]) -> dict[str, Any]:
-    """The functions of make_cloth_kicks with the forces before them.
+    """Make the functions of make_cloth_kicks together with the forces before them.
 
-    Each is move(position, velocity, place, k, cell, p, v, world, step, air) ->
-    (px, py, pz, vx, vy, vz): of mass k in row i and column j, found at `place` of the arrays of quads that its
-    neighbours are read from, itself at p and moving at v.
+    Each is move(position, velocity, place, k, cell, p, v, world, step, air) -> (px, py, pz, vx, vy, vz): of mass k in
+    row i and column j, at index `place` of the arrays of quads that its neighbours are read from, at p and with
+    velocity v.
 
-    Velocity Verlet's two kicks between steps are one pass with one force, `middle`, where no force depends on velocities
-    (model/cloth_plan.kicks_meet); else a step is `opening` and `closing`.
+    Velocity Verlet's two kicks between steps are one pass with one force evaluation, `middle`, if no force depends on
+    velocities (model/cloth_plan.kicks_meet); else a step is `opening` and `closing`.
     """
     steady = make_cloth_forces(real, math, parts).steady
     inline = inlined(math)
@@ -138,17 +138,17 @@ def make_cloth_moves(real: Any, math: str, integrator: str, parts: frozenset[str
 
 @cache
 def make_cloth_rk4(real: Any, math: str, parts: frozenset[str], stage: int) -> Any:
-    """One of the four stages of RK4 (0 to 3), a device function:
+    """Make one of the four stages of RK4 (0 to 3), a device function.
 
-    move(position, velocity, place, k, cell, p, v, base_p, base_v, total_p, total_v, world, step, air) -> (p', v', total_p',
-    total_v'), each (x, y, z): the state of the next stage and the running sum; of the last stage p', v' are the new state,
-    which has met the colliders. The first stage reads no total.
+    move(position, velocity, place, k, cell, p, v, base_p, base_v, total_p, total_v, world, step, air) -> (p', v',
+    total_p', total_v'), each (x, y, z): the state of the next stage and the running sum; in the last stage p', v' are
+    the new state, after colliders. The first stage reads no total.
     """
     forces, collide = make_cloth_forces(real, math, parts), make_collide(real, math, parts)
     hold, half_way = (
         make_pins(real, math, parts).hold,
         stage < 2,
-    )  # where a stage leads to: half of the step, or all of it
+    )  # a stage leads to half of the step, or all of it
     steady, add_own, damp = forces.steady, forces.add_own, forces.damp
     rk4_stage = device_formulas(integrators.make, real, math).rk4_stage
     k_derivative, k_total, last = RK4_DERIVATIVE[stage], RK4_TOTAL[stage], stage == 3
@@ -158,7 +158,7 @@ def make_cloth_rk4(real: Any, math: str, parts: frozenset[str], stage: int) -> A
 
     @inline
     def advanced(base, rate, total, derivative_dt, total_dt):
-        """rk4_stage by axis: (next x, y, z), (sum x, y, z)."""
+        """Apply rk4_stage by axis. Returns (next x, y, z), (sum x, y, z)."""
         x, sum_x = rk4_stage(base[0], rate[0], total[0], derivative_dt, total_dt)
         y, sum_y = rk4_stage(base[1], rate[1], total[1], derivative_dt, total_dt)
         z, sum_z = rk4_stage(base[2], rate[2], total[2], derivative_dt, total_dt)

@@ -1,9 +1,10 @@
 """The forces on one mass of a cloth, as device functions.
 
-Each thread gathers: its up to twelve neighbours' pulls, and the wind on the six triangles that it is a corner of. Sums are
-taken as on the CPU: a kind's springs in pairs, (structural + shear) + bending, then gravity, wind, external, poke, damping.
-A neighbour beyond the edge is the mass itself, which neither pulls itself nor spans a triangle: no branch at the edges.
-Functions are compiled for the parts a scene has: flags are closure constants, an absent part leaves no instruction.
+Each thread sums its up to twelve neighbours' pulls, and the wind on the six triangles that it is a corner of. Sums are
+computed as on the CPU: a kind's springs in pairs, (structural + shear) + bending, then gravity, wind, external, poke,
+damping. A neighbour beyond the edge is the mass itself, which neither pulls itself nor spans a triangle: no branch at
+the edges. Functions are compiled for the parts of a scene: flags are closure constants, an absent part leaves no
+instruction.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ from model.scene.cloth import SPRING_KINDS
 def _make_paired(math: str) -> Any:
     @inlined(math)
     def paired(a, b, c, d):
-        """(a + b) + (c + d), by axis."""
+        """Return (a + b) + (c + d), by axis."""
         return (a[0] + b[0]) + (c[0] + d[0]), (a[1] + b[1]) + (c[1] + d[1]), (a[2] + b[2]) + (c[2] + d[2])
 
     return paired
@@ -39,10 +40,11 @@ def _make_paired(math: str) -> Any:
 
 @cache
 def make_cloth_springs(real: Any, math: str, parts: frozenset[str], system: str = "") -> Any:
-    """spring_sum(position, velocity, place, cell, p, v, parameters): the pulls of all springs over mass [m/s^2] on the mass
-    at `place` of the flat arrays, which is at p and moves at v (quads). `system`: of implicit Euler, `end` for pulls at the
-    step's end, with the velocity there and the position without it; `product` for what its matrix makes of the vector that
-    `velocity` then is.
+    """Make spring_sum(position, velocity, place, cell, p, v, parameters): the pulls of all springs over mass [m/s^2].
+
+    They act on the mass at index `place` of the flat arrays, at p and with velocity v (quads). `system`: of implicit
+    Euler, `end` for pulls at the step's end, with the velocity there and the position without it; `product` for the
+    product of its matrix with the vector in `velocity`.
     """
     pulls, of_system = device_formulas(springs.make_3d, real, math), device_formulas(implicit.make, real, math)
     spring_acceleration_3d, end_pull_3d, at_end = pulls.spring_acceleration_3d, of_system.end_pull_3d, system == "end"
@@ -78,7 +80,7 @@ def make_cloth_springs(real: Any, math: str, parts: frozenset[str], system: str 
 
     @inline
     def structural_sum(position, velocity, place, cell, p, v, parameters):
-        # The choices are spelt as in wind_sum: then a neighbour that both ask for is loaded once.
+        # The choices are written as in wind_sum, so that a neighbour that both read is loaded once.
         i, j, rows, columns = cell.i, cell.j, cell.rows, cell.columns
         top, bottom, first, last = i == 0, i == rows - 1, j == 0, j == columns - 1
         right = structural_pull(position, velocity, place if last else place + one, p, v, parameters)
@@ -132,8 +134,8 @@ def make_cloth_springs(real: Any, math: str, parts: frozenset[str], system: str 
 
 @cache
 def make_accelerations(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """`structural`, `shear`, `bending`: pull(q, p, there, values) on the mass p by a spring to q, both (x, y, z, vx, vy, vz);
-    none unless `there`. And sums by axis, `paired`, `carried`."""
+    """Make `structural`, `shear`, `bending`: pull(q, p, there, values) on the mass p by a spring to q, both (x, y, z,
+    vx, vy, vz); none unless `there`. And the sums by axis `paired`, `carried`."""
     formulas = device_formulas(springs.make_3d, real, math)
     spring_acceleration_3d, damped_pull_3d = formulas.spring_acceleration_3d, formulas.damped_pull_3d
     inline = inlined(math)
@@ -158,7 +160,7 @@ def make_accelerations(real: Any, math: str, parts: frozenset[str]) -> SimpleNam
 
     @inline
     def carried(a, b, c, up):
-        """(a + b) + (c - up): `up` is the pull of the spring above on the mass at its other end."""
+        """Return (a + b) + (c - up): `up` is the pull of the spring above on the mass at its other end."""
         return (a[0] + b[0]) + (c[0] - up[0]), (a[1] + b[1]) + (c[1] - up[1]), (a[2] + b[2]) + (c[2] - up[2])
 
     return SimpleNamespace(
@@ -169,8 +171,8 @@ def make_accelerations(real: Any, math: str, parts: frozenset[str]) -> SimpleNam
 
 @cache
 def make_wind(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """`air_now(parameters, integers, step, offset)`: the air's velocity [m/s] as (x, y, z); `wind_sum(position, velocity,
-    place, cell, p, v, parameters, air)`: the wind over mass [m/s^2] on one mass."""
+    """Make `air_now(parameters, integers, step, offset)`, the air's velocity (x, y, z) [m/s], and `wind_sum(position,
+    velocity, place, cell, p, v, parameters, air)`, the wind over mass [m/s^2] on one mass."""
     formulas, sums = device_formulas(wind.make, real, math), device_formulas(cloth.make, real, math)
     triangle_wind, gust_interval, gust_of = formulas.triangle_wind, formulas.gust_interval, formulas.gust
     mean, gusty = sums.mean, sums.gusty
@@ -194,7 +196,7 @@ def make_wind(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
 
     @inline
     def corner(a, b, c, parameters, air):
-        """Wind on each corner of the triangle a, b, c, each (x, y, z, vx, vy, vz)."""
+        """Return the wind on each corner of the triangle a, b, c, each (x, y, z, vx, vy, vz)."""
         return triangle_wind(
             b[0] - a[0], b[1] - a[1], b[2] - a[2], c[0] - a[0], c[1] - a[1], c[2] - a[2],
             air[0] - mean(a[3], b[3], c[3]), air[1] - mean(a[4], b[4], c[4]), air[2] - mean(a[5], b[5], c[5]),
@@ -203,9 +205,12 @@ def make_wind(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
 
     @inline
     def wind_of(p, right, below, left, above, below_right, near_left, near_above, above_left, parameters, air):
-        """The wind on the mass p, all as (x, y, z, vx, vy, vz). Of a cell outside the sheet one corner, the one that both
-        edges need, is the mass itself: two corners then coincide, an edge is 0, and so is the normal, in any rounding.
-        That makes two of the neighbour to the left and of the one above: by the cells below, right, and by the others."""
+        """Return the wind on the mass p; all arguments are (x, y, z, vx, vy, vz).
+
+        For a cell outside the sheet one corner, which both edges share, is the mass itself: two corners then coincide,
+        an edge is 0, and so is the normal, in any rounding. So the neighbour to the left and the one above occur twice:
+        for the cells below and right, and for the others.
+        """
         a, b = corner(p, below, below_right, parameters, air), corner(p, below_right, right, parameters, air)
         x, y, z = a[0] + b[0], a[1] + b[1], a[2] + b[2]
         a, b = corner(left, below, p, parameters, air), corner(above, p, right, parameters, air)
@@ -238,8 +243,11 @@ def make_wind(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
 
 @cache
 def make_cloth_forces(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """Device functions of a variant: `steady` (springs, gravity, wind: all that the two kicks of velocity Verlet that meet
-    share), then `add_own` (core/forces.py), `damp`, each (ax, ay, az, ...) -> (ax, ay, az); `current_step`."""
+    """Make the device functions of a variant: `steady`, `add_own`, `damp`, `current_step`.
+
+    `steady`: springs, gravity, wind, which the two combined kicks of velocity Verlet share; then `add_own`
+    (core/forces.py) and `damp`, each (ax, ay, az, ...) -> (ax, ay, az).
+    """
     spring_sum, winds = make_cloth_springs(real, math, parts), make_wind(real, math, parts)
     wind_sum = winds.wind_sum
     forces = make_forces(real, math, parts)
@@ -267,7 +275,7 @@ def make_cloth_forces(real: Any, math: str, parts: frozenset[str]) -> SimpleName
 
     @inline
     def current_step(counter, pass_number):
-        """The number of the step, where anything depends on it."""
+        """Return the number of the step, if anything depends on it."""
         if has_time:
             return counter[0] + pass_number
         return no_step

@@ -1,19 +1,19 @@
-"""The kernel `resident` of the cloth: the whole sheet kept on the chip, a tile a block, for thousands of steps.
+"""The kernel `resident` of the cloth: the whole sheet on the chip, one tile per block, for thousands of steps.
 
-In the last step of a round of `halo` steps (mass_spring/cloth/tiling.py) a thread sends each mass of its block's border off
-as soon as that is computed, a message with its tag (core/messages.py); the block's threads then look for the masses around
-what the block owns until the tags say that they are this round's. No flags and no barrier of the whole sheet: a block waits
-for what it needs only. All blocks must run at once, which a cooperative launch guarantees.
+In the last step of a round of `halo` steps (mass_spring/cloth/tiling.py) a thread sends each mass of its block's border
+as soon as it is computed, as a message with its tag (core/messages.py). The block's threads then poll the masses around
+those that the block owns until they have the tags of this round. No flags and no barrier of the whole sheet: a block
+only waits for what it needs. All blocks must run at once, which a cooperative launch guarantees.
 
-Two message buffers in turn are enough. A block needs something of another one exactly where the other needs something of it
-(both are about the distance between what they own), and it sends round n + 2 only after it has round n + 1 of that other
-block, which sent it after it had read round n.
+Two alternating message buffers are enough. A block needs masses of another one exactly if the other needs masses of it
+(both depend on the distance between their own masses), and it sends round n + 2 only after it has round n + 1 of that
+other block, which sent it after it had read round n.
 
-What a step must take, by the data sheet of an H200 in float32 with 12 springs: of a mass some 260 operations (of 67 TFLOP/s,
-half of which such a mixture reaches) and 20 to 39 accesses of 4 bytes to shared memory (132 x 128 bytes a cycle), so 8 us for
-1024 x 1024 masses and 0.5 us for 256 x 256. A launched pass moves 64 bytes a mass through memory, 17 us of 4 TB/s for the
-former. Below 256 x 256 the way of a message counts: a store and a load one after the other through the second-level cache,
-some 600 cycles or 0.35 us.
+Lower bounds of a step, by the data sheet of an H200 in float32 with 12 springs: a mass takes about 260 operations (of
+67 TFLOP/s, half of which such a mixture reaches) and 20 to 39 accesses of 4 bytes to shared memory (132 x 128 bytes per
+cycle), so 8 us for 1024 x 1024 masses and 0.5 us for 256 x 256. A launched pass moves 64 bytes per mass through memory,
+17 us at 4 TB/s for the former. Below 256 x 256 the latency of a message counts: a store and a load, in sequence,
+through the second-level cache, about 600 cycles or 0.35 us.
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ from gpu_backend.mass_spring.cloth.tiling import fields, plane_shape
 from gpu_backend.mass_spring.grid.resident import PATIENCE
 from gpu_backend.mass_spring.grid.strips import ALIGNMENT
 
-# Cycles between a block's own sending and its first look at others' messages. All blocks send at about the same time, and a
-# look that comes a little too soon costs another way to memory and back, some 600 cycles.
+# Cycles between a block's own sending and its first check of others' messages. All blocks send at about the same time,
+# and a check that comes a little too soon costs another memory access, about 600 cycles.
 FIRST_LOOK = 0
 
 
@@ -59,8 +59,11 @@ def _make_publish(real: Any, math: str, keeps: bool) -> Any:
 
 @cache
 def _make_fetch(real: Any, math: str, keeps: bool, most: int, put: Any, first_look: int) -> Any:
-    """fetch(border_position, border_velocity, turn, tag, shared, new, numbers, places, wanted, failed): wait for the
-    messages of the masses whose bit is set in `wanted`, and put them into the copy of the planes at `new`."""
+    """Make fetch(border_position, border_velocity, turn, tag, shared, new, numbers, places, wanted, failed).
+
+    It waits for the messages of the masses whose bit is set in `wanted`, and writes them into the copy of the planes at
+    `new`.
+    """
     receive = make_messages(real).receive
     zero = real(0)
 
@@ -73,7 +76,7 @@ def _make_fetch(real: Any, math: str, keeps: bool, most: int, put: Any, first_lo
             pause(np.int32(first_look))
         while wanted != 0:
             come = np.int32(0)
-            for m in range(most):  # all are asked for before the first is waited for
+            for m in range(most):  # all are loaded before the first is waited for
                 if wanted & np.int32(1 << m):
                     at = np.int32(turn + numbers[m])
                     x[m], y[m], z[m], here = receive(border_position, at, tag)
@@ -97,13 +100,14 @@ def _make_fetch(real: Any, math: str, keeps: bool, most: int, put: Any, first_lo
 
 @cache
 def make_cloth_resident(real: Any, math: str, integrator: str, parts: frozenset[str], tile: Tile) -> Any:
-    """kernel(position, velocity, new_position, new_velocity, border_position, border_velocity, epoch, failed, record, bodies,
-    integers, counter, passes, rows, columns): `passes` passes of the whole sheet, from the old state to the new one.
+    """Compile kernel(position, velocity, new_position, new_velocity, border_position, border_velocity, epoch, failed,
+    record, bodies, integers, counter, passes, rows, columns): `passes` passes of the whole sheet, from the old state to
+    the new one.
 
-    `border_*` (2 * particles * message_size,): messages, two rounds in turn, their tags `epoch` + 1, + 2, ... (the caller
-    raises `epoch` by the exchanges of each launch); that of velocities has 1 number where tiling.fields is 3.
-    `failed` (1,) int32 is set to 1 by a block whose messages never come. Launched cooperatively, one block a tile, of
-    tile.threads threads in a row, and tiling.tile_bytes of shared memory.
+    `border_*` (2 * particles * message_size,): messages, two alternating rounds, with tags `epoch` + 1, + 2, ... (the
+    caller increases `epoch` by the exchanges of each launch); that of velocities has 1 number if tiling.fields is 3.
+    `failed` (1,) int32 is set to 1 by a block whose messages never arrive. Launched cooperatively, one block per tile,
+    of tile.threads threads in a row, and tiling.tile_bytes of shared memory.
     """
     keeps = fields(tile, parts) == 6
     f = make_tile_parts(real, math, integrator, parts, tile, _make_publish(real, math, keeps))
@@ -120,7 +124,7 @@ def make_cloth_resident(real: Any, math: str, integrator: str, parts: frozenset[
 
     @inline
     def renew(shared, at, strange, vx, vy, vz):
-        """The velocities of masses that others own, into registers."""
+        """Load the velocities of masses that others own into registers."""
         for r in range(strip):
             if strange & np.int32(1 << r):
                 place = np.int32(at + np.int32(r) * pitch)

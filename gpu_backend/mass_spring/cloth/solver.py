@@ -1,9 +1,9 @@
 """The mass-spring cloth on CUDA, one thread per mass, the state on the device throughout.
 
-Kernels, a ladder: `stages` (stage by stage), `launch` (one pass over the sheet a step, launched from Python), `graph` (the
-same passes captured once as a CUDA graph and replayed), `tiles` (several steps a pass), `resident` (the sheet kept on the
-chip) and `one-block` (a small sheet in one block); mass_spring/cloth/choice.py says which is taken when. In `exact` math
-all give the same bits, and the CPU's. Memory is taken with plain allocations.
+Kernels, by speed: `stages` (stage by stage), `launch` (one pass over the sheet per step, launched from Python), `graph`
+(the same passes captured once as a CUDA graph and replayed), `tiles` (several steps per pass), `resident` (the sheet on
+the chip) and `one-block` (a small sheet in one block); mass_spring/cloth/choice.py chooses one. In `exact` math all
+give the same bits as the CPU. Memory is allocated with plain allocations.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ from model.scene.scene import Scene
 
 
 class ClothMassSpring(SheetPasses, QuadSimulation):
-    """See model/core/simulation.py for the contract. `threads` is the number of threads a block. `implicit`: what implicit
-    Euler needs besides, else None."""
+    """The cloth on CUDA; model/core/simulation.py defines the contract. `threads` is the number of threads per block.
+    `implicit`: further arrays of implicit Euler, else None."""
 
     implicit: ImplicitSteps | None = None
 
@@ -108,7 +108,7 @@ class ClothMassSpring(SheetPasses, QuadSimulation):
         )  # fmt: skip
 
     def _launch_pairs(self, parity: int, count: int) -> None:
-        """Whole steps of velocity Verlet, where its kicks do not meet."""
+        """Launch whole steps of velocity Verlet whose kicks cannot be combined."""
         self._current = parity
         for number in range(count):
             self._pass("opening", number)

@@ -1,7 +1,7 @@
 """The stages of a cloth's plan as CUDA kernels, one thread per mass, each over the whole sheet.
 
-Each stage reads and writes memory of its own: slow, easy to read, to time and to test against the fused passes. In all,
-`a` is the acceleration (quads), and a thread looks after one mass.
+Each stage has separate input and output arrays: slow, but easy to read, to time and to test against the fused passes.
+In all, `a` is the acceleration (quads), and a thread processes one mass.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from model.formulas import integrators
 
 @cache
 def make_force_stages(real: Any, math: str, integrator: str, parts: frozenset[str]) -> SimpleNamespace:
-    """The stages that add up the acceleration: springs, wind, damping. Other forces: core/forces.py."""
+    """Compile the stages that sum the acceleration: springs, wind, damping. core/forces.py has other forces."""
     point = make_cloth_forces(real, math, parts)
     block_air = make_block_air(real, math, parts)
     spring_sum, wind_sum, damp_point = point.spring_sum, point.wind_sum, point.damp
@@ -74,7 +74,7 @@ def make_force_stages(real: Any, math: str, integrator: str, parts: frozenset[st
 
 @cache
 def make_motion_stages(real: Any, math: str, integrator: str, parts: frozenset[str]) -> SimpleNamespace:
-    """The stages that move masses."""
+    """Compile the stages that move masses."""
     formulas = device_formulas(integrators.make, real, math)
     first_half, second_half, rk4_stage = formulas.verlet_first_half, formulas.verlet_second_half, formulas.rk4_stage
     one_force = getattr(formulas, integrator.replace("-", "_"), formulas.semi_implicit_euler)
@@ -116,7 +116,7 @@ def make_motion_stages(real: Any, math: str, integrator: str, parts: frozenset[s
             store_quad(velocity, k, vx, vy, vz, zero)
 
     def accumulate(stage, base, rate, total, record, out):
-        """One stage of RK4 on one array of unknowns (positions or velocities); the fourth writes the new state."""
+        """Do one stage of RK4 on one array of unknowns (positions or velocities); the fourth writes the new state."""
         parameters = record[0]
         k = np.int32(cuda.grid(1))
         if k < base.size // SIZE:
@@ -138,7 +138,7 @@ def make_motion_stages(real: Any, math: str, integrator: str, parts: frozenset[s
 
 @cache
 def make_bound_stages(real: Any, math: str, integrator: str, parts: frozenset[str]) -> SimpleNamespace:
-    """The stages that hold masses: colliders and pins."""
+    """Compile the stages that constrain masses: colliders and pins."""
     collide_point, hold = make_collide(real, math, parts), make_pins(real, math, parts).hold
     zero = real(0)
 
@@ -174,13 +174,13 @@ def make_bound_stages(real: Any, math: str, integrator: str, parts: frozenset[st
 
 
 def bind_cloth_stages(sim: Any) -> dict[str, StageRun]:
-    """What runs each named stage of `sim`, a gpu_backend.mass_spring.cloth.solver.ClothMassSpring."""
+    """Return the function of each named stage of `sim`, a gpu_backend.mass_spring.cloth.solver.ClothMassSpring."""
     integrator = sim.scene.method.integrator
     variant = sim.real, sim.options.math, integrator, sim.plan.parts
     force, motion, bound = make_force_stages(*variant), make_motion_stages(*variant), make_bound_stages(*variant)
     position, velocity, record, integers = sim.position[0], sim.velocity[0], sim.record, sim.integers
     flat, a, before = sim._flat, sim.new_array(), sim.new_array()
-    at = {"position": position, "velocity": velocity}  # where forces are evaluated: the state, or a stage of RK4
+    at = {"position": position, "velocity": velocity}  # input of the forces: the state, or a stage of RK4
     totals = [sim.new_array(), sim.new_array()] if integrator == "rk4" else []
     stage_state = [sim.new_array() for _ in range(4)] if integrator == "rk4" else []
     verlet = integrator == "velocity-verlet"
@@ -197,7 +197,7 @@ def bind_cloth_stages(sim: Any) -> dict[str, StageRun]:
         )  # fmt: skip
 
     def keep_before() -> None:
-        """The swept test of a ball asks where masses were at the step's start."""
+        """Save the positions at the step's start, for the swept test of a ball."""
         if sim.plan.has("collide"):
             before.copy_to_device(position, stream=sim.stream)
 

@@ -1,15 +1,15 @@
 """The step of a tile of a cloth: positions in shared memory, velocities in the registers of each mass's thread.
 
-A thread owns `strip` masses below one another. Going down, it keeps the three masses of its own and of both next columns
-that springs still ask for, so that a neighbour is read once for several masses, and carries the pulls of the springs along
-its column on to the masses at their other ends with the sign changed. The planes x, y, z (and of the velocity, where
-neighbours ask for it) lie twice in shared memory: a step reads one copy and writes the other, so that one barrier a step is
-enough. In `exact` math the sums are those of mass_spring/cloth/point.py.
+A thread owns `strip` masses below one another. Going down, it stores the three masses of its own and of both next
+columns that springs still need, so that a neighbour is read once for several masses, and passes the pulls of the
+springs along its column on to the masses at their other ends with the sign changed. The planes x, y, z (and of the
+velocity, if neighbours need it) are stored twice in shared memory: a step reads one copy and writes the other, so one
+barrier per step is enough. In `exact` math the sums are those of mass_spring/cloth/point.py.
 
-At the sheet's edges a spring without a mass at its other end gets the stiffness 0, or along a row the mass itself for its
-neighbour: no branch. What lies beyond there in shared memory is 0 and stays so, a number.
+At the sheet's edges a spring without a mass at its other end has the stiffness 0, or along a row the mass itself as its
+neighbour: no branch. Shared memory beyond the edges is 0, a finite number.
 
-The masses of a strip are functions of their own, each of which calls the next: indices of registers are then constants,
+The masses of a strip are separate functions, each of which calls the next: indices of registers are then constants,
 whether the compiler unrolls loops or not.
 """
 
@@ -32,12 +32,12 @@ from gpu_backend.mass_spring.cloth.tiling import fields, needs_velocities, plane
 from model.core.tuples import reader
 from model.mass_spring.cloth_parameters import CLOTH_PARAMETERS
 
-WEST, EAST, NORTH, SOUTH, WEST_2, EAST_2, NORTH_2, SOUTH_2 = (1 << n for n in range(8))  # where the sheet goes on
+WEST, EAST, NORTH, SOUTH, WEST_2, EAST_2, NORTH_2, SOUTH_2 = (1 << n for n in range(8))  # where the sheet continues
 
 
 def _make_planes(real: Any, math: str, parts: frozenset[str], tile: Tile) -> tuple[Any, Any]:
-    """make_load(distance) -> load(shared, place) -> (x, y, z, vx, vy, vz), of the mass so many places on; make_put(distance,
-    with_velocity) -> put(shared, place, x, y, z, vx, vy, vz)."""
+    """Make make_load(distance) -> load(shared, place) -> (x, y, z, vx, vy, vz), of the mass `distance` places on, and
+    make_put(distance, with_velocity) -> put(shared, place, x, y, z, vx, vy, vz)."""
     plane_rows, pitch = plane_shape(tile, parts)
     area, moving, zero, inline = plane_rows * pitch, needs_velocities(parts), real(0), inlined(math)
 
@@ -72,7 +72,7 @@ def _make_planes(real: Any, math: str, parts: frozenset[str], tile: Tile) -> tup
 
 
 def _make_sides(math: str, strip: int) -> tuple[Any, Any]:
-    """`sides`, see `make_cloth_strips`, and `make_there`."""
+    """Make `sides` (see `make_cloth_strips`) and `make_there`."""
     inline = inlined(math)
 
     @inline
@@ -91,7 +91,7 @@ def _make_sides(math: str, strip: int) -> tuple[Any, Any]:
         return np.int32(bits)
 
     def make_there(r: int) -> Any:
-        """there(sides) of mass r -> whether there are masses (above, below, two above, two below)."""
+        """Make there(sides) of mass r: true if there are masses (above, below, two above, two below)."""
         first, last, near_last = r == 0, r == strip - 1, r == strip - 2
 
         @inline
@@ -113,7 +113,7 @@ def _make_sides(math: str, strip: int) -> tuple[Any, Any]:
 def _make_forces(
     real: Any, math: str, parts: frozenset[str], tile: Tile, make_load: Any, make_there: Any
 ) -> tuple[Any, Any]:
-    """`make_springs` and `make_air`, of mass r of a strip."""
+    """Make `make_springs` and `make_air`, of mass r of a strip."""
     pulls, wind_of = make_accelerations(real, math, parts), make_wind(real, math, parts).wind_of
     structural, shear, bending = pulls.structural, pulls.shear, pulls.bending
     paired, carried = pulls.paired, pulls.carried
@@ -125,11 +125,12 @@ def _make_forces(
 
         @inline
         def spring_sum(shared, places, sides, here, ups, window, parameters):
-            """(sum on mass r, which is `here`; what the next mass gets for `ups`).
+            """Return (sum on mass r, which is `here`; the `ups` of the next mass).
 
-            `ups`: pulls on the masses at the upper ends of the springs to this mass from above, from two above, and to the
-            next one from two above. `window`: (above, below, two below, left above, left, left below, right above, right,
-            right below)."""
+            `ups`: pulls on the masses at the upper ends of the springs to this mass from above, from two above, and to
+            the next one from two above. `window`: (above, below, two below, left above, left, left below, right above,
+            right, right below).
+            """
             north, south, north_2, south_2 = there(sides)
             west, east = sides & WEST != 0, sides & EAST != 0
             above, below, below_2 = window[0], window[1], window[2]
@@ -188,7 +189,7 @@ def _make_forces(
 def _make_mass(
     real: Any, math: str, integrator: str, parts: frozenset[str], tile: Tile, publish: Callable, planes: Any, there: Any
 ) -> Any:
-    """make_mass(r) -> mass(...), the pass of mass r of a strip and of those below it."""
+    """Make make_mass(r) -> mass(...), the pass of mass r of a strip and of those below it."""
     make_load, make_put = planes
     make_springs, make_air = _make_forces(real, math, parts, tile, make_load, there)
     kicks = make_cloth_kicks(real, math, integrator, parts)
@@ -218,7 +219,7 @@ def _make_mass(
                 wx, wy, wz = wind_on(sides, here, window, parameters, air)
                 ax, ay, az = ax + wx, ay + wy, az + wz
             next_here, next_window = here, window
-            if not last:  # asked for before this mass is stored, since no load may overtake a store
+            if not last:  # loaded before this mass is stored, since no load may overtake a store
                 next_here = window[1]
                 next_window = (
                     here, window[2] if reach == 2 else load_below_next(shared, places[0]),
@@ -251,15 +252,15 @@ def _make_mass(
 def make_cloth_strips(
     real: Any, math: str, integrator: str, parts: frozenset[str], tile: Tile, publish: Callable
 ) -> SimpleNamespace:
-    """Device functions of a variant on a tile.
+    """Make the device functions of a variant on a tile.
 
     - `constants(parameters)`: the record's values, read once;
-    - `put(shared, place, x, y, z, vx, vy, vz)`: store one, its velocity where that is kept;
+    - `put(shared, place, x, y, z, vx, vy, vz)`: store one mass, its velocity if that is stored;
     - `sides(cell)`: the bits WEST ... of a strip whose first mass is in row i and column j;
     - `step(shared, old, new, place, sides, active, sending, held, vx, vy, vz, k, columns, position, world, number, air,
-    post)`: one pass of the masses of the strip whose bit is set in `active`, from the copy of the planes that starts at `old`
-    into the one at `new`. `held`: bits of pinned masses; k: number of the first mass; `publish(k, x, y, z, vx, vy, vz, post)`
-    is called for those with a bit in `sending`.
+      post)`: one pass of the masses of the strip whose bit is set in `active`, from the copy of the planes that starts at
+      `old` into the one at `new`. `held`: bits of pinned masses; k: number of the first mass; `publish(k, x, y, z, vx, vy,
+      vz, post)` is called for those with a bit in `sending`.
     """
     planes, (sides, make_there) = _make_planes(real, math, parts, tile), _make_sides(math, tile.strip)
     make_load, make_put = planes

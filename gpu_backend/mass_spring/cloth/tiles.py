@@ -1,11 +1,11 @@
-"""Several steps of a cloth a pass over memory: the kernel `tiles`, and what it shares with `resident`.
+"""Several steps of a cloth per pass over memory: the kernel `tiles`, and its common parts with `resident`.
 
-For sheets that do not fit on the chip. A launch reads each tile with what lies around it (mass_spring/cloth/tiling.py),
-does up to `halo` steps of it (mass_spring/cloth/strips.py), and writes what the tile owns: memory is passed once for
-several steps, at the price of computing the overlaps twice.
+For sheets that do not fit on the chip. A launch reads each tile with the masses around it
+(mass_spring/cloth/tiling.py), does up to `halo` steps of it (mass_spring/cloth/strips.py), and writes the masses that
+the tile owns: data passes through memory once for several steps, but the overlaps are computed twice.
 
-Integrators with one force a step, or velocity Verlet where its kicks meet (model/cloth_plan.kicks_meet): its first and last
-pass are launches of their own.
+For integrators with one force per step, or velocity Verlet whose kicks can be combined (model/cloth_plan.kicks_meet),
+with separate launches for its first and last pass.
 """
 
 from __future__ import annotations
@@ -31,13 +31,16 @@ from gpu_backend.mass_spring.cloth.tiling import fields, most_to_fetch, overlap_
 from gpu_backend.mass_spring.grid.strips import ALIGNMENT, make_bits_between
 from gpu_backend.mass_spring.grid.tiles import SHARED_MEMORY
 
-BLOCK_OVERHEAD = 1 << 10  # bytes of shared memory that the system takes for each block
-MAX_BLOCKS = 32  # of a multiprocessor
+BLOCK_OVERHEAD = 1 << 10  # bytes of shared memory that the system reserves per block
+MAX_BLOCKS = 32  # per multiprocessor
 
 
 def cloth_blocks_together(real: Any, tile: Tile, parts: frozenset[str]) -> int:
-    """Blocks that should fit on a multiprocessor: as many as shared memory holds, and as leave a thread 128 registers
-    (in float64 255), or what a block's own threads leave it."""
+    """Return the number of blocks that should fit on a multiprocessor.
+
+    As many as shared memory allows, and as leave a thread 128 registers (in float64 255), or what a block's own threads
+    leave.
+    """
     if simulated():  # one after another
         return 1
     threads = 512 if real is np.float32 else 256
@@ -46,14 +49,14 @@ def cloth_blocks_together(real: Any, tile: Tile, parts: frozenset[str]) -> int:
 
 
 def _make_places(math: str, parts: frozenset[str], tile: Tile) -> SimpleNamespace:
-    """Device functions that say where masses lie: `place_of` a thread's strip, masses `around` what its block owns."""
+    """Make device functions of indices: `place_of` a thread's strip, masses `around` those that its block owns."""
     overlap, rings = np.int32(overlap_of(tile, parts)), np.int32(reach_of(parts) * tile.halo)
     strip, width, height, reach = tile.strip, np.int32(tile.columns), np.int32(tile.rows), np.int32(reach_of(parts))
     pitch, inline, bits_between = np.int32(plane_shape(tile, parts)[1]), inlined(math), make_bits_between(math, strip)
 
     @inline
     def span(index, count, masses, size):
-        """tiling.span in the kernel's integers."""
+        """Return tiling.span in the kernel's integers."""
         inner = np.int64(masses - np.int32(2) * overlap)
         first, end = np.int32(0), np.int32(masses)
         if index > 0:
@@ -64,8 +67,10 @@ def _make_places(math: str, parts: frozenset[str], tile: Tile) -> SimpleNamespac
 
     @inline
     def place_of(rows, columns):
-        """(row, column and number of the first mass of the thread's strip, its place in the planes, extent: where the tile's
-        rows begin, which of them the block owns, the same of its columns)."""
+        """Return (row, column and number of the first mass of the thread's strip, its index in the planes, extent).
+
+        extent: first row of the tile, first and end of the rows that the block owns, and the same of its columns.
+        """
         row_start, row_first, row_end = span(np.int32(cuda.blockIdx.y), np.int32(cuda.gridDim.y), rows, height)
         column_start, column_first, column_end = span(
             np.int32(cuda.blockIdx.x), np.int32(cuda.gridDim.x), columns, width
@@ -78,8 +83,8 @@ def _make_places(math: str, parts: frozenset[str], tile: Tile) -> SimpleNamespac
 
     @inline
     def around(number, extent, rows, columns):
-        """(number of the mass in the sheet, its place in the planes) of the mass `number` of those within `rings` of what
-        the block owns, counted from above; -1 for none."""
+        """Return (number of the mass in the sheet, its index in the planes) of mass `number` of those within `rings` of
+        the masses that the block owns, counted from above; -1 for none."""
         row_start, row_first, row_end, column_start, column_first, column_end = extent
         top, bottom = np.int32(max(row_first - rings, 0)), np.int32(min(row_end + rings, rows))
         west, east = np.int32(max(column_first - rings, 0)), np.int32(min(column_end + rings, columns))
@@ -104,7 +109,7 @@ def _make_places(math: str, parts: frozenset[str], tile: Tile) -> SimpleNamespac
 
     @inline
     def border_bits(mine, i, j, extent, rows, columns):
-        """Those of the bits `mine` that other blocks need."""
+        """Return those of the bits `mine` that other blocks need."""
         _, row_first, row_end, _, column_first, column_end = extent
         inner_first, inner_end = row_first, row_end
         if row_first > 0:
@@ -125,7 +130,8 @@ def _make_places(math: str, parts: frozenset[str], tile: Tile) -> SimpleNamespac
 def make_tile_parts(
     real: Any, math: str, integrator: str, parts: frozenset[str], tile: Tile, publish: Callable
 ) -> SimpleNamespace:
-    """Device functions that the kernels on tiles share: where a thread's strip lies, to read, to do a step, to write.
+    """Make the common device functions of the kernels on tiles: indices of a thread's strip, to read, to step, to
+    write.
 
     `publish`: see strips.make_cloth_strips.
     """
@@ -142,13 +148,13 @@ def make_tile_parts(
 
     @inline
     def clear(shared, thread):
-        """What lies beyond the sheet must be a number."""
+        """Zero shared memory, as masses beyond the sheet must be finite."""
         for place in range(thread, airs, np.int32(threads)):
             shared[place] = zero
 
     @inline
     def read(position, velocity, shared, place, vx, vy, vz, k, columns):
-        """A thread's own masses; returns the bits of those that are pinned."""
+        """Read a thread's own masses; returns the bits of those that are pinned."""
         held = np.int32(0)
         for r in range(strip):
             here = np.int32(k + np.int32(r) * columns)
@@ -162,7 +168,7 @@ def make_tile_parts(
 
     @inline
     def read_other(position, velocity, shared, number, place):
-        """Mass `number` of the sheet, which another thread or block computes."""
+        """Read mass `number` of the sheet, which another thread or block computes."""
         p, v = load_quad(position, number), load_quad(velocity, number)
         put(shared, place, p[0], p[1], p[2], v[0], v[1], v[2])
 
@@ -177,7 +183,7 @@ def make_tile_parts(
 
     @inline
     def first_air(parameters, integers, step, shared, thread):
-        """The air of the first step, where it gusts: for all threads after the next barrier."""
+        """Compute the air of the first step, if it gusts: for all threads after the next barrier."""
         if has_gust:
             if thread == 0:
                 x, y, z = air_now(parameters, integers, step, zero)
@@ -185,7 +191,7 @@ def make_tile_parts(
 
     @inline
     def air_of(parameters, integers, step, shared, thread, number):
-        """The air of a step; its first thread computes the next one's where it gusts."""
+        """Return the air of a step; with gusts its first thread computes the next one's."""
         if has_gust:
             now = np.int32(airs + 4 * np.int32(number & 1))
             later = np.int32(airs + 4 * np.int32(1 - (number & 1)))
@@ -216,10 +222,10 @@ def _publish_nothing(math: str) -> Any:
 
 @cache
 def make_cloth_tiles(real: Any, math: str, integrator: str, parts: frozenset[str], tile: Tile) -> Any:
-    """kernel(position, velocity, new_position, new_velocity, record, bodies, integers, counter, pass_number, passes,
-    rows, columns): `passes` (at most tile.halo) passes of every tile, from the old state to the new one.
+    """Compile kernel(position, velocity, new_position, new_velocity, record, bodies, integers, counter, pass_number,
+    passes, rows, columns): `passes` (at most tile.halo) passes of every tile, from the old state to the new one.
 
-    Launched with one block a tile, of tile.threads threads in a row, and `tile_bytes` of shared memory.
+    Launched with one block per tile, of tile.threads threads in a row, and `tile_bytes` of shared memory.
     """
     f = make_tile_parts(real, math, integrator, parts, tile, _publish_nothing(math))
     constants, sides, step, place_of, bits_between = f.constants, f.sides, f.step, f.place_of, f.bits_between

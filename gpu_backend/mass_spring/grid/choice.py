@@ -1,8 +1,8 @@
-"""Which kernel runs a grid, and on which tiles: read off a small measured table, not searched for at run time.
+"""Choice of the kernel that runs a grid, and of its tiles, from a small measured table, not by a search at run time.
 
-The numbers are microseconds a step of the lab grid on one NVIDIA H200, medians, springs, gravity, damping and two pins
-(`softlab sweep --kernels --backend gpu` measures the kernels anew, `--kernel resident:64x12x4h4` any tile by itself).
-Only their proportions matter for a choice, so that other GPUs are served well enough.
+The numbers are us per step of the lab grid on one NVIDIA H200, medians, springs, gravity, damping and two pins
+(`softlab sweep --kernels --backend gpu` measures the kernels anew, `--kernel resident:64x12x4h4` any single tile). A
+choice depends only on their ratios, so it suits other GPUs well enough.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from gpu_backend.mass_spring.grid.tile_launch import blocks_of, device_limits, f
 from model.core.errors import SceneError
 from model.scene.scene import Scene
 
-# us a step of `resident` on a tile, by the blocks that share a multiprocessor; all run at once, so that the grid's size
-# does not matter beside these
+# us per step of `resident` on a tile, by the blocks that share a multiprocessor; all run at once, so the grid's size
+# does not matter otherwise
 # begin measured
 RESIDENT = {
     np.float32: {
@@ -35,12 +35,12 @@ RESIDENT = {
         "54x13x4h4": {1: 2.71},
     },
 }
-# of `tiles`: the tile; us a step at least, and for each million masses of all tiles together, halos counted
+# of `tiles`: the tile; us per step at least, plus us per million masses of all tiles together, halos included
 TILES = {np.float32: ("64x4x16h4", 1.4, 2.75), np.float64: ("64x4x8h4", 2.0, 4.91)}
 # end measured
-# of `one-block`: us a step at least, and for each thousand masses more
+# of `one-block`: us per step at least, plus us per thousand masses
 ONE_BLOCK = {np.float32: (0.10, 0.33), np.float64: (0.15, 0.66)}
-# of `graph`: us a launch, and for each million masses more
+# of `graph`: us per launch, plus us per million masses
 GRAPH = {np.float32: (1.35, 6.3), np.float64: (1.95, 12.5)}
 
 MAX_THREADS = 1024
@@ -49,8 +49,8 @@ MEASURED_LIMITS = (132, 227 << 10)  # its multiprocessors, and the bytes of shar
 
 
 def one_block_tile(rows: int, columns: int) -> Tile:
-    """A tile that holds the whole grid, with as few masses a thread as may be, one for up to 1024 masses; its sides
-    are powers of two, so that few variants are compiled."""
+    """Return a tile that contains the whole grid, with as few masses per thread as possible, one for up to 1024 masses;
+    its sides are powers of two, so that few variants are compiled."""
     width = 1 << (columns - 1).bit_length()
     strip = 1
     while strip < 16 and width * _halved(rows, strip) > MAX_THREADS:
@@ -59,15 +59,15 @@ def one_block_tile(rows: int, columns: int) -> Tile:
 
 
 def _halved(rows: int, strip: int) -> int:
-    """The least power of two of strips that holds the rows."""
+    """Return the least power of two of strips that contains the rows."""
     return 1 << (-(-rows // strip) - 1).bit_length()
 
 
 def _times(
     rows: int, columns: int, real: Any, limits: tuple[int, int] | None = None
 ) -> dict[tuple[str, Tile | None], float]:
-    """What a step should take [us], for each kernel and tile that the grid fits, on this GPU or one of `limits`
-    (multiprocessors, bytes of shared memory a block)."""
+    """Return the expected times of a step [us], for each kernel and tile that fits the grid, on this GPU or one of
+    `limits` (multiprocessors, bytes of shared memory per block)."""
     processors, most_shared = limits or device_limits()
     launch, million = GRAPH[real]
     masses = rows * columns
@@ -92,8 +92,8 @@ def _times(
 
 
 def default_kernel(scene: Scene, real: Any, limits: tuple[int, int] | None = None) -> tuple[str, Tile | None, str]:
-    """(kernel, tile, why in a few words) of a scene that asks for none. `limits`: see `_times`; with MEASURED_LIMITS the
-    choice needs no GPU."""
+    """Return (kernel, tile, reason) for a scene without a choice. `limits`: see `_times`; with MEASURED_LIMITS no GPU
+    is needed."""
     if not can_capture():
         return "launch", None, "the simulator captures no graphs"
     if scene.method.integrator == "rk4":
@@ -110,12 +110,12 @@ def default_kernel(scene: Scene, real: Any, limits: tuple[int, int] | None = Non
 
 
 def step_seconds(rows: int, columns: int, real: Any, limits: tuple[int, int]) -> float:
-    """What a step of the quickest kernel should take [s]; `limits`: see `_times`."""
+    """Return the expected time of a step of the fastest kernel [s]; `limits`: see `_times`."""
     return 1e-6 * min(_times(rows, columns, real, limits).values())
 
 
 def best_tile(kernel: str, rows: int, columns: int, real: Any) -> Tile | None:
-    """The tile for a kernel on tiles, or None where none fits."""
+    """Return the tile for a kernel on tiles, or None if none fits."""
     if kernel == "tiles":
         return parsed_tile(TILES[real][0])
     if kernel == "resident":
@@ -126,7 +126,7 @@ def best_tile(kernel: str, rows: int, columns: int, real: Any) -> Tile | None:
 
 
 def parsed_tile(text: str) -> Tile:
-    """The tile of a name such as 64x8x8h4: columns x threads down x masses a thread, then the halo."""
+    """Return the tile of a name such as 64x8x8h4: columns x threads down x masses per thread, then the halo."""
     match = re.fullmatch(r"(\d{1,4})x(\d{1,4})x(\d{1,2})h(\d{1,2})", text)
     numbers = [int(number) for number in match.groups()] if match else []
     if not match or min(numbers[:3]) < 1 or numbers[2] > 16:
@@ -139,6 +139,6 @@ def parsed_tile(text: str) -> Tile:
 
 
 def named_tile(option: str) -> tuple[str, Tile | None]:
-    """(kernel, tile) of an option such as `resident`, or `resident:64x8x8h4` for a tile of one's own."""
+    """Return (kernel, tile) of an option such as `resident`, or `resident:64x8x8h4` with a tile."""
     kernel, colon, text = option.partition(":")
     return kernel, parsed_tile(text) if colon else None

@@ -1,13 +1,13 @@
-"""CUDA kernels of the mass-spring grid: one thread per mass, one pass over the grid a launch.
+"""CUDA kernels of the mass-spring grid: one thread per mass, one pass over the grid per launch.
 
-A mass is one thread of a two-dimensional block, 32 columns wide so that a warp reads 32 neighbouring masses of a row
-in one transaction, 8 rows high so that most vertical neighbours are read by the same block (and found in its cache).
-Position and velocity are complex numbers: one 8-byte load (16 in float64, see core/pairs.py) brings both axes, and indices
+A mass is one thread of a two-dimensional block, 32 columns wide so that a warp reads 32 neighbouring masses of a row in
+one transaction, 8 rows high so that most vertical neighbours are read by the same block (and found in its cache).
+Position and velocity are complex numbers: one 8-byte load (16 in float64, core/pairs.py) reads both axes, and indices
 are 32-bit.
 
-Each thread gathers the pulls of its four neighbours from the old state and writes its own mass in the new one, so no
-two threads write to one place and none reads what another writes in the same launch: no locks, no atomics. The order
-between passes is the order of launches in the stream. What a thread computes is in mass_spring/grid/point.py.
+Each thread reads its four neighbours from the old state and writes its own mass in the new one, so no two threads write
+to one address and none reads what another writes in the same launch: no locks, no atomics. The order between passes is
+the order of launches in the stream. mass_spring/grid/point.py has the computation of a thread.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ from gpu_backend.mass_spring.grid.point import make_moves, make_point_functions
 
 @cache
 def make_passes(real: Any, math: str, integrator: str, parts: frozenset[str]) -> dict[str, Any]:
-    """The kernels of one-force integrators (`step`) or of velocity Verlet (`opening`, `middle`, `closing`).
+    """Compile the kernels of one-force integrators (`step`) or of velocity Verlet (`opening`, `middle`, `closing`).
 
     Each is kernel(position, velocity, new_position, new_velocity, record, integers, counter, pass_number, pinned_row,
-    pinned, rows, columns): complex (particles,) arrays, the constants, the step counter and the pass's place after it,
-    which rows hold pins and which masses are pinned.
+    pinned, rows, columns): complex (particles,) arrays, the constants, the step counter and the pass's number after it,
+    which rows have pins and which masses are pinned.
     """
     point = make_point_functions(real, math, integrator, parts)
     current_step, spring_sum = point.current_step, point.spring_sum
@@ -69,7 +69,7 @@ def make_passes(real: Any, math: str, integrator: str, parts: frozenset[str]) ->
 
 @cache
 def make_rk4_stages(real: Any, math: str, parts: frozenset[str]) -> list[Any]:
-    """The four stage kernels of RK4.
+    """Compile the four stage kernels of RK4.
 
     kernel(position, velocity, base_position, base_velocity, total_position, total_velocity, new_position, new_velocity,
     record, integers, counter, pass_number, pinned_row, pinned, rows, columns): neighbours are read in (position,
@@ -131,15 +131,15 @@ def make_rk4_stages(real: Any, math: str, parts: frozenset[str]) -> list[Any]:
 
 @cache
 def make_tools(real: Any) -> SimpleNamespace:
-    """Small kernels around the passes: count steps, look for bad masses, write positions for drawing."""
+    """Compile small kernels around the passes: count steps, find bad masses, write positions for drawing."""
 
     def count(counter, steps):
         if cuda.grid(1) == 0:
             counter[0] += steps
 
     def first_diverged(position, velocity, bound, x, y, _, result):
-        """The lowest index of a mass that is not finite, or farther than `bound` from (x, y) along an axis, by an atomic
-        minimum of integers."""
+        """Find the lowest index of a mass that is not finite, or farther than `bound` from (x, y) along an axis, by an
+        atomic minimum of integers."""
         k = cuda.grid(1)
         if k < position.shape[0]:
             p, v = load_pair(position, k), load_pair(velocity, k)

@@ -1,9 +1,9 @@
-"""What happens to one mass, as device functions: its forces, and how each pass of an integrator moves it.
+"""Operations on one mass, as device functions: its forces, and its motion in each pass of an integrator.
 
-Each thread gathers the pulls of its four neighbours. Sums are taken as on the CPU: (right + left) + (below + above), then
-gravity, external, manufactured, poke, damping. A neighbour beyond the edge is replaced by the mass itself, whose pull on
-itself is zero: no branch at the edges. Functions are compiled for the parts a scene has: flags are closure constants, an
-absent part leaves no instruction.
+Each thread sums the pulls of its four neighbours. Sums are computed as on the CPU: (right + left) + (below + above),
+then gravity, external, manufactured, poke, damping. A neighbour beyond the edge is replaced by the mass itself, whose
+pull on itself is zero: no branch at the edges. Functions are compiled for the parts of a scene: flags are closure
+constants, an absent part leaves no instruction.
 """
 
 from __future__ import annotations
@@ -24,12 +24,13 @@ from model.formulas import integrators, manufactured, springs
 
 
 def _make_spring_sum(real: Any, device: Any, spring_acceleration_2d: Any, parts: frozenset[str]) -> Any:
-    """spring_sum(position, k, cell, parameters)."""
+    """Make spring_sum(position, k, cell, parameters)."""
     has_springs, zero, one = "springs" in parts, real(0), np.int32(1)
 
     @device
     def spring_sum(position, k, cell, parameters):
-        """Sum of the four pulls over mass [m/s^2] on mass k = i * columns + j, (0, 0) in a scene without springs."""
+        """Return the sum of the four pulls over mass [m/s^2] on mass k = i * columns + j, (0, 0) in a scene without
+        springs."""
         i, j, rows, columns = cell.i, cell.j, cell.rows, cell.columns
         if not has_springs:
             return zero, zero
@@ -47,7 +48,8 @@ def _make_spring_sum(real: Any, device: Any, spring_acceleration_2d: Any, parts:
 
     @device
     def uneven_pull(other, here, lower, parameters):
-        """The pull on a mass at `here` from one at `other`, by a spring from row or column `lower` to the next."""
+        """Return the pull on a mass at `here` from one at `other`, by a spring from row or column `lower` to the
+        next."""
         stiffness, rest = parameters.stiffness, parameters.stiffness_rest
         if lower & one:
             stiffness, rest = parameters.stiff, parameters.stiff_rest
@@ -55,7 +57,8 @@ def _make_spring_sum(real: Any, device: Any, spring_acceleration_2d: Any, parts:
 
     @device
     def uneven_spring_sum(position, k, cell, parameters):
-        """As `spring_sum`, where every second spring is stiffer: those from odd rows and columns to the next."""
+        """Return the sum as `spring_sum`, with every second spring stiffer: those from odd rows and columns to the
+        next."""
         i, j, rows, columns = cell.i, cell.j, cell.rows, cell.columns
         here = load_pair(position, k)
         left = load_pair(position, k - one if j > 0 else k)
@@ -73,7 +76,7 @@ def _make_spring_sum(real: Any, device: Any, spring_acceleration_2d: Any, parts:
 
 @cache
 def make_point_functions(real: Any, math: str, integrator: str, parts: frozenset[str]) -> SimpleNamespace:
-    """Device functions of a variant: `spring_sum`, `add_forces`, `damp`, and the integrator's formulas."""
+    """Make the device functions of a variant: `spring_sum`, `add_forces`, `damp`, and the integrator's formulas."""
     device = cuda.jit(device=True, **kernel_options(math))
     spring_acceleration_2d, damped = device_formulas(springs.make, real, math)
     spring_sum = _make_spring_sum(real, device, spring_acceleration_2d, parts)
@@ -93,7 +96,7 @@ def make_point_functions(real: Any, math: str, integrator: str, parts: frozenset
 
     @device
     def add_driven(ax, ay, cell, parameters, step, offset):
-        """The manufactured force at time (step + offset) dt."""
+        """Add the manufactured force at time (step + offset) dt."""
         i, j, rows, columns = cell.i, cell.j, cell.rows, cell.columns
         if has_manufactured:
             time = stage_time(step, offset, parameters.dt, parameters.first_step, parameters.first_time)
@@ -106,8 +109,8 @@ def make_point_functions(real: Any, math: str, integrator: str, parts: frozenset
 
     @device
     def acceleration(ax, ay, velocity, k, cell, parameters, integers, step, offset):
-        """All that acts on mass k [m/s^2], the springs' pulls (ax, ay) given; with the damper where the integrator
-        takes it explicitly."""
+        """Return the acceleration of mass k [m/s^2] from the springs' pulls (ax, ay); with the damper if the integrator
+        applies it explicitly."""
         ay = add_gravity(ay, parameters)
         ax, ay = own((ax, ay), k, zero, parameters, integers, step)
         ax, ay = add_driven(ax, ay, cell, parameters, step, offset)
@@ -118,7 +121,7 @@ def make_point_functions(real: Any, math: str, integrator: str, parts: frozenset
 
     @device
     def current_step(counter, pass_number):
-        """The number of the step, where anything depends on it."""
+        """Return the number of the step, if anything depends on it."""
         if changes or has_manufactured:
             return counter[0] + pass_number
         return no_step
@@ -132,10 +135,11 @@ def make_point_functions(real: Any, math: str, integrator: str, parts: frozenset
 
 @cache
 def make_moves(real: Any, math: str, integrator: str, parts: frozenset[str]) -> dict[str, Any]:
-    """How one mass moves in a pass: `step` of one-force integrators; `opening`, `middle`, `closing` of velocity Verlet.
+    """Make the motion of one mass in a pass: `step` of one-force integrators; `opening`, `middle`, `closing` of
+    velocity Verlet.
 
-    Each is move(k, cell, ax, ay, p, v, parameters, integers, step) -> (px, py, vx, vy): (ax, ay) is the sum
-    of the springs' pulls, p and v are the mass's own. `parameters` may be the record or its values in registers.
+    Each is move(k, cell, ax, ay, p, v, parameters, integers, step) -> (px, py, vx, vy): (ax, ay) is the sum of the
+    springs' pulls, p and v are the mass's own. `parameters` may be the record or its values in registers.
     """
     point = make_point_functions(real, math, integrator, parts)
     add_gravity, own, add_driven = point.add_gravity, point.own, point.add_driven
@@ -174,7 +178,7 @@ def make_moves(real: Any, math: str, integrator: str, parts: frozenset[str]) -> 
 
     @device
     def middle_mass(k, cell, ax, ay, p, v, parameters, integers, step):
-        """The second half kick of one step and the first of the next: both need the force here, computed once."""
+        """Do the second half kick of one step and the first of the next: both need the force here, computed once."""
         ay = add_gravity(ay, parameters)
         bx, by = ax, ay
         ax, ay = own((ax, ay), k, zero, parameters, integers, step - 1)

@@ -1,11 +1,11 @@
-"""The kernel `resident`: the grid kept on the chip, for grids that fit there all together.
+"""The kernel `resident`: the grid on the chip, for grids that fit there.
 
-A block keeps its tile for thousands of steps; every `halo` steps it writes the border of what it owns to device memory,
-raises its flag, waits for the flags of its up to eight neighbours and reads its halo anew. No barrier of the whole grid: a
-block waits for its neighbours only. All blocks must run at once, which a cooperative launch guarantees.
+A block stores its tile for thousands of steps; every `halo` steps it writes the border of its own masses to device
+memory, sets its flag, waits for the flags of its up to eight neighbours and reads its halo anew. No barrier of the
+whole grid: a block only waits for its neighbours. All blocks must run at once, which a cooperative launch guarantees.
 
-Two border buffers in turn are enough: a block writes border n + 2 only after it saw its neighbours' flags n + 1, which
-they raised after they had read border n.
+Two alternating border buffers are enough: a block writes border n + 2 only after it saw its neighbours' flags n + 1,
+which they set after they had read border n.
 """
 
 from __future__ import annotations
@@ -25,18 +25,18 @@ from gpu_backend.mass_spring.grid.strips import ALIGNMENT, pair_type
 from gpu_backend.mass_spring.grid.tiles import blocks_together, make_tile_parts
 
 FLAG_STRIDE = 32  # int32 between two flags: a 128-byte line each, so that polling one does not slow another
-PATIENCE = 1 << 22  # looks at a flag, seconds of them, before a block gives up
+PATIENCE = 1 << 22  # checks of a flag, some seconds, before a block gives up
 
 
 def _make_exchange(real: Any, math: str, tile: Tile) -> tuple[Any, Any]:
-    """`fetch` and `wait`."""
+    """Make `fetch` and `wait`."""
     strip, width, row_length = tile.strip, tile.columns, np.int32(tile.columns)
     inline = inlined(math)
 
     @inline
     def fetch(position, velocity, offset, bits, vx, vy, both, old, place, i, j, columns):
-        """Read the masses of the strip whose bit is set from the borders of the neighbours: all are asked for before
-        the first is waited for."""
+        """Read the masses of the strip whose bit is set from the borders of the neighbours: all are loaded before the
+        first is waited for."""
         x, y = cuda.local.array(strip, real), cuda.local.array(strip, real)
         if bits != 0:
             for r in range(strip):
@@ -50,7 +50,7 @@ def _make_exchange(real: Any, math: str, tile: Tile) -> tuple[Any, Any]:
 
     @inline
     def wait(flags, failed, wanted):
-        """Threads 0 to 7 of the block each wait for the flag of one neighbour."""
+        """Let threads 0 to 7 of the block each wait for the flag of one neighbour."""
         lane = np.int32(cuda.threadIdx.y * width + cuda.threadIdx.x)
         if lane < 8:
             turn = lane + 1 if lane > 3 else lane  # 0 ... 8 without 4, which is the block itself
@@ -70,13 +70,13 @@ def _make_exchange(real: Any, math: str, tile: Tile) -> tuple[Any, Any]:
 
 @cache
 def make_resident(real: Any, math: str, integrator: str, parts: frozenset[str], tile: Tile, cut: bool) -> Any:
-    """kernel(position, velocity, new_position, new_velocity, border_position, border_velocity, flags, epoch, failed,
-    record, integers, counter, passes, pinned, rows, columns): `passes` steps of the whole grid, from the old state to
-    the new one.
+    """Compile kernel(position, velocity, new_position, new_velocity, border_position, border_velocity, flags, epoch,
+    failed, record, integers, counter, passes, pinned, rows, columns): `passes` steps of the whole grid, from the old
+    state to the new one.
 
-    `border_*` (2 * particles,): the borders of tiles, two in turn; `flags` (blocks * FLAG_STRIDE,) int32, compared with
-    `epoch` + 1, + 2, ... (the caller raises `epoch` by the exchanges of each launch); `failed` (1,) int32 is set to 1 by
-    a block whose neighbours never answer. Launched cooperatively, one block a tile.
+    `border_*` (2 * particles,): the borders of tiles, two alternating; `flags` (blocks * FLAG_STRIDE,) int32, compared
+    with `epoch` + 1, + 2, ... (the caller increases `epoch` by the exchanges of each launch); `failed` (1,) int32 is
+    set to 1 by a block whose neighbours never respond. Launched cooperatively, one block per tile.
     """
     f, (fetch, wait) = make_tile_parts(real, math, integrator, parts, tile, cut), _make_exchange(real, math, tile)
     constants, read, held_bits, place_of = f.constants, f.read, f.held_bits, f.place_of

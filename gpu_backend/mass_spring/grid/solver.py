@@ -1,9 +1,9 @@
 """The mass-spring grid on CUDA, one thread per mass, the state on the device throughout.
 
-Kernels, a ladder: `stages` (stage by stage), `launch` (one pass over the grid a step, launched from Python), `graph` (the
-same passes captured once as a CUDA graph and replayed), `tiles` (several steps a pass), `resident` (the grid kept on the
-chip) and `one-block` (a small grid in one block). mass_spring/grid/choice.py knows which is the fastest for a grid. In
-`exact` math all give the same bits, and the CPU's. Memory is taken with plain allocations, never managed memory.
+Kernels, by speed: `stages` (stage by stage), `launch` (one pass over the grid per step, launched from Python), `graph`
+(the same passes captured once as a CUDA graph and replayed), `tiles` (several steps per pass), `resident` (the grid on
+the chip) and `one-block` (a small grid in one block); mass_spring/grid/choice.py chooses the fastest for a grid. In
+`exact` math all give the same bits as the CPU. Memory is allocated with plain allocations, never managed memory.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ ON_TILES = ("one-block", "resident", "tiles")
 
 
 class MassSpring(SheetPasses):
-    """See model/core/simulation.py for the contract. `threads` is the number of threads a block."""
+    """The grid on CUDA; model/core/simulation.py defines the contract. `threads` is the number of threads per block."""
 
     def __init__(self, scene: Scene, options: Options):
         super().__init__(scene, options)
@@ -48,7 +48,7 @@ class MassSpring(SheetPasses):
         self._start()
 
     def _choose_kernel(self) -> None:
-        """Sets `kernel` and, for those on tiles, `tile`. Raises SceneError for a kernel that cannot run this scene."""
+        """Set `kernel` and, for kernels on tiles, `tile`. Raises SceneError for a kernel that cannot run this scene."""
         rows, columns = self.body.rows, self.body.columns
         if self.options.kernel is None:
             self.kernel, self.tile, _ = default_kernel(self.scene, self.real)
@@ -72,7 +72,7 @@ class MassSpring(SheetPasses):
                 )
 
     def new_array(self) -> Any:
-        """A complex (particles,) device array of zeros."""
+        """Return a complex (particles,) device array of zeros."""
         return self.zeros(self.particle_count, self._pair)
 
     def _allocate(self) -> None:

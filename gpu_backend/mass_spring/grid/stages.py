@@ -1,6 +1,6 @@
 """The stages of the mass-spring plan as CUDA kernels, one thread per mass, each over the whole grid.
 
-Each stage reads and writes memory of its own: slow, easy to read, to time and to test against the fused passes.
+Each stage has separate input and output arrays: slow, but easy to read, to time and to test against the fused passes.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ STAGE_PARTS = frozenset({"springs", "gravity", "damping"})
 
 @cache
 def make_force_stages(real: Any, math: str, integrator: str, parts: frozenset[str]) -> SimpleNamespace:
-    """The stages that add up the acceleration. State and acceleration are complex (particles,)."""
+    """Compile the stages that sum the acceleration. State and acceleration are complex (particles,)."""
     point = make_point_functions(real, math, integrator, parts | STAGE_PARTS)
     spring_sum, driven_point, damped = point.spring_sum, point.add_driven, point.damped
     pair = np.complex64 if real is np.float32 else np.complex128
@@ -85,7 +85,7 @@ def make_force_stages(real: Any, math: str, integrator: str, parts: frozenset[st
 
 @cache
 def make_motion_stages(real: Any, math: str, integrator: str, parts: frozenset[str]) -> SimpleNamespace:
-    """The stages that move masses."""
+    """Compile the stages that move masses."""
     formulas = make_point_functions(real, math, integrator, parts | STAGE_PARTS).formulas
     first_half, second_half, rk4_stage = formulas.verlet_first_half, formulas.verlet_second_half, formulas.rk4_stage
     one_force = getattr(formulas, integrator.replace("-", "_"), formulas.semi_implicit_euler)
@@ -122,7 +122,7 @@ def make_motion_stages(real: Any, math: str, integrator: str, parts: frozenset[s
             velocity[k] = pair(complex(vx, vy))
 
     def accumulate(stage, base, rate, total, record, out):
-        """One stage of RK4 on one array of unknowns (positions or velocities); the fourth writes the new state."""
+        """Do one stage of RK4 on one array of unknowns (positions or velocities); the fourth writes the new state."""
         parameters = record[0]
         k = cuda.grid(1)
         if k < base.shape[0]:
@@ -145,13 +145,13 @@ def make_motion_stages(real: Any, math: str, integrator: str, parts: frozenset[s
 
 
 def bind_stages(sim: Any) -> dict[str, StageRun]:
-    """What runs each named stage of `sim`, a gpu_backend.mass_spring.grid.solver.MassSpring."""
+    """Return the function of each named stage of `sim`, a gpu_backend.mass_spring.grid.solver.MassSpring."""
     integrator = sim.scene.method.integrator
     variant = sim.real, sim.options.math, integrator, sim.plan.parts
     force, motion = make_force_stages(*variant), make_motion_stages(*variant)
     flat = ((sim.particle_count + 255) // 256, 256, sim.stream)
     position, velocity, a = sim.position[0], sim.velocity[0], sim.new_array()
-    at = {"position": position, "velocity": velocity}  # where forces are evaluated: the state, or a stage of RK4
+    at = {"position": position, "velocity": velocity}  # input of the forces: the state, or a stage of RK4
     totals = [sim.new_array(), sim.new_array()] if integrator == "rk4" else []
     stage_state = [sim.new_array() for _ in range(4)] if integrator == "rk4" else []
     shape = (np.int32(sim.body.rows), np.int32(sim.body.columns))

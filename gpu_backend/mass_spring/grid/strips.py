@@ -1,11 +1,12 @@
-"""The step of a tile that a block holds: positions in shared memory, velocities in the registers of each mass's thread.
+"""The step of a block's tile: positions in shared memory, velocities in the registers of each mass's thread.
 
-A thread owns `strip` masses below one another. Going down its strip it computes each vertical spring once, the pull
-carried to the next mass with its sign changed. Positions lie twice in shared memory: a step reads one copy and writes
-the other, so that one barrier a step is enough. In `exact` math the sums are those of mass_spring/grid/point.py, bit for bit.
+A thread owns `strip` masses below one another. Going down its strip it computes each vertical spring once, and passes
+the pull to the next mass with its sign changed. Positions are stored twice in shared memory: a step reads one copy and
+writes the other, so one barrier per step is enough. In `exact` math the sums are those of mass_spring/grid/point.py,
+bit for bit.
 
-Velocities are arrays of `strip` numbers in registers: every loop over a strip is unrolled by the compiler, and
-tests/mass_spring/test_ptx.py sees to it that nothing is left in local memory.
+Velocities are arrays of `strip` numbers in registers: the compiler unrolls every loop over a strip, and
+tests/mass_spring/test_ptx.py checks that nothing is left in local memory.
 """
 
 from __future__ import annotations
@@ -25,26 +26,26 @@ from model.core.tuples import reader
 
 ON_TILES = PARAMETERS[
     : PARAMETERS.index("stiff")
-]  # all but those of alternating springs, which no kernel on tiles runs
+]  # without those of alternating springs, which no kernel on tiles supports
 
 
-ALIGNMENT = None if simulated() else 16  # of shared memory: a pair of float64 in one access; the simulator knows none
+ALIGNMENT = None if simulated() else 16  # of shared memory: a pair of float64 in one access; not for the simulator
 
 
 def pair_type(real: Any) -> Any:
-    """The complex type of both axes, as shared arrays want it."""
+    """Return the complex type of both axes, in the form for shared arrays."""
     pair = np.complex64 if real is np.float32 else np.complex128
     return np.dtype(pair) if simulated() else pair
 
 
 def shared_bytes(real: Any, tile: Tile) -> int:
-    """Shared memory of a block: two copies of the tile's positions. Dynamic, its size given at the launch: more than
-    48 KB are had in no other way."""
+    """Return the shared memory of a block [bytes]: two copies of the tile's positions. It is dynamic, with its size
+    given at the launch: more than 48 KB are not available otherwise."""
     return 2 * tile.masses * 2 * np.dtype(real).itemsize
 
 
 def make_bits_between(math: str, strip: int) -> Any:
-    """bits_between(first, end, i): bit r set where first <= i + r < end."""
+    """Make bits_between(first, end, i): bit r set if first <= i + r < end."""
 
     @inlined(math)
     def bits_between(first, end, i):
@@ -59,11 +60,11 @@ def make_bits_between(math: str, strip: int) -> Any:
 
 
 def make_reads(real: Any, math: str, parts: frozenset[str], tile: Tile) -> SimpleNamespace:
-    """What a thread of a tile begins with:
+    """Make the functions that a thread of a tile starts with:
 
     - `constants(parameters)`: the record's values, read once;
     - `read(position, velocity, vx, vy, both, place, cell)`: its strip from device memory;
-    - `held_bits(pinned, cell)`: bit r is set where mass r of the strip is pinned.
+    - `held_bits(pinned, cell)`: bit r is set if mass r of the strip is pinned.
     """
     has_pins, strip, width = "pins" in parts, tile.strip, np.int32(tile.columns)
     pair = np.complex64 if real is np.float32 else np.complex128
@@ -99,8 +100,11 @@ def make_reads(real: Any, math: str, parts: frozenset[str], tile: Tile) -> Simpl
 def make_step(
     real: Any, math: str, parts: frozenset[str], tile: Tile, cut: bool, point: SimpleNamespace, move: Any
 ) -> Any:
-    """step(both, old, new, vx, vy, held, place, ...): one pass of a strip by `move` of point.make_moves, from the copy of the
-    positions that starts at `old` into the one at `new`. `cut`: the grid's last row may lie inside a strip."""
+    """Make step(both, old, new, vx, vy, held, place, ...): one pass of a strip by `move` of point.make_moves.
+
+    It goes from the copy of the positions that starts at `old` into the one at `new`. `cut`: the grid's last row may be
+    inside a strip.
+    """
     spring_acceleration_2d = point.spring_acceleration_2d
     has_springs, has_pins = "springs" in parts, "pins" in parts
     pair = np.complex64 if real is np.float32 else np.complex128
@@ -109,7 +113,7 @@ def make_step(
 
     @inline
     def hold(both, old, new, vx, vy, held, place):
-        """Put pinned masses back where they were."""
+        """Reset pinned masses to their old positions."""
         for r in range(strip):
             if held & np.int32(1 << r):
                 here = place + np.int32(r) * width
@@ -136,7 +140,7 @@ def make_step(
         for r in range(strip):
             here = place + np.int32(r) * width
             row = i + np.int32(r)
-            # Asked for before this mass is stored, since no load may overtake a store: the next ones' neighbours.
+            # Loaded before this mass is stored, since no load may overtake a store: the next ones' neighbours.
             next_left, next_right, next_q = left_p, right_p, q
             if r < strip - 1:
                 if has_springs:

@@ -1,4 +1,4 @@
-"""Launching the kernels on tiles: their grids of blocks, their shared memory, and the buffers they exchange borders in."""
+"""Launches of the kernels on tiles: their grids of blocks, their shared memory, and the buffers of their borders."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from gpu_backend.mass_spring.grid.tiles import blocks_together, make_tile_pass
 from gpu_backend.mass_spring.passes import TileLaunches
 from model.core.errors import SceneError
 
-SIMULATED_LIMITS = (1, 1 << 20)  # one block at a time runs there; shared memory is no matter
+SIMULATED_LIMITS = (1, 1 << 20)  # one block at a time runs there; shared memory is not limited
 
 
 def device_limits() -> tuple[int, int]:
-    """(multiprocessors, bytes of shared memory that a block can have)."""
+    """Return (multiprocessors, bytes of shared memory that a block can have)."""
     if simulated():
         return SIMULATED_LIMITS
     device = cuda.get_current_device()
@@ -29,14 +29,14 @@ def device_limits() -> tuple[int, int]:
 
 
 def blocks_of(rows: int, columns: int, tile: Tile) -> tuple[int, int]:
-    """(across, down): tiles over a grid."""
+    """Return (across, down): the tiles over a grid."""
     return tile_count(columns, tile.columns, tile.halo), tile_count(rows, tile.rows, tile.halo)
 
 
 def require_tile(
     kernel: str, rows: int, columns: int, real: Any, tile: Tile, limits: tuple[int, int] | None = None
 ) -> None:
-    """Raises SceneError where a kernel on tiles cannot run on a grid with this tile on this GPU, or on one of `limits`."""
+    """Raise SceneError if a kernel on tiles cannot run on a grid with this tile on this GPU, or on one of `limits`."""
     processors, most_shared = limits or device_limits()
     several = rows > tile.rows or columns > tile.columns
     across = down = 1
@@ -64,7 +64,7 @@ def require_tile(
 
 
 def fits_resident(rows: int, columns: int, real: Any, tile: Tile, limits: tuple[int, int] | None = None) -> bool:
-    """Whether `resident` can run the grid on this tile."""
+    """Return True if `resident` can run the grid on this tile."""
     try:
         require_tile("resident", rows, columns, real, tile, limits)
     except SceneError:
@@ -73,7 +73,7 @@ def fits_resident(rows: int, columns: int, real: Any, tile: Tile, limits: tuple[
 
 
 class TileLauncher(TileLaunches):
-    """Of `one-block`, `tiles` or `resident`, for gpu_backend/mass_spring/grid/solver.py."""
+    """The launches of `one-block`, `tiles` or `resident`, for gpu_backend/mass_spring/grid/solver.py."""
 
     def __init__(self, simulation: Any, kernel: str, tile: Tile):
         super().__init__(simulation, kernel, tile)
@@ -100,7 +100,7 @@ class TileLauncher(TileLaunches):
         self._bands = self.bands() if kernel == "tiles" and can_capture() else None
 
     def _arguments(self, number: int, passes: int, first: int = 0) -> tuple[Any, ...]:
-        """`first`: the row of tiles that a launch begins with."""
+        """Return the kernel's arguments; `first`: the row of tiles that a launch begins with."""
         s = self.simulation
         source, target = s._current, 1 - s._current
         states = (s.position[source], s.velocity[source], s.position[target], s.velocity[target])
@@ -112,9 +112,12 @@ class TileLauncher(TileLaunches):
         return (*states, s.record, s.integers, s._counter, np.int64(number), *tail, *place)
 
     def bands(self, above: int = 0, below: int = 0) -> Bands | None:
-        """Bands in which the kernel `tiles` goes over the grid, None where they would not pay: where all its blocks run at
-        once, and there is nothing to wait for. `above`, `below`: so many rows of masses at cut edges are read or written
-        between passes: bands of their own (0: no such edge)."""
+        """Return the bands in which the kernel `tiles` goes over the grid, None if they would not pay: if all its
+        blocks run at once, and there is nothing to wait for.
+
+        `above`, `below`: number of rows of masses at cut edges that are read or written between passes: separate bands
+        (0: no such edge).
+        """
         (across, down), tile = self.tiles, self.tile
         if not above and not below and across * down <= self.together:
             return None
@@ -126,7 +129,7 @@ class TileLauncher(TileLaunches):
         return Bands(self.simulation.stream, cuts, above > 0, below > 0) if len(cuts) > 2 else None
 
     def launch_captured(self, parity: int, count: int) -> None:
-        """As `launch_many`, for a stream that is captured: in bands, where there are several."""
+        """Launch as `launch_many`, for a stream that is captured: in bands, if there are several."""
         if self._bands is None:
             self.launch_many(parity, count)
             return
@@ -141,12 +144,12 @@ class TileLauncher(TileLaunches):
             self._bands.close()
 
     def parts_of(self, steps: int) -> list[int]:
-        """The passes of each launch of the kernel `tiles` for so many steps."""
+        """Return the passes of each launch of the kernel `tiles` for so many steps."""
         whole, rest = divmod(steps, self.tile.halo)
         return [self.tile.halo] * whole + [rest] * (rest > 0)
 
     def launch_in(self, bands: Bands, number: int, passes: int) -> None:
-        """As `launch`, of the kernel `tiles`, band by band."""
+        """Launch the kernel `tiles` as `launch`, band by band."""
         (across, _), threads, _, shared = self._grid
 
         def one(first: int, end: int, stream: Any) -> None:
@@ -157,7 +160,7 @@ class TileLauncher(TileLaunches):
 
 
 def _owns(tile: Tile, number: int, count: int, masses: int, rows: int, end: int) -> bool:
-    """Whether row of tiles `number` of `count` owns one of the first (`end` 0) or the last (`end` 1) `rows` of the `masses`
-    along that axis, or reads them."""
+    """Return True if row of tiles `number` of `count` owns or reads one of the first (`end` 0) or the last (`end` 1)
+    `rows` of the `masses` along that axis."""
     _, first, last = owned(number, count, masses, tile.rows, tile.halo)
     return last > masses - rows - tile.halo if end else first < rows + tile.halo

@@ -1,12 +1,12 @@
-"""Kernels on tiles: one block for the whole grid, and many steps a pass.
+"""Kernels on tiles: one block for the whole grid, and many steps per pass.
 
-Rungs of a ladder, made of the same step of a tile (mass_spring/grid/strips.py):
+Variants made of the same step of a tile (mass_spring/grid/strips.py):
 
-- `one-block`: the grid is one tile; all steps in one launch, one barrier a step, nothing else.
+- `one-block`: the grid is one tile; all steps in one launch, one barrier per step, nothing else.
 - `tiles`: for grids that do not fit on the chip. A launch reads each tile with its halo, does as many steps as the halo
-  has rings, and writes what the tile owns: memory is passed once for several steps, at the price of computing the halos
-  twice.
-- `resident`: for grids that fit on the chip all together; see resident.py.
+  has rings, and writes the masses that the tile owns: data passes through memory once for several steps, but the halos
+  are computed twice.
+- `resident`: for grids that fit on the chip; see resident.py.
 """
 
 from __future__ import annotations
@@ -27,12 +27,13 @@ from gpu_backend.mass_spring.grid import strips
 from gpu_backend.mass_spring.grid.point import make_moves, make_point_functions
 from gpu_backend.mass_spring.grid.strips import ALIGNMENT
 
-SHARED_MEMORY = 227 << 10  # bytes of a multiprocessor (compute capability 9.0; smaller ones hold fewer blocks)
+SHARED_MEMORY = 227 << 10  # bytes per multiprocessor (compute capability 9.0; smaller ones run fewer blocks)
 
 
 @cache
 def make_tile_parts(real: Any, math: str, integrator: str, parts: frozenset[str], tile: Tile, cut: bool) -> Any:
-    """Device functions that the kernels share: where a thread's strip lies, to run steps, to write what is owned."""
+    """Make the common device functions of the kernels: indices of a thread's strip, to run steps, to write own
+    masses."""
     reads, point = strips.make_reads(real, math, parts, tile), make_point_functions(real, math, integrator, parts)
     strip, width, height, halo = tile.strip, np.int32(tile.columns), tile.rows, tile.halo
     half, current_step = np.int32(tile.masses), point.current_step
@@ -40,7 +41,7 @@ def make_tile_parts(real: Any, math: str, integrator: str, parts: frozenset[str]
 
     @inline
     def axis(index, count, masses, size):
-        """tiling.owned in the kernel's integers."""
+        """Return tiling.owned in the kernel's integers."""
         start = np.int32(index * np.int32(size - 2 * halo))
         first, end = start, np.int32(masses)
         if index > 0:
@@ -51,8 +52,10 @@ def make_tile_parts(real: Any, math: str, integrator: str, parts: frozenset[str]
 
     @inline
     def neighbours(cell):
-        """(place, left, right, above, below): of the strip in shared memory, and where its neighbours lie; at the edge
-        of the grid or of the tile a mass stands in for its neighbour, and does not pull itself."""
+        """Return (place, left, right, above, below): indices of the strip in shared memory, and of its neighbours.
+
+        At the edge of the grid or of the tile a mass replaces its neighbour, and does not pull itself.
+        """
         i, j, rows, columns = cell.i, cell.j, cell.rows, cell.columns
         down, across = np.int32(cuda.threadIdx.y), np.int32(cuda.threadIdx.x)
         place = np.int32(down * np.int32(strip * width) + across)
@@ -70,8 +73,8 @@ def make_tile_parts(real: Any, math: str, integrator: str, parts: frozenset[str]
 
     @inline
     def place_of(number, count, rows, columns):
-        """(row and column of the thread's strip, its place and its neighbours', rows and columns that the block owns), in row
-        of tiles `number` of `count`."""
+        """Return (row and column of the thread's strip, its index and its neighbours', rows and columns that the block
+        owns), in row of tiles `number` of `count`."""
         row_start, row_first, row_end = axis(number, count, rows, height)
         column_start, column_first, column_end = axis(
             np.int32(cuda.blockIdx.x), np.int32(cuda.gridDim.x), columns, width
@@ -88,7 +91,7 @@ def make_tile_parts(real: Any, math: str, integrator: str, parts: frozenset[str]
             steps, number, old, both, vx, vy, held, place, left, right, above, below, i, j, parameters, integers, counter,
             rows, columns,
         ):  # fmt: skip
-            """`steps` steps from the copy of the positions at `old`; returns where the newest copy lies."""
+            """Do `steps` steps from the copy of the positions at `old`; returns the offset of the newest copy."""
             for _ in range(steps):
                 new = np.int32(half - old)
                 now = current_step(counter, number)
@@ -122,8 +125,8 @@ def make_tile_parts(real: Any, math: str, integrator: str, parts: frozenset[str]
 
 
 def blocks_together(real: Any, tile: Tile) -> int:
-    """Blocks that should fit on a multiprocessor, so that one computes while another waits for memory or neighbours:
-    as many as shared memory holds, and as leave a thread 64 registers (128 in float64)."""
+    """Return the number of blocks that should fit on a multiprocessor, so that one computes while another waits for
+    memory or neighbours: as many as shared memory allows, and as leave a thread 64 registers (128 in float64)."""
     if simulated():  # one after another
         return 1
     threads = 1024 if real is np.float32 else 512
@@ -134,12 +137,13 @@ def blocks_together(real: Any, tile: Tile) -> int:
 def make_tile_pass(
     real: Any, math: str, integrator: str, parts: frozenset[str], tile: Tile, cut: bool, whole: bool = False
 ) -> Any:
-    """kernel(position, velocity, new_position, new_velocity, record, integers, counter, pass_number, passes, pinned,
-    rows, columns, first, count): `passes` (at most tile.halo) passes of some rows of tiles, from the old state to the new.
+    """Compile kernel(position, velocity, new_position, new_velocity, record, integers, counter, pass_number, passes,
+    pinned, rows, columns, first, count): `passes` (at most tile.halo) passes of some rows of tiles, from the old state
+    to the new.
 
-    Launched with one block a tile, blocks of (tile.columns, tile.strips) threads, from row of tiles `first` of `count` on.
-    `whole`: the grid is one tile; then any number of passes is done, and velocity Verlet's first and last are its opening and
-    its closing.
+    Launched with one block per tile, blocks of (tile.columns, tile.strips) threads, from row of tiles `first` of
+    `count` on. `whole`: the grid is one tile; then any number of passes is done, and velocity Verlet's first and last
+    are its opening and its closing.
     """
     f = make_tile_parts(real, math, integrator, parts, tile, cut)
     constants, read, held_bits, place_of = f.constants, f.read, f.held_bits, f.place_of
