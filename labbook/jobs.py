@@ -94,10 +94,10 @@ def make_film(console: Console, store: Path, path: Path, *, quick: bool, voice: 
 
 
 def whole_lab(console: Console, *, quick: bool, store_path: Path, command: str) -> None:
-    """Run doctor, sweep, accuracy, stability, hard cases (unless quick), figures and lab book; print a table of the
-    files.
+    """Run the whole lab and print a table of the files.
 
-    What the machine lacks is skipped with its reason. Raises InputError (the store, the folders).
+    The parts are doctor, sweep, accuracy, stability, hard cases (unless quick), figures and lab book. What the machine
+    lacks is skipped with its reason. Raises InputError (the store, the folders).
     """
     from app.command.doctor import examine
     from app.command.tables import print_findings

@@ -1,5 +1,4 @@
-"""The cloth of springs in NVIDIA Warp: one kernel, one thread per mass that gathers the forces of up to twelve
-neighbours.
+"""The cloth of springs in NVIDIA Warp: one kernel, one thread per mass that gathers its up to twelve forces.
 
 Arrays of three-vectors; semi-implicit Euler. Replayed like the grid (warp_base.py).
 """

@@ -78,8 +78,7 @@ class Race:
 
 
 def races(results: Results, most: int) -> list[Race]:
-    """Return CPU against GPU at the smallest and at the largest grid of at most `most` masses that both timed
-    undisturbed.
+    """Return CPU against GPU at the smallest and the largest grid of at most `most` masses that both timed undisturbed.
 
     If no machine has timed both: few threads against more, at the largest size. Empty if not even that was timed.
     """
