@@ -1,4 +1,4 @@
-"""The lab book's first page: the method that reaches an error soonest, scene by scene, from whatever was measured."""
+"""First page of the lab book: the fastest method at each error, scene by scene, from the available measurements."""
 
 from __future__ import annotations
 
@@ -13,15 +13,18 @@ from plots.core.accuracy_points import Point, points, reaching
 from plots.core.data import Results, Source
 
 TARGETS = (1e-1, 1e-2, 1e-3)  # spacings
-ORDER = ("S1-16", "S1", "S1-64", "S4", "S5", "S6-still", "S6")  # small grids first, then stiff and touching ones
+# small grids first, then stiff ones and ones with contacts
+ORDER = ("S1-16", "S1", "S1-64", "S4", "S5", "S6-still", "S6")
 HEAD = ("Scene", "Masses", "Error", "Soonest method", "Step", "Precision", "Processor", "Time", "Breaks")
 TIME = HEAD.index("Time")
 Run = tuple[Point, Source]
 
 
 def answer_tables(results: Results) -> list[Table]:
-    """One table: a row for each scene and error, the soonest of all machines that timed it, the reader's own and committed
-    ones; nothing where no accuracy runs were timed."""
+    """Return one table with a row per scene and error: the fastest of all machines that timed it.
+
+    The reader's own machines and committed ones; empty if no accuracy runs were timed.
+    """
     answers: list[tuple[str, float, list[Run], Run | None]] = []
     for label in ORDER:
         runs = [
@@ -48,13 +51,13 @@ def answer_tables(results: Results) -> list[Table]:
 
 
 def _soonest(runs: list[Run], target: float) -> Run | None:
-    """The run that reaches an error soonest, and its machine."""
+    """Return the run that reaches an error fastest, and its machine."""
     able = reaching([point for point, _ in runs], target)
     return next(run for run in runs if run[0] is able[0]) if able else None
 
 
 def _scene(label: str) -> tuple[str, str]:
-    """`Lab curtain (S1)`, `1024`."""
+    """Return e.g. (`Lab curtain (S1)`, `1024`)."""
     base, side = SIZES.get(label, (label, None))
     scene = load_scene((SCENES | CLOTHS)[base])
     grid = scene.grid
@@ -63,7 +66,7 @@ def _scene(label: str) -> tuple[str, str]:
 
 
 def _row(runs: list[Run], target: float, best: Run | None, marks: Mapping[Source, str]) -> list[str]:
-    """`marks`: of the machines, behind their processors."""
+    """Return the cells of a row; `marks`: suffixes of the processors, by machine."""
     found = [point for point, _ in runs]
     if best is None:
         return [number(target, 1), *_unanswered(found, target)]
@@ -77,7 +80,7 @@ def _row(runs: list[Run], target: float, best: Run | None, marks: Mapping[Source
 
 
 def _unanswered(found: list[Point], target: float) -> list[str]:
-    """`Not timed` is not `did not reach`."""
+    """Return the cells of a row without a time, which distinguish `not timed` from `not reached`."""
     if any(p.error <= target for p in found):
         return ["reached, but not timed", *[DASH] * 5]
     nearest = min((p for p in found if not p.diverged and not p.refused), key=lambda p: p.error, default=None)
@@ -86,8 +89,10 @@ def _unanswered(found: list[Point], target: float) -> list[str]:
 
 
 def _processors(marks: Mapping[Source, str]) -> str:
-    """Which processors the rows are of, with a word where they are not the reader's: `CPU Some CPU, 2 cores`; where rows
-    are of several machines, by the numbers of the rows. (A letter is part of a machine's name: plots/core/read.py.)"""
+    """Return the processors of the rows, with a mark if they are not the reader's: `CPU Some CPU, 2 cores`.
+
+    For rows of several machines, with their numbers. (A letter is part of a machine's name: plots/core/read.py.)
+    """
     told = []
     for source, mark in marks.items():
         names = f"GPU {source.gpu}, CPU {source.processor}" if source.gpu else f"CPU {source.processor}"
@@ -96,7 +101,7 @@ def _processors(marks: Mapping[Source, str]) -> str:
 
 
 def _breaks(found: list[Point], best: Point) -> str:
-    """The least step size at which the method diverged, or that it held at all that were tried."""
+    """Return the smallest step size at which the method diverged, or that it was stable at all that were tried."""
     mine = [
         p for p in found if (p.integrator, p.iterations, p.backend) == (best.integrator, best.iterations, best.backend)
     ]

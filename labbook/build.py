@@ -3,8 +3,8 @@
 >>> from labbook.build import build
 >>> build("softlab-results/results.sqlite", "labbook.pdf")
 
-A chapter is a file in entries/ and its name in CHAPTERS. Entries hold text alone: numbers of the design come from
-labbook/facts.py, sentences that compare from labbook/claims/claim.py, and both as data, so that no number is typed by hand.
+A chapter is a file in entries/ and its name in CHAPTERS. Entries contain only text: numbers of the design come from
+labbook/facts.py, sentences that compare from labbook/claims/claim.py, both as data, so that no number is typed by hand.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ from plots.core.read import load
 
 FOLDER = Path(__file__).resolve().parent
 COMMITTED = FOLDER / "data"
-ENTRIES = ("gpu-design", "cpu-design", "performance")  # the hand-out's three, of 300 to 500 words each
+ENTRIES = ("gpu-design", "cpu-design", "performance")  # the three chapters of the hand-out, of 300 to 500 words each
 MAIN = (
     "answer",
     *ENTRIES,
@@ -66,13 +66,13 @@ MAIN = (
     "breaks",
     "references",
 )
-OWN_PAGE = ("answer", "gpu-design")  # begin on a new one
-NOT_PRINTED = ("hard-states", "fluids-phases")  # figures for who runs the hard cases, or tunes a fluid
-OPTIONAL = ("fluids-rate", "hard-tetrahedra")  # claims whose paragraph stands only where they were measured
-FLUSHED = ("references",)  # begin when every figure before them is placed
+OWN_PAGE = ("answer", "gpu-design")  # these begin on a new page
+NOT_PRINTED = ("hard-states", "fluids-phases")  # figures for those who run the hard cases, or tune a fluid
+OPTIONAL = ("fluids-rate", "hard-tetrahedra")  # claims whose paragraph is only printed if they were measured
+FLUSHED = ("references",)  # these begin when every figure before them is placed
 APPENDIX = ("rungs", "threads", "gpus", "findings", "cloth", "bodies")
 CHAPTERS = (*MAIN, *APPENDIX)
-CLAIMS = {  # every sentence that the measurements make, by name
+CLAIMS = {  # every sentence made from the measurements, by name
     name: made
     for module in (
         claim, comparison, kernels, accuracy, findings, costs, convergence, stability, hard, ablation, cloth, throughput,
@@ -85,7 +85,7 @@ TITLE = "Soft-body lab book"
 
 
 def committed_data() -> list[Path]:
-    """The measurements that come with the lab: one text export a machine."""
+    """Return the measurements that come with the lab: one text export per machine."""
     return sorted(COMMITTED.glob("*.csv.gz"))
 
 
@@ -95,12 +95,14 @@ def build(
     committed: Iterable[str | Path] | None = None,
     helped: bool = False,
 ) -> Path:
-    """Build the lab book from the user's own store(s) and the committed measurements; the path of the PDF.
+    """Build the lab book from the user's own store(s) and the committed measurements; return the path of the PDF.
 
-    `own`: open stores or paths (.sqlite, .csv); None: the committed measurements alone. `committed`: text exports (None:
-    those in labbook/data/). `helped`: see plots/core/draw.py. Written to a temporary name and renamed, so that an earlier
-    book survives a failure. Raises InputError (a store or the output cannot be used, nothing was measured),
-    BackendUnavailable (typst is missing).
+    `own`: open stores or paths (.sqlite, .csv); None: only the committed measurements. `committed`: text exports (None:
+    those in labbook/data/). `helped`: see plots/core/draw.py. The PDF is written to a temporary name and renamed, so
+    that an earlier book survives a failure.
+
+    Raises InputError (a store or the output cannot be used, nothing was measured), BackendUnavailable (typst is
+    missing).
     """
     path = _target(out_pdf)
     return write_book(load(own, committed_data() if committed is None else committed), path, helped=helped)
@@ -113,7 +115,7 @@ def _target(out_pdf: str | Path) -> Path:
 def write_book(
     results: Results, out_pdf: str | Path, drawn: Sequence[FigureFiles] | None = None, helped: bool = False
 ) -> Path:
-    """As `build`, of results that are loaded already; `drawn`: their figures (None: draw them)."""
+    """Build the book like `build`, from loaded results; `drawn`: their figures (None: draw them)."""
     path = _target(out_pdf)
     if not results.sources:
         raise InputError("there are no measurements to write about; measure first (softlab sweep)")
@@ -128,7 +130,7 @@ def write_book(
 
 
 def book_data(results: Results) -> dict[str, Any]:
-    """Everything the template prints, but for the figures' files."""
+    """Return everything that the template prints, except for the files of the figures."""
     claims = {name: told(results, name) for name in CLAIMS}
     machines, scene = machine_table(results), scene_table(results)
     return {
@@ -154,7 +156,7 @@ def book_data(results: Results) -> dict[str, Any]:
 
 
 def told(results: Results, name: str) -> claim.Claim:
-    """A claim of the results; where what is featured holds nothing of it, of the committed measurements, by name."""
+    """Return a claim of the results, or of the committed measurements if the featured ones lack its data."""
     made = CLAIMS[name](results)
     if not made.numbers and results.committed:
         committed = CLAIMS[name](results.committed)
@@ -163,12 +165,12 @@ def told(results: Results, name: str) -> claim.Claim:
 
 
 def _tables(made: Callable[[Results], list[Table]], results: Results) -> list[Table]:
-    """As `told`, of tables."""
+    """Return tables, with the same fallback as `told`."""
     return made(results) or (made(results.committed) if results.committed else [])
 
 
 def notices(results: Results) -> list[str]:
-    """What a reader must know first: whose measurements these are, and whether a GPU took part."""
+    """Return what a reader must know first: whose measurements these are, and whether there are some of a GPU."""
     found = []
     own = [source for source in results.sources if source.own]
     gpu = results.with_gpu()
@@ -204,7 +206,7 @@ def notices(results: Results) -> list[str]:
 
 
 def _failed(results: Results, own: Sequence[Source]) -> str:
-    """The failed hard cases of the user's own that the chapter does not tell of, since a fuller set stands in their place."""
+    """Return the user's failed hard cases that the chapter omits because it uses a more complete set."""
     told_of = {(row.case, row.integrator, row.precision) for row in hard.found_rows(results) if row.verdict == "fail"}
     rows = [row for source in own for row in rows_of(m for m in source.measures if "hard" in m.description)]
     lost = [row for row in rows if row.verdict == "fail" and (row.case, row.integrator, row.precision) not in told_of]
@@ -214,7 +216,7 @@ def _failed(results: Results, own: Sequence[Source]) -> str:
 def write_sources(
     results: Results, folder: Path, drawn: Sequence[FigureFiles] | None = None, helped: bool = False
 ) -> None:
-    """Template, entries, figures and data.json into an empty folder: what typst compiles."""
+    """Write template, entries, figures and data.json into an empty folder for typst."""
     for name in ("labbook.typ", "template.typ"):
         shutil.copyfile(FOLDER / name, folder / name)
     for name in ("entries", "figures"):

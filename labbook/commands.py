@@ -1,5 +1,4 @@
-"""The commands that tell what the store says: figures, the lab book, the film, the whole lab; softlab.py takes them among its
-own."""
+"""Commands that report the contents of the store: figures, lab book, film, the whole lab; used by softlab.py."""
 
 from __future__ import annotations
 

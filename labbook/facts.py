@@ -1,6 +1,6 @@
-"""Numbers of the design, for the text: read from the code that holds them, so that none is typed by hand.
+"""Numbers of the design for the text, read from the code so that none is typed by hand.
 
-Constants of the GPU backend are read from its source instead of importing it, which needs its CUDA package.
+Constants of the GPU backend are read from its source, because its import needs the CUDA package.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from plots.core.apart import SMALL
 
 
 def constant(module: str, name: str) -> Any:
-    """The literal that a module of the lab assigns to `name` at its top. Raises LookupError where it has none."""
+    """Return the literal that a module assigns to `name` at top level. Raises LookupError if there is none."""
     for node in ast.parse((ROOT / module).read_text(encoding="utf-8")).body:
         if isinstance(node, ast.Assign) and any(isinstance(t, ast.Name) and t.id == name for t in node.targets):
             return ast.literal_eval(node.value)
@@ -39,7 +39,7 @@ def constant(module: str, name: str) -> Any:
 
 
 def facts() -> dict[str, str]:
-    """Name in the text -> the number as it is printed."""
+    """Return name in the text -> the number as it is printed."""
     passes = constant("gpu_backend/core/launch.py", "CHUNKS")
     scene = load_scene("lab-grid")
     plan = mass_spring_plan(scene)

@@ -1,4 +1,4 @@
-"""The jobs at the top of the lab: figures, the lab book, and everything in one go."""
+"""Top-level jobs of the lab: figures, the lab book, the film, and everything in one go."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from plots.core.draw import FIGURES, FigureFiles, draw_figures, figures_folder
 from plots.core.read import load
 from plots.figures.energies import draw_energies, read_energies
 
-ABLATED = ("lab-curtain", "lab-hammock")  # scenes that `softlab lab` asks what they need
+ABLATED = ("lab-curtain", "lab-hammock")  # scenes of `softlab lab` for `softlab ablate`
 
 
 def _prepare(folder: Path) -> None:
-    """Make the default results folder; any other folder must be there."""
+    """Create the default results folder; any other folder must exist."""
     if folder.parts and folder.parts[0] == "softlab-results":
         try:
             folder.mkdir(parents=True, exist_ok=True)
@@ -33,10 +33,12 @@ def _prepare(folder: Path) -> None:
 
 
 def make_figures(store: Path, folder: Path, trajectory: Path | None = None) -> list[Path]:
-    """Draw every figure of the store into `folder`, or (`trajectory`) the energies of a recorded run. Raises InputError."""
+    """Draw every figure of the store into `folder`, or (`trajectory`) the energies of a recorded run. Raises
+    InputError.
+    """
     if trajectory is not None:
         record = read_energies(trajectory)
-        _prepare(folder)  # now that there is something to put there
+        _prepare(folder)  # created only now that there is something to write
         target = folder if folder.suffix else folder / f"{trajectory.stem}-energies.png"
         return [draw_energies(record, target)]
     results = load(store, committed_data())
@@ -45,7 +47,7 @@ def make_figures(store: Path, folder: Path, trajectory: Path | None = None) -> l
 
 
 def _drawn(results: Results, folder: Path) -> list[FigureFiles]:
-    """The figures of the results, with a bar."""
+    """Draw the figures of the results, with a progress bar."""
     target = figures_folder(folder)
     with progress_bar(True) as bar:
         task = bar.add_task("figures", total=len(FIGURES))
@@ -56,9 +58,9 @@ def _drawn(results: Results, folder: Path) -> list[FigureFiles]:
 
 
 def make_labbook(store: Path, pdf: Path) -> Path:
-    """Write the lab book. Before anything was measured here it is written from the committed measurements.
+    """Write the lab book, from the committed measurements if nothing was measured here.
 
-    Raises InputError for a store that was asked for by name and is not there.
+    Raises InputError for a store that was requested by name and does not exist.
     """
     if not store.exists() and store != DEFAULT_PATH:
         raise InputError(f"{store}: no such store; measure first (softlab lab --quick), or give another path")
@@ -67,9 +69,9 @@ def make_labbook(store: Path, pdf: Path) -> Path:
 
 
 def make_film(console: Console, store: Path, path: Path, *, quick: bool, voice: bool) -> None:
-    """Make the film of the store over the committed measurements, and tell of it.
+    """Make the film of the store and the committed measurements, and print its files.
 
-    Raises InputError (a store that was asked for by name and is not there, the file), BackendUnavailable.
+    Raises InputError (a store that was requested by name and does not exist, the file), BackendUnavailable.
     """
     from app.output.video import CLIP
     from labbook.film.canvas import FULL, QUICK
@@ -92,9 +94,10 @@ def make_film(console: Console, store: Path, path: Path, *, quick: bool, voice: 
 
 
 def whole_lab(console: Console, *, quick: bool, store_path: Path, command: str) -> None:
-    """Doctor, sweep, accuracy, stability, hard cases (unless quick), figures, lab book; then a table of what came out.
+    """Run the whole lab and print a table of the files.
 
-    What the machine lacks is skipped with its reason. Raises InputError (the store, the folders).
+    The parts are doctor, sweep, accuracy, stability, hard cases (unless quick), figures and lab book. What the machine
+    lacks is skipped with its reason. Raises InputError (the store, the folders).
     """
     from app.command.doctor import examine
     from app.command.tables import print_findings
@@ -138,7 +141,7 @@ def whole_lab(console: Console, *, quick: bool, store_path: Path, command: str) 
 
 
 def _measurements(console: Console, store: Any, quick: bool, command: str) -> dict[str, Callable[[], Any]]:
-    """What `softlab lab` measures, by name, in order; each prints what it found."""
+    """Return the measurements of `softlab lab` by name, in order; each prints its results."""
     from bench.experiments.accuracy.experiment import run_accuracy
     from bench.experiments.advise.ablate import ablate
     from bench.experiments.advise.ablation_results import print_ablation
@@ -198,7 +201,7 @@ def _measurements(console: Console, store: Any, quick: bool, command: str) -> di
 
 
 def _told(console: Console, summary: Any, show: Callable[[Console, Any], None] | None = None) -> Any:
-    """The summary of a measurement, once it is printed. Raises KeyboardInterrupt where that was interrupted."""
+    """Print the summary of a measurement and return it. Raises KeyboardInterrupt if the measurement was interrupted."""
     if show is None:
         console.print(str(summary), markup=False, soft_wrap=True)
     else:
@@ -209,7 +212,7 @@ def _told(console: Console, summary: Any, show: Callable[[Console, Any], None] |
 
 
 def _attempt(console: Console, job: Callable[[], Any]) -> Any:
-    """What the job returns; where the machine cannot do it, the reason is printed, None returned and nothing lost."""
+    """Return the result of the job; if the machine cannot do it, print the reason and return None."""
     try:
         return job()
     except SoftlabError as error:

@@ -1,4 +1,4 @@
-"""The lab book's table of kernels: what each of them gains over the one that it is held against, and where it is soonest."""
+"""The lab book's table of kernels: the speed-up of each over the kernel it is compared with, and where it is fastest."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from plots.core.data import Results, sound
 from plots.core.ladder import fastest, machine_of
 from plots.core.pairs import at_one_size
 
-BELOW = {  # each kernel, its backend, and the kernel that it is held against
+BELOW = {  # kernel -> backend, the kernel it is compared with
     "launch": ("gpu", "stages"),
     "graph": ("gpu", "launch"),
     "one-block": ("gpu", "graph"),
@@ -38,9 +38,12 @@ HEAD = (
 
 @dataclass(frozen=True)
 class Rung:
-    """A kernel at the size where it gains most. `best`, `under`: its timing there and that of the kernel `below`, None
-    where it is at no size faster beyond measurement noise; `first`: the numbers of masses at which it is the fastest of
-    all, of `sizes` that were timed; `suspect`: whether the times are marked so."""
+    """A kernel at the size with its largest speed-up.
+
+    `best`, `under`: its timing there and that of the kernel `below`, None if it is at no size faster beyond measurement
+    noise; `first`: the numbers of masses at which it is the fastest of all, of `sizes` that were timed; `suspect`: the
+    times are marked.
+    """
 
     kernel: str
     below: str
@@ -52,12 +55,15 @@ class Rung:
 
     @property
     def gain(self) -> float | None:
-        """How many times as fast as the kernel below."""
+        """Speed-up over the kernel below."""
         return self.under.median / self.best.median if self.best and self.under else None
 
 
 def rung(results: Results, kernel: str) -> Rung | None:
-    """A kernel against the one below it, at the size where it gains most; None where the two were not timed at one size."""
+    """Return a kernel compared with the one below it, at the size with the largest speed-up.
+
+    None if the two were not timed at one size.
+    """
     backend, below = BELOW[kernel]
     source = machine_of(results, backend)
     kernels = source.ladder(backend) if source else {}
@@ -72,7 +78,7 @@ def rung(results: Results, kernel: str) -> Rung | None:
 
 
 def rung_tables(results: Results) -> list[Table]:
-    """One table of both backends, which names their machines; nothing where no two kernels were timed at one size."""
+    """Return one table of both backends, which names their machines; empty if no two kernels were timed at one size."""
     found = [made for kernel in BELOW if (made := rung(results, kernel))]
     machines = []
     for backend in dict.fromkeys(BELOW[made.kernel][0] for made in found):

@@ -11,15 +11,15 @@ from labbook import words
 from labbook.words import number
 from plots.core.data import Results, Source
 
-Table = dict[str, Any]  # title, head: list of str, rows: list of list of str, left: columns that align left
+Table = dict[str, Any]  # title, head: list of str, rows: list of list of str, left: number of columns that align left
 DASH = "\N{EN DASH}"
-SHORT = 7  # digits of a commit: a column has no room for those that the title page tells
+SHORT = 7  # digits of a commit: a column is too narrow for those on the title page
 
 UNITS = {
     "rows": "masses", "columns": "masses", "spacing": "m", "mass": "kg", "stiffness": "N/m", "rest_length": "m",
     "coefficient": "N s/m", "acceleration": "m/s\u00b2", "magnitude": "N", "dt": "s", "amplitude": "m",
 }  # fmt: skip
-RECORD = {  # of the machine record, what a reader wants to know beside the machine's name
+RECORD = {  # fields of the machine record that are printed with the machine's name
     "memory_gib": "Memory / GiB", "gpu_memory_gib": "GPU memory / GiB", "gpu_driver": "GPU driver", "system": "System",
     "python_build": "Python", "numba": "numba", "llvmlite": "llvmlite", "numba_cuda": "numba-cuda", "numpy": "NumPy",
 }  # fmt: skip
@@ -34,13 +34,15 @@ MEASURED = (
 
 
 def table(title: str, head: Sequence[str], rows: Sequence[Sequence[str]], left: int = 1) -> Table:
-    """A table as the template takes it; its first `left` columns are set flush left, the others flush right."""
+    """Return a table for the template; its first `left` columns are set flush left, the others flush right."""
     return {"title": title, "head": list(head), "rows": [list(row) for row in rows], "left": left}
 
 
 def machine_table(results: Results) -> Table | None:
-    """Hardware, versions, limits, commit and date: a column a machine, a line for what any of them tells; what all that tell
-    it tell alike is in the title."""
+    """Return hardware, versions, limits, commit and date: a column per machine, a row per property.
+
+    Properties that are equal on all machines are in the title.
+    """
     machines = [_machine(source) for source in results.sources]
     names = list(dict.fromkeys(name for told in machines for name in told))
     names.sort(key=[*RECORD.values(), *MEASURED].index)
@@ -59,7 +61,7 @@ def machine_table(results: Results) -> Table | None:
 
 
 def _machine(source: Source) -> dict[str, str]:
-    """What is told of one machine, by property."""
+    """Return the properties of one machine."""
     record = source.machine.record
     told = {label: str(record[name]) for name, label in RECORD.items() if record.get(name) is not None}
     layer, policy = source.threading
@@ -75,7 +77,7 @@ def _machine(source: Source) -> dict[str, str]:
 
 
 def scene_table(results: Results) -> Table | None:
-    """The constants of the scene that was swept."""
+    """Return the constants of the scene that was swept."""
     source = next((s for s in results.featured if s.scene), None)
     if source is None:
         return None
@@ -90,7 +92,7 @@ def scene_table(results: Results) -> Table | None:
 
 
 def region_tables(results: Results) -> list[Table]:
-    """What an empty parallel region costs by threads, where idle threads spin and where they sleep."""
+    """Return the cost of an empty parallel region by threads, with spinning and with sleeping idle threads."""
     found = []
     for source in results.featured:
         policies = source.machine.record.get("region_policies") or {}

@@ -1,4 +1,4 @@
-"""Numbers as the lab book writes them, with their units; spaces inside a number or before a unit do not break."""
+"""Numbers in the style of the lab book, with their units; spaces inside a number or before a unit do not break."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ PREFIXES = ((1.0, "s"), (1e-3, "ms"), (1e-6, "\N{MICRO SIGN}s"), (1e-9, "ns"))
 
 
 def number(value: float, digits: int = 3) -> str:
-    """A number of `digits` significant digits: 0.0123, 12.3, 1 230, 1.2e-7 as a power of ten."""
+    """Return a number of `digits` significant digits: 0.0123, 12.3, 1 230, 1.2e-7 as a power of ten."""
     if math.isinf(value):
         return "\N{INFINITY}"
     if value == 0:
@@ -28,13 +28,13 @@ def number(value: float, digits: int = 3) -> str:
 
 
 def power(value: float, exponent: int, digits: int = 3) -> str:
-    """A number of `digits` significant digits where its first is that of a power of ten: 4.67 x 10^9."""
+    """Return a number of `digits` significant digits with that power of ten: 4.67 x 10^9."""
     mantissa = number(value / 10.0**exponent, digits)
     return f"{mantissa}{SPACE}{TIMES}{SPACE}10{str(exponent).translate(SUPERSCRIPTS)}"
 
 
 def grouped(text: str) -> str:
-    """Thousands apart: 65 536."""
+    """Return the number with separated thousands: 65 536."""
     whole, point, fraction = text.partition(".")
     if len(whole.lstrip("-")) > 4:
         whole = f"{int(whole):,}".replace(",", THIN)
@@ -42,41 +42,41 @@ def grouped(text: str) -> str:
 
 
 def count(value: int) -> str:
-    """A whole number, exactly."""
+    """Return a whole number, exactly."""
     return grouped(str(value))
 
 
 def things(number: int, thing: str) -> str:
-    """`1 case`, `6 cases`."""
+    """Return e.g. `1 case` or `6 cases`."""
     return f"{count(number)}{SPACE}{thing}{'' if number == 1 else 's'}"
 
 
 def masses(value: float, exact: bool = True) -> str:
-    """`65 536 masses`; not exact: to two digits."""
+    """Return e.g. `65 536 masses`; not exact: to two digits."""
     return f"{count(round(value if exact else float(f'{value:.1e}')))}{SPACE}masses"
 
 
 def seconds(value: float, digits: int = 3) -> str:
-    """`12.3 us` with the fitting prefix."""
+    """Return e.g. `12.3 us`, with the fitting prefix."""
     factor, unit = next(((f, u) for f, u in PREFIXES if value >= f), PREFIXES[-1])
     return f"{number(value / factor, digits)}{SPACE}{unit}"
 
 
 def times(ratio: float) -> str:
-    """`2.5 times`."""
+    """Return e.g. `2.5 times`."""
     return f"{number(ratio, 2)}{SPACE}times"
 
 
 def percent(share: float) -> str:
-    """`47 %`."""
+    """Return e.g. `47 %`."""
     return f"{number(100 * share, 2)}{SPACE}%"
 
 
 def bandwidth(value: float) -> str:
-    """`35.9 GB/s`."""
+    """Return e.g. `35.9 GB/s`."""
     return f"{number(value / 1e9)}{SPACE}GB/s"
 
 
 def listed(words: list[str]) -> str:
-    """`a, b and c`."""
+    """Return e.g. `a, b and c`."""
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}" if words else ""

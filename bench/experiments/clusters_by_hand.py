@@ -27,7 +27,7 @@ def by_hand(clusters: Clusters, links: Sequence[LinkedCopies] = (), **tables: An
     scene.__dict__["body_set"] = BodySet(
         at, zero, body, clusters, make_links(links), copies, 0.1, float(clusters.mass.mean())
     )
-    scene.canonical = lambda: f"by hand {id(clusters)}"  # type: ignore[method-assign]  # what its arrays are kept under
+    scene.canonical = lambda: f"by hand {id(clusters)}"  # type: ignore[method-assign]  # key of its cached arrays
     return scene
 
 

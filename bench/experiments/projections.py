@@ -76,11 +76,10 @@ def case_of(scene: Scene, backend: str, precision: str) -> Case:
 def groups(
     backends: Sequence[str], quick: bool, precisions: Sequence[str], sizes: Iterable[int] | None = None
 ) -> list[list[Case]]:
-    """Return the groups timed in turn: all cases of a size (`sizes`: only these) and backend; then the published
-    scenes.
+    """Return the groups timed in turn: all cases of a size and backend; then the published scenes.
 
-    `quick`: two sizes, 4 and 12 neighbours, ten iterations, no published scene. Raises SceneError for an impossible
-    size.
+    `sizes`: only these. `quick`: two sizes, 4 and 12 neighbours, ten iterations, no published scene. Raises SceneError
+    for an impossible size.
     """
     for size in sizes or ():
         if size < 2:

@@ -1,5 +1,5 @@
-"""What a user could pick instead of this lab, to be measured beside it on the same scene: one file a peer.
+"""Programs that a user could choose instead of this lab, measured on the same scenes: one file per peer.
 
-The contract is in base.py, the list of peers in registry.py, the measuring in bench/peers/sweep.py. Nothing here is
-imported by the lab's own backends, and every peer is optional: one that cannot run says why.
+base.py has the interface, registry.py the list of peers, bench/peers/sweep.py the measurement. The lab's own backends
+import nothing from here, and every peer is optional: one that cannot run reports the reason.
 """

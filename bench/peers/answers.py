@@ -1,4 +1,4 @@
-"""The same answer first: a peer's state held against the lab's CPU in float64, `exact`, at the very size that is timed."""
+"""Check of a peer's state against the lab's CPU in float64, `exact`, at the very size that is timed."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ from model.scene.scene import Scene
 
 
 class Judge:
-    """Checks contestants and stores how far each is off; keeps what is expected at the last size."""
+    """Checks contestants and stores their errors; caches the expected state of the last size."""
 
     def __init__(self, store: Store, summary: SweepSummary, most: float = math.inf):
-        """`most`: seconds that an answer which is known beforehand may take."""
+        """`most`: longest time [s] of a run whose exact result is known beforehand."""
         self.store, self.summary, self.most = store, summary, most
         self._expected: tuple[str, State, np.ndarray] | None = None  # scene, start, positions
 
     def check(self, case: PeerCase, simulation: Simulation | Beside, body: Body) -> str | None:
-        """Store how far the state is from the expected one; what the samples must be marked with, or None."""
+        """Store the distance of the state from the expected one; return the mark of the samples, or None."""
         if case.exact is not None:
             return self._tip(case, simulation, case.exact(case.scene))
         steps = case.steps_checked
@@ -52,8 +52,10 @@ class Judge:
         return warning
 
     def _tip(self, case: PeerCase, simulation: Simulation | Beside, exact: Tip) -> str | None:
-        """As `check`, of a bar whose exact answer is known; of a peer with a law of its own, by that. Raises PeerError where
-        it would take longer than a configuration may."""
+        """Check a bar whose exact result is known like `check`; a peer with a law of its own is compared with that.
+
+        Raises PeerError if the run would take longer than a configuration may.
+        """
         own = case.peer.tip(case.scene) if case.peer is not None else None
         judge = own or exact
         simulation.reset()
@@ -80,11 +82,11 @@ class Judge:
         return warning
 
     def _expect(self, scene: Scene, steps: int) -> tuple[State, np.ndarray]:
-        """(a displaced start, the positions after `steps` steps), of the lab's CPU; once for each size."""
+        """Return (a displaced start, the positions after `steps` steps) by the lab's CPU; computed once per size."""
         key = scene.canonical()
         if self._expected is None or self._expected[0] != key:
             with open_simulation(scene, "cpu", precision="float64", math="exact") as judge:
-                alone = scene.bodies or scene.tetrahedra  # begin apart from each other, or hang down as time goes on
+                alone = scene.bodies or scene.tetrahedra  # bodies start apart from each other, or sag with time
                 start = judge.state() if alone else displaced(judge)
                 judge.load(start)
                 judge.advance(steps)
@@ -93,7 +95,7 @@ class Judge:
 
 
 def distances(position: np.ndarray, expected: np.ndarray, body: Body, spacing: float) -> tuple[float, float]:
-    """(root mean square, maximum) over the free masses, in spacings; infinite where a value is not finite."""
+    """Return (root mean square, maximum) over the free masses, in spacings; infinite if a value is not finite."""
     free = body.inverse_mass > 0
     if not free.any():
         return 0.0, 0.0

@@ -1,8 +1,8 @@
-"""The contract of a peer: another program, or another way to write this one, that runs a scene of the lab.
+"""Interface of a peer: another program, or another implementation of this one, that runs a scene of the lab.
 
-A peer is told apart by `name`; it says what it runs on (`backend`), which scenes it knows (`refusal`), and whether it is
-here (`available`). `open` gives a simulation reduced to what a comparison needs. To add one: a file with a subclass of
-`Peer`, and its name in registry.py.
+A peer is identified by `name`; it reports its `backend`, the scenes that it cannot run (`refusal`), and whether it is
+installed (`available`). `open` returns a simulation reduced to what a comparison needs. To add one: a file with a
+subclass of `Peer`, and its name in registry.py.
 """
 
 from __future__ import annotations
@@ -22,8 +22,10 @@ from model.scene.scene import Scene
 
 
 class Opened(ABC):
-    """A scene opened by a peer; a context manager. `kernel`: what runs, in a word or two; `threads`: None on the GPU;
-    `steps_together`: steps of one pass over memory."""
+    """A scene opened by a peer; a context manager.
+
+    `kernel`: what runs, in a word or two; `threads`: None on the GPU; `steps_together`: steps per pass over memory.
+    """
 
     kernel: str = "auto"
     threads: int | None = None
@@ -35,7 +37,7 @@ class Opened(ABC):
 
     @abstractmethod
     def synchronize(self) -> None:
-        """Return when every step asked for has been done."""
+        """Return when every requested step has been done."""
 
     @abstractmethod
     def load(self, position: np.ndarray, velocity: np.ndarray) -> None:
@@ -43,10 +45,12 @@ class Opened(ABC):
 
     @abstractmethod
     def read(self) -> tuple[np.ndarray, np.ndarray]:
-        """(position [m], velocity [m/s]), (particles, 2) each, in builder order and the precision opened with."""
+        """Return (position [m], velocity [m/s]), (particles, 2) each, in builder order and the precision of the
+        simulation.
+        """
 
     def close(self) -> None:  # noqa: B027 - nothing to free is a valid answer
-        """Free what is held; nothing else may be called after it."""
+        """Free the resources; nothing else may be called after it."""
 
     def __enter__(self) -> Opened:
         return self
@@ -56,8 +60,11 @@ class Opened(ABC):
 
 
 class Peer(ABC):
-    """Something a user could pick instead. `name`: its key in the store, for good; `label`: as figures call it;
-    `backend`: "cpu" or "gpu"; `precisions`: what it can be opened in; `scenes`: words of bench/peers/scenes.py."""
+    """Program that a user could choose instead.
+
+    `name`: its permanent key in the store; `label`: its name in figures; `backend`: "cpu" or "gpu"; `precisions`:
+    supported ones; `scenes`: words of bench/peers/scenes.py.
+    """
 
     name: str
     label: str
@@ -67,42 +74,46 @@ class Peer(ABC):
 
     @abstractmethod
     def available(self) -> tuple[bool, str]:
-        """(whether it can run here, with what; or else why not and how to get it). Never raises."""
+        """Return (True, its version) if it can run here, else (False, the reason and how to get it). Never raises."""
 
     def refusal(self, scene: Scene) -> str | None:
-        """Why it cannot run this scene, or None. Peers of other scenes than the grid override this."""
+        """Return why it cannot run this scene, or None. Peers of other scenes than the grid override this."""
         return grid_refusal(scene)
 
     def bound(self, scene: Scene, precision: str) -> float:
-        """Spacings that its answer may be off the lab's, by the root mean square: rounding, unless a peer approaches the
-        scene's method and overrides this."""
+        """Return the largest root mean square distance [spacings] of its state from the lab's.
+
+        It is rounding, unless a peer approaches the scene's method and overrides this.
+        """
         return rounding_bound(scene, precision)
 
     def tip(self, scene: Scene) -> Tip | None:
-        """Of a bar that is held against an exact answer (bench/peers/bars/tip.py): that of the peer's own law, None where the
-        scene's is its own."""
+        """Return the exact result of the peer's own law for a bar, or None if the scene's law is its own.
+
+        For bars that are compared with an exact result (bench/peers/bars/tip.py).
+        """
         return None
 
     def threads(self, wanted: int) -> int | None:
-        """Threads that it runs on when `wanted` are to be had; None on the GPU."""
+        """Return the threads that it uses if `wanted` are available; None on the GPU."""
         return wanted if self.backend == "cpu" else None
 
     @abstractmethod
     def open(self, scene: Scene, precision: str, threads: int) -> Opened:
-        """The scene at its start. Raises PeerError where that fails (compiler, driver, memory)."""
+        """Open the scene at its start. Raises PeerError if that fails (compiler, driver, memory)."""
 
 
 def rounding_bound(scene: Scene, precision: str) -> float:
-    """Spacings: the bound of the lab's own kernels, in coordinates as large as the sheet is wide."""
+    """Return the bound of the lab's own kernels [spacings], for coordinates as large as the sheet is wide."""
     return LIMITS[precision] * max(1.0, max(scene.grid.rows, scene.grid.columns) / CHECK_ROWS)
 
 
 class PeerError(RuntimeError):
-    """A peer that looked as if it were here, and is not; the text says why."""
+    """A peer that seemed to be available is not; the text has the reason."""
 
 
 def grid_refusal(scene: Scene) -> str | None:
-    """Why a peer of the lab's grid (springs, damping, gravity, pins, the hand-out's step) cannot run the scene."""
+    """Return why a peer of the lab's grid (springs, damping, gravity, pins, the hand-out's step) cannot run the scene."""
     if scene.method.solver != "mass-spring":
         return f"it has no {scene.method.solver} solver"
     if scene.method.integrator != "lab":
@@ -118,9 +129,9 @@ def grid_refusal(scene: Scene) -> str | None:
 
 
 class SheetStart:
-    """A sheet as it starts, in the arithmetic of a peer.
+    """Start of a sheet, in the arithmetic of a peer.
 
-    `real`: the numpy type; `rows`, `columns`, `count` of masses; `pinned`: the indices of those that stay; `position`,
+    `real`: the numpy type; `rows`, `columns`, `count` of masses; `pinned`: the indices of pinned ones; `position`,
     `velocity` (particles, axes); `free` (rows, columns) bool.
     """
 
@@ -134,17 +145,17 @@ class SheetStart:
 
     @property
     def free(self) -> np.ndarray:
-        """(rows, columns) bool: the masses that move."""
+        """Mask (rows, columns) of the masses that move."""
         free = np.ones(self.count, bool)
         free[self.pinned] = False
         return free.reshape(self.rows, self.columns)
 
 
 class GridConstants(SheetStart):
-    """What a step of the grid needs, rounded once: the numbers that the lab's own kernels read.
+    """Constants of a step of the grid, rounded once: the numbers that the lab's own kernels read.
 
-    `dt`, `half_dt_squared`, `stiffness` (over mass), `stiffness_rest`, `damping` (over mass), `gravity` (along +y): Python
-    floats that `real` holds exactly.
+    `dt`, `half_dt_squared`, `stiffness` (over mass), `stiffness_rest`, `damping` (over mass), `gravity` (along +y):
+    Python floats that `real` represents exactly.
     """
 
     def __init__(self, scene: Scene, precision: str):
@@ -156,12 +167,12 @@ class GridConstants(SheetStart):
 
     @property
     def in_order(self) -> tuple[float, ...]:
-        """stiffness, stiffness_rest, damping, gravity, dt, half_dt_squared: how the compiled peers take them."""
+        """Stiffness, stiffness_rest, damping, gravity, dt, half_dt_squared, in the order of the compiled peers."""
         return (self.stiffness, self.stiffness_rest, self.damping, self.gravity, self.dt, self.half_dt_squared)
 
 
 class SheetConstants:
-    """What a peer needs that is given masses and springs one by one, rounded once. See GridConstants.
+    """Constants for a peer that gets masses and springs one by one, rounded once, like `GridConstants`.
 
     `inverse_mass` (particles,) [1/kg], 0 where pinned; `drag` [1/s]: of every mass, c / m; `gravity` [m/s^2] along +y.
     """

@@ -1,4 +1,4 @@
-"""What is compared with what: the configurations of the lab and its peers at one size, and a peer as timing wants it."""
+"""Configurations that are compared: the lab and its peers at one size, and a peer in the form that timing needs."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ from model.core.errors import Diverged
 from model.core.simulation import State
 from model.scene.scene import Scene
 
-MANY_STEPS_UP_TO = 512 * 512  # masses: beyond it the same answer is asked for after fewer steps
+MANY_STEPS_UP_TO = 512 * 512  # masses: above, states are compared after fewer steps
 
 
 @dataclass(frozen=True)
 class PeerCase(Case):
-    """One configuration of a peer, or (`peer` None) of the lab beside peers."""
+    """One configuration of a peer, or (`peer` None) of the lab next to peers."""
 
     peer: Peer | None = None
     what: str = "grid"  # the word of bench/peers/scenes.py
@@ -51,24 +51,26 @@ class PeerCase(Case):
 
     @property
     def steps_checked(self) -> int:
-        """Steps after which its answer is compared."""
+        """Number of steps after which its state is compared."""
         if self.exact is not None:
             return self.exact(self.scene).frames
         return self.check_steps if self.particles <= MANY_STEPS_UP_TO else OWN_SIZE_STEPS
 
     @property
     def bound(self) -> float:
-        """Spacings that its answer may be off."""
+        """Largest distance of its state [spacings]."""
         if self.scene_bound is not None:
             return self.scene_bound
         return (self.peer.bound if self.peer else rounding_bound)(self.scene, self.precision)
 
 
 class Beside:
-    """A peer's simulation as bench/measure/timing.py wants one: it starts from `start` [(position, velocity)] again and
-    again."""
+    """A peer's simulation in the form that bench/measure/timing.py needs.
 
-    kept = 0  # the start is always put aside
+    It restarts from the start [(position, velocity)] of the scene again and again.
+    """
+
+    kept = 0  # the start is always stored
 
     def __init__(self, peer: Peer, opened: Opened, body: Body):
         self.backend, self.opened = peer.backend, opened
@@ -94,14 +96,14 @@ class Beside:
         return self.opened.read()[("position", "velocity").index(name)]
 
     def check(self, keep: bool = True) -> None:
-        """Raise Diverged where the state is not finite."""
+        """Raise Diverged if the state is not finite."""
         for array in self.opened.read():
             if not np.isfinite(array).all():
                 raise Diverged(0, int(np.flatnonzero(~np.isfinite(array).all(axis=1))[0]), math.nan, math.nan)
 
 
 def peer_sources(backend: str) -> str:
-    """The hash of what a comparison depends on: the backend's sources and those of the peers."""
+    """Return the hash of what a comparison depends on: the sources of the backend and of the peers."""
     digest = hashlib.sha256(source_hash(backend).encode())
     for file in sorted(Path(bench.peers.__file__).parent.rglob("*")):
         if file.suffix in (".py", ".cpp", ".cu"):
@@ -110,7 +112,7 @@ def peer_sources(backend: str) -> str:
 
 
 def group_of(what: PeerScene, scene: Scene, backend: str, precision: str, peers: Sequence[Peer]) -> list[PeerCase]:
-    """The lab first, then the peers of one backend that know such scenes, in one precision."""
+    """Return the lab's case, then those of the peers of one backend that support such scenes, in one precision."""
     threads = thread_count("1x") if backend == "cpu" else None
     cases = []
     sources = peer_sources(backend)

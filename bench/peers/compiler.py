@@ -1,4 +1,4 @@
-"""Compiling a C++ source of this folder at run time, into a folder of the user's, once for each source and compiler."""
+"""Compilation of a C++ source of this folder at run time, into a cache folder, once per source and compiler."""
 
 from __future__ import annotations
 
@@ -15,17 +15,18 @@ from bench.peers.base import PeerError
 from cpu_backend.core.processor import processor_name
 from model.core.disk_cache import cache_folder
 
-COMPILERS = ("g++", "clang++")  # g++ first: it shares its OpenMP threads with numba, two teams would disturb each other
+# g++ first: it shares its OpenMP threads with numba, while two teams would disturb each other
+COMPILERS = ("g++", "clang++")
 COMPILE = ("-std=c++17", "-O3", "-march=native", "-ffast-math", "-fopenmp", "-fPIC", "-c")
-# Linked apart and without -ffast-math: with it, g++ before 13 adds start-up code that flushes denormal numbers to zero
-# in the thread that loads the library, which would change the arithmetic of the whole process.
+# Linked separately and without -ffast-math: with it, g++ before 13 adds start-up code that flushes denormal numbers to
+# zero in the thread that loads the library, which would change the arithmetic of the whole process.
 LINK = ("-shared", "-fopenmp")
 TIMEOUT = 120  # s
 
 
 @cache
 def find_compiler() -> tuple[str, str] | str:
-    """(path, its first line of --version) of a C++ compiler with OpenMP, or why there is none."""
+    """Return (path, first line of --version) of a C++ compiler with OpenMP, or the reason why there is none."""
     asked = os.environ.get("CXX")
     names = (asked,) if asked else COMPILERS
     for name in names:
@@ -42,7 +43,7 @@ def find_compiler() -> tuple[str, str] | str:
 
 @cache
 def load_library(source: Path) -> ctypes.CDLL:
-    """The source as a loaded library. Raises PeerError (no compiler, it fails, the library does not load)."""
+    """Return the source as a loaded library. Raises PeerError (no compiler, it fails, the library does not load)."""
     found = find_compiler()
     if isinstance(found, str):
         raise PeerError(found)
@@ -57,7 +58,7 @@ def load_library(source: Path) -> ctypes.CDLL:
                 compiled, linked = Path(work) / "grid.o", Path(work) / "grid.so"
                 _call([compiler, *COMPILE, str(source), "-o", str(compiled)])
                 _call([compiler, *LINK, str(compiled), "-o", str(linked)])
-                os.replace(linked, library)  # at once: a second process never loads half a file
+                os.replace(linked, library)  # atomic, so that a second process never loads half a file
         return ctypes.CDLL(str(library))
     except OSError as error:
         raise PeerError(f"the compiled library cannot be used: {error}") from None

@@ -1,7 +1,7 @@
 """The grid in C++ with OpenMP (grid.cpp), compiled for this processor when it is first needed.
 
-Two peers: `cpp_openmp` does one step a pass over the grid, the same algorithm as the lab's first fused kernel;
-`cpp_openmp_blocked` does several time levels a pass, the fairer bar for grids beyond the caches.
+Two peers: `cpp_openmp` does one step per pass over the grid, with the algorithm of the lab's first fused kernel;
+`cpp_openmp_blocked` does several time levels per pass, the fairer comparison for grids beyond the caches.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from model.scene.scene import Scene
 
 SOURCE = Path(__file__).with_name("grid.cpp")
 MAX_LEVELS = 8  # more gained nothing
-ROWS_A_LEVEL = 4  # a band of fewer rows would compute too many of them twice
+ROWS_A_LEVEL = 4  # a band with fewer rows would compute too many of them twice
 TILE_BYTES = 4096  # of a row of one array: the rings of eight levels then stay in a second-level cache of 1 MiB
 
 
 class CppOpenmp(Peer):
-    """One step a pass."""
+    """One step per pass."""
 
     name = "cpp_openmp"
     label = "C++ OpenMP"
@@ -38,7 +38,7 @@ class CppOpenmp(Peer):
 
 
 class CppOpenmpBlocked(CppOpenmp):
-    """Several time levels a pass."""
+    """Several time levels per pass."""
 
     name = "cpp_openmp_blocked"
     label = "C++ OpenMP, blocked"
@@ -80,7 +80,7 @@ class _Grid(Opened):
         )  # fmt: skip
 
     def synchronize(self) -> None:
-        """Nothing to wait for: a call returns when its steps are done."""
+        """Return at once: a call returns when its steps are done."""
 
     def load(self, position: np.ndarray, velocity: np.ndarray) -> None:
         state = self._states[self._current]

@@ -23,7 +23,7 @@ KNOWN = frozenset({"neo-hookean", "gravity", "pins", "load", "gauss-seidel"})
 
 
 class CppTetrahedra(CppOpenmp):
-    """A sweep over the colours a substep, a parallel loop each."""
+    """A sweep over the colours per substep, a parallel loop each."""
 
     name = "cpp_openmp_tetrahedra"
     scenes = ("tetrahedra",)
@@ -37,8 +37,11 @@ class CppTetrahedra(CppOpenmp):
         return f"it has no {', '.join(sorted(unknown))}" if unknown else None
 
     def bound(self, scene: Scene, precision: str) -> float:
-        """A place is rounded by half a unit of its last digit in each of n substeps, which the velocity takes for a motion
-        and keeps: some n^1.5 such halves, since they have either sign."""
+        """Return the rounding error of the positions [spacings].
+
+        A coordinate is rounded by half a unit of its last digit in each of n substeps, which adds to the velocity and
+        stays: about n^1.5 such halves, since they have either sign.
+        """
         substeps = SCENES["tetrahedra"].check_steps * scene.method.substeps
         half = float(np.finfo(precision).eps) / 2 * scene.tetrahedra_set.extent
         return half * substeps**1.5 / scene.grid.spacing
@@ -57,7 +60,7 @@ class _Bodies(Opened):
         body, record = build(scene), tetrahedra_record(scene, real)[0]
         self._corners, self._starts = self._set.corners.astype(np.int32), self._set.starts.astype(np.int64)
         self._values = np.ascontiguousarray(self._set.values, real)
-        self._arrays = np.zeros((3, len(body.position), 4), real)  # positions, velocities, positions before
+        self._arrays = np.zeros((3, len(body.position), 4), real)  # positions, velocities, previous positions
         self._arrays[0, :, 3] = body.inverse_mass * scene.grid.mass
         self._numbers = np.array([record[name] for name in ("dt", "gravity", CONSTANTS[0], "inverse_substep")], float)
         if "gravity" not in tetrahedra_parts(scene):
@@ -76,7 +79,7 @@ class _Bodies(Opened):
         )  # fmt: skip
 
     def synchronize(self) -> None:
-        """Every call ends when its steps are done."""
+        """Return at once: every call ends when its steps are done."""
 
     def load(self, position: np.ndarray, velocity: np.ndarray) -> None:
         self._arrays[0, :, :3], self._arrays[1, :, :3] = position, velocity

@@ -17,7 +17,7 @@ from bench.peers.cuda_driver import checked
 from model.scene.scene import Scene
 
 SOURCE = Path(__file__).with_name("grid.cu")
-BLOCK = (32, 8)  # columns, rows: as grid.cu has it
+BLOCK = (32, 8)  # columns, rows: as in grid.cu
 CHUNKS = (256, 32, 4, 2)  # launches in a graph; even, so that the two buffers are back in place after each
 TYPES = {"float32": ("-DReal=float", "-DPair=float2"), "float64": ("-DReal=double", "-DPair=double2")}
 MAX_BLOCKS_DOWN = 65535  # the hardware's limit in the second direction
@@ -25,12 +25,12 @@ MAX_BLOCKS_DOWN = 65535  # the hardware's limit in the second direction
 
 @cache
 def compile_grid(precision: str, architecture: str) -> bytes:
-    """Machine code of grid.cu, see cuda_driver.compile_source."""
+    """Return machine code of grid.cu, by cuda_driver.compile_source."""
     return cuda_driver.compile_source(SOURCE, TYPES[precision], architecture)
 
 
 class CudaCpp(Peer):
-    """One thread a mass, one step a launch, the launches in a graph."""
+    """One thread per mass, one step per launch, the launches in a graph."""
 
     name = "cuda_cpp"
     label = "CUDA C++ in a graph"
@@ -43,13 +43,13 @@ class CudaCpp(Peer):
             if not checked(driver.cuDeviceGetCount(), "cuDeviceGetCount"):
                 return False, "no CUDA device"
             self.compile(cuda_driver.architecture())
-        except Exception as error:  # no driver and no library show as several kinds of exception
+        except Exception as error:  # a missing driver and a missing library raise several kinds of exception
             text = str(error).splitlines()[0] if str(error) else type(error).__name__
             return False, f"CUDA C++ cannot run here: {text}"
         return True, "cuda.bindings"
 
     def compile(self, architecture: str) -> bytes:
-        """Machine code, to see that there is a compiler. Raises PeerError."""
+        """Return machine code, to check that there is a compiler. Raises PeerError."""
         return compile_grid("float32", architecture)
 
     def open(self, scene: Scene, precision: str, threads: int) -> Opened:
@@ -57,9 +57,11 @@ class CudaCpp(Peer):
 
 
 class Sheet(Opened):
-    """A sheet of masses in two buffers that swap at every launch. Subclasses: `vector`, the numbers of a mass in an
-    array; `function`, the kernel's name; `block`, threads (across, down); `_compiled`, its machine code; `_more`, what it
-    reads besides the buffers."""
+    """Sheet of masses in two buffers that swap at every launch.
+
+    Subclasses define `vector`, the numbers of a mass in an array; `function`, the kernel's name; `block`, threads
+    (across, down); `_compiled`, its machine code; `_more`, what it reads besides the buffers.
+    """
 
     kernel = f"graph of {CHUNKS[0]} steps"
     block = BLOCK
@@ -79,7 +81,7 @@ class Sheet(Opened):
             self._enter()
             self._build(precision)
             self.load(constants.position, constants.velocity)
-            self._launch(0)  # loads the kernel: nothing may be loaded while a stream is captured
+            self._launch(0)  # loads the kernel: no module may be loaded while a stream is captured
             self.synchronize()
             self._capture()
             self.load(constants.position, constants.velocity)
@@ -88,7 +90,7 @@ class Sheet(Opened):
             raise
 
     def _capture(self) -> None:
-        """The graphs: no sample is to hold their capturing."""
+        """Capture all graphs, so that no sample includes it."""
         for chunk in CHUNKS:
             self._graph(0, chunk)
 
@@ -110,19 +112,19 @@ class Sheet(Opened):
         self._current = 0
 
     def _compiled(self, precision: str) -> bytes:
-        """Machine code for the first device."""
+        """Return machine code for the first device."""
         raise NotImplementedError
 
     def _blocks_over(self, rows: int, columns: int) -> tuple[int, int]:
-        """Blocks (across, down) of a launch."""
+        """Return the blocks (across, down) of a launch."""
         return -(-columns // self.block[0]), -(-rows // self.block[1])
 
     def _pins(self) -> list[Any]:
-        """Device arrays that the kernel takes after the buffers."""
+        """Return the device arrays that the kernel takes after the buffers."""
         return []
 
     def _packed(self, array: np.ndarray, is_position: bool) -> np.ndarray:
-        """(particles, dimensions) as the kernel wants it."""
+        """Return (particles, dimensions) in the layout of the kernel."""
         return np.ascontiguousarray(array, self.constants.real)
 
     def _allocate(self, size: int) -> Any:
@@ -134,20 +136,20 @@ class Sheet(Opened):
         checked(self._driver.cuMemcpyHtoD(target, array.ctypes.data, array.nbytes), "cuMemcpyHtoD")
 
     def _argument_list(self, source: int) -> tuple[np.ndarray, list[np.ndarray]]:
-        """(addresses of the kernel's arguments, what they point to) for reading from buffer `source`."""
+        """Return (addresses of the kernel's arguments, the arrays they point to) for reading from buffer `source`."""
         constants = self.constants
         shape = [np.array([number], np.int32) for number in (constants.rows, constants.columns)]
         held = [*self._pointers(source), *shape, np.array(constants.in_order, constants.real)]  # the last: Constants
         return addresses_of(held), held
 
     def _pointers(self, source: int) -> list[np.ndarray]:
-        """The buffers, from `source` to the other, and what else is read, as a kernel takes them."""
+        """Return the kernel's pointers to the buffers, from `source` to the other, and to other inputs."""
         target = 1 - source
         buffers = (self._position[source], self._velocity[source], self._position[target], self._velocity[target])
         return [np.array([int(pointer)], np.uint64) for pointer in (*buffers, *self._more)]
 
     def _enter(self) -> None:
-        """Others (numba, Warp) may have left another context current."""
+        """Make this context current: others (numba, Warp) may have left another one."""
         checked(self._driver.cuCtxSetCurrent(self._context), "cuCtxSetCurrent")
 
     def _launch(self, source: int) -> None:
@@ -160,7 +162,7 @@ class Sheet(Opened):
         )
 
     def _graph(self, source: int, launches: int) -> Any:
-        """The graph of so many launches, the first reading buffer `source`; captured when it is first needed."""
+        """Return the graph of that many launches, the first reading buffer `source`; captured when it is first needed."""
         key = (source, launches)
         if key not in self._graphs:
             driver = self._driver
@@ -228,12 +230,12 @@ class Sheet(Opened):
 
 
 def addresses_of(held: list[np.ndarray]) -> np.ndarray:
-    """Where a kernel's arguments lie, as a launch wants it; `held` must live as long."""
+    """Return the addresses of a kernel's arguments for a launch; `held` must live as long."""
     return np.array([array.ctypes.data for array in held], np.uint64)
 
 
 class CudaConstants(GridConstants):
-    """With the reciprocal of the step, as the structs of both sources have it."""
+    """Constants with the reciprocal of the step, as in the structs of both sources."""
 
     @property
     def in_order(self) -> tuple[float, ...]:

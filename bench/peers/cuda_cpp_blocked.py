@@ -1,8 +1,7 @@
-"""The grid in hand-written CUDA C++ with temporal blocking (grid_blocked.cu): several steps on one way through memory, or
-the whole grid kept on the chip.
+"""The grid in hand-written CUDA C++ with temporal blocking (grid_blocked.cu).
 
-Which tile serves a size is not in a table: whoever opens the peer has the few candidates timed for some milliseconds on
-this very GPU, and gets the quickest.
+Several steps per pass over memory, or the whole grid kept on the chip. The tile for a size is not in a table: opening
+the peer times the few candidates for some milliseconds on this GPU and selects the fastest.
 """
 
 from __future__ import annotations
@@ -24,15 +23,17 @@ from model.scene.scene import Scene
 
 SOURCE = Path(__file__).with_name("grid_blocked.cu")
 LANES = 32
-FLAG_STRIDE = 32  # int32: as grid_blocked.cu has it
+FLAG_STRIDE = 32  # int32: as in grid_blocked.cu
 ONE_BLOCK, RESIDENT, TILES = "one-block", "resident", "tiles"
-TRIAL_SECONDS = 0.01  # of a candidate
+TRIAL_SECONDS = 0.01  # per candidate
 
 
 @dataclass(frozen=True)
 class Tile:
-    """The masses of a block: `warps` strips of 32 `across` columns and `down` rows, of which `halo` rings belong to the
-    neighbours; `together`: blocks that a multiprocessor is to hold."""
+    """Masses of a block: `warps` strips of 32 `across` columns and `down` rows.
+
+    Of these, `halo` rings belong to the neighbours; `together`: blocks per multiprocessor.
+    """
 
     across: int
     down: int
@@ -59,7 +60,9 @@ class Tile:
         return tuple(f"-D{name}={number}" for name, number in (numbers | {"BLOCKS": self.together}).items())
 
     def blocks(self, rows: int, columns: int) -> tuple[int, int]:
-        """(across, down) over a grid; the last tile owns more than its halo, so that no halo spans two neighbours."""
+        """Return the blocks (across, down) over a grid; the last tile is larger than its halo, so no halo spans two
+        neighbours.
+        """
         return tuple(
             1 if masses <= size else -((2 * self.halo - masses) // (size - 2 * self.halo))
             for masses, size in ((columns, self.width), (rows, self.height))
@@ -73,17 +76,17 @@ RESIDENT_TILES = (
 )  # fmt: skip
 PASS_TILES = (Tile(2, 8, 8, 4, 2), Tile(2, 8, 16, 4), Tile(2, 8, 16, 6))
 RESIDENT_CANDIDATES = 4
-PASSES_FROM = 512 * 512  # masses: grids that are smaller are better kept on the chip
+PASSES_FROM = 512 * 512  # masses: smaller grids are better kept on the chip
 
 
 @cache
 def compile_blocked(tile: Tile, architecture: str) -> bytes:
-    """Machine code of grid_blocked.cu, see cuda_driver.compile_source."""
+    """Return machine code of grid_blocked.cu, by cuda_driver.compile_source."""
     return cuda_driver.compile_source(SOURCE, tile.definitions, architecture)
 
 
 def candidates(rows: int, columns: int, processors: int) -> list[tuple[str, Tile]]:
-    """(kernel, tile) that may serve a grid on a GPU of so many multiprocessors."""
+    """Return the (kernel, tile) pairs for a grid on a GPU with that many multiprocessors."""
     fitting = [tile for tile in ONE_BLOCK_TILES if rows <= tile.height and columns <= tile.width]
     whole = [(ONE_BLOCK, tile) for tile in fitting if tile.width == min(other.width for other in fitting)]
     resident = []
@@ -100,7 +103,7 @@ def candidates(rows: int, columns: int, processors: int) -> list[tuple[str, Tile
 
 
 class CudaCppBlocked(CudaCpp):
-    """Several steps a launch, the grid in registers, shuffles and shared memory."""
+    """Several steps per launch, with the grid in registers, shuffles and shared memory."""
 
     name = "cuda_cpp_blocked"
     label = "CUDA C++, blocked"
@@ -116,7 +119,7 @@ class CudaCppBlocked(CudaCpp):
 
 
 def quickest(constants: CudaConstants, precision: str, choices: Sequence[tuple[str, Tile]]) -> Opened:
-    """The choice that did a few steps soonest, opened. Raises PeerError where none can be opened."""
+    """Return the choice that did a few steps fastest, opened. Raises PeerError if none can be opened."""
     best: tuple[float, Blocked] | None = None
     reasons = []
     for kernel, tile in choices:
@@ -139,7 +142,7 @@ def quickest(constants: CudaConstants, precision: str, choices: Sequence[tuple[s
 
 
 def _trial(opened: Blocked) -> float:
-    """Seconds of a step."""
+    """Return the time [s] of a step."""
     steps = opened.steps_together if opened.kernel_kind == TILES else 256
     while True:
         opened.synchronize()
@@ -175,7 +178,7 @@ class Blocked(Sheet):
         return self.tile.blocks(rows, columns)
 
     def _pins(self) -> list[Any]:
-        """Also what blocks exchange: borders of tiles, a flag a block, and the word that says that a block gave up."""
+        """Return the pins; also allocate what blocks exchange: borders of tiles, a flag per block, and an error flag."""
         pinned = np.zeros(self.constants.count, np.uint8)
         pinned[self.constants.pinned] = 1
         arrays = [pinned]
@@ -197,13 +200,13 @@ class Blocked(Sheet):
         return addresses_of(held), held
 
     def _launch(self, source: int, steps: int = 0) -> None:
-        """One launch from buffer `source` into the other; as many steps as the halo has rings where none are named."""
+        """Launch once from buffer `source` into the other; by default as many steps as the halo has rings."""
         self._steps[0] = steps or self.tile.halo
         if self.kernel_kind == RESIDENT:
             self._launch_together(source)
         else:
             super()._launch(source)
-        self._steps[0] = self.tile.halo  # as graphs have captured it
+        self._steps[0] = self.tile.halo  # the value that graphs have captured
 
     def _launch_together(self, source: int) -> None:
         self._counted_from[0] = self._epoch

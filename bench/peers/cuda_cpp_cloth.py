@@ -1,4 +1,4 @@
-"""The cloth in hand-written CUDA C++ (cloth.cu): compiled, launched and replayed as the grid's (cuda_cpp.py)."""
+"""The cloth in hand-written CUDA C++ (cloth.cu): compiled, launched and replayed like the grid (cuda_cpp.py)."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ KINDS = ("structural", "shear", "bending")
 
 @cache
 def compile_cloth(precision: str, damped: bool, architecture: str) -> bytes:
-    """Machine code of cloth.cu, see cuda_driver.compile_source."""
+    """Return machine code of cloth.cu, by cuda_driver.compile_source."""
     return cuda_driver.compile_source(SOURCE, TYPES[precision] + damped * ("-DDAMPED",), architecture)
 
 
 def cloth_refusal(scene: Scene) -> str | None:
-    """Why a peer of the cloth (springs, dampers, gravity, pins, semi-implicit Euler) cannot run the scene."""
+    """Return why a peer of the cloth (springs, dampers, gravity, pins, semi-implicit Euler) cannot run the scene."""
     if scene.method.solver != "mass-spring":
         return f"it has no {scene.method.solver} solver"
     if scene.cloth is None:
@@ -38,7 +38,7 @@ def cloth_refusal(scene: Scene) -> str | None:
 
 
 class ClothConstants(SheetStart):
-    """What a step needs, rounded once: the numbers that the lab's own kernels read. See base.GridConstants."""
+    """Constants of a step, rounded once: the numbers that the lab's own kernels read, like base.GridConstants."""
 
     def __init__(self, scene: Scene, precision: str):
         super().__init__(scene, precision)
@@ -47,13 +47,13 @@ class ClothConstants(SheetStart):
 
     @property
     def in_order(self) -> tuple[float, ...]:
-        """Of each kind of springs stiffness, stiffness_rest, damping; then damping, gravity, dt."""
+        """Stiffness, stiffness_rest, damping of each kind of springs; then damping, gravity, dt."""
         springs = [f"{kind}{word}" for kind in KINDS for word in ("", "_rest", "_damping")]
         return tuple(self._record[name] for name in (*springs, "damping", "gravity", "dt"))
 
 
 class CudaCppCloth(cuda_cpp.CudaCpp):
-    """One thread a mass, one step a launch, the launches in a graph."""
+    """One thread per mass, one step per launch, the launches in a graph."""
 
     name = "cuda_cpp_cloth"
     label = "CUDA C++ in a graph"

@@ -1,7 +1,6 @@
-"""What the CUDA C++ peers need of a driver and a compiler: cuda.bindings, NVRTC or nvcc, the device's architecture.
+"""Driver and compiler of the CUDA C++ peers: cuda.bindings, NVRTC or nvcc, the device's architecture.
 
-Everything goes through the driver interface of cuda.bindings, in the device's primary context, which numba and Warp use
-as well.
+Everything uses the driver interface of cuda.bindings, in the device's primary context, like numba and Warp.
 """
 
 from __future__ import annotations
@@ -19,14 +18,14 @@ REMEDY = "pip install -e '.[cuda13]' (or cuda12)"
 
 
 def driver() -> Any:
-    """cuda.bindings.driver. Raises what a missing package or library raises."""
+    """Return cuda.bindings.driver. Raises what a missing package or library raises."""
     from cuda.bindings import driver
 
     return driver
 
 
 def checked(result: tuple, what: str) -> Any:
-    """What a call of cuda.bindings returned, its status apart. Raises PeerError."""
+    """Return the result of a call of cuda.bindings without its status. Raises PeerError."""
     status, *values = result
     if int(status) != 0:
         raise PeerError(f"{what}: {getattr(status, 'name', status)}")
@@ -34,7 +33,7 @@ def checked(result: tuple, what: str) -> Any:
 
 
 def attributes(*names: str) -> list[int]:
-    """Attributes of the first device, by their names without CU_DEVICE_ATTRIBUTE_."""
+    """Return attributes of the first device, by their names without CU_DEVICE_ATTRIBUTE_."""
     cuda = driver()
     device = checked(cuda.cuDeviceGet(0), "cuDeviceGet")
     return [
@@ -47,15 +46,15 @@ def attributes(*names: str) -> list[int]:
 
 
 def architecture() -> str:
-    """`sm_90`: of the first device."""
+    """Return the architecture of the first device, e.g. `sm_90`."""
     major, minor = attributes("COMPUTE_CAPABILITY_MAJOR", "COMPUTE_CAPABILITY_MINOR")
     return f"sm_{major}{minor}"
 
 
 def compile_source(source: Path, definitions: tuple[str, ...], architecture: str) -> bytes:
-    """Machine code (cubin) of a source for a real architecture such as `sm_90`: by NVRTC, else by nvcc.
+    """Return machine code (cubin) of a source for a real architecture such as `sm_90`: by NVRTC, else by nvcc.
 
-    Raises PeerError where neither is here or the source does not compile. Needs no GPU.
+    Raises PeerError if neither is installed or the source does not compile. Needs no GPU.
     """
     options = [*OPTIONS, *definitions, f"--gpu-architecture={architecture}"]
     try:
@@ -66,7 +65,7 @@ def compile_source(source: Path, definitions: tuple[str, ...], architecture: str
         )
     except PeerError:
         raise
-    except Exception as error:  # a missing library shows as one of several kinds of exception
+    except Exception as error:  # a missing library raises one of several kinds of exception
         return _compile_with_nvcc(source, options, f"NVRTC is not here ({error})")
     try:
         status = nvrtc.nvrtcCompileProgram(program, len(options), [option.encode() for option in options])

@@ -1,12 +1,12 @@
-"""Towers of rigid beams in Newton: boxes of the same size, mass and place, on the same plane, by its solvers for rigid
-bodies (XPBD, VBD, Steel), the lab's substeps, contacts found anew in each.
+"""Towers of rigid beams in Newton, by its solvers for rigid bodies (XPBD, VBD, Steel).
 
-The lab makes a rigid body of particles, and so its contacts are among spheres; theirs are among boxes. What both must give is
-where the beams lie once they have fallen on each other: a beam's particles are where Newton's box carries them.
+Boxes of the same size, mass and place, on the same plane, the lab's substeps, contacts searched anew in each. The lab
+makes a rigid body of particles, so its contacts are between spheres; Newton's are between boxes. Both must agree on
+where the beams lie once they have fallen on each other: the particles of a beam are where Newton's box carries them.
 
-Shape matching is not compared: Newton has none (its tetrahedra: bars/newton.py). Nor is its MuJoCo solver, whose
-packages are not among the lab's extras, nor its semi-implicit Euler, whose contacts are springs that this step size allows
-to be soft alone.
+Not compared: shape matching, which Newton does not have (its tetrahedra: bars/newton.py); its MuJoCo solver, whose
+packages are not among the lab's extras; its semi-implicit Euler, whose contacts are springs that can only be soft at
+this step size.
 """
 
 from __future__ import annotations
@@ -21,12 +21,13 @@ from bench.peers.warp_base import Replayed
 from model.core.build import build
 from model.scene.scene import Scene
 
-CONTACT_STIFFNESS, CONTACT_DAMPING = 1e6, 100.0  # N/m, N s/m: VBD's contacts give; a tower sinks by millimetres
+# N/m, N s/m: VBD's contacts are compliant; a tower sinks by millimetres
+CONTACT_STIFFNESS, CONTACT_DAMPING = 1e6, 100.0
 KNOWN = {"rigid_body", "contact", "plane", "gravity", "method"}
 
 
 class NewtonRigid(Newton):
-    """`solver` of Newton's, with so many iterations, or None where it chooses."""
+    """A `solver` of Newton with that many iterations, or None for its default."""
 
     scenes = ("rigid",)
 
@@ -68,7 +69,7 @@ class _Towers(Replayed):
         self._solver = getattr(newton.solvers, solver)(self._model, **how)
         self._states = [self._model.state(), self._model.state()]
         self._control = self._model.control()
-        self._step()  # loads the kernels: nothing may be loaded while a graph is captured
+        self._step()  # loads the kernels: no module may be loaded while a graph is captured
         self._capture()
         self.load(body.position, body.velocity)
 
@@ -81,7 +82,7 @@ class _Towers(Replayed):
             density=beam.density, mu=plane[1].dynamic_friction, ke=CONTACT_STIFFNESS, kd=CONTACT_DAMPING
         )
         builder.add_ground_plane(cfg=material)
-        half = 0.5 * (np.ptp(self._rest[0], axis=0) + scene.body_set.spacing)  # a particle stands for a cube
+        half = 0.5 * (np.ptp(self._rest[0], axis=0) + scene.body_set.spacing)  # a particle represents a cube
         for particles in self._start:
             where = self._wp.transform(tuple(particles.mean(axis=0).tolist()), self._wp.quat_identity())
             body = builder.add_body(xform=where)
@@ -98,7 +99,7 @@ class _Towers(Replayed):
             self._current = 1 - self._current
 
     def load(self, position: np.ndarray, velocity: np.ndarray) -> None:
-        """Each beam where its particles are, as well as a rigid motion can have it."""
+        """Move each beam to its particles, as closely as a rigid motion can."""
         self._current = 0
         at, speed = (np.asarray(array, np.float64).reshape(self._rest.shape) for array in (position, velocity))
         middle, linear = at.mean(axis=1), speed.mean(axis=1)
@@ -132,7 +133,7 @@ class _Towers(Replayed):
 
 
 def _rotations(quaternion: np.ndarray) -> np.ndarray:
-    """(bodies, 3, 3) of unit quaternions (bodies, 4), the real part last."""
+    """Return the rotation matrices (bodies, 3, 3) of unit quaternions (bodies, 4), the real part last."""
     x, y, z, w = quaternion.T
     rows = [
         [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
@@ -143,8 +144,10 @@ def _rotations(quaternion: np.ndarray) -> np.ndarray:
 
 
 def _quaternions(rotation: np.ndarray) -> np.ndarray:
-    """The unit quaternions (bodies, 4), the real part last, of rotations (bodies, 3, 3): the eigenvector of the largest
-    eigenvalue of a symmetric matrix (Bar-Itzhack 2000), which has no special cases."""
+    """Return the unit quaternions (bodies, 4), the real part last, of rotations (bodies, 3, 3).
+
+    The eigenvector of the largest eigenvalue of a symmetric matrix (Bar-Itzhack 2000), without special cases.
+    """
     r = rotation
     matrix = np.empty((len(r), 4, 4))
     for i in range(3):

@@ -1,14 +1,15 @@
-"""A sheet of springs in Newton (newton-physics on GitHub, `pip install newton`), NVIDIA's and others' engine on Warp: its
-solvers semi-implicit Euler, XPBD and VBD, which are given the lab's masses and springs and nothing else.
+"""Sheet of springs in Newton (newton-physics on GitHub, `pip install newton`), an engine of NVIDIA and others on Warp.
 
-- Semi-implicit Euler takes the lab's own step: of a cloth as it is, of the hand-out's grid with doubled masses and half of
-  gravity (docs/method.md, Facts). It is held to the lab's bound.
+Its solvers semi-implicit Euler, XPBD and VBD get the lab's masses and springs and nothing else.
+
+- Semi-implicit Euler does the lab's own step: for a cloth as it is, for the hand-out's grid with doubled masses and half of
+  gravity (docs/method.md, Facts). The lab's bound applies.
 - XPBD and VBD approach implicit Euler's step of the same springs: more iterations, less error. XPBD adds up the full
-  corrections of all springs of a mass at once, unweighted, so that stiff springs or long steps make it grow without bound.
-  Both are held against the lab's implicit Euler, converged; how far they are from it is told beside their time.
+  corrections of all springs of a mass at once, unweighted, so that it grows without bound with stiff springs or long steps.
+  Both are compared with the lab's converged implicit Euler; their distance from it is reported with their time.
 
-Newton gives particles no drag of the air; where a scene has one, a kernel of ours adds it to its external forces, as its
-users do. VBD's colours are given to it: its own colouring (ModelBuilder.color) knows triangles and tetrahedra, not springs.
+Newton has no air drag on particles; where a scene has one, a kernel of ours adds it to its external forces, as its
+users do. VBD gets its colours: its own colouring (ModelBuilder.color) supports triangles and tetrahedra, not springs.
 """
 
 # No `from __future__ import annotations`: Warp reads the types of a kernel from its annotations.
@@ -33,11 +34,11 @@ REMEDY = "pip install 'softlab[peers]'"
 
 @cache
 def load_newton() -> Any:
-    """The package. Raises PeerError where it is not here."""
+    """Return the package. Raises PeerError if it is not installed."""
     load_warp()
     try:
         import newton
-    except Exception as error:  # what a broken installation raises is not documented
+    except Exception as error:  # the exceptions of a broken installation are not documented
         raise PeerError(f"Newton cannot be loaded ({error}); {REMEDY}") from None
     return newton
 
@@ -55,7 +56,7 @@ def _make_drag() -> Any:
 
 
 class Newton(WarpPeer):
-    """One solver of Newton's. `solver`: its class there; `iterations`: None where it has none."""
+    """One solver of Newton; `solver`: its class there; `iterations`: None if it has none."""
 
     precisions = ("float32",)
     solver: str
@@ -84,7 +85,7 @@ class Newton(WarpPeer):
         return reason
 
     def scene_refusal(self, scene: Scene) -> str | None:
-        """As `refusal`, at any size."""
+        """Return the reason like `refusal`, at any size."""
         return implicit_refusal(scene)
 
     def opened(self, scene: Scene, precision: str) -> Opened:
@@ -116,13 +117,13 @@ class NewtonVbd(Newton):
 
 
 def _lattice_colours(rows: int, columns: int) -> list[np.ndarray]:
-    """Nine groups of particles, no two of one within two rows and columns of each other: no spring joins them."""
+    """Return nine groups of particles, no two of one within two rows and columns of each other, so without springs."""
     i, j = np.divmod(np.arange(rows * columns), columns)
     return [members for n in range(9) if len(members := np.flatnonzero(3 * (i % 3) + j % 3 == n))]
 
 
 class _Sheet(Replayed):
-    chunks = (16, 4, 2)  # a step has up to some hundred launches; 16 are what Warp's cloth has in a frame
+    chunks = (16, 4, 2)  # a step has up to some hundred launches; Warp's cloth has 16 per frame
 
     def __init__(self, scene: Scene, solver: str, backend: str, iterations: int | None):
         super().__init__(backend)
@@ -139,7 +140,7 @@ class _Sheet(Replayed):
         self._states = [self._model.state(), self._model.state()]
         self._control = self._model.control()
         self.load(self.constants.position, self.constants.velocity)
-        self._step()  # loads the kernels: nothing may be loaded while a graph is captured
+        self._step()  # loads the kernels: no module may be loaded while a graph is captured
         self._current = 0
         self._capture()
         self.load(self.constants.position, self.constants.velocity)
@@ -153,7 +154,7 @@ class _Sheet(Replayed):
             mass=np.where(constants.inverse_mass > 0, mass, 0.0).tolist(),
             radius=[0.0] * constants.count,
         )
-        # as add_spring does for one; it would measure the rest lengths at the start
+        # like add_spring for one spring, which would measure the rest lengths at the start
         builder.spring_indices.extend(np.stack([springs.first, springs.second], axis=1).ravel().tolist())
         builder.spring_rest_length.extend(springs.rest_length.tolist())
         builder.spring_stiffness.extend((1 / springs.compliance).tolist())
@@ -161,12 +162,12 @@ class _Sheet(Replayed):
         builder.spring_control.extend([0.0] * len(springs.first))
         builder.set_coloring(_lattice_colours(body.rows, body.columns))
         model = builder.finalize(device=self._device)
-        model.particle_grid = None  # its particles would meet each other
+        model.particle_grid = None  # otherwise its particles would collide
         model.particle_max_velocity = math.inf
         return model
 
     def _in_space(self, array: np.ndarray) -> np.ndarray:
-        """(particles, 3) float32."""
+        """Return the array as (particles, 3) float32."""
         space = np.zeros((len(array), 3), np.float32)
         space[:, : array.shape[1]] = array
         return space

@@ -1,6 +1,6 @@
-"""The grid in vectorised NumPy: whole-array operations into arrays that are kept, one thread.
+"""The grid in vectorised NumPy: whole-array operations into preallocated arrays, one thread.
 
-What a careful user of NumPy writes: separate axes, no temporary that can be avoided, each spring once.
+The code of a careful user of NumPy: separate axes, no avoidable temporary, each spring once.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class _Grid(Opened):
         return position, velocity
 
     def synchronize(self) -> None:
-        """Nothing to wait for."""
+        """Return at once: there is nothing to wait for."""
 
     def advance(self, steps: int) -> None:
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
@@ -62,7 +62,7 @@ class _Grid(Opened):
                 self._step()
 
     def _pull(self, difference: np.ndarray, scale: np.ndarray) -> None:
-        """Turn the way to the neighbour into the pull, in place; zero for coincident masses."""
+        """Turn the vector to the neighbour into the force over mass, in place; zero for coincident masses."""
         np.hypot(difference[0], difference[1], out=scale)
         coincident = scale == 0
         np.divide(self.constants.stiffness_rest, scale, out=scale)

@@ -1,7 +1,7 @@
 """`python -m bench.peers.once`: every peer of a backend opened once at a small size, its answer checked, a line each.
 
-For a machine that is new or lent by the minute: it stores nothing, and its times are of single short runs, not to be told of.
-Ends with 1 where an answer is wrong that should not be, or a peer that is here breaks.
+For a new machine, or one that is available for minutes only. Nothing is stored, and the times are of single short runs,
+not to be quoted. The exit status is 1 if a result is wrong that should not be, or an installed peer fails.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ SIZES = {
     "grid": (48, 300, 700),
     "rigid": (2,),
     **dict.fromkeys(BARS, (2,)),
-}  # masses (towers) a side: grids for one block, resident tiles, passes
+}  # masses (towers) per side: grids for one block, resident tiles, passes
 OTHERS = (40,)
 STEPS, TRIAL = 60, 64
-MAY_FAIL = ("implicit-4", "implicit-1")  # where few iterations are not enough, which is the finding
+MAY_FAIL = ("implicit-4", "implicit-1")  # scenes on which few iterations may not be enough, which is a finding
 
 
 def contestants(word: str, scene: Scene, backend: str) -> Iterator[tuple[str, Peer, Opened | None]]:
-    """(name, peer, None), and of CUDA C++ on tiles each of its tiles as (name, peer, opened)."""
+    """Yield (name, peer, None), and for CUDA C++ on tiles each of its tiles as (name, peer, opened)."""
     for peer in PEERS:
         if peer.backend != backend or word not in peer.scenes:
             continue
@@ -57,7 +57,7 @@ def contestants(word: str, scene: Scene, backend: str) -> Iterator[tuple[str, Pe
 
 
 def run(word: str, scene: Scene, what: PeerScene, backend: str, threads: int) -> int:
-    """Checks that failed."""
+    """Return the number of failed checks."""
     if what.tip is not None:
         return _bars(word, scene, what.tip(scene), backend, threads)
     steps = what.check_steps if what.bound else STEPS
@@ -86,7 +86,10 @@ def run(word: str, scene: Scene, what: PeerScene, backend: str, threads: int) ->
 
 
 def _bars(word: str, scene: Scene, exact: Tip, backend: str, threads: int) -> int:
-    """As `run`, of a bar whose exact answer is known: what is far off by its own few iterations is told, not counted."""
+    """Return the number of failures like `run`, for a bar whose exact result is known.
+
+    Errors due to few iterations are reported, but not counted.
+    """
     print(f"{word}, {len(scene.tetrahedra_set.tetrahedra)} tetrahedra, {exact.frames} frames", flush=True)
     failed = 0
     for name, peer, _ in contestants(word, scene, backend):
@@ -120,7 +123,7 @@ def _told(
     name: str, peer: Peer, opened: Opened, scene: Scene, what: PeerScene, start: State, expected: np.ndarray, steps: int,
     begin: float,
 ) -> int:  # fmt: skip
-    """1 where the answer is wrong and should not be."""
+    """Print the result of one peer; return 1 if it is wrong and should not be."""
     opened.synchronize()
     ready = time.perf_counter() - begin
     opened.load(start.position, start.velocity)
@@ -147,7 +150,7 @@ def _told(
 
 
 def main(arguments: Iterable[str] | None = None) -> int:
-    """What a command line asks for; the exit status, 1 where a peer failed."""
+    """Run the command line; return the exit status, 1 if a peer failed."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--backend", choices=("cpu", "gpu"), default="gpu")
     parser.add_argument("--scene", action="append", choices=list(SCENES), help="only this one; repeatable")

@@ -1,4 +1,4 @@
-"""The lab's own XPBD beside the peers that approach implicit Euler's step of the same springs by a few iterations."""
+"""The lab's own XPBD as a peer that approaches implicit Euler's step of the same springs by a few iterations."""
 
 from __future__ import annotations
 
@@ -11,11 +11,13 @@ from model.core.simulation import Simulation, State
 from model.scene.scene import Scene
 
 IMPLICIT = ("implicit-16", "implicit-4", "implicit-1")  # words of bench/peers/scenes.py
-APPROACHES = 0.05  # spacings that an iterative solver may be off implicit Euler's step, and be called the same scene
+APPROACHES = 0.05  # spacings: largest distance of an iterative solver from implicit Euler's step
 
 
 def implicit_refusal(scene: Scene) -> str | None:
-    """Why an iterative solver of implicit Euler's step (springs without dampers, gravity, pins) cannot run the scene."""
+    """Return why an iterative solver of implicit Euler's step (springs without dampers, gravity, pins) cannot run the
+    scene.
+    """
     if scene.method.solver != "mass-spring" or scene.method.integrator != "implicit-euler":
         return f"it approaches implicit Euler, not {scene.method.label}"
     refusal = cloth_refusal(scene.replace({"method.integrator": "semi-implicit-euler"}))
@@ -55,7 +57,7 @@ class OwnXpbd(Peer):
 
 
 class Own(Opened):
-    """A simulation of the lab's as a peer's; `threads` of it."""
+    """A simulation of the lab in the form of a peer's, with its `threads`."""
 
     def __init__(self, simulation: Simulation):
         self._simulation = simulation

@@ -1,4 +1,4 @@
-"""The peers there are, in the order in which they are measured and drawn."""
+"""List of the peers, in the order in which they are measured and drawn."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from bench.peers.warp_cloth import WarpCloth
 from bench.peers.warp_grid import WarpGrid
 from bench.peers.warp_xpbd import WarpXpbd
 
-OURS = "softlab"  # the lab itself, in the `peer` field of what was measured beside peers
+OURS = "softlab"  # the lab itself, in the `peer` field of measurements with peers
 
 
 def _of_warp(backend: str) -> tuple[Peer, ...]:
@@ -42,5 +42,5 @@ PEERS: tuple[Peer, ...] = (
 
 
 def label(name: str) -> str:
-    """How figures and tables call a peer of the store, also one that is no longer registered."""
+    """Return the name of a peer of the store in figures and tables, also of one that is no longer registered."""
     return next((peer.label for peer in PEERS if peer.name == name), name)

@@ -1,6 +1,6 @@
-"""How peers compare with the lab: ratios of times from the store, and the table in the terminal.
+"""Comparison of peers with the lab: ratios of times from the store, and the table in the terminal.
 
-A ratio is taken within one run, where both were measured in turn; across runs the machine may have changed.
+A ratio is taken within one run, where both were measured in turn; between runs the machine may have changed.
 """
 
 from __future__ import annotations
@@ -20,24 +20,25 @@ from bench.store.database import Store, canonical
 from bench.store.marks import is_wrong
 from bench.store.results import SPREAD_LIMIT
 
-PER_VOXEL, SLENDER = 5, 10  # tetrahedra of a voxel; voxels along a bar of BARS for one across
+PER_VOXEL, SLENDER = 5, 10  # tetrahedra per voxel; length of a bar of BARS over its width
 NO_BREAK = "\N{NO-BREAK SPACE}"  # in the cells of a narrow terminal
-DIFFERENCE = (
-    "peer_difference"  # the measure: how far a state is from the lab's own in float64, in spacings; of bars that
-)
-# are held against an exact answer (bench/peers/bars/tip.py), how far the tip is off its way, relative
-OWN_LAW = (
-    "peer_law_difference"  # of a peer whose material is its own, whose law the reason tells: off the scene's answer
-)
+# measure: distance of a state from the lab's own in float64, in spacings; for bars that are compared with an exact result
+# (bench/peers/bars/tip.py), the relative error of the tip
+DIFFERENCE = "peer_difference"
+# measure for a peer with a material of its own, whose law is the reason: its difference from the scene's result
+OWN_LAW = "peer_law_difference"
 
 
 @dataclass(frozen=True)
 class Ratio:
-    """One peer at one size beside the lab. `seconds`, `our_seconds`: medians of a step [s]; `ratio`: the peer's time over
-    ours (above 1 we are faster); `low`, `high`: the least and greatest of the repeats taken pair by pair; `threads` None
-    on the GPU; `wrong`: its answer failed the check; `suspect`: reasons, of either side; `difference` [spacings] of the
-    peer's state from the lab's in float64, None where it was not had, `our_difference` of the lab's own; `scene`: a word of
-    bench/peers/scenes.py."""
+    """One peer compared with the lab at one size.
+
+    `seconds`, `our_seconds`: median times of a step [s]; `ratio`: the peer's time over ours (above 1 we are faster);
+    `low`, `high`: the smallest and largest over pairs of repeats; `threads`: None on the GPU; `wrong`: its state failed
+    the check; `suspect`: reasons, of either side; `difference` [spacings]: of the peer's state from the lab's in
+    float64, None where it was not measured, `our_difference`: of the lab's own; `scene`: a word of
+    bench/peers/scenes.py.
+    """
 
     peer: str
     backend: str
@@ -64,9 +65,9 @@ class Ratio:
 
 
 def ratios(store: Store, machine: str) -> list[Ratio]:
-    """Every peer at every size that a machine (a key) timed beside the lab, smallest grids first: of the newest such run.
+    """Return every peer at every size that a machine (a key) timed with the lab, smallest grids first.
 
-    A wrong answer of the lab's own leaves no ratio.
+    From the newest such run. A wrong result of the lab itself leaves no ratio.
     """
     rows = store.query(
         "SELECT run.key, sample.configuration, sample.sources, seconds, steps, suspect "
@@ -127,8 +128,10 @@ def _ratio(description: dict, theirs: list[tuple[float, str | None]], ours: list
 
 
 def print_peers(console: Console, store: Store, machine: str) -> None:
-    """Nanoseconds per mass and step of the lab, and of each peer with its ratio, a table for each scene, backend and
-    precision; where peers approach the scene's method, how far each is from it, too."""
+    """Print nanoseconds per mass and step of the lab and of each peer with its ratio.
+
+    A table for each scene, backend and precision; for peers that approach the scene's method with the distance from it.
+    """
     found, told = ratios(store, machine), {}
     order = list(SCENES)
     kinds = {(order.index(r.scene) if r.scene in order else len(order), r.scene, r.backend, r.precision) for r in found}
@@ -171,7 +174,7 @@ def _print_table(console: Console, scene: str, backend: str, precision: str, min
 
 
 def _print_bars(console: Console, scene: str, backend: str, precision: str, mine: list[Ratio]) -> None:
-    """Of bars whose exact answer is known: a line a peer, quickest first, so that error stands beside time."""
+    """Print bars whose exact result is known, a line per peer, fastest first, with error and time."""
     text = f"{SCENES[scene].text}, {backend}, {precision}: milliseconds a frame (x: times ours; off the tip's way)"
     console.print(text, highlight=False)
     shapes = list(dict.fromkeys(r.rows for r in mine))

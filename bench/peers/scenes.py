@@ -1,9 +1,9 @@
-"""What is run side by side: scenes that the lab and others can be given alike, each by a word.
+"""Scenes for comparisons, which the lab and its peers can run alike, each with a word.
 
-A sheet keeps its material and its spacing at every size. Cloth by implicit Euler is the same sheet at three step sizes, of
-one, four and sixteen steps in a sixtieth of a second: there the peers are iterative solvers, whose error grows with the step.
-Rigid bodies are towers of ten beams that fall a centimetre on each other and come to rest, n x n of them. Tetrahedra are a
-bar held at one end, n voxels across and five times as many long; and, at three Young's moduli, the bar of bars/tip.py.
+A sheet has the same material and spacing at every size. Cloth by implicit Euler is the same sheet at three step sizes,
+of one, four and sixteen steps in 1/60 s: there the peers are iterative solvers, whose error grows with the step. Rigid
+bodies are n x n towers of ten beams that fall 1 cm on each other and come to rest. Tetrahedra are a bar fixed at one
+end, n voxels across and five times as many long; and, at three Young's moduli, the bar of bars/tip.py.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ UNDAMPED = {f"{kind}.damping": 0.0 for kind in ("structural", "shear", "bending"
 
 TOWER_SQUARES = (1, 4, 16)
 BAR_SQUARES = (2, 4, 8, 16)
-VOXEL, SLENDER = 0.1, 5  # m; how many times as long as wide
-LAYERS = 10  # beams of a tower
-REST = 120  # steps of 1/60 s, after which a tower has come to rest
+VOXEL, SLENDER = 0.1, 5  # m; ratio of length to width
+LAYERS = 10  # beams per tower
+REST = 120  # steps of 1/60 s after which a tower is at rest
 TOWERS = {
     "title": "Towers of rigid beams",
     "beams": {
@@ -45,9 +45,13 @@ TOWERS = {
 
 @dataclass(frozen=True)
 class PeerScene:
-    """`word`: how it is asked for; `text`: for tables; `make(rows, columns)`: the scene; `squares`: masses (towers) a side
-    of a full sweep; `check_steps`: after which answers are compared, fewer for sheets of very many masses; `bound`:
-    spacings that any answer may be off, None for rounding; `tip`: what is held against an exact answer, not the lab's."""
+    """A scene for comparisons.
+
+    `word`: its name in options; `text`: for tables; `make(rows, columns)`: the scene; `squares`: masses (towers) per
+    side of a full sweep; `check_steps`: number of steps after which states are compared, fewer for sheets of very many
+    masses; `bound` [spacings]: largest distance of any peer, None for rounding; `tip`: the exact result, for scenes
+    that have one.
+    """
 
     word: str
     text: str
@@ -58,7 +62,7 @@ class PeerScene:
     tip: Callable[[Scene], Tip] | None = None
 
     def sized(self, quick: bool, sizes: Iterable[int] | None) -> list[Scene]:
-        """The scene at every size, smallest first. Raises SceneError for an impossible one."""
+        """Return the scene at every size, smallest first. Raises SceneError for an impossible one."""
         usual = tuple(n for n in self.squares if n <= QUICK_SQUARES[-1])[:2] if quick else self.squares
         chosen = sizes if sizes is not None else QUICK_SQUARES if quick and self.word == "grid" else usual
         return [self.make(*shape) for shape in shapes(quick, chosen)]
@@ -119,8 +123,10 @@ SCENES = {
 
 
 def peer_scenes(words: Iterable[str] | None, quick: bool) -> list[PeerScene]:
-    """Those asked for by word, or by what several words begin with; without, all of them, and the grid alone in a quick
-    sweep. Raises SceneError."""
+    """Return the scenes by word, or by the common prefix of several words.
+
+    Without words: all of them, or only the grid in a quick sweep. Raises SceneError.
+    """
     asked = list(words) if words is not None else ["grid"] if quick else list(SCENES)
     chosen: list[str] = []
     for word in asked:
@@ -132,7 +138,7 @@ def peer_scenes(words: Iterable[str] | None, quick: bool) -> list[PeerScene]:
 
 
 def word_of(scene: Mapping[str, Any]) -> str:
-    """The word of a scene as the store describes it."""
+    """Return the word of a scene as the store describes it."""
     method = scene["method"]
     if method["solver"] == "shape-matching":
         return "rigid"
@@ -148,7 +154,9 @@ def word_of(scene: Mapping[str, Any]) -> str:
 
 
 def shape_of(scene: Mapping[str, Any]) -> tuple[int, int]:
-    """(rows, columns) of masses of a sheet as the store describes it; of bodies (towers, beams of each); of a bar voxels."""
+    """Return (rows, columns) of masses of a sheet as the store describes it; of bodies (towers, beams); of a bar
+    voxels.
+    """
     parts = _by_kind(scene)
     if "tetrahedral_body" in parts:
         part = parts["tetrahedral_body"]

@@ -1,10 +1,10 @@
-"""`softlab sweep --peers`: the lab and what a user could pick instead, side by side.
+"""`softlab sweep --peers`: the lab compared with programs that a user could choose instead.
 
-Of every scene and size, each backend and precision is a group: the lab (its own choice of kernel, as many threads as
-cores) and every peer that can run the scene here, in one process, sampled in turn (A B C A B C ...). Before a time counts,
-each state is held against the lab's CPU in float64 `exact` math, at that very size. In the store all of them, the lab too,
-are configurations with a `peer`, so that no ordinary figure or table takes them for its own. Resumable, safe under Ctrl-C;
-a peer that is not here is skipped with its reason.
+For every scene and size, each backend and precision is a group: the lab (its own choice of kernel, as many threads as
+cores) and every peer that can run the scene here, in one process, sampled in turn (A B C A B C ...). Before a time is
+stored, each state is compared with the lab's CPU in float64 `exact` math, at that very size. In the store all of them,
+the lab too, are configurations with a `peer`, so that ordinary figures and tables do not use them. Resumable, safe
+under Ctrl-C; a peer that is not installed is skipped with its reason.
 """
 
 from __future__ import annotations
@@ -49,10 +49,11 @@ def run_peers(
     progress: bool = True,
     command: str = "softlab sweep --peers",
 ) -> SweepSummary:
-    """Measure what the store lacks of the comparison, and say what was done; `scenes` as words of bench/peers/scenes.py,
-    the other arguments as of bench/experiments/sweep.py's run_sweep.
+    """Measure the comparisons that the store lacks, and return a summary.
 
-    Raises SceneError (an impossible choice), InputError (the store), BackendUnavailable (a backend asked for).
+    `scenes`: words of bench/peers/scenes.py; other arguments as in run_sweep of bench/experiments/sweep.py.
+
+    Raises SceneError (an impossible choice), InputError (the store), BackendUnavailable (a requested backend).
     """
     begin = time.perf_counter()
     effort = choose_effort(quick, max_seconds, total_seconds, repeats, min_seconds)
@@ -64,7 +65,7 @@ def run_peers(
     revision = code_version()
     summary = SweepSummary(enter_machine(store), "")
     comparison = _Comparison(store, effort, summary, begin, peers)
-    wanted = list(backends or ("cpu", "gpu"))  # peers of a backend that is not here are skipped with their reason
+    wanted = list(backends or ("cpu", "gpu"))  # peers of an unavailable backend are skipped with their reason
     groups = []
     for scene, sized in planned:
         groups += [group_of(scene, sized, name, precision, peers) for name in wanted for precision in precisions]
@@ -77,12 +78,12 @@ def run_peers(
 
 
 class _Comparison:
-    """One comparison under way."""
+    """State of one comparison."""
 
     def __init__(self, store: Store, effort: Effort, summary: SweepSummary, begin: float, peers: Sequence[Peer]):
         self.store, self.effort, self.summary, self.begin = store, effort, summary, begin
         self._here = {peer.name: peer.available() for peer in peers}
-        self._costs: dict[tuple[Any, ...], tuple[int, float]] = {}  # kind -> (particles, seconds a step)
+        self._costs: dict[tuple[Any, ...], tuple[int, float]] = {}  # kind -> (particles, seconds per step)
         self._compiled: set[tuple[Any, ...]] = set()
         self._judge = Judge(store, summary, effort.max_seconds)
         self._neighbours = Neighbours()
@@ -138,7 +139,7 @@ class _Comparison:
     # ------------------------------------------------------------------ one group
 
     def measure(self, group: Sequence[PeerCase], tell: Callable[[str], None]) -> None:
-        """Open, check and time the cases of one group; the lab is measured again beside a peer that is missing."""
+        """Open, check and time the cases of one group; the lab is measured again next to a peer that is missing."""
         lacking = [case for case in group[1:] if self._missing(case)] or list(group[1:])
         affordable = self._affordable([group[0], *lacking])
         if len(affordable) < 2 or affordable[0].peer is not None:
@@ -155,7 +156,7 @@ class _Comparison:
                     warning = self._judge.check(case, simulation, body)
                     tell(f"{case}: warming up")
                     subject = self._warmed(case, simulation)
-                except Exception as error:  # a peer may break in any way; the others go on
+                except Exception as error:  # a peer may fail in any way; the others continue
                     self._skip(case, f"{case.peer.label if case.peer else OURS}: {error or type(error).__name__}")
                     continue
                 if isinstance(subject, str):
@@ -192,14 +193,14 @@ class _Comparison:
         return kept
 
     def _estimate(self, case: PeerCase) -> float:
-        """Seconds that the check of its answer and all repeats take, from the last size; 0 where nothing is known."""
+        """Return the time [s] of the check and all repeats, from the last size; 0 if unknown."""
         particles, seconds = self._costs.get(case.kind, (case.particles, 0.0))
         one = seconds * max(1.0, case.particles / particles)
         repeats = (self.effort.repeats + 2) * max(one, self.effort.min_seconds if seconds else 0.0)
         return case.steps_checked * one + repeats
 
     def _open(self, case: PeerCase, body: Body, stack: ExitStack) -> Simulation | Beside:
-        """Opened and compiled; the first of its kind in this process is timed at that."""
+        """Open and compile; the first of its kind in this process is timed."""
         begin = time.perf_counter()
         simulation: Simulation | Beside
         if case.peer is None:
@@ -227,8 +228,8 @@ class _Comparison:
         return time.perf_counter() - begin
 
     def _warmed(self, case: PeerCase, simulation: Simulation | Beside) -> Subject | str:
-        """What can be timed, with the steps of a sample chosen; or why it takes too long."""
-        subject = Subject(simulation, case)  # type: ignore[arg-type]  # a peer has all that timing needs
+        """Return the subject with the number of steps per sample, or the reason why it takes too long."""
+        subject = Subject(simulation, case)  # type: ignore[arg-type]  # a peer has all attributes that timing needs
         warm_up(subject)
         needed = (self.effort.repeats + 1) * (subject.seconds_per_step + subject.restore_seconds)
         self._costs[case.kind] = (case.particles, subject.seconds_per_step)
@@ -239,7 +240,7 @@ class _Comparison:
         return subject
 
     def _sample(self, subjects: Sequence[Subject], warnings: Sequence[str | None], tell: Callable[[str], None]) -> None:
-        """Sample in turn; each sample is on disk before the next one starts."""
+        """Sample in turn; each sample is written to disk before the next one starts."""
         wanted = [max(1, self._missing(subject.name)) for subject in subjects]
         wanted[0] = max(wanted)
         taken: list[list[float]] = [[] for _ in subjects]
@@ -260,5 +261,5 @@ class _Comparison:
 
 
 def _close_quietly(opened: Opened) -> None:
-    with suppress(Exception):  # a device that broke while stepping breaks here again; the reason is stored already
+    with suppress(Exception):  # a device that failed while stepping fails here again; the reason is stored already
         opened.close()

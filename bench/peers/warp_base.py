@@ -1,4 +1,4 @@
-"""What the peers made with NVIDIA Warp share: loading it, its devices, and steps that are captured in a graph."""
+"""Common parts of the peers made with NVIDIA Warp: loading it, its devices, and steps that are captured in a graph."""
 
 from __future__ import annotations
 
@@ -17,29 +17,32 @@ REMEDY = "pip install 'softlab[peers]'"
 
 @cache
 def load_warp() -> Any:
-    """The package, quiet and initialised. Raises PeerError where it is not here."""
+    """Return the package, quiet and initialised. Raises PeerError if it is not installed."""
     try:
         import warp
 
         config: Any = warp.config
         if hasattr(config, "log_level"):
             config.log_level = warp.LOG_ERROR
-        config.quiet = True  # the older word for it
+        config.quiet = True  # older name of the option
         warp.init()
-    except Exception as error:  # what a broken installation raises is not documented
+    except Exception as error:  # the exceptions of a broken installation are not documented
         raise PeerError(f"Warp cannot be loaded ({error}); {REMEDY}") from None
     return warp
 
 
 def numbers(precision: str, components: int) -> tuple[Any, Any]:
-    """Warp's types of a number in that precision, and of so many of them, 2 or 3."""
+    """Return Warp's types of a number in that precision, and of a vector of 2 or 3 of them."""
     wp, suffix = load_warp(), "f" if precision == "float32" else "d"
     return getattr(wp, precision), getattr(wp, f"vec{components}{suffix}")
 
 
 class WarpPeer(Peer):
-    """`backend`: "cpu" (Warp's CPU device, one thread) or "gpu" (the first CUDA device). `kind`: how its name
-    in the store begins; `title`: its label's."""
+    """Peer on Warp.
+
+    `backend`: "cpu" (Warp's CPU device, one thread) or "gpu" (the first CUDA device). `kind`: prefix of its name in the
+    store; `title`: of its label.
+    """
 
     kind: str
     title: str
@@ -73,13 +76,15 @@ class WarpPeer(Peer):
 
     @abstractmethod
     def opened(self, scene: Scene, precision: str) -> Opened:
-        """As `open`; may raise whatever the package raises."""
+        """Return the result of `open`; may raise whatever the package raises."""
 
 
 class Replayed(Opened):
-    """A simulation on a device of Warp, whose steps are captured in graphs and replayed, on the CPU too: no Python runs
-    between them. Subclasses: `_step`, one step that launches kernels; `_current`, 0 or 1, is which of two buffers holds the
-    state, if there are two; `chunks`: steps in a graph."""
+    """Simulation on a device of Warp, whose steps are captured in graphs and replayed, on the CPU too.
+
+    No Python runs between the steps. Subclasses: `_step`, one step that launches kernels; `_current`, 0 or 1, the one
+    of two buffers that has the state, if there are two; `chunks`: steps in a graph.
+    """
 
     chunks: tuple[int, ...] = CHUNKS
 
@@ -93,10 +98,10 @@ class Replayed(Opened):
 
     @abstractmethod
     def _step(self) -> None:
-        """One step from the current buffer; swaps buffers where there are two."""
+        """Do one step from the current buffer; swap buffers if there are two."""
 
     def _capture(self) -> None:
-        """The graphs: no sample is to hold their capturing. Kernels must be loaded by then."""
+        """Capture all graphs, so that no sample includes it. Kernels must be loaded before."""
         self._step()
         self._step()
         self.synchronize()
@@ -104,7 +109,7 @@ class Replayed(Opened):
             self._graph(chunk)
 
     def _graph(self, steps: int) -> Any:
-        """`steps` steps from the current buffer, captured when they are first needed."""
+        """Return the graph of `steps` steps from the current buffer, captured when it is first needed."""
         key = (self._current, steps)
         if key not in self._graphs:
             with self._wp.ScopedCapture(device=self._device, force_module_load=False) as capture:
@@ -130,8 +135,11 @@ class Replayed(Opened):
 
 
 class ReplayedSheet(Replayed):
-    """A sheet of masses in rows and columns, two buffers in turn, a launch a step. `constants`: of the scene;
-    `components` of a place, 2 or 3; `kernel(position, velocity, free, *given, new_position, new_velocity)`."""
+    """Sheet of masses in rows and columns, two buffers in turn, a launch per step.
+
+    `constants`: of the scene; `components` of a position, 2 or 3; `kernel(position, velocity, free, *given,
+    new_position, new_velocity)`.
+    """
 
     def __init__(self, constants: Any, precision: str, backend: str, components: int, kernel: Any, given: list[Any]):
         super().__init__(backend)
@@ -141,7 +149,7 @@ class ReplayedSheet(Replayed):
         zeros = {"shape": self._shape, "dtype": numbers(precision, components)[1], "device": self._device}
         self._position, self._velocity = ([wp.zeros(**zeros) for _ in range(2)] for _ in range(2))
         self._free = wp.array(constants.free.astype(np.uint8), dtype=wp.uint8, device=self._device)
-        wp.load_module(kernel.module, device=self._device)  # nothing may be loaded while a graph is captured
+        wp.load_module(kernel.module, device=self._device)  # no module may be loaded while a graph is captured
         self._launches = [self._recorded(0), self._recorded(1)]
         self._capture()
         self.load(constants.position, constants.velocity)

@@ -1,5 +1,7 @@
-"""The cloth of springs in NVIDIA Warp: one kernel, one thread a mass that gathers the pulls of its up to twelve neighbours,
-arrays of three-vectors; semi-implicit Euler. Replayed as the grid's (warp_base.py)."""
+"""The cloth of springs in NVIDIA Warp: one kernel, one thread per mass that gathers its up to twelve forces.
+
+Arrays of three-vectors; semi-implicit Euler. Replayed like the grid (warp_base.py).
+"""
 
 # No `from __future__ import annotations`: Warp reads the types of a kernel from its annotations.
 
@@ -27,7 +29,10 @@ def _make_kernel(precision: str) -> Any:
         v: vector,
         spring: vector,
     ):
-        """From the mass (i, j), if there is one; `spring`: stiffness, times the rest length, damping, all over mass."""
+        """Return the force over mass from the mass (i, j), or 0 if there is none.
+
+        `spring`: stiffness, stiffness times rest length, damping, all over mass.
+        """
         result = vector(real(0.0))
         if i >= 0 and i < position.shape[0] and j >= 0 and j < position.shape[1]:
             offset = position[i, j] - p
@@ -77,7 +82,7 @@ def _make_kernel(precision: str) -> Any:
 
 
 class WarpCloth(WarpPeer):
-    """One thread a mass, one step a launch."""
+    """One thread per mass, one step per launch."""
 
     kind, title = "warp_cloth", "Warp"
     scenes = ("cloth",)

@@ -1,4 +1,4 @@
-"""The grid in NVIDIA Warp, as its documentation teaches: one kernel, one thread a mass, arrays of two-vectors.
+"""The grid in NVIDIA Warp, as in its documentation: one kernel, one thread per mass, arrays of two-vectors.
 
 256 steps are captured in a graph, also on the CPU, where Warp runs on one thread.
 """
@@ -65,7 +65,7 @@ def _make_kernel(precision: str) -> Any:
 
 
 class WarpGrid(WarpPeer):
-    """One thread a mass, one step a launch."""
+    """One thread per mass, one step per launch."""
 
     kind, title = "warp", "Warp"
 

@@ -1,5 +1,8 @@
-"""XPBD of a sheet in NVIDIA Warp: the lab's constraints in the lab's order, a launch a colour (Gauss-Seidel) or one over all
-of them that adds up displacements (Jacobi), as its users write it. Replayed as the grid's (warp_base.py)."""
+"""XPBD of a sheet in NVIDIA Warp, as its users write it: the lab's constraints in the lab's order.
+
+A launch per colour (Gauss-Seidel), or one over all of them that adds up displacements (Jacobi). Replayed like the grid
+(warp_base.py).
+"""
 
 # No `from __future__ import annotations`: Warp reads the types of a kernel from its annotations.
 
@@ -23,7 +26,7 @@ OPTIONS = {"enable_backward": False, "module": "unique", "module_options": {"fas
 
 
 def xpbd_refusal(scene: Scene) -> str | None:
-    """Why a peer of XPBD on a sheet (springs as constraints, gravity, drag, pins) cannot run the scene."""
+    """Return why a peer of XPBD on a sheet (springs as constraints, gravity, drag, pins) cannot run the scene."""
     if scene.method.solver != "xpbd":
         return f"it has XPBD alone, not {scene.method.solver}"
     if scene.cloth is None:
@@ -34,7 +37,7 @@ def xpbd_refusal(scene: Scene) -> str | None:
 
 @cache
 def _make_moves(precision: str) -> SimpleNamespace:
-    """What happens to each mass: `predict`, `displace`, `finish`."""
+    """Make the kernels of masses: `predict`, `displace`, `finish`."""
     wp = load_warp()
     real, vector = numbers(precision, 3)
 
@@ -73,7 +76,7 @@ def _make_moves(precision: str) -> SimpleNamespace:
 
 @cache
 def _make_projections(precision: str) -> SimpleNamespace:
-    """What happens to each constraint: `project` (Gauss-Seidel), `gather` (Jacobi)."""
+    """Make the kernels of constraints: `project` (Gauss-Seidel), `gather` (Jacobi)."""
     wp = load_warp()
     real, vector = numbers(precision, 3)
 
@@ -89,7 +92,7 @@ def _make_projections(precision: str) -> SimpleNamespace:
         multipliers: wp.array(dtype=real),
         first: bool,
     ):
-        """(the change of the multiplier, the direction); `values`: rest length, alpha / h^2, alpha beta / h."""
+        """Return (the change of the multiplier, the direction); `values`: rest length, alpha / h^2, alpha beta / h."""
         offset = position[b] - position[a]
         length = wp.length(offset)
         direction = vector(real(0.0))
@@ -99,7 +102,7 @@ def _make_projections(precision: str) -> SimpleNamespace:
             value = values[n]
             stretch = length - value[0]
             if value[2] > real(0.0):
-                old = before[b] - before[a]  # how much longer it is now, without a difference of lengths
+                old = before[b] - before[a]  # elongation without a difference of lengths
                 stretch += value[2] * wp.dot(offset - old, offset + old) / (length + wp.length(old))
             if not first:
                 stretch += value[1] * multipliers[n]
@@ -117,7 +120,7 @@ def _make_projections(precision: str) -> SimpleNamespace:
         begin: int,
         first: bool,
     ):
-        """The constraints of one colour, in place: no two of them share a mass."""
+        """Project the constraints of one colour, in place: no two of them share a mass."""
         n = begin + wp.tid()
         a = ends[n][0]
         b = ends[n][1]
@@ -143,7 +146,7 @@ def _make_projections(precision: str) -> SimpleNamespace:
         first: bool,
         displacement: wp.array(dtype=vector),
     ):
-        """All constraints at one position; `share`: 1 over the larger valence of the two ends."""
+        """Project all constraints at one position; `share`: 1 over the larger valence of the two ends."""
         n = wp.tid()
         a = ends[n][0]
         b = ends[n][1]
@@ -162,7 +165,7 @@ def _make_projections(precision: str) -> SimpleNamespace:
 
 
 class WarpXpbd(WarpPeer):
-    """A launch a colour, or one over all constraints with atomic additions."""
+    """A launch per colour, or one over all constraints with atomic additions."""
 
     kind, title = "warp_xpbd", "Warp"
     scenes = ("xpbd",)
@@ -175,7 +178,7 @@ class WarpXpbd(WarpPeer):
 
 
 class _Xpbd(Replayed):
-    chunks = (16, 4, 1)  # a step is some hundred launches
+    chunks = (16, 4, 1)  # a step has some hundred launches
 
     def __init__(self, scene: Scene, precision: str, backend: str):
         super().__init__(backend)
@@ -205,14 +208,14 @@ class _Xpbd(Replayed):
         self._position, self._velocity, self._before = (wp.zeros(**zeros) for _ in range(3))
         self._displacement = wp.zeros(**zeros)
         for kernel in vars(self._kernels).values():
-            wp.load_module(kernel.module, device=device)  # nothing may be loaded while a graph is captured
+            wp.load_module(kernel.module, device=device)  # no module may be loaded while a graph is captured
         self._substep = self._recorded(constants)
         self.load(constants.position, constants.velocity)
         self._capture()
         self.load(constants.position, constants.velocity)
 
     def _recorded(self, constants: SheetConstants) -> list[Any]:
-        """The launches of a substep, in order."""
+        """Return the launches of a substep, in order."""
         count, kernels = constants.count, self._kernels
 
         def record(kernel: Any, size: int, *arguments: Any) -> Any:

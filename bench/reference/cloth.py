@@ -31,9 +31,7 @@ WAYS = {"structural": ((0, 1), (1, 0)), "shear": ((1, 1), (1, -1)), "bending": (
 
 
 def rest(scene: Scene) -> np.ndarray:
-    """Return the rest positions before any perturbation: row 0 on top (hanging) or behind (flat), y up; (rows, columns,
-    3) [m].
-    """
+    """Return the rest positions (rows, columns, 3) [m], unperturbed, y up: row 0 on top (hanging) or behind (flat)."""
     cloth = scene.cloth
     assert cloth is not None
     if scene.mesh:
@@ -73,8 +71,7 @@ def start(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
 def follow(scene: Scene, position: np.ndarray, velocity: np.ndarray, time: float) -> tuple[np.ndarray, np.ndarray]:
     """Return (position, velocity) (rows, columns, 3) with the prescribed values of moving pins at `time` [s].
 
-    By the matrix of a motion, R = cos I + sin [u] + (1 - cos) u u^T, [u] a = u x a, and v + w x R a.
-    """
+    By the matrix of a motion, R = cos I + sin [u] + (1 - cos) u u^T, [u] a = u x a, and v + w x R a."""
     if not scene.motions:
         return position, velocity
     position, velocity, at_rest = position.copy(), velocity.copy(), start(scene)[0].reshape(position.shape)
@@ -137,8 +134,7 @@ def spring_forces(scene: Scene, position: np.ndarray, velocity: np.ndarray) -> n
 def air(scene: Scene, time: float) -> np.ndarray:
     """Return the velocity of the wind with its gusts: (3,) [m/s].
 
-    Gusts are random numbers at multiples of gust_time, joined by 3 p^2 - 2 p^3.
-    """
+    Gusts are random numbers at multiples of gust_time, joined by 3 p^2 - 2 p^3."""
     wind = scene.wind
     assert wind is not None
     interval = floor(time / wind.gust_time)
@@ -149,12 +145,10 @@ def air(scene: Scene, time: float) -> np.ndarray:
 
 
 def wind_forces(scene: Scene, position: np.ndarray, velocity: np.ndarray, time: float) -> np.ndarray:
-    """Return a flat plate's drag and lift on the two triangles of every cell, a third for each corner: (rows, columns,
-    3) [N].
+    """Return the drag and lift of every cell's two triangles as flat plates: (rows, columns, 3) [N].
 
-    With unit normal n, area A and the air's velocity relative to the triangle u: half the density times A times drag
-    |u.n| u + lift (u.n) (|u| n - (u.n) u / |u|).
-    """
+    Each corner has a third. With unit normal n, area A and the air's velocity relative to the triangle u: half the
+    density times A times drag |u.n| u + lift (u.n) (|u| n - (u.n) u / |u|)."""
     wind = scene.wind
     force = np.zeros_like(position)
     if wind is None:
@@ -193,11 +187,9 @@ def forces(
 
 
 def distances(kind: str, collider: Any, position: np.ndarray, time: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
-    """Return (signed distance (..., 1) [m], negative inside; unit normal (..., 3)) of `position` (..., 3) at `time`
-    [s].
+    """Return (signed distance (..., 1) [m], unit normal (..., 3)) of `position` (..., 3) at `time` [s].
 
-    At the centre of a ball (and on a capsule's segment) the normal points up.
-    """
+    The distance is negative inside. At the centre of a ball (and on a capsule's segment) the normal points up."""
     moved = np.asarray(position, dtype=np.float64) - np.array(collider.velocity) * time
     if kind == "plane":
         normal = np.array(collider.normal) / sqrt(sum(n * n for n in collider.normal))
@@ -218,8 +210,7 @@ def distances(kind: str, collider: Any, position: np.ndarray, time: float = 0.0)
 def _box_distances(d: np.ndarray, half: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return distance and normal: outside those of the nearest point, inside those of the nearest face.
 
-    Where faces are equally near, x comes before y before z.
-    """
+    Where faces are equally near, x comes before y before z."""
     outside = d - np.clip(d, -half, half)
     length, normal = _unit(outside)
     depth = np.abs(d) - half
@@ -234,8 +225,7 @@ def _entries(a: np.ndarray, b: np.ndarray, reach: float) -> tuple[np.ndarray, np
 
     The entry is the first t in [0, 1) with |a + t (b - a)| = reach, where a is outside and b is not. If b is inside but
     on a's half, the nearest surface is the right one anyway, and the mass is not caught. Nor is a mass that begins in
-    contact (within 1e-3 of the radius's square) and ends on that half, so that rounding of its start cannot decide.
-    """
+    contact (within 1e-3 of the radius's square) and ends on that half, so that rounding of its start cannot decide."""
     way = b - a
     square, half, rest_ = _dot(way, way), _dot(a, way), _dot(a, a) - reach**2
     root = half**2 - square * rest_
@@ -250,8 +240,7 @@ def touched(collider: Any, slow: float, velocity: np.ndarray, normal: np.ndarray
     """Return velocities (..., 3) after contact: none into the collider, and Coulomb friction relative to it.
 
     `surface` [m/s]: velocity of the collider's surface, if it differs from the collider's. Masses that arrive faster
-    than `slow` [m/s] bounce by the restitution.
-    """
+    than `slow` [m/s] bounce by the restitution."""
     surface = collider.velocity if surface is None else surface
     relative = velocity - surface
     into = np.maximum(-_dot(relative, normal), 0)
@@ -264,10 +253,7 @@ def touched(collider: Any, slow: float, velocity: np.ndarray, normal: np.ndarray
 
 
 def held_back(dt: float, velocity: np.ndarray, answered: np.ndarray, normal: np.ndarray) -> np.ndarray:
-    """Return the displacement that friction reverts in a step: (..., 3) [m].
-
-    It is dt times the tangential change of velocity.
-    """
+    """Return what friction reverts of a step, dt times the tangential change of velocity: (..., 3) [m]."""
     change = answered - velocity
     return dt * (change - _dot(change, normal) * normal)
 
@@ -275,13 +261,11 @@ def held_back(dt: float, velocity: np.ndarray, answered: np.ndarray, normal: np.
 def collide(
     scene: Scene, before: np.ndarray, position: np.ndarray, velocity: np.ndarray, step: int, in_place: bool = False
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return (position, velocity) (rows, columns, 3) after the colliders of step number `step`, which began at
-    `before`.
+    """Return (position, velocity) (rows, columns, 3) after the colliders of step `step`, which began at `before`.
 
     The colliders act one after another, at their places at the end of the step. A mass that a ball swept over is moved
     to its entry point, one nearer than the thickness to that distance. Pinned masses do not move. `in_place`: friction
-    also reverts the sliding within the step, except of a mass that was swept over.
-    """
+    also reverts the sliding within the step, except of a mass that was swept over."""
     dt = scene.method.dt
     free = ~pinned_mask(scene)[..., None]
     gravity = scene.gravity.acceleration if scene.gravity and scene.gravity.enabled else 0.0

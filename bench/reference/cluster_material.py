@@ -55,10 +55,10 @@ FARTHEST = 0.25  # rad: largest rotation of a cluster by a couple in a substep
 
 
 def turned(clusters: Clusters, position: np.ndarray, couples: np.ndarray) -> np.ndarray:
-    """Return displacements by the clusters' rotations under `couples` (particles, 3) over their masses: (particles, 3)
-    [m].
+    """Return the displacements (particles, 3) [m] by the clusters' rotations under `couples` over their masses.
 
-    Each cluster takes its fraction of them; model/formulas/shape_matching/couple.py has the formula.
+    `couples`: (particles, 3). Each cluster takes its fraction of them; model/formulas/shape_matching/couple.py has the
+    formula.
     """
     ways = np.zeros_like(position)
     for c in np.flatnonzero(np.diff(clusters.offsets) > 1):

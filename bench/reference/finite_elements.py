@@ -165,10 +165,9 @@ def surface(tetrahedra: np.ndarray) -> np.ndarray:
 def spread_evenly(
     position: np.ndarray, tetrahedra: np.ndarray, on_face: np.ndarray, force: np.ndarray | tuple[float, float, float]
 ) -> np.ndarray:
-    """Return the consistent load of `force` (3,) [N] spread evenly over the surface with vertices `on_face` (n,): (n,
-    3) [N].
+    """Return the consistent load (n, 3) [N] of `force` (3,) [N] spread evenly over the surface with vertices `on_face`.
 
-    Each corner of a triangle gets a third of the triangle's load.
+    `on_face`: (n,). Each corner of a triangle gets a third of the triangle's load.
     """
     triangles = surface(tetrahedra)
     triangles = triangles[np.asarray(on_face, dtype=bool)[triangles].all(axis=1)]

@@ -215,8 +215,7 @@ def _smooth(world: _World, p: np.ndarray, v: np.ndarray, pairs: _Pairs) -> np.nd
 def substep(world: _World, number: int, x: np.ndarray, v: np.ndarray, who: np.ndarray) -> tuple[np.ndarray, ...]:
     """Return (numbers of the remaining particles, position, velocity, constraints, multipliers) after a substep.
 
-    All in three coordinates; `who`: numbers of the particles before.
-    """
+    All in three coordinates; `who`: numbers of the particles before."""
     world.choose(who)
     scene, h = world.scene, world.h
     gravity = scene.gravity.acceleration if scene.gravity and scene.gravity.enabled else 0.0
@@ -277,8 +276,7 @@ def run(
 ) -> tuple[np.ndarray, ...]:
     """Return (position, velocity (n, dimensions), density errors (n,), pressures (n,) [Pa]) after `steps` steps.
 
-    Errors and pressures are those of the last substep.
-    """
+    Errors and pressures are those of the last substep."""
     world, axes = _World(scene), scene.dimensions
     p, v = (np.pad(np.array(array, np.float64), ((0, 0), (0, 3 - axes))) for array in (position, velocity))
     c, multiplier = np.zeros((2, len(p)))

@@ -80,11 +80,11 @@ def system(scene: Scene, position: np.ndarray) -> np.ndarray:
 def solve(
     scene: Scene, position: np.ndarray, velocity: np.ndarray, other: np.ndarray, linear: bool, end: float
 ) -> Solution:
-    """Return the new velocities from (rows, columns, 3) `position` [m] and `velocity` [m/s] under `other` forces
-    [m/s^2].
+    """Return the new velocities from `position` [m] and `velocity` [m/s], under `other` forces [m/s^2].
 
-    `end` [s]: the end of the step, for moving pins. A step is halved while the residual along it has reversed by more
-    than nine tenths (Nocedal and Wright, Numerical Optimization, eq. 3.7b, its upper half).
+    Arrays are (rows, columns, 3). `end` [s]: the end of the step, for moving pins. A step is halved while the residual
+    along it has reversed by more than nine tenths (Nocedal and Wright, Numerical Optimization, eq. 3.7b, its upper
+    half).
     """
     h, mass, free = scene.method.dt, masses(scene), ~pinned_mask(scene)[..., None]
     rate = (scene.damping.coefficient if scene.damping else 0.0) / mass
@@ -141,11 +141,10 @@ def simulate(
     *,
     linear: bool | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return (position [m], velocity [m/s]), (particles, 3) float64 in builder order, after `steps` steps of
-    `method.dt`.
+    """Return (position [m], velocity [m/s]) after `steps` steps of `method.dt`, (particles, 3) float64 each.
 
-    Arguments as in bench.reference.mass_spring.simulate. `linear`: one step of Baraff and Witkin instead of a full
-    solve; None: as the scene's integrator says.
+    Particles are in builder order. Arguments as in bench.reference.mass_spring.simulate. `linear`: one step of Baraff
+    and Witkin instead of a full solve; None: as the scene's integrator says.
     """
     begin, at_rest = cloth.start(scene)
     shape = (scene.grid.rows, scene.grid.columns, 3)

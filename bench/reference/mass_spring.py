@@ -120,13 +120,13 @@ def simulate(
     integrator: str | None = None,
     inertia: float = 1.0,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return (position [m], velocity [m/s]), (particles, dimensions) float64 in builder order, after `steps` steps of
-    `method.dt`.
+    """Return (position [m], velocity [m/s]) after `steps` steps of `method.dt`, (particles, dimensions) float64 each.
 
-    `position`, `velocity` (particles, dimensions): the start (None: the scene's own). `first_step`: the number of the
-    first step, for forces and colliders that depend on time. `poke`: (particle, force on each axis [N]), constant over
-    all steps. `integrator` replaces the scene's. `inertia` multiplies every mass except in gravity: 2 gives the motion
-    x'' = a/2 that the hand-out's step converges to (docs/method.md, fact 1). There is no check for divergence.
+    Particles are in builder order. `position`, `velocity` (particles, dimensions): the start (None: the scene's own).
+    `first_step`: the number of the first step, for forces and colliders that depend on time. `poke`: (particle, force
+    on each axis [N]), constant over all steps. `integrator` replaces the scene's. `inertia` multiplies every mass
+    except in gravity: 2 gives the motion x'' = a/2 that the hand-out's step converges to (docs/method.md, fact 1).
+    There is no check for divergence.
     """
     grid, dt = scene.grid, scene.method.dt
     method = integrator or scene.method.integrator

@@ -60,11 +60,10 @@ def simulate(
     first_step: int = 0,
     poke: xpbd.Poke | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return (position [m], velocity [m/s]), (particles, dimensions) float64 in builder order, after `steps` steps of
-    `method.dt`.
+    """Return (position [m], velocity [m/s]) after `steps` steps of `method.dt`, (particles, dimensions) float64 each.
 
-    The solver shape-matching of a grid or of bodies, as its [method] says; colliders act at the end of every substep.
-    Raises SceneError for another solver.
+    Particles are in builder order. The solver shape-matching of a grid or of bodies, as its [method] says; colliders
+    act at the end of every substep. Raises SceneError for another solver.
     """
     return alone(motion(scene, steps, position, velocity, first_step, poke))
 

@@ -40,11 +40,9 @@ WAYS = {"rows": ((SHAPE,), (VOLUME,)), "volume-first": ((VOLUME,), (SHAPE,)), "t
 
 
 def row(body: Body, kind: int, members: np.ndarray, gradient: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Return C (..., c), dC/dF (..., c, 3, 3) and the compliance (c,) [1/(N m)] of a row of the tetrahedra `members`
-    (c,).
+    """Return C (..., c), dC/dF (..., c, 3, 3) and the compliance (c,) [1/(N m)] of a row of tetrahedra.
 
-    `gradient`: their F. C is 0 and the compliance infinite where there is no row.
-    """
+    `members` (c,): the tetrahedra. `gradient`: their F. C is 0 and the compliance infinite where there is no row."""
     mu, lam, volume = body.mu[members], body.lam[members], body.volume[members]
     if kind == SHAPE:
         if body.material == "neo-hookean":
@@ -69,8 +67,7 @@ class Sweep:
 
     `shape`: multipliers (..., m, 3, 3) of shapes; a row uses only [0, 0], and for a neo-Hookean tetrahedron they
     include the impulse of its volume's row. `volume`: multipliers (..., m) of volumes. `before`: positions at the start
-    of the substep.
-    """
+    of the substep."""
 
     body: Body
     inverse_mass: np.ndarray
@@ -123,8 +120,7 @@ class Sweep:
         A change R Z of the impulse Y changes F by R Z H and, near S = 1, S by the symmetric part of Z H: R rotates with
         the rest. The step takes Z from (Z Ha + Ha Z) / 2 = -(S - 1) - gamma (S - S0) - alpha R'Y with Ha = (1 + gamma)
         H + alpha (a Lyapunov equation, solved along the axes of Ha). For Y = 0, Z is symmetric, and the linear
-        projection is the orthogonal one in the norm of the masses.
-        """
+        projection is the orthogonal one in the norm of the masses."""
         body, f = self.body, self.gradient(members, position)
         turn, before = elastic_materials.rotation(f), self.gradient(members, self.before)
         back = np.swapaxes(turn, -2, -1)
@@ -144,8 +140,7 @@ class Sweep:
         and E0 that at the start of the substep. A substep is solved where alpha (Y - l cof F) + dS/dF / 2 + 2 gamma F
         (E - E0) = 0; the last term is a damper in Green's strain. Along the residual's direction D the energy S / 2 has
         the curvature
-        |D|^2 + (cof F : D)^2 + 2 (J - 2) F : cof D and the damper 2 gamma (e(D):e(D) + (E - E0) : D'D).
-        """
+        |D|^2 + (cof F : D)^2 + 2 (J - 2) F : cof D and the damper 2 gamma (e(D):e(D) + (E - E0) : D'D)."""
         body, f, gamma = self.body, self.gradient(members, position), self.gamma
         cofactor, ratio = elastic_materials.cofactor(f), np.linalg.det(f)
         alpha = 1 / (body.mu[members] * body.volume[members] * self.h**2)
@@ -168,8 +163,7 @@ class Sweep:
     def hookean(self, members: np.ndarray, position: np.ndarray, way: Sequence[Sequence[int]]) -> None:
         """Project shape and volume of neo-Hookean tetrahedra one after the other, in place.
 
-        Impulses of the volume are added to the shape's multipliers, so that they need not rotate with F.
-        """
+        Impulses of the volume are added to the shape's multipliers, so that they need not rotate with F."""
         for kind in [kind for kinds in way for kind in kinds]:
             if kind == SHAPE:
                 self.descend(members, position)
@@ -251,8 +245,7 @@ def simulate(
 
     `inverse_mass` (n,) [1/kg], 0 for fixed vertices; `order`: sets of tetrahedra without a common vertex, one after the
     other; `damping_time` [s]: tau; `drag` [1/s]: of the velocity, in proportion to mass; `way`: a key of WAYS, or
-    "blocks".
-    """
+    "blocks"."""
     p, v = np.array(position, dtype=np.float64), np.array(velocity, dtype=np.float64)
     for _ in range(steps * substeps):
         p, v = substep(
@@ -277,8 +270,7 @@ def at_rest(
 
     By Newton's method on the substep, with its slope by differences, until a substep moves no coordinate by more than
     `enough` of the displacement by gravity alone, or the rounding of float64. This is not the material's equilibrium,
-    because iterations that have not converged leave an error.
-    """
+    because iterations that have not converged leave an error."""
     free = np.flatnonzero(np.repeat(inverse_mass > 0, 3))
     extent = float(np.ptp(body.rest, axis=0).max())
     near = max(enough * h**2 * float(np.linalg.norm(gravity)), 2e-13 * extent)

@@ -29,9 +29,8 @@ from model.scene.scene import Scene
 ORDERINGS = ("gauss-seidel", "ascending", "jacobi", "weighted-jacobi", "averaged-jacobi")
 
 # (rows, columns) from one end of a constraint to the other -> the positions of its two colours in the order of all. The
-# first end is the upper one, of two in a row the left one; the direction (1, -1) is the diagonal from (i, j + 1) to (i
-# + 1, j). All directions from even rows to odd ones come first, then those from odd rows to even ones: two rows at a
-# time are involved.
+# first end is the upper one, of two in a row the left one; (1, -1) goes from (i, j + 1) to (i + 1, j). All directions
+# from even rows to odd ones come first, then those from odd rows to even ones: two rows at a time are involved.
 WAYS = {(1, 0): (0, 3), (1, 1): (1, 4), (1, -1): (2, 5), (0, 1): (6, 7), (2, 0): (8, 9), (0, 2): (10, 11)}
 
 
@@ -85,8 +84,7 @@ def sheet(rows: int, columns: int, ways: dict[tuple[int, int], Way]) -> Constrai
     """Return the constraints of a sheet; particle i * columns + j is the mass (i, j).
 
     A compliance may be an array that broadcasts to the (rows, columns) of the constraints along its direction, in the
-    order of `bench.reference.cloth.ends`.
-    """
+    order of `bench.reference.cloth.ends`."""
     number = np.arange(rows * columns).reshape(rows, columns)
     found = []
     for way, colours in WAYS.items():
@@ -123,12 +121,10 @@ def of_scene(scene: Scene, inextensible: bool = False) -> Constraints:
 def _stretched(
     constraints: Constraints, which: np.ndarray, position: np.ndarray, before: np.ndarray, h: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return (C + gamma times the elongation in this substep (n,), a~ = alpha/h^2, gamma = alpha beta/h (eq. 26), d/|d|
-    (n, k)).
+    """Return (C + gamma times the elongation (n,), a~ = alpha/h^2, gamma = alpha beta/h (eq. 26), d/|d| (n, k)).
 
     The elongation is C - C_before, which is invariant under rotation, and not eq. 26's grad C . (x - x_before).
-    Coincident masses have no direction: 0.
-    """
+    Coincident masses have no direction: 0."""
     a, b = constraints.first[which], constraints.second[which]
     d = position[b] - position[a]
     length = np.sqrt(np.einsum("nk,nk->n", d, d))[:, None]
@@ -148,8 +144,7 @@ def iterate(
     h: float,
     ordering: str,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return (position (particles, dimensions) [m], multipliers (constraints,) [kg m]) after one iteration over all
-    constraints.
+    """Return (position (particles, dimensions) [m], multipliers [kg m]) after one iteration over all constraints.
 
     `before` is the position at the beginning of the substep, `inverse_mass` (particles,) [1/kg] is 0 where pinned.
     gauss-seidel goes colour by colour. jacobi takes all constraints at one position and divides each one's change of
@@ -158,8 +153,7 @@ def iterate(
     is enough: the denominator is the sum of its row in the system (eq. 17), so the error shrinks (Gershgorin), and a
     soft spring is exact at once. averaged-jacobi keeps the whole change and divides the masses' displacements by their
     own valence: with compliance it converges to another stiffness, and it does not conserve momentum. A constraint
-    between coincident or pinned masses is skipped.
-    """
+    between coincident or pinned masses is skipped."""
     p, multipliers = position.copy(), multipliers.copy()
     valence = constraints.valence(len(p))
     if ordering == "gauss-seidel":
@@ -200,14 +194,12 @@ def substep(
     drag: np.ndarray | float = 0.0,
     settle: Settle = lambda before, p, v: (p, v),
 ) -> Substep:
-    """Return one substep of `h` [s] from (particles, dimensions) `position` [m] and `velocity` [m/s] (XPBD 2016,
-    algorithm 1).
+    """Return one substep of `h` [s] (XPBD 2016, algorithm 1) from `position` [m] and `velocity` [m/s].
 
     `acceleration` [m/s^2] and the damper `drag` = c/m [1/s] act on the prediction, the damper on the velocity before
     the acceleration: damping the velocity that gravity has just added would leave a hanging chain at (1 - h c/m) of its
     load. `settle` applies colliders, given the position before the substep, the iterated one and the velocity between
-    them.
-    """
+    them. Positions and velocities are (particles, dimensions)."""
     if ordering not in ORDERINGS:
         raise SceneError("method.ordering", ordering, f"one of {', '.join(ORDERINGS)}")
     free = (inverse_mass > 0)[:, None]
@@ -224,11 +216,10 @@ def substep(
 def residuals(
     constraints: Constraints, state: Substep, before: np.ndarray, inverse_mass: np.ndarray, h: float
 ) -> tuple[float, float]:
-    """Return (largest |C + a~ lambda| [m], with the damper's term; largest |M (x - x~) - grad C' lambda| [kg m], free
-    masses).
+    """Return (largest |C + a~ lambda| [m], largest |M (x - x~) - grad C' lambda| of the free masses [kg m]).
 
-    XPBD 2016, eq. 9 and 8: both are 0 for converged iterations. For the iterated position, before colliders.
-    """
+    C includes the damper's term. XPBD 2016, eq. 9 and 8: both are 0 for converged iterations. For the iterated
+    position, before colliders."""
     every = np.arange(len(constraints.first))
     stretch, compliance, _, n = _stretched(constraints, every, state.iterated, before, h)
     a, b = constraints.first, constraints.second
@@ -246,9 +237,7 @@ def residuals(
 def accelerations(
     scene: Scene, p: np.ndarray, v: np.ndarray, time: float, frame: int, poke: Poke | None, mass: np.ndarray
 ) -> np.ndarray:
-    """Return everything but constraints and the masses' damper, at the given positions: (particles, dimensions)
-    [m/s^2].
-    """
+    """Return all accelerations but those of constraints and the masses' damper: (particles, dimensions) [m/s^2]."""
     grid, dimensions = scene.grid, scene.dimensions
     force = np.zeros_like(p)
     if scene.wind:
@@ -279,13 +268,11 @@ def simulate(
     inextensible: bool = False,
     masses: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return (position [m], velocity [m/s]), (particles, dimensions) float64 in builder order, after `steps` steps of
-    `method.dt`.
+    """Return (position [m], velocity [m/s]) after `steps` steps of `method.dt`, (particles, dimensions) float64 each.
 
-    Arguments as in bench.reference.mass_spring.simulate. `masses` (particles,) [kg] replaces the scene's. A random
-    force is constant over a whole step; wind and colliders follow the time of every substep. Raises SceneError for a
-    manufactured solution.
-    """
+    Arguments and order as in bench.reference.mass_spring.simulate. `masses` (particles,) [kg] replaces the scene's. A
+    random force is constant over a whole step; wind and colliders follow the time of every substep. Raises SceneError
+    for a manufactured solution."""
     if scene.manufactured:
         raise SceneError("manufactured", "present", "belongs to the solver mass-spring; leave it out for xpbd")
     begin, at_rest = mass_spring.start(scene)

@@ -1,10 +1,10 @@
-"""Hard cases of soft and rigid bodies: spin and momenta in free flight, deformed and inverted starts, impacts at 100
-m/s, and bodies that start inside each other.
+"""Hard cases of soft and rigid bodies.
 
-bench/stress/trial.py defines what a law returns; bench/stress/body_cases.py has the scenes. Bounds follow from the
-step: from a formula of its loss, or from rounding. A substep rounds a coordinate about eight times, always in the same
-direction for equal motion, and a rounding error over h is a velocity, which stays. A rotation within KEPT of the
-nearest one is not changed (model/formulas/rotation.py), so each substep may lag behind by LAG.
+They are spin and momenta in free flight, deformed and inverted starts, impacts at 100 m/s, and bodies that start inside
+each other. bench/stress/trial.py defines what a law returns; bench/stress/body_cases.py has the scenes. Bounds follow
+from the step: from a formula of its loss, or from rounding. A substep rounds a coordinate about eight times, always in
+the same direction for equal motion, and a rounding error over h is a velocity, which stays. A rotation within KEPT of
+the nearest one is not changed (model/formulas/rotation.py), so each substep may lag behind by LAG.
 """
 
 from __future__ import annotations
@@ -76,8 +76,7 @@ def spins(trial: Trial) -> list[Check]:
 
     A substep takes its angle D to atan(sin D), the first being atan(omega h). N substeps that lag by LAG each lose that
     over the first D of the spin, and N of it, N / 2 substeps each, of the displacement. The distance of the body from
-    Newton's law is reported too: two whole turns, i.e. its start.
-    """
+    Newton's law is reported too: two whole turns, i.e. its start."""
     scene = trial.scene
     state = trial.run(None, body_laws.SECONDS[SPIN])
     m, at, n = masses(scene)[:, 0], scene.body_set.position, scene.method.substeps
@@ -108,8 +107,7 @@ def flies(trial: Trial) -> list[Check]:
     """A8: a soft body is thrown with spin.
 
     Masses that are split among clusters conserve the linear momentum to rounding, with coordinates of up to 20 m. The
-    angular momentum loses at most w^2 h t by its law, as for a rigid body (1 - 1 / sqrt(1 + 2 w^2 h t) is less).
-    """
+    angular momentum loses at most w^2 h t by its law, as for a rigid body (1 - 1 / sqrt(1 + 2 w^2 h t) is less)."""
     scene, seconds = trial.scene, body_laws.SECONDS[body_laws.FLIGHT]
     state = trial.run(None, seconds)
     m, h = masses(scene)[:, 0], substep(scene)
@@ -138,8 +136,7 @@ def finds_its_shape(how: str) -> Law:
 
     A body stuck in another shape, twisted or inverted, would have particles half a spacing off. Its energy never
     exceeds the initial elastic energy plus that of the overlaps inside it, one separation speed per particle. Its
-    momentum stays 0, except for rounding.
-    """
+    momentum stays 0, except for rounding."""
 
     def law(trial: Trial) -> list[Check]:
         scene = trial.scene
@@ -164,8 +161,7 @@ def finds_its_shape(how: str) -> Law:
 def is_whole_at_once(trial: Trial) -> list[Check]:
     """A10: a rigid body, however deformed, has its shape after one substep, since any rotation is one.
 
-    The next substep removes the displacement from the velocities; both to the error of a goal.
-    """
+    The next substep removes the displacement from the velocities; both to the error of a goal."""
     scene, worst, fastest, moved = trial.scene, 0.0, 0.0, 0.0
     at_rest = centre(scene, scene.body_set.position)
     for change in CHANGED.values():
@@ -189,8 +185,7 @@ def is_stopped_by_a_plane(trial: Trial) -> list[Check]:
     """B16: a half-space stops a body at any speed, as nothing is behind it.
 
     Its response reduces the energy. A rigid body of which only a part was pushed out rotates and rises, with energy
-    from its initial speed. Then it recovers its shape, to a tenth of a spacing.
-    """
+    from its initial speed. Then it recovers its shape, to a tenth of a spacing."""
     scene, lowest, peak = trial.scene, np.inf, 0.0
     energy = kinetic(scene, scene.body_set.velocity)
     reach = next(part for part in scene.parts.values() if isinstance(part, Plane)).thickness
@@ -209,8 +204,7 @@ def is_stopped_by_a_plane(trial: Trial) -> list[Check]:
 def is_stopped_by_a_box(trial: Trial) -> list[Check]:
     """B16: a box is not swept; a particle inside leaves by the nearest face.
 
-    It therefore stops whatever moves by less than half its thickness per substep, and reduces the energy.
-    """
+    It therefore stops whatever moves by less than half its thickness per substep, and reduces the energy."""
     scene = trial.scene
     box = next(part for part in scene.parts.values() if isinstance(part, Box))
     top, way = box.center[1] + box.half_size[1] + box.thickness, np.abs(scene.body_set.velocity).max() * substep(scene)
@@ -229,8 +223,7 @@ def is_stopped_by_a_body(trial: Trial) -> list[Check]:
     """B16: a body that moves by an eighth of the contact distance per substep does not pass through another body.
 
     The other body has two layers of particles, and the first one is not caught in it either. Momentum is conserved
-    except for rounding of coordinates of 1 m; energy only decreases, by at least a tenth.
-    """
+    except for rounding of coordinates of 1 m; energy only decreases, by at least a tenth."""
     scene, steps = trial.scene, round(0.04 / trial.dt)
     energy, most, least = kinetic(scene, scene.body_set.velocity), 0.0, np.inf
     for look in trial.watch(range(steps // FLYING, steps + 1, steps // FLYING)):
@@ -258,8 +251,7 @@ def is_let_go_slowly(trial: Trial) -> list[Check]:
 
     The rest of the body follows like a mass on a spring whose end moves: y = v t - v sin(w t) / w, at 2 v at most,
     whatever w. So two bodies separate at 2 v at most, with an energy of 2 mu v^2, mu = m M / (m + M): for equal bodies
-    m v^2 / 2 per particle, as the row requires.
-    """
+    m v^2 / 2 per particle, as the row requires."""
     scene, parting, most = trial.scene, 0.0, 0.0
     m, M = (masses(scene)[scene.body_set.body == body].sum() for body in (0, 1))
     for state in trial.watch((*range(1, 61), 100)):
@@ -280,9 +272,7 @@ def is_let_go_slowly(trial: Trial) -> list[Check]:
 def parts(trial: Trial) -> list[Check]:
     """B17: the same law, for an overlap of at most half a body, which has ended after a second.
 
-    The particles then have their contact distance. (Bodies that overlap more may stay caught, since particles have no
-    inside.)
-    """
+    Then the particles are at contact distance. (Bodies that overlap more may stay caught: particles have no inside.)"""
     *judged, apart = is_let_go_slowly(trial)
     return [*judged, Check(apart.name, apart.value, apart.unit, ">", 1 - 1e-5)]
 
@@ -291,8 +281,7 @@ def is_pushed_out_in_place(trial: Trial) -> list[Check]:
     """B17: a collider moves particles to its surface within a step, without a speed from the depth d.
 
     The elastic energy of the clusters is then that of these displacements, w^2 m d^2 / 2 each, and the total never
-    exceeds it.
-    """
+    exceeds it."""
     scene = trial.scene
     ball = next(part for part in scene.parts.values() if isinstance(part, Sphere))
     middle, reach, clusters = np.array(ball.center), ball.radius + ball.thickness, scene.body_set.clusters

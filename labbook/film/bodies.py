@@ -1,4 +1,4 @@
-"""Scenes in space, computed and drawn while the film is made, at their own speed."""
+"""Scenes in space, computed and drawn while the film is made, at a speed of their own."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from model.core.simulation import Simulation
 from model.scene.scene import load_scene
 
 SHOWN = ("cloth-sphere", "soft-pile")
-SLOWED = 2.0  # times: what falls half a metre has landed before one has seen it
-EVERY = 2  # frames of film for one that is drawn: shadows take time where no graphics card draws
+SLOWED = 2.0  # times: a fall of half a metre is too short to follow at true speed
+EVERY = 2  # frames of the film per drawn frame: shadows are slow without a graphics card
 
 
 class Panel:
-    """One scene that runs, and what draws it."""
+    """A running scene and its renderer."""
 
     def __init__(self, name: str, backend: str, width: int, height: int, stack: ExitStack):
         self.scene = load_scene(name)
@@ -34,13 +34,13 @@ class Panel:
         self.took, self.steps = 0.0, 0
 
     def advance(self, until: float) -> None:
-        """Compute until that time [s] of the scene, and draw the state."""
+        """Compute up to time `until` [s] of the scene, and draw the state."""
         steps = round(until / self.scene.method.dt) - self.steps
         if steps > 0:
             begin = perf_counter()
             self.simulation.advance(steps)
             self.simulation.check()
-            self.took += perf_counter() - begin if self.steps else 0.0  # the first of them may have compiled
+            self.took += perf_counter() - begin if self.steps else 0.0  # the first step may have compiled
             self.steps += steps
         normal = self.simulation.read("normal") if self.scene.cloth else None
         position = self.simulation.read("position")
@@ -49,7 +49,7 @@ class Panel:
 
 
 def draw_bodies(backend: str, area: Area, count: int, fps: int, shown: Sequence[str] = SHOWN) -> Iterator[Image.Image]:
-    """A panel each; a frame is drawn every EVERY frames of the film."""
+    """Yield the frames with a panel per scene, drawn every EVERY frames of the film."""
     width = area.width / area.scale / len(shown) - 2 * MARGIN
     wide, tall = area.pixels(width), area.pixels(area.height / area.scale - 96)
     with ExitStack() as stack:

@@ -1,4 +1,4 @@
-"""Drawing a frame: the picture of a shot under its heading and over its caption. Pixels from the top left corner."""
+"""Drawing of a frame: the picture of a shot between its heading and its caption. Pixels from the top left corner."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from PIL import Image, ImageDraw, ImageFont
 INK, FAINT, WHITE = (26, 31, 38), (97, 105, 117), (255, 255, 255)
 BAND, LINE = (20, 26, 36), (214, 218, 224)
 CPU, GPU, WARNING = (0, 114, 178), (0, 158, 115), (178, 31, 0)  # the figures' blue and green
-TALL = 720  # pixels of a frame for which sizes are told
-HEADING, CAPTION = 58, 112  # of them the heading's and the caption's bands
+TALL = 720  # height in pixels of the frame that sizes refer to
+HEADING, CAPTION = 58, 112  # heights of the bands of heading and caption
 CAPTION_SIZE, CAPTION_LINES = 27, 2
 MARGIN = 20
-READABLE = 10  # true pixels: no text is smaller, whatever is asked for
-FOOT = 16  # of a frame TALL high: the middle of the last line of a picture is so far over its lower edge
+READABLE = 10  # true pixels: smallest size of text
+FOOT = 16  # distance of the middle of the last line of a picture from its lower edge, in a frame TALL high
 ELLIPSIS = "\N{HORIZONTAL ELLIPSIS}"
 
 Colour = tuple[int, int, int]
@@ -27,9 +27,12 @@ Colour = tuple[int, int, int]
 
 @dataclass(frozen=True)
 class Format:
-    """What kind of film. `least`, `most`: seconds it takes; `masses`: of the largest grid that is computed for it;
-    `everything`: also the shots that take long to compute; `rank`: sentences of a greater one are left out; `curtain`: rows
-    and columns of the one that is judged (None: its own)."""
+    """Kind of film.
+
+    `least`, `most`: its length [s]; `masses`: of the largest grid that is computed for it; `everything`: include shots
+    that take long to compute; `rank`: sentences of a higher rank are left out; `curtain`: rows and columns of the
+    curtain of the comparison (None: its own).
+    """
 
     width: int
     height: int
@@ -48,7 +51,7 @@ QUICK = Format(640, 360, 15, 12.0, 40.0, 64**2, False, 0)
 
 @lru_cache(maxsize=64)
 def font(size: int, bold: bool = False) -> Any:
-    """DejaVu Sans, which matplotlib brings along."""
+    """Return DejaVu Sans, which matplotlib contains."""
     import matplotlib
 
     name = "DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf"
@@ -56,7 +59,7 @@ def font(size: int, bold: bool = False) -> Any:
 
 
 class Canvas:
-    """A white picture to draw on; sizes and places in pixels of a frame TALL pixels high, which `scale` makes true ones."""
+    """A white picture; sizes and places in pixels of a frame TALL pixels high, which `scale` converts to true ones."""
 
     def __init__(self, width: int, height: int, scale: float):
         self.scale = scale
@@ -68,23 +71,23 @@ class Canvas:
         self, x: float, y: float, text: str, size: float = 20, colour: Colour = INK, *, bold: bool = False,
         anchor: str = "la",
     ) -> None:  # fmt: skip
-        """A line of text; `anchor` as Pillow has it (la: its top left corner is at x, y)."""
+        """Draw a line of text; `anchor` as in Pillow (la: its top left corner is at x, y)."""
         place = x * self.scale, y * self.scale
         self.draw.text(place, text, fill=colour, font=self._font(size, bold), anchor=anchor)
 
     def wide(self, text: str, size: float = 20, bold: bool = False) -> float:
-        """How wide a line of text is."""
+        """Return the width of a line of text."""
         return float(self._font(size, bold).getlength(text)) / self.scale
 
     def _font(self, size: float, bold: bool) -> Any:
         return font(max(round(size * self.scale), READABLE), bold)
 
     def wrapped(self, text: str, width: float, size: float = 20, bold: bool = False) -> list[str]:
-        """The text in lines of at most that width."""
+        """Return the text in lines of at most that width."""
         return wrap(text, width, lambda line: self.wide(line, size, bold))
 
     def balanced(self, text: str, width: float, size: float = 20, bold: bool = False) -> list[str]:
-        """The same in as many lines, of about one width."""
+        """Return the text in as many lines, of similar width."""
         lines = self.wrapped(text, width, size, bold)
         narrow, wide = width / max(1, len(lines)) / 1.1, width
         while wide - narrow > 4:
@@ -96,7 +99,7 @@ class Canvas:
         return self.wrapped(text, wide, size, bold)
 
     def shortened(self, text: str, width: float, size: float = 20, bold: bool = False) -> str:
-        """The text, or as much of its begin as is not wider than that."""
+        """Return the text, or as much of its beginning as fits that width."""
         if self.wide(text, size, bold) <= width:
             return text
         while text and self.wide(text + ELLIPSIS, size, bold) > width:
@@ -104,30 +107,34 @@ class Canvas:
         return text.rstrip() + ELLIPSIS
 
     def fitting(self, texts: Sequence[str], width: float, size: float = 20, bold: bool = False) -> str:
-        """The first of the texts, which say ever less, that is not wider than that; else the last one, shortened."""
+        """Return the first of the texts, ordered from long to short, that fits that width; else the last one,
+        shortened.
+        """
         found = next((text for text in texts if self.wide(text, size, bold) <= width), texts[-1])
         return self.shortened(found, width, size, bold)
 
     def paste(self, pixels: np.ndarray, x: float, y: float) -> None:
-        """(height, width, 3 or 4) uint8 true pixels, with their top left corner at x, y."""
+        """Draw (height, width, 3 or 4) uint8 true pixels, with their top left corner at x, y."""
         picture = Image.fromarray(np.ascontiguousarray(pixels[:, :, :3]))
         self.image.paste(picture, (round(x * self.scale), round(y * self.scale)))
 
     def box(self, x: float, y: float, width: float, height: float, colour: Colour) -> None:
-        """A filled rectangle, a true pixel thick at least."""
+        """Draw a filled rectangle, at least a true pixel thick."""
         left, top = round(x * self.scale), round(y * self.scale)
         right, bottom = round((x + width) * self.scale) - 1, round((y + height) * self.scale) - 1
         self.draw.rectangle((left, top, max(left, right), max(top, bottom)), fill=colour)
 
     def path(self, points: Sequence[tuple[float, float]], colour: Colour, width: float = 2) -> None:
-        """A line through the points."""
+        """Draw a line through the points."""
         if len(points) > 1:
             places = [(x * self.scale, y * self.scale) for x, y in points]
             self.draw.line(places, fill=colour, width=max(1, round(width * self.scale)), joint="curve")
 
 
 def wrap(text: str, width: float, wide: Callable[[str], float]) -> list[str]:
-    """The text in lines that `wide` says are at most `width` wide, broken at plain spaces; a longer word stands alone."""
+    """Return the text in lines of at most `width` by the measure `wide`, broken at plain spaces; a longer word gets its
+    own.
+    """
     lines: list[str] = []
     for word in text.split(" "):
         longer = f"{lines[-1]} {word}" if lines else word
@@ -140,7 +147,7 @@ def wrap(text: str, width: float, wide: Callable[[str], float]) -> list[str]:
 
 @dataclass(frozen=True)
 class Area:
-    """Where a shot draws: true pixels of it, and the scale."""
+    """Region of a shot in true pixels, and the scale."""
 
     width: int
     height: int
@@ -150,15 +157,15 @@ class Area:
         return Canvas(self.width, self.height, self.scale)
 
     def pixels(self, length: float) -> int:
-        """A length in true pixels, an even number of them."""
+        """Return a length in true pixels, an even number."""
         return max(16, round(length * self.scale) & ~1)
 
 
-Picture = Callable[[Area, int, int], Iterator[Image.Image]]  # (where, how many frames, frames a second)
+Picture = Callable[[Area, int, int], Iterator[Image.Image]]  # (area, number of frames, frames per second)
 
 
 class Stage:
-    """Puts frames together: heading, picture, caption, and how far the film is."""
+    """Composes frames: heading, picture, caption, and the progress of the film."""
 
     def __init__(self, form: Format):
         self.form = form
@@ -168,7 +175,7 @@ class Stage:
         self.area = Area(form.width, form.height - self.top - self.bottom, self.scale)
 
     def captions(self, text: str) -> list[str]:
-        """A sentence in pieces, each of as many lines as a caption has, broken where a reader would draw breath."""
+        """Return a sentence in pieces that fit a caption, broken at natural pauses."""
         canvas = Canvas(1, 1, self.scale)
         width = self.form.width / self.scale - 3 * MARGIN
         count = 1
@@ -180,7 +187,7 @@ class Stage:
             count += 1
 
     def frame(self, heading: str, picture: Image.Image, caption: str, share: float) -> np.ndarray:
-        """(height, width, 3) uint8. `share`: of the film that is over, 0 to 1."""
+        """Return the frame (height, width, 3) uint8; `share`: fraction of the film that is over."""
         if self._last is None or self._last[0] is not picture or self._last[1:3] != (heading, caption):
             self._last = (picture, heading, caption, self._composed(heading, picture, caption))
         pixels = self._last[3].copy()
@@ -202,7 +209,7 @@ class Stage:
 
 
 def divided(text: str, count: int) -> list[str]:
-    """A sentence in `count` pieces of about one length, each ending after a punctuation mark where one is near."""
+    """Return a sentence in `count` pieces of similar length, each ending after a punctuation mark if one is near."""
     pieces: list[str] = []
     words = text.split(" ")
     for left in range(count, 1, -1):

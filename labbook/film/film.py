@@ -1,4 +1,4 @@
-"""Makes the film: script, narration, frames, and one MP4 with its captions beside it.
+"""Makes the film: script, narration, frames, and one MP4 with a file of captions.
 
 >>> from labbook.film.film import write_film
 >>> from plots.core.read import load
@@ -30,13 +30,13 @@ from model.core.files import check_target, replacing
 from model.scene.scene import load_scene
 from plots.core.data import Results
 
-BEGUN, SPEECH = 0.02, 0.25  # of the bar: the script, and the narration, where there is a voice
+BEGUN, SPEECH = 0.02, 0.25  # fractions of the progress bar: the script, and the narration, if there is a voice
 SUBTITLES = ".srt"
 
 
 @dataclass(frozen=True)
 class Film:
-    """What was made: the files, seconds and frames of it, and who speaks, or why nobody does."""
+    """Result: the files, the length, the number of frames, and the voice, or why there is none."""
 
     path: Path
     captions: Path
@@ -47,18 +47,17 @@ class Film:
 
 
 def write_film(results: Results, path: Path, form: Format = FULL, voice: bool = True, show: bool = True) -> Film:
-    """Make the film of what the results hold, and its captions (.srt) beside it. `voice` False: captions alone. `show`: a
-    progress bar.
+    """Make the film of the results, and a file of its captions (.srt) in the same folder.
 
-    Both files appear, whole, when all is done. Raises InputError (nothing was measured, the file), BackendUnavailable
-    (ffmpeg, off-screen OpenGL).
+    `voice` False: captions only. `show`: a progress bar. Both files are written completely or not at all. Raises
+    InputError (nothing was measured, the file), BackendUnavailable (ffmpeg, off-screen OpenGL).
     """
     check_target(path, (CLIP,), "a film")
     if not results.sources:
         raise InputError("there are no measurements to tell of; measure first (softlab sweep)")
     ffmpeg_path()
     with OffscreenRenderer(load_scene("lab-grid"), 16, 16, legend=False):
-        pass  # what is missing is told before all the work
+        pass  # reports what is missing before all the work
     stage = Stage(form)
     with tempfile.TemporaryDirectory(prefix="softlab-film-") as work, progress_bar(show) as bar:
         task = bar.add_task("film: script", total=1.0)
@@ -84,19 +83,19 @@ def write_film(results: Results, path: Path, form: Format = FULL, voice: bool = 
 
 
 class Lengths(dict[str, float]):
-    """Seconds of each sentence: as long as it was spoken, or else as a reader needs."""
+    """Duration [s] of each sentence: as spoken, or else as long as a reader needs."""
 
     def __missing__(self, text: str) -> float:
         return reading_seconds(text)
 
 
 def computing_backend() -> str:
-    """What computes states for the film."""
+    """Return the backend that computes states for the film."""
     return "gpu" if gpu_available()[0] and not simulated() else "cpu"
 
 
 def _narration(shots: Sequence[Shot], form: Format, folder: Path) -> tuple[dict[str, np.ndarray], int, str]:
-    """The sounds of all sentences that the film may have, their rate [1/s], and who speaks; nothing where nobody does."""
+    """Return (sounds of all sentences that the film may have, their rate [1/s], the voice); empty without a voice."""
     texts = list(dict.fromkeys(line.text for shot in shots for line in shot.lines if line.rank <= form.rank))
     files, told = speak([spoken(text) for text in texts], folder)
     if files is None:
@@ -106,7 +105,7 @@ def _narration(shots: Sequence[Shot], form: Format, folder: Path) -> tuple[dict[
 
 
 def _frames(stage: Stage, parts: Sequence[Part], total: int) -> Iterator[tuple[Part, np.ndarray]]:
-    """Every frame of the film, with the part it belongs to."""
+    """Yield every frame of the film, with its part."""
     fps = stage.form.fps
     for part in parts:
         with _closing(part.shot.picture(stage.area, part.count, fps)) as pictures:
@@ -117,7 +116,7 @@ def _frames(stage: Stage, parts: Sequence[Part], total: int) -> Iterator[tuple[P
 
 @contextmanager
 def _closing(pictures: Iterator[Image.Image]) -> Iterator[Iterator[Image.Image]]:
-    """A generator of pictures holds renderers: they are freed at once, also where the film is stopped."""
+    """Close a generator of pictures at once, even if the film is stopped, so that its renderers are freed."""
     try:
         yield pictures
     finally:

@@ -1,5 +1,7 @@
-"""Speed against error as a moving picture: the hand-out's step and velocity-verlet against the reference; and where a step
-size breaks. All states are computed for the film."""
+"""Speed against error as a moving picture: the hand-out's step and velocity-verlet compared with the reference.
+
+Also the step size at which a method diverges. All states are computed for the film.
+"""
 
 from __future__ import annotations
 
@@ -29,20 +31,21 @@ SCENE = "S1"
 METHODS: tuple[tuple[str, str, Colour], ...] = (
     ("lab", "The hand-out's step (lab)", WARNING), ("velocity-verlet", "velocity-verlet", CPU),
 )  # fmt: skip
-FINER = 10  # steps of the reference in one of theirs
-STILL = 0.3  # of the frames at the end show the end
-LOW, HIGH = 1e-5, 1e0  # spacings: of the graph
-CORNER = 5.0  # spacings of the curtain that are to be seen
+FINER = 10  # steps of the reference per step of the methods
+STILL = 0.3  # fraction of the frames at the end that show the end
+LOW, HIGH = 1e-5, 1e0  # spacings: range of the graph
+CORNER = 5.0  # spacings of the curtain that are visible
 REFERENCE = (190, 194, 200)
 OVER = (1.05, 1.1, 1.2, 1.3, 1.5, 2.0)  # times the limit: the first that diverges is shown
-STEPS = 200  # in which it must
-BREAKING = "lab"  # the method that is shown to break
+STEPS = 200  # steps within which it must diverge
+BREAKING = "lab"  # the method that is shown to diverge
 
 
 @dataclass(frozen=True)
 class Judged:
     """States of S1 [m] after every step of `dt` [s]: of each method, of the reference, and the methods' errors
-    [spacings]."""
+    [spacings].
+    """
 
     scene: Scene
     states: dict[str, list[np.ndarray]]
@@ -51,14 +54,14 @@ class Judged:
 
     @property
     def end(self) -> float:
-        """Seconds simulated."""
+        """Simulated time [s]."""
         return (len(self.reference) - 1) * self.scene.method.dt
 
 
 def states_of(
     scene: Scene, integrator: str, steps: int, finer: int = 1, precision: str = "float64"
 ) -> list[np.ndarray]:
-    """Positions after each of the scene's steps, of `finer` steps each; they end where it diverges."""
+    """Return positions after each of the scene's steps, of `finer` steps each; the list ends where the run diverges."""
     changed = scene.replace({"method.integrator": integrator, "method.dt": scene.method.dt / finer})
     with open_simulation(changed, precision=precision, math="exact", threads=1, allow_unstable=True) as simulation:
         found = [simulation.read("position").astype(np.float64)]
@@ -74,7 +77,7 @@ def states_of(
 
 @lru_cache(maxsize=2)
 def judged(rows: int | None = None) -> Judged:
-    """S1, with so many rows and columns (None: its own)."""
+    """Return the states of S1, with that many rows and columns (None: its own)."""
     scene = load_scene(SCENES[SCENE])
     if rows is not None:
         scene = scene.replace({"grid.rows": rows, "grid.columns": rows})
@@ -90,7 +93,7 @@ def judged(rows: int | None = None) -> Judged:
 
 
 def stored(results: Results, integrator: str, dt: float) -> Point | None:
-    """What the store holds of that method in S1, on the CPU in float32: the time that is told beside the error."""
+    """Return the store's result of that method in S1, on the CPU in float32: the time that is shown with the error."""
     source = accurate_source(results)
     mine = [p for p in points(source, SCENE) if p.integrator == integrator and p.backend == "cpu"] if source else []
     mine = [p for p in mine if abs(p.dt - dt) < 1e-12 and p.seconds is not None]
@@ -98,7 +101,7 @@ def stored(results: Results, integrator: str, dt: float) -> Point | None:
 
 
 def draw_errors(made: Judged, results: Results, area: Area, count: int, fps: int) -> Iterator[Image.Image]:
-    """A corner of the curtain by each method, over the reference; at the right, how the errors grow."""
+    """Yield a corner of the curtain by each method, over the reference, with the growing errors on the right."""
     moving = max(2, round(count * (1 - STILL)))
     last = len(made.reference) - 1
     image, shown = None, -1
@@ -110,7 +113,7 @@ def draw_errors(made: Judged, results: Results, area: Area, count: int, fps: int
 
 
 def _errors_at(made: Judged, results: Results, at: int, area: Area) -> Image.Image:
-    """The picture after so many steps."""
+    """Return the picture after that many steps."""
     canvas, dt = area.canvas(), made.scene.method.dt
     panel = (canvas.width - 4 * MARGIN) / 3
     told = f"{at} steps of {seconds(dt, 2)}: {at * dt:.2f} s simulated.   Lower right corner of the curtain; grey: reference"
@@ -127,8 +130,10 @@ def _errors_at(made: Judged, results: Results, at: int, area: Area) -> Image.Ima
 
 
 def _overlay(made: Judged, name: str, at: int, width: int, height: int, colour: Colour) -> np.ndarray:
-    """(height, width, 3): the last CORNER rows and columns of masses, by the reference in grey, which stands
-    still, and by a method over it."""
+    """Return the last CORNER rows and columns of masses: (height, width, 3).
+
+    The reference is grey and stands still; the method is drawn over it.
+    """
     grid, fine = made.scene.grid, 3  # times as many pixels, for smooth edges
     image = Image.new("RGB", (fine * width, fine * height), WHITE)
     draw = ImageDraw.Draw(image)
@@ -154,7 +159,7 @@ def _draw_error(canvas: Canvas, results: Results, made: Judged, name: str, at: i
 
 
 def _draw_graph(canvas: Canvas, made: Judged, at: int, x: float, width: float) -> None:
-    """Both errors against time, on a logarithmic scale."""
+    """Draw both errors against time, on a logarithmic scale."""
     top, bottom = 76.0, canvas.height - 60
     left = x + 44
     last = len(made.reference) - 1
@@ -177,12 +182,14 @@ def _draw_graph(canvas: Canvas, made: Judged, at: int, x: float, width: float) -
     canvas.text(x + width, bottom + 8, f"{end:g} s simulated", 14, FAINT, anchor="ra")
 
 
-# ---------------------------------------------------------------------- where it breaks
+# ---------------------------------------------------------------------- divergence
 
 
 @dataclass(frozen=True)
 class Breaking:
-    """S1 with a step size [s] at its limit and one over it, `times` the limit; `lost`: at which step that diverged."""
+    """S1 with a step size [s] at its limit and one above it, `times` the limit; `lost`: the step at which that
+    diverged.
+    """
 
     scene: Scene
     limit: float
@@ -194,7 +201,7 @@ class Breaking:
 
 @lru_cache(maxsize=2)
 def breaking(rows: int | None = None) -> Breaking | None:
-    """The least of the step sizes OVER that diverges within STEPS; None if none does."""
+    """Return the smallest of the step sizes OVER that diverges within STEPS; None if none does."""
     scene = load_scene(SCENES[SCENE]).replace({"method.integrator": BREAKING})
     if rows is not None:
         scene = scene.replace({"grid.rows": rows, "grid.columns": rows})
@@ -208,7 +215,7 @@ def breaking(rows: int | None = None) -> Breaking | None:
 
 
 def draw_breaking(made: Breaking, area: Area, count: int, fps: int) -> Iterator[Image.Image]:
-    """Both side by side, a step at a time; what has diverged is still shown as it was."""
+    """Yield both runs side by side, a step at a time; one that has diverged keeps its last state."""
     last = min(STEPS, made.lost + 20)
     moving = max(2, round(count * (1 - STILL)))
     wide, tall = area.pixels(area.width / area.scale / 2 - 2 * MARGIN), area.pixels(area.height / area.scale - 108)

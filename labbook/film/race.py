@@ -1,4 +1,4 @@
-"""Two processors side by side at true speed: each does as many steps of one grid as it does in that time by the store."""
+"""Two processors side by side at true speed: each does as many steps of one grid as the store says for that time."""
 
 from __future__ import annotations
 
@@ -18,16 +18,17 @@ from model.scene.scene import Scene
 from plots.core.data import Results, Source, is_suspect, is_wrong
 from plots.figures.crossover import pairs
 
-MOST_LINES = 64  # of a grid that are drawn; of a finer one every n-th
-FALL = 0.2  # of its height that a grid falls as fast as its dampers let it: what is to be seen of it
+MOST_LINES = 64  # lines of a grid that are drawn; of a finer one every n-th
+# fraction of its height that a grid falls, at the speed that its dampers allow: the visible part of the motion
+FALL = 0.2
 LEAST_TIME = 10.0  # s simulated, of small grids
-STILL = 0.1  # of the frames at the end show the end
-FOOT_SIZE, FOOT_LINE = 15, 22  # pixels, of what is told below: its letters, its lines
+STILL = 0.1  # fraction of the frames at the end that show the end
+FOOT_SIZE, FOOT_LINE = 15, 22  # pixels: letters and lines of the text at the bottom
 
 
 @dataclass(frozen=True)
 class Runner:
-    """One side: `name` of the processor, `who` it is in a sentence, and what was measured."""
+    """One side: `name` of the processor, `who`: its name in a sentence, and its measurement."""
 
     name: str
     who: str
@@ -36,7 +37,7 @@ class Runner:
 
     @property
     def error(self) -> str:
-        """Of the run that was timed, in words."""
+        """Error of the timed run, in words."""
         error = self.timing.error
         told = "error not known" if error is None else f"error {number(error, 2)} spacings"
         return f"{told}, suspect" if is_suspect(self.timing) else told
@@ -44,8 +45,10 @@ class Runner:
 
 @dataclass(frozen=True)
 class Race:
-    """The same scene on two processors, or with two numbers of threads, of one machine (`own`: the reader's) and one version
-    of the code."""
+    """The same scene on two processors, or with two numbers of threads, of one machine and one version of the code.
+
+    `own`: the machine is the reader's.
+    """
 
     scene: Scene
     runners: tuple[Runner, Runner]
@@ -53,7 +56,7 @@ class Race:
 
     @property
     def simulated(self) -> float:
-        """Seconds that the faster one simulates while the film shows it."""
+        """Time [s] that the faster one simulates while the film shows it."""
         scene = self.scene
         pull = scene.grid.mass * scene.gravity.acceleration if scene.gravity else 0.0
         drag = scene.damping.coefficient if scene.damping else 0.0
@@ -62,22 +65,23 @@ class Race:
 
     @property
     def wall(self) -> float:
-        """Seconds that it computes for that."""
+        """Time [s] that the faster one computes for that."""
         return min(runner.timing.median for runner in self.runners) * self.simulated / self.scene.method.dt
 
     def slowed(self, frames: int, fps: int) -> float:
-        """Seconds of computing in a second of film."""
+        """Return the computing time [s] per second of film."""
         return self.wall / (frames * (1 - STILL) / fps)
 
     def steps(self, runner: Runner, wall: float) -> int:
-        """That it has done by then."""
+        """Return the number of steps that a runner has done by then."""
         return int(wall / runner.timing.median * (1 + 1e-12))
 
 
 def races(results: Results, most: int) -> list[Race]:
-    """CPU against GPU at the smallest and at the largest grid of at most so many masses that both were timed at undisturbed,
-    if at any; where no machine has timed both, few threads against more, at the largest. None where not even that was
-    timed."""
+    """Return CPU against GPU at the smallest and the largest grid of at most `most` masses that both timed undisturbed.
+
+    If no machine has timed both: few threads against more, at the largest size. Empty if not even that was timed.
+    """
     for source in results.everyone:
         found = [(pair.cpu, pair.gpu) for pair in pairs(source) if pair.gpu.particles <= most]
         if found:
@@ -93,7 +97,7 @@ def races(results: Results, most: int) -> list[Race]:
 
 
 def _trusted(found: list[tuple[Timing, Timing]]) -> list[tuple[Timing, Timing]]:
-    """Without suspect times, if there are others."""
+    """Return the pairs without suspect times, if there are any."""
     return [both for both in found if not any(map(is_suspect, both))] or found
 
 
@@ -112,7 +116,7 @@ def _runner(source: Source, timing: Timing, colour: Colour) -> Runner:
 
 
 def draw_race(race: Race, backend: str, area: Area, count: int, fps: int) -> Iterator[Image.Image]:
-    """The frames; the states are computed by `backend`, in exact math, whose bits are the same on both."""
+    """Yield the frames; `backend` computes the states in exact math, whose bits are the same on both."""
     moving = max(2, round(count * (1 - STILL)))
     walls = [race.wall * min(1.0, frame / (moving - 1)) for frame in range(count)]
     done = [[race.steps(runner, wall) for wall in walls] for runner in race.runners]
@@ -146,7 +150,7 @@ def draw_race(race: Race, backend: str, area: Area, count: int, fps: int) -> Ite
 
 
 def _told(race: Race, backend: str) -> str:
-    """What is not measured of the picture, and whose the measurements are."""
+    """Return the text on what is not measured in the picture, and whose measurements these are."""
     who = "a GPU" if backend == "gpu" else "the CPU, as no GPU is here"
     whose = "measured on this machine" if race.own else "the committed measurements"
     return f"States: computed for the film by {who}, in exact math: both have the same bits. Times, errors: {whose}."
@@ -178,7 +182,7 @@ def _draw_runner(
 
 
 def thinned(scene: Scene) -> tuple[Scene, int]:
-    """A scene to draw a fine grid by: of its rows and columns every n-th, and n."""
+    """Return a scene to draw a fine grid with, every n-th of its rows and columns, and n."""
     grid = scene.grid
     sides = grid.rows - 1, grid.columns - 1
     enough = [n for n in range(1, max(sides) + 1) if max(sides) // n < MOST_LINES]
@@ -194,7 +198,7 @@ def thinned(scene: Scene) -> tuple[Scene, int]:
 
 
 def _states(scene: Scene, backend: str, steps: Sequence[int]) -> list[np.ndarray]:
-    """Positions of the masses that are drawn, after so many steps."""
+    """Return positions of the drawn masses after each of the numbers of steps."""
     _, every = thinned(scene)
     rows, columns = scene.grid.rows, scene.grid.columns
     found: list[np.ndarray] = []

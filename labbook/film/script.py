@@ -1,6 +1,6 @@
-"""What the film tells, shot by shot: sentences that are the book's claims, by name, and a few that say what is to be seen.
+"""Script of the film, shot by shot: sentences that are claims of the book, by name, and a few that explain a picture.
 
-A shot whose data the results do not hold is left out. Numbers come from the results or from what the film computes.
+A shot without data is left out. Numbers come from the results or from the computations for the film.
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ from plots.core.data import Results
 INTRODUCTION = "A grid of masses and springs, computed twice: by the threads of a CPU, and by CUDA on a GPU."
 QUESTION = "How fast is it, how wrong, and where does it break?"
 ANSWER = "Which method, on which processor, at which step size, reaches an error soonest: the answers."
-LOOK = 8.0  # s of a race, at least
+LOOK = 8.0  # s: shortest length of a race
 
 
 def claimed(results: Results, *names: str, rank: int = 1) -> list[Line]:
-    """The sentences of these claims that the data support."""
+    """Return the sentences of these claims that the data support."""
     made = [told(results, name) for name in names]
     return [Line(claim.sentence, rank) for claim in made if claim.supported]
 
 
 def script(results: Results, form: Format, backend: str) -> list[Shot]:
-    """The shots in order; `backend`: what computes states for the film."""
+    """Return the shots in order; `backend`: computes states for the film."""
     made = judged(form.curtain)
     shots = [_title(results, made), *_races(results, form, backend)]
     threads = "CPU threads: once, twice, four times as many as cores"
@@ -52,7 +52,7 @@ def _title(results: Results, made: Judged) -> Shot:
 
 
 def _races(results: Results, form: Format, backend: str) -> list[Shot]:
-    """Both implementations at true speed, on a small grid and on a large one."""
+    """Return the shots of both implementations at true speed, on a small grid and on a large one."""
     found = races(results, form.masses)
     shots = []
     for place, race in enumerate(found):
@@ -76,7 +76,7 @@ def _side_by_side(race: Race) -> str:
 
 
 def _figure(results: Results, form: Format, name: str, heading: str, ranks: dict[str, int]) -> list[Shot]:
-    """A figure of plots/ with what it shows, by claims and their ranks."""
+    """Return the shot of a figure of plots/, with claims and their ranks as sentences."""
     lines = [line for claim, rank in ranks.items() for line in claimed(results, claim, rank=rank)]
     wanted = any(line.rank <= form.rank for line in lines)
     if not wanted or stills.figure_of(results, name) is None:

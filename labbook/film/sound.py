@@ -1,4 +1,4 @@
-"""The narration: sentences as they are said aloud, and their sounds on one track."""
+"""Narration: sentences in their spoken form, and their sounds on one track."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ import numpy as np
 from labbook import words
 from labbook.film.timeline import Part
 
-LOUDNESS = -20.0  # dB of full scale: root mean square while somebody speaks
-PEAK = -1.5  # dB of full scale, which nothing exceeds
-QUIET = 0.01  # of the peak: below it is silence before and after a sentence
-BREATH = 0.04  # s left of it
-SILENCE = 0.15  # s: so long nobody speaks where a breath is drawn
+LOUDNESS = -20.0  # dB of full scale: root mean square while a voice speaks
+PEAK = -1.5  # dB of full scale: largest value
+QUIET = 0.01  # fraction of the peak below which there is silence before and after a sentence
+BREATH = 0.04  # s of that silence that remain
+SILENCE = 0.15  # s: shortest silence that counts as a pause
 UNITS = {
     "ms": "milliseconds", "\N{MICRO SIGN}s": "microseconds", "ns": "nanoseconds", "s": "seconds",
     "GB/s": "gigabytes a second", "%": "percent", "m": "metres", "MB": "megabytes", "GiB": "gibibytes",
@@ -26,10 +26,12 @@ RAISED = {char.translate(words.SUPERSCRIPTS): char for char in "0123456789-"}
 
 
 def spoken(text: str) -> str:
-    """A caption in words that a voice says right: numbers without thin spaces, units and powers of ten in full."""
+    """Return a caption in words that a voice reads correctly: numbers without thin spaces, units and powers of ten in
+    full.
+    """
     text = re.sub(rf"(\d)[{words.THIN}](?=\d)", r"\1", text).replace(words.THIN, " ").replace(words.SPACE, " ")
     text = re.sub(rf" ?{words.TIMES} ?10([\u207b\u2070\u00b9\u00b2\u00b3\u2074-\u2079]+)", _power, text)
-    text = text.replace(" (committed)", "")  # the caption tells it, and the film's begin
+    text = text.replace(" (committed)", "")  # the caption states it, and the beginning of the film
     for unit, name in UNITS.items():
         text = re.sub(rf"(?<=\d) {re.escape(unit)}(?![\w/])", f" {name}", text)
     for short, name in LETTERS.items():
@@ -48,8 +50,10 @@ def _power(found: re.Match[str]) -> str:
 
 
 def read_sound(file: Path) -> tuple[np.ndarray, int]:
-    """(samples,) float32 in -1 to 1, less the silence about them, and their rate [1/s]. Of 16 bits and one channel, as voices
-    write."""
+    """Return (samples (n,) float32 in -1 to 1, without silence at the ends; their rate [1/s]).
+
+    The file has 16 bits and one channel, as voices write.
+    """
     with wave.open(str(file), "rb") as sound:
         rate, channels = sound.getframerate(), sound.getnchannels()
         held = np.frombuffer(sound.readframes(sound.getnframes()), "<i2")
@@ -62,14 +66,14 @@ def read_sound(file: Path) -> tuple[np.ndarray, int]:
 
 
 def breaths(samples: np.ndarray, rate: int) -> list[float]:
-    """The middles [s] of the silences in a sentence that are no shorter than SILENCE."""
+    """Return the middles [s] of the silences in a sentence that are at least SILENCE long."""
     loud = np.flatnonzero(np.abs(samples) > QUIET * float(np.abs(samples).max(initial=0.0)))
     gaps = np.flatnonzero(np.diff(loud) >= SILENCE * rate)
     return [float(loud[gap] + loud[gap + 1]) / 2 / rate for gap in gaps]
 
 
 def write_track(path: Path, parts: Sequence[Part], sounds: dict[str, np.ndarray], rate: int, fps: int) -> None:
-    """Every sentence at its time, at LOUDNESS, on a track as long as the film."""
+    """Write every sentence at its time, at LOUDNESS, on a track as long as the film."""
     frames = parts[-1].first + parts[-1].count
     track = np.zeros(round(frames / fps * rate), np.float32)
     for said in (said for part in parts for said in part.said):
@@ -84,7 +88,7 @@ def write_track(path: Path, parts: Sequence[Part], sounds: dict[str, np.ndarray]
 
 
 def levelled(track: np.ndarray) -> np.ndarray:
-    """The track at LOUDNESS where it is not silent, or as near as its peak allows."""
+    """Return the track at LOUDNESS where it is not silent, or as near as its peak allows."""
     peak = float(np.abs(track).max(initial=0.0))
     if peak == 0:
         return track

@@ -1,4 +1,4 @@
-"""Pictures that stand still: title, figures, the table of answers."""
+"""Still pictures: title, figures, the table of answers."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ UNITS = "Error in spacings; time of computing a simulated second."
 
 
 def held(image: Image.Image, count: int) -> Iterator[Image.Image]:
-    """One picture, so many times."""
+    """Repeat one picture that many times."""
     return repeat(image, count)
 
 
 def draw_title(made: Judged, results: Results, area: Area, count: int, fps: int) -> Iterator[Image.Image]:
-    """What this is, and of which machines; beside it a curtain that is let go."""
+    """Yield the title with the machines, next to a curtain that is released."""
     states = made.states["velocity-verlet"]
     side = area.pixels(area.height / area.scale - 2 * MARGIN)
     machines = list(dict.fromkeys(source.provenance for source in results.sources))
@@ -52,7 +52,7 @@ def draw_title(made: Judged, results: Results, area: Area, count: int, fps: int)
             for number, line in enumerate(machines):
                 texts = canvas.balanced(line, x - 3 * MARGIN, 21)
                 rest = len(machines) - number
-                if y + 30 * len(texts) + (44 if rest > 1 else 0) > canvas.height:  # a line is left for this
+                if y + 30 * len(texts) + (44 if rest > 1 else 0) > canvas.height:  # space for a line is left
                     canvas.text(2 * MARGIN, y, f"and {rest} more, which the lab book names", 21, FAINT)
                     break
                 for text in texts:
@@ -63,14 +63,14 @@ def draw_title(made: Judged, results: Results, area: Area, count: int, fps: int)
 
 
 def figure_of(results: Results, name: str) -> Drawing | None:
-    """A figure of plots/, if the results hold it."""
+    """Return a figure of plots/, if the results have its data."""
     with settings():
         drawn = FIGURES[name](results)
     return None if isinstance(drawn, str) else drawn
 
 
 def draw_figure(results: Results, name: str, area: Area, count: int, fps: int) -> Iterator[Image.Image]:
-    """The figure as large as it fits, under it machine, commit and date."""
+    """Yield the figure as large as it fits, with machine, commit and date below."""
     canvas = area.canvas()
     with settings():
         drawn = FIGURES[name](results)
@@ -93,7 +93,7 @@ def draw_figure(results: Results, name: str, area: Area, count: int, fps: int) -
 
 
 def answers(results: Results) -> tuple[list[list[str]], str]:
-    """The rows of the book's first table, with the scene in each, and whose they are."""
+    """Return (the rows of the book's first table, with the scene in each, whose measurements they are)."""
     found, scene, whose = [], ["", ""], ""
     for table in answer_tables(results):
         whose = table["title"].rpartition(". ")[2]
@@ -104,7 +104,7 @@ def answers(results: Results) -> tuple[list[list[str]], str]:
 
 
 def draw_answers(results: Results, area: Area, count: int, fps: int) -> Iterator[Image.Image]:
-    """The rows come one after the other, in the first half of the time."""
+    """Yield the rows one after another, in the first half of the time."""
     rows, whose = answers(results)
     rows = rows if len(rows) <= ROWS else [row for row in rows if not row[0].endswith(("(S1-16)", "(S1-64)"))][:ROWS]
     image, shown = None, 0

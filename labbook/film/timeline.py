@@ -1,4 +1,4 @@
-"""When what is said and shown: shots of sentences, each as long as it is spoken or read, in frames."""
+"""Timeline of the film: shots of sentences, each as long as it is spoken or read, in frames."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from dataclasses import dataclass, replace
 from labbook.film.canvas import Format, Picture
 
 LEAD, PAUSE, TAIL = 0.4, 0.35, 0.5  # s before the first sentence of a shot, between two, and after the last
-READING = 17.0  # characters a second, of captions that nobody speaks
+READING = 17.0  # characters per second, of captions without a voice
 LEAST_READING = 1.5  # s
-DIGIT = 4  # letters that a digit takes longer to say
-NEAR = 1.5  # s: how far a caption may wait for the voice to draw breath
+DIGIT = 4  # letters of the same spoken length as a digit
+NEAR = 1.5  # s: how far a caption may shift to a pause of the voice
 
 
 @dataclass(frozen=True)
 class Line:
-    """A sentence. `rank`: the greater, the sooner it is left out of a film that would be too long."""
+    """A sentence; `rank`: sentences of the highest rank are left out first if the film would be too long."""
 
     text: str
     rank: int = 0
@@ -24,7 +24,7 @@ class Line:
 
 @dataclass(frozen=True)
 class Shot:
-    """`picture` draws so many frames; `least`: seconds that they must be, however little is said."""
+    """A shot; `picture` draws its frames; `least`: shortest length [s], however short its text."""
 
     name: str
     heading: str
@@ -45,7 +45,7 @@ class Said:
 
 @dataclass(frozen=True)
 class Part:
-    """A shot in time: its first frame, and how many."""
+    """A shot in time: its first frame, and their number."""
 
     shot: Shot
     first: int
@@ -54,19 +54,22 @@ class Part:
 
 
 def reading_seconds(text: str) -> float:
-    """How long a reader needs."""
+    """Return the time that a reader needs [s]."""
     return max(LEAST_READING, len(text) / READING)
 
 
 def shot_seconds(shot: Shot, lengths: Mapping[str, float]) -> float:
-    """How long [s] a shot is shown: its sentences with the pauses around them, by the `lengths` [s] of each."""
+    """Return the length of a shot [s]: its sentences with the pauses around them, by the `lengths` [s] of each."""
     spoken = sum(lengths[line.text] for line in shot.lines) + PAUSE * (len(shot.lines) - 1)
     return max(shot.least, LEAD + spoken + TAIL)
 
 
 def fitted(shots: Sequence[Shot], lengths: Mapping[str, float], form: Format) -> list[Shot]:
-    """The shots, less those sentences without which the film is no longer than it may be: of the greatest rank first, the
-    last of them before the others. A shot without sentences is left out. A film that is too short holds its shots longer."""
+    """Return the shots without the sentences that make the film too long.
+
+    Sentences of the highest rank are removed first, the last of them before the others. A shot without sentences is
+    left out. If the film is too short, its shots are extended.
+    """
     kept = [
         replace(shot, lines=tuple(line for line in shot.lines if line.rank <= form.rank))
         for shot in shots
@@ -96,8 +99,10 @@ def timeline(
     captions: Callable[[str], list[str]],
     pauses: Mapping[str, Sequence[float]] | None = None,
 ) -> list[Part]:
-    """The shots one after the other, in whole frames. `captions` divides a sentence; `pauses`: when the voice draws breath in
-    it [s from its start]."""
+    """Return the shots one after another, in whole frames.
+
+    `captions` divides a sentence; `pauses`: when the voice pauses in it [s from its start].
+    """
     parts, first = [], 0
     for shot in shots:
         begin = first / fps
@@ -116,7 +121,7 @@ def timeline(
 def _shared(
     pieces: Sequence[str], start: float, end: float, breaths: Sequence[float]
 ) -> list[tuple[float, float, str]]:
-    """Each piece as long as its share of what is said, or to the breath that is drawn near its end."""
+    """Return each piece with its time, in proportion to its length, or up to a pause near its end."""
     weights = [len(piece) + DIGIT * sum(map(str.isdigit, piece)) for piece in pieces]
     found, at = [], start
     for number, piece in enumerate(pieces, 1):
@@ -130,14 +135,14 @@ def _shared(
 
 
 def caption_at(part: Part, seconds: float) -> str:
-    """What is to be read at that time of the film; a caption stays until the next one."""
+    """Return the caption at that time of the film; a caption stays until the next one."""
     shown = [text for said in part.said for start, _, text in said.captions if start <= seconds + 1e-9]
     first = part.said[0].captions[0][2] if part.said else ""
     return shown[-1] if shown else first
 
 
 def subtitles(parts: Sequence[Part]) -> str:
-    """The captions as a SubRip file."""
+    """Return the captions as a SubRip file."""
     blocks = [
         f"{number}\n{_clock(start)} --> {_clock(end)}\n{text}\n"
         for number, (start, end, text) in enumerate(
@@ -148,7 +153,7 @@ def subtitles(parts: Sequence[Part]) -> str:
 
 
 def _clock(seconds: float) -> str:
-    """`00:01:02,345`."""
+    """Return e.g. `00:01:02,345`."""
     whole = round(1000 * seconds)
     minutes, rest = divmod(whole, 60_000)
     hours, minutes = divmod(minutes, 60)

@@ -1,4 +1,4 @@
-"""The accuracy runs as points: what error a configuration reached, and what a simulated second of it cost."""
+"""Accuracy runs as points: the error that a configuration reached, and the cost of a simulated second."""
 
 from __future__ import annotations
 
@@ -16,28 +16,31 @@ from plots.core.data import Source
 
 LABELS = {str(load_scene(name).grid.pinned): label for label, name in SCENES.items()}  # the scenes differ in their pins
 CLOTH_SCENES = {label: load_scene(name).as_dict() for label, name in CLOTHS.items()}
-MEASURES = (ERROR, HALF, UNRESOLVED, COPY, GROWTH, SOLVER)  # what a point is made of
-SIDE = load_scene("lab-curtain").grid.rows  # masses; runs of other sizes have it in their label
+MEASURES = (ERROR, HALF, UNRESOLVED, COPY, GROWTH, SOLVER)  # measures of a point
+SIDE = load_scene("lab-curtain").grid.rows  # masses; runs of other sizes have the size in their label
 
 
 class Point(AccuracyPoint):
-    """One accuracy run, as figures and sentences call it; timed where its times are of the version of the code that is told
-    of."""
+    """One accuracy run with its names for figures and sentences; timed if its times are of the selected version of the
+    code.
+    """
 
     @property
     def name(self) -> str:
-        """`rk4, 5 ms, float64, CPU`; `xpbd jacobi, 4 iterations, 5 ms, ...`."""
+        """Name, e.g. `rk4, 5 ms, float64, CPU` or `xpbd jacobi, 4 iterations, 5 ms, ...`."""
         exact = "" if self.math == "fast" else f", {self.math}"
         method = method_words(self.integrator, self.iterations)
         return f"{method}, {1000 * self.dt:g} ms, {self.precision}{exact}, {self.backend.upper()}"
 
 
 def points(source: Source, scene: str | None = None, math: str = "fast") -> list[Point]:
-    """The accuracy runs of one machine in one math, of one scene (`S1`, `S2`, `S1-16`) or all, largest step first."""
+    """Return the accuracy runs of one machine in one math, of one scene (`S1`, `S2`, `S1-16`) or all, largest step
+    first.
+    """
     return [p for p in _points(source) if scene in (None, p.scene) and p.math == math]
 
 
-@lru_cache(maxsize=16)  # every claim, figure and table asks
+@lru_cache(maxsize=16)  # every claim, figure and table calls it
 def _points(source: Source) -> list[Point]:
     gathered = by_configuration(m for m in source.measures if m.name in MEASURES)
     found = [entry for named in gathered if ERROR in named and (entry := _point(source, named))]
@@ -47,7 +50,7 @@ def _points(source: Source) -> list[Point]:
 def _point(source: Source, named: dict[str, Measure]) -> Point | None:
     description = named[ERROR].description
     tables: dict[str, Any] = description["scene"]
-    label = _label(tables) if "end" not in description else None  # `softlab advise` judges at times of its own
+    label = _label(tables) if "end" not in description else None  # `softlab advise` uses end times of its own
     repeats = source.costs.get(
         named[ERROR].configuration
     )  # None: timed with another version of the code, or not at all
@@ -56,7 +59,7 @@ def _point(source: Source, named: dict[str, Measure]) -> Point | None:
 
 
 def _label(tables: dict[str, Any]) -> str | None:
-    """The scene's label, of a grid from its pins and size; None for a scene that is no accuracy scene."""
+    """Return the scene's label, for a grid from its pins and size; None for a scene that is no accuracy scene."""
     grid = tables_by_kind(tables).get("grid")
     if grid is None:
         return next((label for label, known in CLOTH_SCENES.items() if _material(known) == _material(tables)), None)
@@ -67,18 +70,18 @@ def _label(tables: dict[str, Any]) -> str | None:
 
 
 def _material(tables: dict[str, Any]) -> dict[str, Any]:
-    """A scene's tables without how it is solved."""
+    """Return a scene's tables without those of its method."""
     return {name: table for name, table in tables.items() if name not in ("title", "method")}
 
 
 def reaching(candidates: Sequence[Point], error: float) -> list[Point]:
-    """The timed points with at most `error` spacings of error, cheapest first."""
+    """Return the timed points with at most `error` spacings of error, cheapest first."""
     found = [p for p in candidates if p.seconds is not None and p.error <= error]
     return sorted(found, key=lambda p: p.seconds or 0.0)
 
 
 def order_points(found: Sequence[Point], integrator: str) -> list[Point]:
-    """The runs that show an integrator's order: float64, finite, resolved, of the first backend that has any."""
+    """Return the runs that determine an integrator's order: float64, finite, resolved, of the first backend with any."""
     for backend in ("cpu", "gpu"):
         mine = [
             p
@@ -91,7 +94,7 @@ def order_points(found: Sequence[Point], integrator: str) -> list[Point]:
 
 
 def observed_order(errors: Sequence[tuple[float, float]]) -> float | None:
-    """The slope of log error against log dt of (dt, error) pairs, least squares; None with fewer than two."""
+    """Return the slope of log error against log dt of (dt, error) pairs, least squares; None with fewer than two."""
     usable = [(math.log(dt), math.log(error)) for dt, error in errors if error > 0 and math.isfinite(error)]
     if len(usable) < 2:
         return None

@@ -1,11 +1,11 @@
-"""Whether two times differ: one rule for every sentence and figure.
+"""Rule for whether two times differ, the same for every sentence and figure.
 
-Of seven repeats or more, taken in turn: the bootstrap interval of the ratio of medians must leave out 1 (Efron and
-Tibshirani, An introduction to the bootstrap, 1993, chapter 13; LEVEL of it between the percentiles). Of fewer, down to five,
-no repeat of one may lie among those of the other: chance alone does that to one pair in 126. Of fewer still each range
-counts as three times as wide, in ratios: a disturbed repeat takes a multiple of its time, whatever that is compared with.
-And what one session measured says nothing about less than SMALL: where a process's pages lie moves times by up to a tenth
-for as long as it lives.
+With seven repeats or more, taken in turn: the bootstrap interval of the ratio of medians must exclude 1 (Efron and
+Tibshirani, An introduction to the bootstrap, 1993, chapter 13; LEVEL of it between the percentiles). With five or six,
+no repeat of one may lie among those of the other: by chance that happens to one pair in 126. With fewer, each range
+counts as three times as wide, in ratios: a disturbed repeat takes a multiple of its time, whatever that is compared
+with. One session cannot show a difference of less than SMALL: the placement of a process's pages changes times by up to
+a tenth for as long as it lives.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from bench.store.results import Timing
 MANY, FEW = 7, 5  # repeats
 LEVEL = 0.99
 RESAMPLES = 4000
-SMALL = 0.15  # of the shorter time
+SMALL = 0.15  # relative to the shorter time
 
 
 def apart(a: Timing, b: Timing) -> int:
-    """-1 where a is faster than b, 1 where it is slower, 0 where the repeats do not tell."""
+    """Return -1 if a is faster than b, 1 if it is slower, 0 if the repeats do not show a difference."""
     if small(a.median / b.median) and min(a.sessions, b.sessions) < 2:
         return 0
     if min(a.count, b.count) >= MANY:
@@ -35,26 +35,26 @@ def apart(a: Timing, b: Timing) -> int:
 
 
 def too_few(a: Timing, b: Timing) -> bool:
-    """Whether `apart` tells nothing only because there are fewer repeats than FEW: what there is of them does not meet."""
+    """Return True if `apart` is undecided only because there are fewer repeats than FEW: their ranges do not overlap."""
     if min(a.count, b.count) >= FEW or small(a.median / b.median) or apart(a, b) != 0:
         return False
     return a.high < b.low or b.high < a.low
 
 
 def small(ratio: float) -> bool:
-    """Whether a ratio of times is one that a single session cannot bear."""
+    """True if a ratio of times is too close to 1 for a single session."""
     return max(ratio, 1 / ratio) < 1 + SMALL
 
 
 def _range(timing: Timing) -> tuple[float, float]:
-    """Least and most [s]; of few repeats by the same factor further on both sides."""
+    """Return the smallest and largest time [s]; with few repeats, extended by the same factor on both sides."""
     width = timing.high / timing.low if timing.count < FEW else 1.0
     return timing.low / width, timing.high * width
 
 
-@lru_cache(maxsize=1024)  # claims ask again and again
+@lru_cache(maxsize=1024)  # claims call it again and again
 def ratio_interval(a: tuple[float, ...], b: tuple[float, ...]) -> tuple[float, float]:
-    """The percentiles between which LEVEL of the ratios of medians lie, when repeats are drawn again with replacement."""
+    """Return the percentiles that enclose LEVEL of the ratios of medians, resampled with replacement."""
     random = np.random.default_rng(7)
     medians = [np.median(random.choice(times, (RESAMPLES, len(times))), axis=1) for times in (a, b)]
     low, high = np.percentile(medians[0] / medians[1], (50 * (1 - LEVEL), 50 * (1 + LEVEL)))

@@ -1,4 +1,4 @@
-"""What is told of a backend each: which machine stands for it, what it is called, where the figure is from."""
+"""Selection per backend: the machine that represents it, its name, and the sources of a figure."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ PRECISION = "float32"
 
 
 class Timed(Protocol):
-    """What was timed on a backend."""
+    """A point that was timed on a backend."""
 
     @property
     def backend(self) -> str: ...
@@ -27,7 +27,7 @@ Found = TypeVar("Found")
 
 
 def on_backends(results: Results, found: Callable[[Source, str], Found]) -> list[tuple[str, Source, Found]]:
-    """(backend, the first machine on which something is `found` of it, what) of the backends of which anything is."""
+    """Return (backend, machine, result of `found`) for each backend, from the first machine with a non-empty result."""
     chosen = []
     for backend in BACKENDS:
         for source in results.everyone:
@@ -39,7 +39,7 @@ def on_backends(results: Results, found: Callable[[Source, str], Found]) -> list
 
 
 def timed(points: Callable[[Iterable[Measure]], list[Point]]) -> Callable[[Source, str], list[Point]]:
-    """What is found of a machine's measures by `points`, on a backend in float32."""
+    """Make the function that returns the `points` of a machine's measures on a backend in float32."""
     return lambda source, backend: [
         p for p in points(source.measures) if (p.backend, p.precision) == (backend, PRECISION)
     ]
@@ -52,8 +52,11 @@ def draw_rates(
     lines: Mapping[int, str],
     kind: Callable[[Any], tuple[Any, int]],
 ) -> None:
-    """The `rate` of the points against their `particles`: a line for each of `looks` (label, colour, marker) and of `lines`,
-    through the points of that `kind`. Solid ones are in the legend."""
+    """Draw the `rate` of the points against their `particles`.
+
+    A line for each of `looks` (label, colour, marker) and of `lines`, through the points of that `kind`. Solid lines
+    are in the legend.
+    """
     for look, (label, colour, marker) in looks.items():
         for number, line in lines.items():
             mine = [p for p in found if kind(p) == (look, number)]
@@ -63,10 +66,10 @@ def draw_rates(
 
 
 def name_of(backend: str, source: Source) -> str:
-    """`GPU: NVIDIA H200`."""
+    """Return e.g. `GPU: NVIDIA H200`."""
     return f"{backend.upper()}: {source.device(backend)}"
 
 
 def sources_of(chosen: Sequence[tuple[Any, ...]]) -> tuple[Source, ...]:
-    """The machines of the panels, each once."""
+    """Return the machines of the panels, each once."""
     return tuple(dict.fromkeys(entry for one in chosen for entry in one if isinstance(entry, Source)))

@@ -1,4 +1,4 @@
-"""A step's bytes beside what the machine's memory was measured to move."""
+"""Bytes of a step compared with the measured bandwidth of the machine's memory."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ UNKNOWN_CACHE = 1 << 26  # B
 
 
 def copy_bandwidth(source: Source, backend: str) -> float | None:
-    """The measured copy bandwidth of a backend's memory [B/s]; None where it was not measured."""
+    """Return the measured copy bandwidth of a backend's memory [B/s]; None where it was not measured."""
     return source.machine.record.get("gpu_copy_bandwidth" if backend == "gpu" else "copy_bandwidth")
 
 
 def disturbed(source: Source) -> bool:
-    """Whether other programs ran while it was measured."""
+    """True if other programs ran while the bandwidth was measured."""
     return bool(source.machine.record.get(DISTURBED))
 
 
 def fraction(source: Source, timing: Timing) -> float | None:
-    """Bytes that one fused pass moves, over the time of a step, over the copy bandwidth; None where one is unknown."""
+    """Return the bytes of one fused pass over the time of a step, over the copy bandwidth; None where one is unknown."""
     bandwidth = copy_bandwidth(source, timing.backend)
     if not bandwidth or not timing.bytes_per_step:
         return None
@@ -28,8 +28,10 @@ def fraction(source: Source, timing: Timing) -> float | None:
 
 
 def from_memory(source: Source, timing: Timing) -> bool:
-    """Whether both buffers of a timing's state outgrow the processor's last cache, so that its bytes come from memory: what
-    stays in a cache is no share of the memory's bandwidth. A cache of unknown size counts as 64 MiB."""
+    """True if both buffers of a timing's state exceed the processor's last cache, so that its bytes come from memory.
+
+    Data that stay in a cache use no memory bandwidth. A cache of unknown size counts as 64 MiB.
+    """
     caches = source.machine.record.get("caches") or {}
     on_gpu = timing.backend == "gpu"
     last = source.machine.record.get("gpu_l2_bytes") if on_gpu else caches.get("L3") or caches.get("L2")

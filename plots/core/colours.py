@@ -1,4 +1,4 @@
-"""Colours that colour-blind readers tell apart (Okabe and Ito, 2008), and a grey for what stands behind them."""
+"""Colours that colour-blind readers can distinguish (Okabe and Ito, 2008), and a grey for the background."""
 
 from __future__ import annotations
 

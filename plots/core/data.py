@@ -1,8 +1,8 @@
-"""What figures and lab book draw from: a user's own measurements and the committed ones, machine by machine.
+"""Data of the figures and the lab book: a user's own measurements and the committed ones, machine by machine.
 
-A `Source` (made by plots/core/read.py) is what one machine holds of the sweep and of the accuracy runs. The sources that a
-figure is about are `featured`: the user's own, or the committed ones where there are no others. Committed sources beside own
-ones are `background`: drawn lightly, and labelled.
+A `Source` (made by plots/core/read.py) has what one machine measured in the sweep and the accuracy runs. The `featured`
+sources of a figure are the user's own, or the committed ones if there are no others. Committed sources next to own ones
+are `background`: drawn lightly, and labelled.
 """
 
 from __future__ import annotations
@@ -22,13 +22,14 @@ Origin = Store | str | Path
 THREAD_WORDS = ("1x", "2x", "4x")
 NO_GPU = "no GPU"  # in a machine's label
 FULL = (
-    0.9  # of the largest set of an experiment's configurations: so many count as all, whatever the version of the lab
+    # of the largest set of an experiment's configurations: a set of this size counts as complete, whatever the version
+    0.9
 )
 
 
 @dataclass(frozen=True)
 class Run:
-    """One run of a measuring command. `version`: of the code; `started`: UTC, ISO 8601."""
+    """One run of a measuring command; `version`: of the code; `started`: UTC, ISO 8601."""
 
     version: Version
     started: str
@@ -37,14 +38,17 @@ class Run:
 
 @dataclass(frozen=True, eq=False)
 class Source:
-    """What one machine measured. `own`: by the user, else committed with the lab. `timings`: of the sweep, by the
-    kernels the lab chose itself, with one threading layer and wait policy (`threading`, the most measured one).
-    `scene`: the sweep's, as nested tables without the grid's size. `costs`: of the accuracy runs, by configuration.
-    `kernels`: timings of forced kernels; `energies`: samples with joules, by configuration; `defaults`: of forced
-    kernels, whether the backend would have chosen them, by configuration. `peers`: what was timed beside the lab.
-    `findings`: timings behind single findings (bench/experiments/findings/experiment.py), small grids first. The timings
-    of a stage are of one version of the code (bench/store/versions.py); `left_out`: how many were of another.
-    `alone`: committed, and no machine of the user's is told of, from which it would have to be told apart."""
+    """Measurements of one machine.
+
+    `own`: by the user, else committed with the lab. `timings`: of the sweep, with the kernels that the lab chose, one
+    threading layer and one wait policy (`threading`, the most frequent ones). `scene`: the sweep's, as nested tables
+    without the grid's size. `costs`: of the accuracy runs, by configuration. `kernels`: timings of forced kernels;
+    `energies`: samples with joules, by configuration; `defaults`: whether the backend would have chosen the forced
+    kernel, by configuration. `peers`: timings with peers. `findings`: timings of single findings
+    (bench/experiments/findings/experiment.py), small grids first. The timings of a stage are of one version of the code
+    (bench/store/versions.py); `left_out`: number of those of other versions. `alone`: committed, without any machine of
+    the user's from which it must be distinguished.
+    """
 
     machine: Machine
     own: bool
@@ -64,36 +68,36 @@ class Source:
 
     @property
     def processor(self) -> str:
-        """`AMD EPYC, 2 cores`."""
+        """Name of the processor, e.g. `AMD EPYC, 2 cores`."""
         return self.machine.label.split(";")[0].strip()
 
     @property
     def gpu(self) -> str | None:
-        """The GPU's name; None for a machine without."""
+        """Name of the GPU; None for a machine without one."""
         return self.machine.record.get("gpu")
 
     def device(self, backend: str) -> str | None:
-        """The name of what a backend runs on."""
+        """Return the name of the hardware of a backend."""
         return self.gpu if backend == "gpu" else self.processor
 
     @property
     def label(self) -> str:
-        """`committed` where these measurements are not the user's, who measured, too; else nothing."""
+        """`committed` if these measurements are not those of a user who measured too; else empty."""
         return "" if self.own or self.alone else "committed"
 
     @property
     def bracket(self) -> str:
-        """The label as it follows a name: ` (committed)`."""
+        """Label as a suffix of a name, ` (committed)`."""
         return f" ({self.label})" if self.label else ""
 
     @property
     def versions(self) -> list[Version]:
-        """Of the runs, in order of time."""
+        """Versions of the runs, in order of time."""
         return [run.version for run in self.runs]
 
     @property
     def code(self) -> str:
-        """Of which versions its runs were, each once, in order of time: `commits 9613136a2b1c, 555bb0d37fcd`."""
+        """Versions of the runs, each once, in order of time: `commits 9613136a2b1c, 555bb0d37fcd`."""
         commits = list(dict.fromkeys(version.commit for version in self.versions if version.commit))
         others = dict.fromkeys(
             str(version) if version.cpu else "others of a commit that was not recorded"
@@ -105,7 +109,7 @@ class Source:
 
     @property
     def date(self) -> str:
-        """The day of the measurements, `2026-11-21`, or the first and the last."""
+        """Day of the measurements, `2026-11-21`, or the first and the last."""
         days = [run.started[:10] for run in self.runs]
         return " to ".join(dict.fromkeys((min(days), max(days)))) if days else "unknown"
 
@@ -117,7 +121,7 @@ class Source:
 
     @property
     def place(self) -> str:
-        """The machine alone, where commit and date are told once for all."""
+        """Machine only, where commit and date are stated once for all."""
         parts = [part for part in self.machine.label.split("; ") if part != NO_GPU]
         return f"{' with '.join(parts)}{self.bracket}"
 
@@ -130,7 +134,9 @@ class Source:
         graphics: bool = False,
         square: bool = True,
     ) -> list[Timing]:
-        """The sweep's timings of one curve, smallest grid first. `word`: 1x, 2x, 4x or a number; None on the GPU."""
+        """Return the sweep's timings of one curve, smallest grid first; `word`: 1x, 2x, 4x or a number; None on the
+        GPU.
+        """
         return [
             timing
             for timing in self.timings
@@ -142,11 +148,13 @@ class Source:
         ]
 
     def ladder(self, backend: str, precision: str = "float32", word: str | None = "1x") -> dict[str, list[Timing]]:
-        """The timings of every forced kernel at square sizes, smallest first, by kernel. `word`: threads on the CPU."""
+        """Return the timings of every forced kernel at square sizes, smallest first, by kernel; `word`: threads on the
+        CPU.
+        """
         found: dict[str, list[Timing]] = {}
         for timing in self.kernels:
             wanted = timing.thread_word == (None if backend == "gpu" else word)
-            if ":" in timing.kernel:  # a tile that was tried out by hand is no rung
+            if ":" in timing.kernel:  # a tile that was tried by hand is not a variant
                 continue
             if wanted and (timing.backend, timing.precision) == (backend, precision) and timing.rows == timing.columns:
                 found.setdefault(timing.kernel, []).append(timing)
@@ -159,7 +167,7 @@ class Source:
 
 @dataclass(frozen=True, eq=False)
 class Results:
-    """All sources, the user's own first. What is found in them is kept with them (functools.lru_cache)."""
+    """All sources, the user's own first. Derived results are cached per instance (functools.lru_cache)."""
 
     sources: tuple[Source, ...]
 
@@ -174,30 +182,30 @@ class Results:
 
     @property
     def everyone(self) -> tuple[Source, ...]:
-        """In the order in which they are asked: the featured ones first."""
+        """All sources in the order of preference: the featured ones first."""
         return (*self.featured, *self.background)
 
     @property
     def committed(self) -> Results | None:
-        """The committed sources alone, where they stand beside a user's own: what tells of that which those do not hold."""
+        """Committed sources only, if they are next to a user's own, for results that those lack."""
         found = tuple(source for source in self.sources if not source.own)
         return Results(found) if found and len(found) < len(self.sources) else None
 
     def first(self, holds: Callable[[Source], object]) -> Source | None:
-        """The first source that `holds` something."""
+        """Return the first source that `holds` something."""
         return next((source for source in self.everyone if holds(source)), None)
 
     def with_gpu(self) -> Source | None:
-        """The first source that timed a GPU."""
+        """Return the first source that timed a GPU."""
         return self.first(lambda source: source.has_gpu_times)
 
 
 def judgements(results: Results, belongs: Callable[[Measure], bool]) -> tuple[list[Measure], tuple[Source, ...]]:
-    """The measures that `belongs` takes and that do not hang on a machine's speed (verdicts, outcomes), and their sources.
+    """Return (the measures accepted by `belongs`, their sources), for measures independent of a machine's speed.
 
-    Of each backend, and of each experiment (`finding`) in it, those of the first source whose set is full: no smaller than
-    FULL of the largest. So a machine without a GPU is read beside one with, and a user's full set stands before committed
-    ones, but a quick one does not take their place.
+    Such measures are verdicts and outcomes. For each backend and experiment (`finding`), they are from the first source
+    whose set is complete: at least FULL of the largest. So a machine without a GPU is combined with one that has a GPU,
+    and a user's complete set is preferred to committed ones, but a quick one does not replace them.
     """
     sets: list[tuple[Source, dict[tuple[Any, Any], list[Measure]]]] = []
     for source in results.everyone:
@@ -230,21 +238,21 @@ def _configurations(found: Iterable[Measure]) -> int:
 
 
 def provenance(sources: Sequence[Source]) -> str:
-    """Where numbers come from, in a line; nothing for no source."""
+    """Return the sources of numbers in a line; empty without sources."""
     return "; ".join(source.provenance for source in sources)
 
 
 def is_wrong(timing: Timing) -> bool:
-    """Whether the answer of a timed configuration failed its check: such a time wins nothing."""
+    """True if the result of a timed configuration failed its check: such a time does not compete."""
     infinite = timing.error is not None and timing.error == float("inf")
     return infinite or any(map(marks.is_wrong, timing.suspect))
 
 
 def sound(timings: Iterable[Timing]) -> list[Timing]:
-    """Those whose answer was right."""
+    """Return the timings whose result was right."""
     return [timing for timing in timings if not is_wrong(timing)]
 
 
 def is_suspect(timing: Timing) -> bool:
-    """Whether a time is to be read with care: noisy, disturbed, or of an answer that nothing was held against."""
+    """True if a time is doubtful: noisy, disturbed, or of a result that was not checked."""
     return bool(timing.suspect) or timing.error is None

@@ -1,4 +1,4 @@
-"""Every figure of the lab, drawn from the store: what `softlab figures` calls.
+"""Every figure of the lab, drawn from the store, for `softlab figures`.
 
 >>> from plots.core.draw import draw_figures, figures_folder
 >>> from plots.core.read import load
@@ -51,7 +51,7 @@ from plots.figures.scaling import gpus, threads
 from plots.findings import determinism as findings_determinism
 from plots.findings import float32 as findings_float32
 
-DRAWN: dict[str, tuple[str, Callable[[Results], Drawing | str]]] = {  # name -> title, what draws it
+DRAWN: dict[str, tuple[str, Callable[[Results], Drawing | str]]] = {  # name -> title, function that draws it
     "time-per-step": (time_per_step.TITLE, time_per_step.draw),
     "thread-scaling": (threads.TITLE, threads.draw),
     "crossover": (crossover.TITLE, crossover.draw),
@@ -91,8 +91,11 @@ TITLES = {name: title for name, (title, _) in DRAWN.items()}
 
 @dataclass(frozen=True)
 class FigureFiles:
-    """A figure on disk: `paths` (.svg, .png) and `caption`, which names the machines; where the data do not hold it, no paths
-    but a `reason`. `footer`: points at its top that tell machine, commit and date."""
+    """A figure on disk.
+
+    `paths` (.svg, .png) and `caption`, which names the machines; if the data are missing, no paths but a `reason`.
+    `footer`: height in points of the strip at its top with machine, commit and date.
+    """
 
     name: str
     title: str
@@ -114,21 +117,21 @@ def draw_figures(
     helped: bool = False,
     tell: Tell = lambda name: None,
 ) -> list[FigureFiles]:
-    """Draw what the results hold into an existing folder. `footer`: machine, commit and date on the figure itself;
-    `suffixes`: the formats; `helped`: by a second process (for programs whose main module may be imported again); `tell`
-    hears of each figure that is done.
+    """Draw all figures whose data the results have into an existing folder.
 
-    A figure that the data do not hold is left out, with its reason; an older file of its name is removed then, so that
-    the folder never mixes two states. Raises InputError where the folder cannot be written.
+    `footer`: print machine, commit and date on the figure itself; `suffixes`: the formats; `helped`: with a second
+    process (for programs whose main module may be imported again); `tell` is called after each figure. A figure without
+    data is left out, with its reason, and an older file of its name is removed, so that the folder never mixes two
+    states. Raises InputError if the folder cannot be written.
     """
     folder = Path(out_dir)
     if not folder.is_dir():
         raise InputError(f"{folder}: no such folder; make it first, or give another path for the figures")
     made: dict[str, FigureFiles] = {}
-    gc.freeze()  # a hundred thousand measures stay: to look through them for garbage takes as long as half of the figures
+    gc.freeze()  # 100 000 measures stay in memory; scanning them for garbage takes as long as half of the figures
     try:
         with settings(), Helper(results if helped else None, folder, footer, suffixes) as helper:
-            for name in reversed(FIGURES):  # from the end on, until it meets the helper
+            for name in reversed(FIGURES):  # from the end backwards, until it reaches the helper
                 made[name] = helper.result(name) or _draw(results, name, folder, footer, suffixes)
                 tell(name)
     finally:
@@ -151,7 +154,7 @@ def _draw(results: Results, name: str, folder: Path, footer: bool, suffixes: Seq
 
 
 class Helper:
-    """A second process that draws figures, from the first one on; a context manager. Of None results: nobody helps."""
+    """Second process that draws figures from the first one on; a context manager. Without results there is no helper."""
 
     def __init__(self, results: Results | None, *how: Any):
         self.results, self.how = results, how
@@ -160,8 +163,8 @@ class Helper:
     def __enter__(self) -> Helper:
         if self.results is None:
             return self
-        with suppress(OSError, ImportError):  # a machine without semaphores: one process draws all
-            context = multiprocessing.get_context("spawn")  # a fork would take over locks of threads that it lacks
+        with suppress(OSError, ImportError):  # on a machine without semaphores one process draws all
+            context = multiprocessing.get_context("spawn")  # a fork would inherit locks of threads that it lacks
             self.pool = ProcessPoolExecutor(1, context, _begin_helping, (self.results,))
             self.begun = {name: self.pool.submit(_help, name, *self.how) for name in FIGURES}
         return self
@@ -171,21 +174,23 @@ class Helper:
             self.pool.shutdown(cancel_futures=True)
 
     def result(self, name: str) -> FigureFiles | None:
-        """What the helper made of a figure; None for one that it had not begun, or failed at, and will not touch now."""
+        """Return the helper's figure, or None if it had not begun it, or failed; it will not touch that figure any
+        more.
+        """
         if name not in self.begun or self.begun[name].cancel():
             return None
         try:
             return self.begun[name].result()
-        except Exception:  # whatever it was shows itself when the figure is drawn here
+        except Exception:  # the error appears again when the figure is drawn here
             return None
 
 
-_given: list[Results] = []  # what the helper draws
+_given: list[Results] = []  # input of the helper process
 
 
 def _begin_helping(results: Results) -> None:
-    """In the helper's process."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the one who is helped
+    """Initialise the helper's process."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is handled by the main process
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     gc.freeze()
     _given.append(results)
@@ -197,7 +202,7 @@ def _help(name: str, *how: Any) -> FigureFiles:
 
 
 def figures_folder(out_dir: str | Path) -> Path:
-    """The folder, made where its parent exists. Raises InputError."""
+    """Return the folder, created if its parent exists. Raises InputError."""
     folder = Path(out_dir)
     try:
         folder.mkdir(exist_ok=True)

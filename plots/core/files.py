@@ -1,4 +1,4 @@
-"""Figures on disk: as vectors for books and as pixels for screens, whole or not at all."""
+"""Figures on disk: as vectors for books and as pixels for screens, written completely or not at all."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ RAISED = str.maketrans(
 
 
 def lay_out(figure: Any) -> None:
-    """Find the places of all parts, once and for good: half of what a figure costs, which else every format takes anew.
+    """Compute the layout once: half of the cost of a figure, which each format would repeat.
 
     Powers of ten are written as text (10²), not as formulas, which would be parsed label by label.
     """
@@ -43,7 +43,7 @@ def lay_out(figure: Any) -> None:
 
 
 def plain_power(formula: str) -> str:
-    """`$\\mathdefault{2\\times10^{-3}}$`, as matplotlib labels an axis, as text."""
+    r"""Return `$\mathdefault{2\times10^{-3}}$`, matplotlib's label of an axis, as text."""
     found = re.fullmatch(r"\$\\mathdefault\{(.*)\}\$", formula)
     if found is None:
         return formula
@@ -60,7 +60,7 @@ def save(
     footer: bool = False,
     suffixes: Sequence[str] = SUFFIXES,
 ) -> list[Path]:
-    """Write NAME.svg and NAME.png into an existing folder, whole or not at all. Raises InputError.
+    """Write NAME.svg and NAME.png into an existing folder, completely or not at all. Raises InputError.
 
     `footer`: with machine, commit and date in a strip above the figure (see `without_footer`).
     """
@@ -96,7 +96,7 @@ def save(
 
 
 def without_footer(svg: str, height: float) -> str:
-    """A figure as `save` wrote it, .svg, less the strip of so many points above it: what is out of view is not shown."""
+    """Return a figure from `save`, .svg, without the strip of that many points above it, by its view box."""
 
     def lower(found: re.Match[str]) -> str:
         width, tall = float(found[1]), float(found[2]) - height

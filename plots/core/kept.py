@@ -1,7 +1,7 @@
-"""Figures that were drawn before: files in the user's cache, known by what is on the figure and by the code that draws.
+"""Cache of drawn figures in the user's cache folder, keyed by the contents of the figure and the drawing code.
 
-To make a figure's parts takes a fifth of the time; to find their places and to write them takes the rest. So a figure is
-made, its parts are looked at, and if the same ones were written before, the files of then are taken.
+Making a figure's parts takes a fifth of the time; the layout and the files take the rest. So a figure is made, its
+parts are hashed, and if the same ones were written before, those files are used.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from model.core.disk_cache import user_cache
 from model.core.errors import InputError
 from model.core.files import replacing
 
-MAX_FILES = 400  # six sets of figures; beyond it those not used for longest go
+MAX_FILES = 400  # six sets of figures; the least recently used ones are removed
 
 
 def key_of(figure: Any, *more: Any) -> str:
-    """A hash of what is on a figure that is not laid out yet, of the code that draws, and of what `more` decides."""
+    """Return a hash of the contents of a figure before its layout, of the drawing code, and of `more`."""
     digest = hashlib.sha256(_code().encode())
     for piece in (*more, *figure.get_size_inches(), *_parts(figure)):
         told = np.ascontiguousarray(piece).tobytes() if isinstance(piece, np.ndarray) else repr(piece).encode()
@@ -42,7 +42,7 @@ def _code() -> str:
 
 
 def _parts(figure: Any) -> Iterator[Any]:
-    """What the data decide: of every part its kind, place, text and looks. Ticks follow from the axes."""
+    """Yield what the data determine: kind, place, text and style of every part. Ticks follow from the axes."""
     from matplotlib.ticker import FixedLocator
 
     for artist in (*figure.texts, *figure.legends, *figure.patches, *figure.lines, *figure.images):
@@ -57,7 +57,7 @@ def _parts(figure: Any) -> Iterator[Any]:
             for ticker in (axis.get_major_locator(), axis.get_major_formatter(), axis.get_minor_locator()):
                 yield type(ticker).__name__, getattr(ticker, "seq", None)
                 yield [float(at) for at in ticker()] if isinstance(ticker, FixedLocator) else None
-                yield getattr(getattr(ticker, "func", None), "args", None)  # labels that were given one by one
+                yield getattr(getattr(ticker, "func", None), "args", None)  # labels that were set one by one
         legend = ax.get_legend()
         for artist in (*ax.lines, *ax.collections, *ax.patches, *ax.texts, *ax.images, *((legend,) if legend else ())):
             yield from _artist(artist)
@@ -65,7 +65,7 @@ def _parts(figure: Any) -> Iterator[Any]:
 
 def _artist(artist: Any) -> Iterator[Any]:
     yield type(artist).__name__, artist.get_visible(), artist.get_alpha(), artist.get_zorder(), str(artist.get_label())
-    if hasattr(artist, "get_texts"):  # a legend, whose handles are parts by themselves
+    if hasattr(artist, "get_texts"):  # a legend, whose handles are parts themselves
         yield [text.get_text() for text in artist.get_texts()], artist.get_title().get_text()
         for handle in artist.legend_handles:
             yield from _artist(handle)
@@ -89,19 +89,21 @@ def _artist(artist: Any) -> Iterator[Any]:
 
 
 def fetch(key: str, suffix: str, target: Path) -> bool:
-    """Copy the file of a key to `target`; whether there was one. Raises OSError where the target cannot be written."""
+    """Copy the file of a key to `target`; return False if there is none. Raises OSError if the target cannot be
+    written.
+    """
     folder = user_cache("figures")
     held = folder / f"{key}.{suffix}" if folder else None
     if held is None or not held.is_file():
         return False
     shutil.copyfile(held, target)
     with suppress(OSError):
-        os.utime(held)  # used now
+        os.utime(held)  # marks it as used now
     return True
 
 
 def keep(key: str, suffix: str, made: Path) -> None:
-    """Put a copy of a file under its key; in silence where that cannot be."""
+    """Store a copy of a file under its key; do nothing if that is impossible."""
     folder = user_cache("figures")
     if folder is None:
         return

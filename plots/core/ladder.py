@@ -1,4 +1,4 @@
-"""What the figures of kernels have in common: which machine stands for a backend, how a rung is drawn, its ceilings."""
+"""Common parts of the figures of kernels: the machine of a backend, the style of a kernel, switches of the default."""
 
 from __future__ import annotations
 
@@ -24,28 +24,28 @@ RUNGS = {
     "tiled": Curve("tiled", BLUE, "o"),
     "team": Curve("team", GREEN, "D"),
 }
-OTHER = Curve("", SKY, "X")  # a kernel that was measured and has no place here yet
+OTHER = Curve("", SKY, "X")  # a kernel without a style of its own
 
 
 def rung(kernel: str) -> Curve:
-    """How a kernel is drawn."""
+    """Return the style of a kernel."""
     return RUNGS.get(kernel) or Curve(kernel, OTHER.colour, OTHER.marker)
 
 
 def in_order(kernels: dict[str, list[Timing]]) -> list[tuple[str, list[Timing]]]:
-    """The kernels from the plainest on, each with its timings."""
+    """Return the kernels from the plainest on, each with its timings."""
     return sorted(kernels.items(), key=lambda item: LADDER.index(item[0]) if item[0] in LADDER else len(LADDER))
 
 
 def machine_of(results: Results, backend: str, holds: Callable[[Source], bool] = lambda _: True) -> Source | None:
-    """The machine whose kernels stand for a backend: a featured one, else a committed one."""
+    """Return the machine whose kernels represent a backend: a featured one, else a committed one."""
     return results.first(lambda s: s.ladder(backend) and holds(s))
 
 
 def backend_panels(
     results: Results, holds: Callable[[Source, str], bool] = lambda *_: True, share_y: bool = True
 ) -> tuple[Any, list[tuple[Any, str, Source]]]:
-    """A panel for each backend whose kernels were timed; no figure (None) where none were."""
+    """Return a figure with a panel for each backend whose kernels were timed; (None, []) if there is none."""
     chosen = on_backends(results, lambda source, backend: source.ladder(backend) and holds(source, backend))
     if not chosen:
         return None, []
@@ -57,26 +57,26 @@ def backend_panels(
 
 
 def title(source: Source, backend: str) -> str:
-    """`GPU: NVIDIA H200`, `CPU: Intel Xeon, 2 cores, 1x threads (committed)`."""
+    """Return e.g. `GPU: NVIDIA H200` or `CPU: Intel Xeon, 2 cores, 1x threads (committed)`."""
     threads = "" if backend == "gpu" else ", 1x threads"
     return f"{name_of(backend, source)}{threads}{source.label and ' (committed)'}"
 
 
 def threading_words(chosen: list[tuple[Any, str, Source]]) -> str:
-    """The layer and wait policy of the CPU's panel, for a caption."""
+    """Return the threading layer and wait policy of the CPU's panel, for a caption."""
     known = [source.threading for _, backend, source in chosen if backend == "cpu" and source.threading[0]]
     return "".join(f"CPU: threading layer {layer}, wait policy {policy}. " for layer, policy in known)
 
 
 def defaults(source: Source, backend: str, precision: str = "float32") -> list[Timing]:
-    """At every size the kernel that the backend chooses by itself, smallest first; sizes without one are left out."""
+    """Return the kernel that the backend chooses at every size, smallest first; sizes without one are left out."""
     kernels = source.ladder(backend, precision)
     chosen = [t for times in kernels.values() for t in times if source.defaults.get(t.configuration)]
     return sorted(chosen, key=lambda t: t.particles)
 
 
 def fastest(source: Source, backend: str) -> list[Timing]:
-    """At every size the kernel with the least median, of those whose answer is right."""
+    """Return the kernel with the smallest median at every size, among those with a right result."""
     best: dict[int, Timing] = {}
     for times in source.ladder(backend).values():
         for t in times:
@@ -86,7 +86,7 @@ def fastest(source: Source, backend: str) -> list[Timing]:
 
 
 def mark_switches(ax: Any, source: Source, backend: str) -> bool:
-    """A thin line between two sizes where the backend's own choice changes, named on both sides; whether there is one."""
+    """Mark where the backend's default kernel changes between two sizes; return False if it never does."""
     found = defaults(source, backend)
     for left, right in pairwise(found):
         if left.kernel != right.kernel:

@@ -1,4 +1,4 @@
-"""Timings that belong side by side: grids against squares of as many masses, float32 and float64."""
+"""Pairs of timings: grids and squares of equal masses, float32 and float64."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from plots.core.data import Source, sound
 
 
 def square_time(squares: Sequence[Timing], particles: int) -> float | None:
-    """Seconds a step of a square of `particles` masses: measured, or between its neighbours on log-log scales."""
+    """Return the time per step [s] of a square of `particles` masses: measured, or interpolated on log-log scales."""
     below = [t for t in squares if t.particles <= particles]
     above = [t for t in squares if t.particles >= particles]
     if not below or not above:
@@ -23,7 +23,7 @@ def square_time(squares: Sequence[Timing], particles: int) -> float | None:
 
 
 def shape_ratios(source: Source, backend: str, word: str | None) -> list[tuple[Timing, float]]:
-    """(timing, seconds that a square of as many masses takes) of every grid that is no square of a power of two."""
+    """Return (timing, time [s] of a square of equal masses) for every grid that is no square of a power of two."""
     everything = sound(source.select(backend, word, square=False))
     squares = [t for t in everything if t.rows == t.columns and t.rows & (t.rows - 1) == 0]
     result = []
@@ -36,11 +36,11 @@ def shape_ratios(source: Source, backend: str, word: str | None) -> list[tuple[T
 
 
 def at_one_size(ones: Iterable[Timing], others: Iterable[Timing]) -> list[tuple[Timing, Timing]]:
-    """(one, another) of every size that is among both, in the order of the others."""
+    """Return (one, another) of every size that is in both, in the order of the others."""
     held = {(t.rows, t.columns): t for t in ones}
     return [(held[t.rows, t.columns], t) for t in others if (t.rows, t.columns) in held]
 
 
 def float64_pairs(source: Source, backend: str, word: str | None) -> list[tuple[Timing, Timing]]:
-    """(float32, float64) timings of one size, smallest first, where both gave right answers."""
+    """Return (float32, float64) timings of one size, smallest first, if both have right results."""
     return at_one_size(sound(source.select(backend, word)), sound(source.select(backend, word, "float64")))

@@ -1,4 +1,4 @@
-"""Reading stores and text exports: what each machine in them measured, of one version of the code each."""
+"""Reading of stores and text exports: the measurements of each machine, of one version of the code each."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from bench.store.schema import canonical
 from bench.store.versions import of_one_version, read_version
 from plots.core.data import Origin, Results, Run, Source
 
-SIMULATOR = "CUDA simulator"  # in a suspect mark: no time of a GPU at all
+SIMULATOR = "CUDA simulator"  # in a suspect mark: not a time of a GPU
 STAGES = (ACCURACY_STAGE, ENERGY_STAGE, FINDINGS)
 RATES = tuple(
     (experiment.STEP, experiment.RATE, experiment.KERNEL) for experiment in (projections, throughput, scaling)
@@ -32,7 +32,7 @@ RATES = tuple(
 
 @contextmanager
 def uncollected() -> Iterator[None]:
-    """While a hundred thousand small tables are made that all stay, looking for garbage takes a third of the time."""
+    """Disable garbage collection while 100 000 permanent small tables are made: it would take a third of the time."""
     wanted = gc.isenabled()
     gc.disable()
     try:
@@ -58,7 +58,7 @@ def load(own: Origin | Sequence[Origin] | None, committed: Iterable[str | Path] 
 
 
 def _told_apart(found: list[Source]) -> list[Source]:
-    """The sources, with a letter in the names of machines that would share one: `AMD EPYC A, 2 cores`."""
+    """Return the sources with a letter in the names of machines with equal names: `AMD EPYC A, 2 cores`."""
     keys: dict[tuple[bool, str], list[str]] = {}
     for source in found:
         named = keys.setdefault((source.own, source.machine.label), [])
@@ -77,7 +77,7 @@ def _told_apart(found: list[Source]) -> list[Source]:
 
 
 def _sources(store: Store, own: bool) -> list[Source]:
-    """What each machine in a store measured."""
+    """Return the measurements of each machine in a store."""
     descriptions = {key: json.loads(text) for key, text in store.query("SELECT hash, description FROM configuration")}
     result = []
     for machine in machines(store):
@@ -126,13 +126,12 @@ def _sources(store: Store, own: bool) -> list[Source]:
 
 
 def _is_told(description: dict[str, Any]) -> bool:
-    """Whether measures of a configuration are the lab's own, or of a finding that holds others beside it; those of a sweep
-    beside peers are told by `ratios`."""
+    """True for the lab's own configurations and findings; `ratios` handles those of a sweep with peers."""
     return description.get("peer") is None or "finding" in description
 
 
 def _one_family(times: list[Timing], descriptions: dict[str, Any]) -> tuple[dict[str, Any], list[Timing]]:
-    """The timings of the scene that was swept over most sizes: scenes timed at one size are no curve."""
+    """Return the timings of the scene that was swept over most sizes: scenes timed at one size are no curve."""
 
     def family(timing: Timing) -> str:
         scene = json.loads(canonical(descriptions[timing.configuration]["scene"]))
@@ -153,7 +152,7 @@ def _one_family(times: list[Timing], descriptions: dict[str, Any]) -> tuple[dict
 
 
 def _one_threading(times: list[Timing]) -> tuple[tuple[str | None, str | None], list[Timing]]:
-    """The timings of the threading layer and wait policy that were measured most: mixed curves would compare those."""
+    """Return the timings of the most frequent threading layer and wait policy, which must not mix in a curve."""
     count = Counter((timing.layer, timing.wait_policy) for timing in times if timing.backend == "cpu")
     if not count:
         return (None, None), times

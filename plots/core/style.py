@@ -1,7 +1,6 @@
-"""How every figure looks: a colour and a marker for each curve, sizes that stay legible in a column, and how a measured point
-is shown.
+"""Style of every figure: a colour and a marker per curve, legible sizes, and the marks of measured points.
 
-Filled markers: sound. Hollow: suspect (noisy, disturbed, or not checked). A black cross: the answer was wrong; it
+Filled markers: sound. Hollow: suspect (noisy, disturbed, or not checked). A black cross: the result was wrong; it
 belongs to no curve. matplotlib is imported where it is used, with its object interface: no window, no global state.
 """
 
@@ -19,12 +18,12 @@ from bench.store.results import Timing
 from plots.core.colours import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILLION
 from plots.core.data import Results, Source, is_suspect, is_wrong, sound
 
-WIDTH = 6.3  # inch: the text's width on A4
+WIDTH = 6.3  # inch: text width on A4
 HEIGHT = 3.0  # inch
 MAX_PANELS = 3
 FOOTER_SIZE = 6  # point
 FOOTER_LINE = 1.3 * FOOTER_SIZE  # point
-LETTER = 0.54  # width of one in its size
+LETTER = 0.54  # width of a letter over its size
 
 SETTINGS: dict[str, Any] = {
     "font.size": 9,
@@ -37,19 +36,19 @@ SETTINGS: dict[str, Any] = {
     "axes.spines.right": False,
     "axes.grid": True,
     "axes.grid.which": "major",
-    "axes.axisbelow": True,  # a line of reference often lies on one of the grid's
+    "axes.axisbelow": True,  # a reference line often lies on one of the grid's
     "grid.color": "#DDDDDD",
     "grid.linewidth": 0.6,
     "lines.linewidth": 1.4,
     "lines.markersize": 4.5,
     "legend.frameon": False,
-    "svg.hashsalt": "softlab",  # equal figures are equal files
+    "svg.hashsalt": "softlab",  # makes equal figures equal files
 }
 
 
 @dataclass(frozen=True)
 class Curve:
-    """How one curve is drawn."""
+    """Style of one curve."""
 
     label: str
     colour: str
@@ -68,7 +67,7 @@ GPU = Curve("GPU", GREEN, "D")
 
 @dataclass(frozen=True)
 class Drawing:
-    """A finished figure: `figure` (matplotlib), `title`, `text` (what is shown), and the `sources` it is drawn from."""
+    """A finished figure: `figure` (matplotlib), `title`, `text` (its description), and the `sources` of its data."""
 
     figure: Any
     title: str
@@ -77,52 +76,52 @@ class Drawing:
 
     @property
     def caption(self) -> str:
-        """What is shown, then machine, commit and date of every source."""
+        """Description, then machine, commit and date of every source."""
         return " ".join([self.text.strip(), *(f"{line}." for line in self.provenance)])
 
     @property
     def told(self) -> str:
-        """What is shown, then the machines: in a book, whose first page tells commits and dates."""
+        """Description, then the machines, for a book whose first page states commits and dates."""
         places = dict.fromkeys(source.place for source in self.sources)
         return f"{self.text.strip()} Measured on: {'; '.join(places)}." if places else self.text.strip()
 
     @property
     def provenance(self) -> list[str]:
-        """Machine, commit and date, one line a source."""
+        """Machine, commit and date, one line per source."""
         return list(dict.fromkeys(source.provenance for source in self.sources))
 
     @property
     def footer(self) -> list[str]:
-        """The provenance in lines that are no wider than the figure."""
+        """Provenance in lines that are no wider than the figure."""
         fit = int(72 * self.figure.get_size_inches()[0] / (LETTER * FOOTER_SIZE))
         return [line for source in self.provenance for line in wrap(source, fit)]
 
     @property
     def footer_height(self) -> float:
-        """Points that the provenance takes above the figure."""
+        """Height in points of the provenance above the figure."""
         return FOOTER_LINE * (len(self.footer) + 0.5) if self.sources else 0.0
 
 
 @contextmanager
 def settings() -> Iterator[None]:
-    """matplotlib's settings for the lab, while a figure is made and saved."""
+    """Apply matplotlib's settings of the lab while a figure is made and saved."""
     import matplotlib
 
     with matplotlib.rc_context():
-        matplotlib.rcdefaults()  # a user's own settings would make figures differ from machine to machine
+        matplotlib.rcdefaults()  # a user's own settings would make figures differ between machines
         for name, value in SETTINGS.items():
             matplotlib.rcParams[name] = value  # type: ignore[index]  # typed as one of many literal names
         yield
 
 
 def new_figure(columns: int = 1, height: float = HEIGHT, share_y: bool = True) -> tuple[Any, list[Any]]:
-    """A figure with its axes."""
+    """Return a figure with a row of axes."""
     figure, (axes,) = new_grid(1, columns, height, share_y)
     return figure, axes
 
 
 def new_grid(rows: int, columns: int, height: float, share_y: bool = True) -> tuple[Any, list[list[Any]]]:
-    """A figure with rows of axes; each row may share its y."""
+    """Return a figure with rows of axes; each row may share its y."""
     figure = new_sheet(height)
     return figure, [
         list(row) for row in figure.subplots(rows, columns, sharey="row" if share_y else False, squeeze=False)
@@ -130,7 +129,7 @@ def new_grid(rows: int, columns: int, height: float, share_y: bool = True) -> tu
 
 
 def new_sheet(height: float) -> Any:
-    """An empty figure of so many inches, on the Agg canvas."""
+    """Return an empty figure of that height [inch], on the Agg canvas."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -140,7 +139,7 @@ def new_sheet(height: float) -> Any:
 
 
 def panels(results: Results, holds: Callable[[Source], bool]) -> tuple[Any, list[tuple[Any, Source]]]:
-    """A panel for each featured source that `holds` what is drawn; no figure (None) where none does."""
+    """Return a figure with a panel for each featured source that `holds` the data; (None, []) if none does."""
     chosen = [source for source in results.featured if holds(source)][:MAX_PANELS]
     if not chosen:
         return None, []
@@ -159,9 +158,10 @@ def draw_times(
     *,
     light: bool = False,
 ) -> None:
-    """One curve over the number of masses: medians, a band from the least to the greatest repeat, marks.
+    """Draw one curve over the number of masses: medians, a band from the smallest to the largest repeat, marks.
 
-    `value(timing, seconds)` turns seconds per step into what the axis shows. `light`: a committed curve behind others.
+    `value(timing, seconds)` converts seconds per step into the unit of the axis. `light`: a committed curve behind
+    others.
     """
     right = sound(times)
     x = np.array([timing.particles for timing in right], float)
@@ -181,8 +181,10 @@ def draw_band(
     suspect: Sequence[bool],
     wrong: Sequence[tuple[float, float]],
 ) -> None:
-    """A line through `points` (x (n,), y (n,), both ends of each one's band (n, 2)), hollow where `suspect`; a cross at each
-    of the `wrong` (x, y)."""
+    """Draw a line through `points` (x (n,), y (n,), both ends of each one's band (n, 2)).
+
+    Markers are hollow where `suspect`; each of the `wrong` (x, y) gets a cross.
+    """
     x, y, ends = points
     if len(x):
         low, high = ends.min(axis=1), ends.max(axis=1)
@@ -195,7 +197,7 @@ def draw_band(
 
 
 def log_axes(ax: Any, y_label: str | None = None, x_label: str = "masses") -> None:
-    """Both axes logarithmic, with their labels."""
+    """Make both axes logarithmic, with their labels."""
     ax.set_xscale("log")
     ax.set_yscale("log")
     ax.set_xlabel(x_label)
@@ -204,7 +206,7 @@ def log_axes(ax: Any, y_label: str | None = None, x_label: str = "masses") -> No
 
 
 def plain_ticks(axis: Any) -> None:
-    """1, 2, 5, 10 instead of powers, for an axis that spans little."""
+    """Use ticks 1, 2, 5, 10 instead of powers, for an axis of a small range."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     low, high = axis.get_view_interval()
@@ -215,7 +217,7 @@ def plain_ticks(axis: Any) -> None:
 
 
 def time_ticks(axis: Any) -> None:
-    """Seconds with their prefix (20 \N{MICRO SIGN}s), for a logarithmic axis of times."""
+    """Use seconds with their prefix (20 µs), for a logarithmic axis of times."""
     from matplotlib.ticker import EngFormatter
 
     plain_ticks(axis)
@@ -225,8 +227,10 @@ def time_ticks(axis: Any) -> None:
 def legend_below(
     figure: Any, axes: Sequence[Any], times: Sequence[Timing] = (), columns: int = 4, marks: Iterable[str] = ()
 ) -> None:
-    """One legend under the panels, every label once, with what hollow marks and crosses mean where they occur: in `times`, or
-    as `marks`, "suspect" and "wrong answer", say."""
+    """Draw one legend below the panels, with every label once.
+
+    It explains hollow marks and crosses if they occur in `times`, or are in `marks` ("suspect", "wrong answer").
+    """
     from matplotlib.lines import Line2D
 
     handles: dict[str, Any] = {}
@@ -239,13 +243,14 @@ def legend_below(
         handles["wrong answer"] = Line2D([], [], color=BLACK, marker="x", linestyle="")
     if handles:
         longest = max(map(len, handles))
-        columns = min(columns, 4 if longest < 18 else 3 if longest < 26 else 2)  # or the legend is wider than the page
+        # otherwise the legend is wider than the page
+        columns = min(columns, 4 if longest < 18 else 3 if longest < 26 else 2)
         figure.legend(
             list(handles.values()), list(handles), loc="outside lower center", ncols=min(columns, len(handles))
         )
 
 
 def threading_note(sources: Sequence[Source]) -> str:
-    """Threading layer and wait policy in words, for captions of CPU times."""
+    """Return threading layer and wait policy in words, for captions of CPU times."""
     known = {source.threading for source in sources if source.threading[0]}
     return "; ".join(f"threading layer {layer}, wait policy {policy}" for layer, policy in sorted(known, key=str))

@@ -1,4 +1,4 @@
-"""What a scene needs: what changes, and what is saved, when one thing at a time is left out (`softlab ablate`)."""
+"""Figure of `softlab ablate`: the change and the saving when one thing at a time is left out of a scene."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from plots.core.data import Results, Source
 from plots.core.style import Drawing, new_sheet
 
 TITLE = "What the scenes need"
-MOST = 4  # panels: scenes and backends, those measured last
-LINE = 0.2  # inch: a row
-LEAST = 1e-16  # spacings: a smaller change is drawn there
-SHOWN = {NEEDED: (VERMILLION, "o"), NOT_NEEDED: (GREEN, "s"), GAINS: (SKY, "D")}  # verdict: colour, marker
+MOST = 4  # panels: the scenes and backends that were measured last
+LINE = 0.2  # inch per row
+LEAST = 1e-16  # spacings: lower end of the axis; smaller changes are drawn there
+SHOWN = {NEEDED: (VERMILLION, "o"), NOT_NEEDED: (GREEN, "s"), GAINS: (SKY, "D")}  # verdict -> colour, marker
 
 
 def told_tables(results: Results) -> tuple[Source | None, list[Ablated]]:
-    """The first source with ablations of motions that are not chaotic, and these: the last of each scene and backend."""
+    """Return the first source with ablations of motions that are not chaotic, and the last of each scene and backend."""
     for source in results.everyone:
         newest = {
             (table.title, table.backend): table
@@ -30,7 +30,7 @@ def told_tables(results: Results) -> tuple[Source | None, list[Ablated]]:
 
 
 def draw(results: Results) -> Drawing | str:
-    """The figure, or why there is none."""
+    """Return the figure, or the reason why there is none."""
     source, tables = told_tables(results)
     if source is None:
         return "no scene was taken apart (softlab ablate)"

@@ -1,4 +1,4 @@
-"""Every method, one body: sag and first frequency over a rod's, against spacing and substeps; and what clusters do to it."""
+"""Figures of `softlab bar`: sag and first frequency over a rod's, against spacing, substeps and size of the clusters."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from plots.core.style import Drawing, legend_below, new_figure, new_sheet, plain
 TITLE = "Every method, one bar"
 CLUSTERS_TITLE = "A bar and the size of its clusters"
 MISSING = "the bar was not measured (softlab bar)"
-CURVES = {  # solver: label, colour, marker, line
+CURVES = {  # solver -> label, colour, marker, line
     "mass-spring": ("mass-spring", BLUE, "o", "-"),
     "xpbd, converged": ("XPBD, converged", SKY, "v", "--"),
     "xpbd": ("XPBD, 1 iteration", GREEN, "s", "-"),
@@ -24,9 +24,10 @@ CURVES = {  # solver: label, colour, marker, line
     "tetrahedra, xpbd": ("tetrahedra, XPBD, 1 iteration", PURPLE, "P", "-"),
     "tetrahedra, newton": ("tetrahedra, Newton", BLACK, "x", "--"),
 }
-SOME = {JELLY: (SOME_OVERLAP, SOME_LAYERS), **{name: (1.0, SOME_VOXELS) for name in TETRAHEDRA}}  # size, along it
+# solver -> size, number along the bar
+SOME = {JELLY: (SOME_OVERLAP, SOME_LAYERS), **{name: (1.0, SOME_VOXELS) for name in TETRAHEDRA}}
 TETRAHEDRAL = tuple(name for name in CURVES if name.startswith("tetrahedra"))
-BARS = {  # what stands or hangs: its solvers
+BARS = {  # kind of bar -> its solvers
     "a strip of the lab's grid that hangs, under each solver": (
         "mass-spring",
         "xpbd, converged",
@@ -41,13 +42,16 @@ ROWS = {SAG: "sag / a rod's", FREQUENCY: "first frequency / a rod's"}
 
 
 def bars(results: Results) -> tuple[list[Bar], tuple[Source, ...]]:
-    """All rows, of each backend one machine's, and their sources."""
+    """Return all rows, those of each backend from one machine, and their sources."""
     found, sources = judgements(results, is_bar)
     return rows(found), sources
 
 
 def draw(results: Results) -> Drawing | str:
-    """Sag above, frequency below; against the spacing on the left, the substeps on the right; or why there is none."""
+    """Return the figure, or the reason why there is none.
+
+    Sag above, frequency below; against the spacing on the left, against the substeps on the right.
+    """
     found, sources = bars(results)
     if not any(bar.solver in SOLVERS for bar in found):
         return MISSING
@@ -60,14 +64,14 @@ def draw(results: Results) -> Drawing | str:
             by_spacing = series(found, solver, _fine, substeps=FINEST, size=size)
             by_substeps = series(found, solver, _substeps, fine=some, size=size)
             how: dict[str, Any] = {"color": colour, "marker": marker, "linestyle": line, "label": label}
-            if solver == "mass-spring":  # under the others, most of which come to it
+            if solver == "mass-spring":  # drawn below the others, most of which coincide with it
                 how |= {"linewidth": 3.5, "markersize": 7.5}
             _curve(row[0], by_spacing, _fine, name, **how)
             _curve(row[1], by_substeps, _substeps, name, **how)
         row[0].set_ylabel(ROWS[name])
         for ax in row:
             ax.axhline(1, color=GREY, linewidth=0.7, zorder=1)
-    axes[0][1].set_yscale("log")  # the other spans less
+    axes[0][1].set_yscale("log")  # the other has a smaller range
     plain_ticks(axes[0][1].yaxis)
     drawn = [bar for bar in found if bar.solver in CURVES and not bar.law]
     _doubling(axes[1][0], drawn, _fine, "masses along the bar")
@@ -86,7 +90,7 @@ def draw(results: Results) -> Drawing | str:
 
 
 def draw_clusters(results: Results) -> Drawing | str:
-    """Windows of the strip on the left, overlap of the jelly bar on the right; or why there is none."""
+    """Return the figure of windows of the strip and overlap of the jelly bar, or the reason why there is none."""
     found, sources = bars(results)
     if not any(bar.solver in ("shape-matching", JELLY) for bar in found):
         return MISSING
@@ -142,7 +146,7 @@ def _curve(ax: Any, mine: Sequence[Bar], where: Callable[[Bar], float], name: st
 
 
 def _doubling(ax: Any, found: Sequence[Bar], where: Callable[[Bar], float], label: str) -> None:
-    """A logarithmic x axis with a tick at each value that was measured."""
+    """Set a logarithmic x axis with a tick at each measured value."""
     values = sorted({where(bar) for bar in found})
     ax.set_xscale("log")
     ax.set_xticks(values, [f"{value:g}" for value in values])

@@ -1,4 +1,4 @@
-"""Every method, one bar, and what its answer costs: how far sag and frequency are off a rod's against the time of a frame."""
+"""Figure of the cost of `softlab bar`: error of sag and frequency against the time of a frame, by method."""
 
 from __future__ import annotations
 
@@ -12,21 +12,24 @@ from plots.figures.bar import CURVES, MISSING
 TITLE = "One bar: error against time"
 PARTS = {"sag off a rod's": lambda cost: cost.sag, "first frequency off a rod's": lambda cost: cost.frequency}
 LINES = {"cpu": "--", "gpu": "-"}
-LEAST = 1e-4  # an error that is drawn at the bottom
+LEAST = 1e-4  # lower end of the axis; smaller errors are drawn there
 
 
 def on(source: Source, backend: str) -> list[Cost]:
-    """What was timed on a backend."""
+    """Return the costs that were timed on a backend."""
     return [cost for cost in costs(source.measures) if cost.backend == backend]
 
 
 def judged(source: Source, backend: str) -> list[Cost]:
-    """Those of which it is known, too, how far they are off."""
+    """Return those costs whose errors are known too."""
     return [cost for cost in on(source, backend) if None not in (cost.sag, cost.frequency)]
 
 
 def draw(results: Results) -> Drawing | str:
-    """A panel each of PARTS, a line a method over its substeps, dashed on the CPU; or why not."""
+    """Return the figure, or the reason why there is none.
+
+    A panel for each of PARTS, a line per method over its substeps, dashed on the CPU.
+    """
     chosen = on_backends(results, judged)
     if not chosen:
         return MISSING

@@ -1,4 +1,4 @@
-"""How fast the orderings of a position-based solver converge: by iterations, and by the time that these take."""
+"""Figure of the convergence of the orderings of a position-based solver, by iterations and by time."""
 
 from __future__ import annotations
 
@@ -16,13 +16,16 @@ from plots.core.style import Drawing, legend_below, new_figure
 from plots.figures.work_precision import XPBD as CURVES
 
 TITLE = "Convergence of the orderings"
-LINES = ("-", "--", "-.", ":")  # of the sizes drawn, small first
+LINES = ("-", "--", "-.", ":")  # line styles of the sizes, small ones first
 
 
 @dataclass(frozen=True)
 class Converging:
-    """One ordering, by `name`, after so many iterations of a sheet of `side` x `side` masses. `left`: the residual over that
-    of the start; `seconds`: of a step; `ratio`, `least`, `most`: of its time over Gauss-Seidel's with as many iterations."""
+    """One ordering, by `name`, after that many iterations on a sheet of `side` x `side` masses.
+
+    `left`: the residual over that of the start; `seconds`: per step; `ratio`, `least`, `most`: of its time over that of
+    Gauss-Seidel with as many iterations.
+    """
 
     name: str
     backend: str
@@ -37,7 +40,7 @@ class Converging:
 
 
 def converging(source: Source, backend: str | None = None) -> list[Converging]:
-    """All of a source (and backend), by ordering, size and iterations."""
+    """Return all of a source (and backend), by ordering, size and iterations."""
     held = by_configuration(
         m for m in source.measures if m.description.get("finding") == CONVERGENCE and backend in (None, m.backend)
     )
@@ -46,7 +49,7 @@ def converging(source: Source, backend: str | None = None) -> list[Converging]:
 
 
 def lines(source: Source, backend: str | None = None) -> bool:
-    """Whether any ordering was followed over several numbers of iterations: one alone is no line."""
+    """True if any ordering was run with several numbers of iterations: one point is no line."""
     found = [(e.backend, e.name, e.side) for e in converging(source, backend)]
     return len(set(found)) < len(found)
 
@@ -73,7 +76,7 @@ def _entry(numbers: dict[str, Measure]) -> Converging | None:
 
 
 def draw(results: Results) -> Drawing | str:
-    """The figure: by iterations, and by time on each backend; or why there is none."""
+    """Return the figure, by iterations and by time on each backend, or the reason why there is none."""
     source = results.first(lambda s: lines(s, "gpu")) or results.first(lines)
     if source is None:
         return "the orderings of position-based solvers were not timed with several numbers of iterations"
@@ -100,7 +103,7 @@ def draw(results: Results) -> Drawing | str:
 
 
 def _shown(sides: list[int]) -> list[int]:
-    """At most as many sizes as there are lines, the smallest and the largest among them."""
+    """Return at most as many sizes as there are line styles, with the smallest and the largest."""
     if len(sides) <= len(LINES):
         return sides
     return [*sides[: len(LINES) - 1], sides[-1]]

@@ -1,4 +1,4 @@
-"""Where the GPU overtakes: the best CPU time over the GPU's, against masses, on one machine."""
+"""Figure of the crossover: the best CPU time over the GPU's, against masses, on one machine."""
 
 from __future__ import annotations
 
@@ -17,8 +17,11 @@ TITLE = "Where the GPU overtakes"
 
 @dataclass(frozen=True)
 class Pair:
-    """The fastest CPU timing and the GPU's, of one size. `ratio`: CPU time over GPU time; `low`, `high`: the least and
-    the greatest that the repeats allow; `clear`: they are apart."""
+    """Fastest CPU timing and the GPU's, of one size.
+
+    `ratio`: CPU time over GPU time; `low`, `high`: the smallest and largest that the repeats allow; `clear`: the times
+    differ.
+    """
 
     cpu: Timing
     gpu: Timing
@@ -41,9 +44,9 @@ class Pair:
 
 
 def pairs(source: Source, precision: str = "float32", *, graphics: bool = False) -> list[Pair]:
-    """CPU (of the thread count with the least median) against GPU at every square both were timed at.
+    """Return (fastest thread count of the CPU, GPU) at every square that both were timed at.
 
-    Configurations whose answer was wrong do not compete.
+    Configurations with a wrong result do not compete.
     """
     best: dict[int, Timing] = {}
     for timing in source.timings:
@@ -56,7 +59,7 @@ def pairs(source: Source, precision: str = "float32", *, graphics: bool = False)
 
 
 def crossing(found: list[Pair]) -> float | None:
-    """Masses at which the ratio last passes 1 upwards, interpolated between two sizes; None where it does not."""
+    """Return the masses at which the ratio last rises above 1, interpolated between two sizes; None if it does not."""
     result = None
     for left, right in pairwise(found):
         if left.ratio < 1 <= right.ratio:
@@ -66,7 +69,7 @@ def crossing(found: list[Pair]) -> float | None:
 
 
 def draw(results: Results) -> Drawing | str:
-    """The figure, or why there is none."""
+    """Return the figure, or the reason why there is none."""
     source = results.first(pairs)
     if source is None:
         return "no machine in the data has timed both a GPU and a CPU at one size with one version of the code"

@@ -20,7 +20,7 @@ from plots.core.colours import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE
 from plots.core.files import save
 from plots.core.style import Drawing, legend_below, new_figure, settings
 
-ARRAYS = {"time": 1, "step": 1, "position": 3, "velocity": 3}  # what a trajectory holds -> dimensions
+ARRAYS = {"time": 1, "step": 1, "position": 3, "velocity": 3}  # array of a trajectory -> dimensions
 CURVES = (
     ("total", "total", BLACK, "-"),
     ("kinetic", "kinetic", ORANGE, "-"),
@@ -44,7 +44,7 @@ class EnergyRecord:
 
 
 def read_energies(trajectory: str | Path) -> EnergyRecord:
-    """The energies of every frame of a recorded trajectory. Raises InputError for a file that is none."""
+    """Return the energies of every frame of a recorded trajectory. Raises InputError for any other file."""
     path = Path(trajectory)
     held = read_archive(path, "energies are drawn of a .npz that softlab run --record every=N FILE.npz wrote")
     missing = [name for name in (*ARRAYS, "scene") if name not in held]
@@ -74,13 +74,13 @@ def read_energies(trajectory: str | Path) -> EnergyRecord:
 
 
 def energy_drawing(record: EnergyRecord) -> Drawing:
-    """The figure of a trajectory's energies; to be made and saved under `settings()`."""
+    """Return the figure of a trajectory's energies; make and save it inside `settings()`."""
     figure, (ax,) = new_figure()
     largest = max(np.abs(getattr(record, name)).max() for name, *_ in CURVES)
     for name, label, colour, line in CURVES:
         values = getattr(record, name)
         if name == "conserved" and np.allclose(values, record.total, rtol=1e-12, atol=0):
-            continue  # the total itself: one curve under another tells nothing
+            continue  # equal to the total, whose curve would hide it
         if name in ("spring", "gravity") and np.abs(values).max() <= 1e-12 * largest:
             continue
         marker = "o" if len(record.time) == 1 else None
@@ -98,8 +98,10 @@ def energy_drawing(record: EnergyRecord) -> Drawing:
 
 
 def draw_energies(trajectory: str | Path | EnergyRecord, out: str | Path) -> Path:
-    """Draw the energies of a trajectory, or those read of one, to `out` (.png, .svg or .pdf, in an existing folder). Raises
-    InputError."""
+    """Draw the energies of a trajectory, or of a record, to `out` (.png, .svg or .pdf, in an existing folder).
+
+    Raises InputError.
+    """
     path = Path(out)
     if path.suffix.lower() not in (".png", ".svg", ".pdf"):
         raise InputError(f"{path}: a figure is a .png, .svg or .pdf file; name it so")

@@ -1,4 +1,4 @@
-"""What drawing costs: time per step with a picture every few steps, against without."""
+"""Figure of the cost of drawing: time per step with a picture every few steps, and without."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ TITLE = "With against without graphics"
 
 
 def draw(results: Results) -> Drawing | str:
-    """The figure, or why there is none."""
+    """Return the figure, or the reason why there is none."""
     figure, chosen = panels(results, lambda source: any(t.graphics for t in source.timings))
     if figure is None:
         return skipped_reason(results) or "nothing was timed with graphics"
@@ -38,7 +38,7 @@ def draw(results: Results) -> Drawing | str:
 
 
 def skipped_reason(results: Results) -> str | None:
-    """Why the featured machines have no timings with graphics, where the sweep said so."""
+    """Return why the featured machines have no timings with graphics, if the sweep recorded it."""
     for source in results.featured:
         for measure in source.measures:
             if measure.name == "skipped" and measure.description.get("graphics"):
@@ -47,5 +47,5 @@ def skipped_reason(results: Results) -> str | None:
 
 
 def drawing_costs(source: Source, backend: str, word: str | None) -> list[tuple[Timing, Timing]]:
-    """Pairs (without, with) of one backend, smallest grid first."""
+    """Return pairs (without, with) of one backend, smallest grid first."""
     return at_one_size(source.select(backend, word), source.select(backend, word, graphics=True))

@@ -1,4 +1,4 @@
-"""The hard cases: a contact sheet of end states, and the table of verdicts as a figure."""
+"""Figures of the hard cases: a contact sheet of end states, and the table of verdicts."""
 
 from __future__ import annotations
 
@@ -16,26 +16,26 @@ from plots.core.style import Drawing, legend_below, new_sheet
 
 STATES_TITLE = "What the hard cases end in"
 VERDICTS_TITLE = "Verdicts of the hard cases"
-ACROSS = 6  # panels a line of the contact sheet
-PANEL = 1.2  # inch, high
-LINE = 0.15  # inch: a line of the verdict table
-WIDEST = -3.2  # columns of it that the cases' titles take
-POINT = 1e-12  # m: a shape that is smaller is drawn as a point
-PREFERRED = ("velocity-verlet", "lab", "xpbd gauss-seidel")  # whose end states are shown
+ACROSS = 6  # panels per row of the contact sheet
+PANEL = 1.2  # inch: height of a panel
+LINE = 0.15  # inch: height of a row of the verdict table
+WIDEST = -3.2  # columns of the table for the titles of the cases
+POINT = 1e-12  # m: a smaller shape is drawn as a point
+PREFERRED = ("velocity-verlet", "lab", "xpbd gauss-seidel")  # methods whose end states are drawn
 NOT_HARD = ""
 NOT_OF_SHEETS = {NOT_HARD, *BODIES, *OF_TETRAHEDRA, *OF_FLUIDS}  # those of bodies: plots/figures/hard_bodies.py
-SHORT = {" in float32": ", f32", " in float64": ", f64"}  # in a cell
+SHORT = {" in float32": ", f32", " in float64": ", f64"}  # abbreviations in a cell
 COLOURS = {"pass": GREEN, "refused": SKY, "known": ORANGE, "fail": VERMILLION}
 
 
 def hard_rows(results: Results) -> tuple[list[HardRow], tuple[Source, ...]]:
-    """The verdicts of sheets that are told of, and their sources: featured ones first, of each backend one machine's."""
+    """Return the verdicts of sheets, and their sources: featured ones first, those of each backend from one machine."""
     found, sources = judgements(results, lambda measure: measure.description.get("hard", NOT_HARD) not in NOT_OF_SHEETS)
     return rows_of(found), sources
 
 
 def draw_states(results: Results) -> Drawing | str:
-    """The contact sheet, or why there is none."""
+    """Return the contact sheet, or the reason why there is none."""
     rows, sources = hard_rows(results)
     shown = _shown(rows)
     if not shown:
@@ -58,7 +58,7 @@ def draw_states(results: Results) -> Drawing | str:
 
 
 def draw_verdicts(results: Results) -> Drawing | str:
-    """The verdict table, a line a case and a column a method, or why there is none."""
+    """Return the verdict table, a row per case and a column per method, or the reason why there is none."""
     rows, sources = hard_rows(results)
     if not rows:
         return "the hard cases were not run"
@@ -90,9 +90,9 @@ def draw_verdicts(results: Results) -> Drawing | str:
 
 
 def _shown(rows: Sequence[HardRow]) -> list[HardRow]:
-    """A row a case, of the preferred integrator; and for each reason to fail the last case that did."""
+    """Return a row per case, of the preferred integrator; and for each reason to fail the last case with it."""
     failing = [row for row in rows if row.shape and row.verdict in ("fail", "known")]
-    failing.sort(key=lambda row: row.precision, reverse=True)  # float32, where there is more to see, is kept
+    failing.sort(key=lambda row: row.precision, reverse=True)  # float32, where more is visible, wins
     told = {row.diagnosis: row for row in failing}
     found = []
     for case in dict.fromkeys(row.case for row in rows):
@@ -104,7 +104,10 @@ def _shown(rows: Sequence[HardRow]) -> list[HardRow]:
 
 
 def as_seen(position: np.ndarray) -> np.ndarray:
-    """(..., 2) [m]: a grid as it is, a cloth in space from where the off-screen pictures show it, without perspective."""
+    """Return positions in the picture (..., 2) [m]: a grid unchanged, a cloth in the view of off-screen pictures.
+
+    Without perspective.
+    """
     return position if position.shape[-1] == 2 else position @ Camera3D(1, 1).axes[:2].T
 
 
@@ -122,12 +125,12 @@ def _draw_shape(ax: Any, row: HardRow) -> None:
 
 
 def framed(flat: np.ndarray) -> tuple[np.ndarray, float]:
-    """(centre, longest side) [m] of what (n, 2) holds."""
+    """Return (centre, longest side) [m] of points (n, 2)."""
     return (flat.min(axis=0) + flat.max(axis=0)) / 2, float(np.ptp(flat, axis=0).max())
 
 
 def finish_panel(ax: Any, row: HardRow, extent: float) -> None:
-    """A panel of side 1 about the origin, with its name, scale, and what failed."""
+    """Finish a panel of side 1 about the origin, with its name, scale, and failure."""
     ax.set_xlim(-0.6, 0.6)
     ax.set_ylim(-0.6, 0.6)
     ax.set_aspect("equal")

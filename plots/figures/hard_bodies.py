@@ -1,4 +1,4 @@
-"""The hard cases of bodies: how far each measured number stays from its bound, and what they end in."""
+"""Figure of the hard cases of bodies: each measured number over its bound."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from plots.figures.hard import PANEL
 
 TITLE = "Bodies against their bounds"
 MISSING = "the hard cases of bodies were not run"
-LOOKS = {  # backend, precision: colour, marker
+LOOKS = {  # backend, precision -> colour, marker
     ("cpu", "float64"): (BLUE, "o"), ("cpu", "float32"): (ORANGE, "s"),
     ("gpu", "float64"): (SKY, "D"), ("gpu", "float32"): (VERMILLION, "^"),
 }  # fmt: skip
-ROW = 0.16  # inch: a line of the figure of bounds
-LEAST = 1e-4  # of its bound: what is less, 0 too, is drawn there
-OVERSHOT = 10.0  # of its bound: what is more, or not finite, is drawn there
+ROW = 0.16  # inch: height of a row of the figure of bounds
+LEAST = 1e-4  # of its bound: smaller values, and 0, are drawn there
+OVERSHOT = 10.0  # of its bound: larger values, and values that are not finite, are drawn there
 
 
 def body_rows(results: Results) -> tuple[list[HardRow], tuple[Source, ...]]:
-    """The verdicts of bodies that are told of, and their sources: featured ones first, of each backend one machine's."""
+    """Return the verdicts of bodies, and their sources: featured ones first, those of each backend from one machine."""
     found, sources = judgements(results, lambda measure: measure.description.get("hard", "") in BODIES)
     return rows_of(found), sources
 
 
 def share(check: Told) -> float | None:
-    """A measured number over its bound, or the bound over it where it must be more; None where none is judged."""
+    """Return a number over its bound, or the bound over it for a lower bound; None without a bound."""
     relation, _, rest = check.bound.partition(" ")
     if relation not in ("<", ">"):
         return None
@@ -41,12 +41,14 @@ def share(check: Told) -> float | None:
 
 
 def worst(row: HardRow) -> float | None:
-    """Of a run, the largest share of its judged numbers."""
+    """Return the largest such ratio of a run."""
     return max((part for check in row.checks if (part := share(check)) is not None), default=None)
 
 
 def draw(results: Results) -> Drawing | str:
-    """A line a case: the run's number that is nearest to its bound, over that; or why there is none."""
+    """Return the figure, or the reason why there is none; a row per case: the run's number nearest to its bound, over
+    that.
+    """
     rows, sources = body_rows(results)
     judged = [(row, part) for row in rows if (part := worst(row)) is not None]
     if not judged:

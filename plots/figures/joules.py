@@ -1,4 +1,4 @@
-"""Energy beside time: joules per million mass-steps of every kernel, where the machine counts them."""
+"""Figure of energy: joules per million mass-steps of every kernel, where the machine counts them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ MILLION = 1e6
 
 
 def joules(source: Source, timing: Timing) -> float | None:
-    """Joules per million mass-steps [J] of a forced kernel's configuration; None where they were not counted."""
+    """Return joules per million mass-steps [J] of a forced kernel's configuration; None where they were not counted."""
     sample = source.energies.get(timing.configuration)
     if sample is None or sample.joules_per_step is None:
         return None
@@ -21,7 +21,7 @@ def joules(source: Source, timing: Timing) -> float | None:
 
 
 def watts(source: Source, timing: Timing) -> float | None:
-    """The mean power [W] while the joules were counted."""
+    """Return the mean power [W] while the joules were counted."""
     sample = source.energies.get(timing.configuration)
     if sample is None or sample.joules_per_step is None:
         return None
@@ -29,13 +29,13 @@ def watts(source: Source, timing: Timing) -> float | None:
 
 
 def counted_joules(source: Source, backend: str) -> list[tuple[Timing, float]]:
-    """The timings of a backend's kernels that have joules, with these."""
+    """Return the timings of a backend's kernels with their joules, where they have them."""
     every = (t for times in source.ladder(backend).values() for t in times)
     return [(t, j) for t in every if (j := joules(source, t)) is not None]
 
 
 def draw(results: Results) -> Drawing | str:
-    """The figure, or why there is none."""
+    """Return the figure, or the reason why there is none."""
     figure, chosen = backend_panels(results, lambda source, backend: bool(counted_joules(source, backend)))
     if figure is None:
         return (

@@ -1,4 +1,4 @@
-"""Every kernel of each backend: time per step against masses, with what one step per pass over memory must take."""
+"""Figure of every kernel of each backend: time per step against masses, and the limit of one step per pass over memory."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ TITLE = "Every kernel"
 
 
 def draw(results: Results) -> Drawing | str:
-    """The figure, or why there is none."""
+    """Return the figure, or the reason why there is none."""
     figure, chosen = backend_panels(results, share_y=False)
     if figure is None:
         return "the kernels were not timed one by one (softlab sweep --kernels)"
@@ -33,7 +33,7 @@ def draw(results: Results) -> Drawing | str:
         low, high = ax.get_ylim()
         x, y = [n for n, _ in roof], [seconds for _, seconds in roof]
         ax.plot(x, y, "--", color=BLACK, linewidth=1, label="one step per pass", zorder=2)
-        ax.set_ylim(low, high)  # at small sizes the roof lies far under every time
+        ax.set_ylim(low, high)  # at small sizes the roof lies far below every time
         time_ticks(ax.yaxis)
         switches = mark_switches(ax, source, backend) or switches
     chosen[0][0].set_ylabel("time per step")

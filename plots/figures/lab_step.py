@@ -1,5 +1,7 @@
-"""The finding about the hand-out's step: against Newton's law its error does not fall, against half the acceleration it
-falls in proportion to the step size. Beside it, the orders of the other integrators."""
+"""Figure of the error of the hand-out's step, and of the orders of the other integrators.
+
+Its error against Newton's law does not fall with the step size; that against half the acceleration falls in proportion.
+"""
 
 from __future__ import annotations
 
@@ -11,12 +13,12 @@ from plots.core.data import Results
 from plots.core.style import HEIGHT, Drawing, legend_below, log_axes, new_grid
 from plots.figures.work_precision import INTEGRATORS, SCENES, accurate_source
 
-ACROSS = 2  # panels in a row
+ACROSS = 2  # panels per row
 TITLE = "What the hand-out's step converges to"
 
 
 def draw(results: Results) -> Drawing | str:
-    """The figure, one panel a scene, or why there is none."""
+    """Return the figure, one panel per scene, or the reason why there is none."""
     source = accurate_source(results)
     if source is None:
         return "no accuracy runs were measured"
@@ -64,7 +66,7 @@ def _draw_panel(ax: Any, found: list[Point]) -> None:
 
 
 def _draw_slopes(ax: Any, found: list[Point], steps: list[float]) -> None:
-    """Thin lines of order 1, 2 and 4, through the integrator that should have that order, a little below it."""
+    """Draw thin lines of order 1, 2 and 4, slightly below the integrator that should have that order."""
     for name, order in (("semi-implicit-euler", 1), ("velocity-verlet", 2), ("rk4", 4)):
         mine = order_points(found, name)
         if len(mine) < 2 or not steps:

@@ -1,4 +1,4 @@
-"""Side by side: the time of what a user could pick instead, over the lab's own, against size."""
+"""Figures of peers: their time over the lab's own, against size."""
 
 from __future__ import annotations
 
@@ -27,25 +27,27 @@ SHEETS = {
     "cloth": "cloth of springs",
     "xpbd": "cloth by XPBD",
 }  # the words of bench/peers/scenes.py, and a panel's title
-Panel = tuple[str, Source, list[Ratio]]  # the title, the machine, what is drawn of it
+Panel = tuple[str, Source, list[Ratio]]  # the title, the machine, its ratios
 
 
 def square_ratios(source: Source, backend: str, scene: str = "grid") -> list[Ratio]:
-    """What one panel shows of a machine."""
+    """Return the ratios of one panel of a machine."""
     wanted = (scene, backend, PRECISION)
     return [r for r in source.peers if (r.scene, r.backend, r.precision) == wanted and r.rows == r.columns]
 
 
 def draw(results: Results) -> Drawing | str:
-    """The hand-out's grid, or why there is no figure. A panel a backend, each of the first machine that holds it, own ones
-    first."""
+    """Return the figure of the hand-out's grid, or the reason why there is none.
+
+    A panel per backend, each of the first machine that has its data, own ones first.
+    """
     chosen = on_backends(results, square_ratios)
     panels = [(_title(backend, source, found), source, found) for backend, source, found in chosen]
     return _draw(panels, TITLE, ("grid",), "square grids")
 
 
 def draw_sheets(results: Results) -> Drawing | str:
-    """Cloth of springs and cloth by XPBD, as `draw`."""
+    """Return the figure of cloth of springs and cloth by XPBD, like `draw`."""
     panels = [
         (f"{text}\n{name_of(backend, source)}", source, found)
         for scene, text in SHEETS.items()
@@ -58,7 +60,7 @@ def _draw(panels: Sequence[Panel], title: str, scenes: Sequence[str], squares: s
     if not panels:
         return "nothing was timed beside peers (softlab sweep --peers)"
     shown = [peer for peer in PEERS if set(scenes) & set(peer.scenes)]
-    looks = dict(zip(dict.fromkeys(peer.label for peer in shown), cycle(LOOKS), strict=False))  # one name, one line
+    looks = dict(zip(dict.fromkeys(peer.label for peer in shown), cycle(LOOKS), strict=False))  # one line per name
     curves = {peer.name: Curve(peer.label, *looks[peer.label]) for peer in shown}
     figure, axes = new_figure(len(panels), share_y=False)
     marks: set[str] = set()
@@ -87,7 +89,7 @@ def _title(backend: str, source: Source, found: list[Ratio]) -> str:
 
 
 def _draw_peer(ax: Any, found: list[Ratio], curve: Curve) -> set[str]:
-    """One line; which of the marks `suspect` and `wrong answer` it needed."""
+    """Draw one line; return the marks that it needed, of `suspect` and `wrong answer`."""
     sound, wrong = [r for r in found if not r.wrong], [r for r in found if r.wrong]
     x, y, *ends = (np.array([getattr(r, name) for r in sound]) for name in ("particles", "ratio", "low", "high"))
     points = x, y, np.stack(ends, axis=1)

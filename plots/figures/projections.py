@@ -1,4 +1,4 @@
-"""Projections a second of the position-based solvers, against the size of the sheet; and published frames beside ours."""
+"""Figure of projections per second of the position-based solvers, against the size of the sheet."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ LOOKS = {
     ("jacobi", 12): ("Jacobi, 12 neighbours", VERMILLION, "^"),
 }
 SUBSTEPS = 10
-LINES = {10: "-", 1: "--"}  # by iterations a substep
+LINES = {10: "-", 1: "--"}  # by iterations per substep
 
 
 panels = partial(on_backends, found=timed(points))  # (backend, source, points) of the backends that were timed
 
 
 def draw(results: Results) -> Drawing | str:
-    """The figure, a panel a backend; or why there is none."""
+    """Return the figure with a panel per backend, or the reason why there is none."""
     chosen = panels(results)
     if not chosen:
         return "projections were not timed (softlab projections)"

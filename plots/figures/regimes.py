@@ -1,4 +1,4 @@
-"""Which method and processor reach an error soonest, by the size of the grid, and GPU against CPU on the way there."""
+"""Figure of the fastest method and processor at each error, by the size of the grid, and GPU compared with CPU."""
 
 from __future__ import annotations
 
@@ -19,24 +19,28 @@ SCENE = "S1"  # the scene that is measured at several sizes
 SHORT = {"semi-implicit-euler": "semi-implicit", "velocity-verlet": "Verlet", "explicit-euler": "explicit"}
 PROCESSORS = {"cpu": ("CPU", BLUE), "gpu": ("GPU", GREEN)}
 MOST = 6  # decades of error
-SCATTER = 1.15  # a lead under it is no lead: the cell is of both
+SCATTER = 1.15  # a smaller lead is none: the cell belongs to both
 
 
 def sizes(source: Source) -> dict[int, list[Point]]:
-    """{masses: timed runs of SCENE in fast math}, smallest grid first, of those sizes that both backends were timed at."""
+    """Return {masses: timed runs of SCENE in fast math}, smallest grid first, of sizes that both backends were timed
+    at.
+    """
     labels = {SIZES[label][1] ** 2 if label in SIZES else SIDE**2: label for label in (SCENE, *SIZES)}
     found = {masses: [p for p in points(source, labels[masses]) if p.seconds is not None] for masses in sorted(labels)}
     return {masses: mine for masses, mine in found.items() if {p.backend for p in mine} == set(PROCESSORS)}
 
 
 def targets(found: Sequence[Point]) -> list[float]:
-    """The decades of error [spacings] from 0.1 down to the last that a run reached, MOST of them."""
+    """Return the decades of error [spacings] from 0.1 down to the last that a run reached, at most MOST."""
     least = min((p.error for p in found if p.error > 0), default=1.0)
     return [10.0**-n for n in range(1, 1 + min(MOST, math.floor(-math.log10(least))))]
 
 
 def draw(results: Results) -> Drawing | str:
-    """The figure of the first machine that timed both processors at two sizes or more, or why there is none."""
+    """Return the figure of the first machine that timed both processors at several sizes, or the reason why there is
+    none.
+    """
     source = results.first(lambda s: len(sizes(s)) > 1)
     if source is None:
         return "no machine in the data has timed a GPU and a CPU at equal error and several sizes"

@@ -1,9 +1,9 @@
-"""The roofline: how much of what one step per pass over memory could reach each kernel reaches, and the roof above it.
+"""Roofline: the fraction of the rate of one step per pass over memory that each kernel reaches, and the roof above it.
 
-A step moves so many bytes and does so many operations per mass (model/core/plan.py). One step per pass takes at least the
-bytes over the copy bandwidth: 100 %. A kernel that does several steps per pass, or keeps the grid on the chip, is bound
-by the operations over the arithmetic rate instead: the second roof, which counts every operation, a square root or a
-quotient too, as if it were half of a multiply-add. Practice: Williams, Waterman, Patterson, "Roofline", 2009.
+The bytes and operations of a step per mass are in model/core/plan.py. One step per pass takes at least the bytes over
+the copy bandwidth: 100 %. A kernel that does several steps per pass, or keeps the grid on the chip, is limited by the
+operations over the arithmetic rate instead: the second roof, which counts every operation, even a square root or a
+quotient, as half of a multiply-add. Practice: Williams, Waterman, Patterson, "Roofline", 2009.
 """
 
 from __future__ import annotations
@@ -27,8 +27,10 @@ TITLE = "Roofline"
 
 @dataclass(frozen=True)
 class Ceilings:
-    """Of one backend, machine, scene and precision: `bytes`, `operations` per mass and step; `bandwidth` [B/s]; `rate`
-    [operations/s], None where it was not measured."""
+    """Ceilings of one backend, machine, scene and precision.
+
+    `bytes`, `operations` per mass and step; `bandwidth` [B/s]; `rate` [operations/s], None where it was not measured.
+    """
 
     bytes: float
     operations: int
@@ -37,26 +39,26 @@ class Ceilings:
 
     @property
     def pass_seconds(self) -> float:
-        """Seconds per mass and step at the copy bandwidth, one step per pass [s]."""
+        """Time per mass and step at the copy bandwidth, one step per pass [s]."""
         return self.bytes / self.bandwidth
 
     @property
     def arithmetic_seconds(self) -> float | None:
-        """Seconds per mass and step at the arithmetic rate [s]."""
+        """Time per mass and step at the arithmetic rate [s]."""
         return self.operations / self.rate if self.rate else None
 
     @property
     def arithmetic_share(self) -> float | None:
-        """The arithmetic roof as a share of the one-step-per-pass roof."""
+        """Arithmetic roof as a fraction of the one-step-per-pass roof."""
         return self.pass_seconds / self.arithmetic_seconds if self.arithmetic_seconds else None
 
     def share(self, timing: Timing, seconds: float | None = None) -> float:
-        """What a timing reaches of the one-step-per-pass roof."""
+        """Return the fraction of the one-step-per-pass roof that a timing reaches."""
         return self.pass_seconds * timing.particles / (timing.median if seconds is None else seconds)
 
 
 def ceilings(source: Source, backend: str, precision: str = "float32") -> Ceilings | None:
-    """The ceilings over a machine's kernels, or None where bandwidth or scene are not known."""
+    """Return the ceilings of a machine's kernels, or None if bandwidth or scene are unknown."""
     bandwidth = copy_bandwidth(source, backend)
     sample = next(
         (t for t in source.kernels if (t.backend, t.precision) == (backend, precision) and t.bytes_per_step), None
@@ -67,14 +69,14 @@ def ceilings(source: Source, backend: str, precision: str = "float32") -> Ceilin
         grid = {"rows": sample.rows, "columns": sample.columns}
         scene = Scene.stored({name: table | (grid if name == "grid" else {}) for name, table in source.scene.items()})
         operations = scene_plan(scene).operations
-    except SoftlabError:  # a scene of another lab version
+    except SoftlabError:  # a scene of another version of the lab
         return None
     rates = source.machine.record.get("gpu_arithmetic" if backend == "gpu" else "arithmetic") or {}
     return Ceilings(sample.bytes_per_step / sample.particles, operations, bandwidth, rates.get(precision))
 
 
 def draw(results: Results) -> Drawing | str:
-    """The figure, or why there is none."""
+    """Return the figure, or the reason why there is none."""
     figure, chosen = backend_panels(results, lambda source, backend: ceilings(source, backend) is not None)
     if figure is None:
         return "the kernels were not timed one by one, or no copy bandwidth was measured"

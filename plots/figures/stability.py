@@ -1,4 +1,4 @@
-"""Where each integrator breaks: outcomes over step size and stiffness, and over step size and damping."""
+"""Figures of the stability of each integrator: outcomes over step size and stiffness, and over step size and damping."""
 
 from __future__ import annotations
 
@@ -20,34 +20,34 @@ TITLE_DAMPING = "Where each integrator breaks: damping"
 COLOURS = ("#BFE3D6", SKY, YELLOW, ORANGE)  # of OUTCOMES
 WORDS = ("settles", "bounded, still moving", "grows", "diverged")
 HEIGHT = 4.9  # inch
-SHOWN = (("cpu", "float64"), ("gpu", "float64"), ("cpu", "float32"), ("gpu", "float32"))  # the first that was run
+SHOWN = (("cpu", "float64"), ("gpu", "float64"), ("cpu", "float32"), ("gpu", "float32"))  # in order of preference
 
 
 def draw_stiffness(results: Results) -> Drawing | str:
-    """The outcomes over (dt, stiffness), one panel an integrator, or why there is no figure."""
+    """Return the outcomes over (dt, stiffness), one panel per integrator, or the reason why there is no figure."""
     return _draw(results, "stiffness")
 
 
 def draw_damping(results: Results) -> Drawing | str:
-    """The outcomes over (dt, damping), one panel an integrator, or why there is no figure."""
+    """Return the outcomes over (dt, damping), one panel per integrator, or the reason why there is no figure."""
     return _draw(results, "damping")
 
 
-@lru_cache(maxsize=4)  # every claim and table asks
+@lru_cache(maxsize=4)  # every claim and table calls it
 def stability_runs(results: Results) -> tuple[list[MapPoint], list[Edge], tuple[Source, ...]]:
-    """The map, the edges and their sources: featured ones first, of each backend one machine's."""
+    """Return the map, the edges and their sources: featured ones first, those of each backend from one machine."""
     found, sources = judgements(results, lambda measure: measure.name in NAMES)
     return *stability_of(found), sources
 
 
 def shown(points: Sequence[MapPoint]) -> tuple[str, str] | None:
-    """The backend and precision that the figures show."""
+    """Return the backend and precision of the figures."""
     here = {(p.place.backend, p.place.precision) for p in points}
     return next((pair for pair in SHOWN if pair in here), None)
 
 
 def row_points(points: Sequence[MapPoint], axis: str) -> list[MapPoint]:
-    """The points of one map: those at which the other quantity has its ordinary value."""
+    """Return the points of one map: those with the ordinary value of the other quantity."""
     return [
         p for p in points if (p.place.damping == DAMPING if axis == "stiffness" else p.place.stiffness == STIFFNESS)
     ]
@@ -94,7 +94,7 @@ def _draw_panel(ax: Any, points: Sequence[MapPoint], edges: Sequence[Edge], axis
     if not steps:
         return
     norm = BoundaryNorm(np.arange(len(OUTCOMES) + 1) - 0.5, len(OUTCOMES))
-    places = np.arange(len(values) + 1) - 0.5  # rows at equal distances: damping has a zero
+    places = np.arange(len(values) + 1) - 0.5  # rows at equal distances, because damping has a zero
     ax.pcolormesh(
         _between(steps), places, np.ma.masked_invalid(cells), cmap=ListedColormap(COLOURS), norm=norm,
         edgecolors="white", linewidth=0.4, rasterized=False,
@@ -111,7 +111,7 @@ def _draw_panel(ax: Any, points: Sequence[MapPoint], edges: Sequence[Edge], axis
 
 
 def _between(steps: Sequence[float]) -> np.ndarray:
-    """The borders of cells around `steps`, halfway on a logarithmic axis."""
+    """Return the borders of cells around `steps`, halfway on a logarithmic axis."""
     logs = np.log(np.asarray(steps))
     middle = (logs[1:] + logs[:-1]) / 2
     return np.exp(np.concatenate([[2 * logs[0] - middle[0]], middle, [2 * logs[-1] - middle[-1]]]))

@@ -1,4 +1,4 @@
-"""A bar of tetrahedra: how far its solver leaves it from rest and from its motion on its own mesh, by the time of a frame."""
+"""Figure of a bar of tetrahedra: error of its solver at rest and in motion on its own mesh, by the time of a frame."""
 
 from __future__ import annotations
 
@@ -26,31 +26,33 @@ ERRORS: dict[str, Callable[[Bar], float]] = {
     "error at rest": lambda bar: bar.solver_error,
     "error in motion": lambda bar: bar.motion_error,
 }
-LEAST = 1e-5  # an error that is drawn at the bottom
+LEAST = 1e-5  # lower end of the axis; smaller errors are drawn there
 
 
 def kind_of(bar: Bar) -> str:
-    """One of LOOKS."""
+    """Return the key of LOOKS of a bar."""
     if bar.solver != "xpbd":
         return bar.solver
     return "substeps" if bar.iterations == 1 else "iterations"
 
 
 def middle(found: Sequence[Bar]) -> list[Bar]:
-    """Those of the mesh in the middle of all: the one of most settings."""
+    """Return the bars of the mesh with most settings, the smaller one of several."""
     sizes = [bar.elements for bar in found]
     chosen = max(set(sizes), key=lambda size: (sizes.count(size), -size), default=0)
     return [bar for bar in found if bar.elements == chosen]
 
 
 def on(source: Source, backend: str) -> list[Bar]:
-    """The bars of one mesh on a backend."""
+    """Return the bars of one mesh on a backend."""
     return middle([bar for bar in bars(source.measures) if bar.backend == backend])
 
 
 def draw(results: Results) -> Drawing | str:
-    """The figure, at rest and in motion, a panel a Young's modulus, of the backend of which most were measured, the GPU if
-    both are alike; or why not."""
+    """Return the figure, at rest and in motion, a panel per Young's modulus, or the reason why there is none.
+
+    Of the backend with most measurements, the GPU if both have equally many.
+    """
     chosen = on_backends(results, on)
     if not chosen:
         return "no bars of tetrahedra were measured (softlab tetrahedra)"

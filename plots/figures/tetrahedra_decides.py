@@ -1,4 +1,4 @@
-"""The plot that decides: the tip's error against the time of a frame, of each solver, at each Young's modulus and size."""
+"""Figure of the tip's error against the time of a frame, for each solver, Young's modulus and size."""
 
 from __future__ import annotations
 
@@ -19,23 +19,23 @@ TITLE = "The error of the tip against the time of a frame"
 LOOKS = {"xpbd": ("position-based", BLUE, "o"), "vbd": ("vertex block descent", VERMILLION, "^"),
          "newton": ("Newton's method", GREEN, "D"), SECOND: ("Newton's method, order 2", PURPLE, "v")}  # fmt: skip
 LINES = {"cpu": "--", "gpu": "-"}
-LEAST = 1e-4  # an error that is drawn at the bottom
+LEAST = 1e-4  # lower end of the axis; smaller errors are drawn there
 SIZES = (400, 3200, 25600)
-ACROSS = 3  # panels in a row
+ACROSS = 3  # panels per row
 
 
 def on(source: Source, backend: str) -> list[Bar]:
-    """The bars of a backend, of SIZES."""
+    """Return the bars of a backend, of SIZES."""
     return [bar for bar in bars(source.measures) if bar.backend == backend and bar.elements in SIZES]
 
 
 def kind_of(bar: Bar) -> str:
-    """One of LOOKS."""
+    """Return the key of LOOKS of a bar."""
     return "xpbd" if positional(bar) else bar.solver
 
 
 def frontier(found: Sequence[Bar]) -> list[Bar]:
-    """Those that none is both quicker and nearer than, quickest first."""
+    """Return the bars that no other beats in both time and error, fastest first."""
     kept: list[Bar] = []
     for bar in sorted(found, key=lambda b: b.seconds):
         if not kept or abs(bar.motion_error) < abs(kept[-1].motion_error):
@@ -44,7 +44,10 @@ def frontier(found: Sequence[Bar]) -> list[Bar]:
 
 
 def draw(results: Results) -> Drawing | str:
-    """A panel a size and a Young's modulus, ACROSS in a row, both backends; or why not."""
+    """Return the figure, or the reason why there is none.
+
+    A panel per size and Young's modulus, ACROSS per row, both backends.
+    """
     chosen = on_backends(results, on)
     found = [bar for _, _, mine in chosen for bar in mine]
     if not found:

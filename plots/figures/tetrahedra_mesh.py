@@ -1,4 +1,4 @@
-"""Tetrahedra by themselves: what a mesh makes of a bar, by how it is cut, and what a step takes from its swing."""
+"""Figure of tetrahedra without a solver: the error of a mesh, by its triangulation, and the damping of a step."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ SOLVERS = {
 
 
 def draw(results: Results) -> Drawing | str:
-    """Meshes on the left, steps on the right; or why there is none."""
+    """Return the figure with meshes on the left and steps on the right, or the reason why there is none."""
     found, sources = judgements(results, lambda measure: measure.description.get("finding") in (MESH, STEP))
     made, stepped = meshes(found), steps(found)
     if not made and not stepped:

@@ -1,4 +1,4 @@
-"""Particles a second of bodies: clusters alone, with contacts, and of a grid."""
+"""Figure of particles of bodies per second: clusters alone, with contacts, and of a grid."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ panels = partial(on_backends, found=timed(points))  # (backend, source, points) 
 
 
 def draw(results: Results) -> Drawing | str:
-    """The figure, a panel a backend; or why there is none."""
+    """Return the figure with a panel per backend, or the reason why there is none."""
     chosen = panels(results)
     if not chosen:
         return "bodies were not timed (softlab throughput)"

@@ -1,4 +1,4 @@
-"""Time per step against masses: threads at 1x, 2x and 4x of the cores, and the GPU."""
+"""Figure of time per step against masses: threads at 1x, 2x and 4x of the cores, and the GPU."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ TITLE = "Time per step against size"
 
 
 def draw(results: Results) -> Drawing | str:
-    """The figure, or why there is none."""
+    """Return the figure, or the reason why there is none."""
     figure, chosen = panels(results, lambda source: any(not t.graphics for t in source.timings))
     if figure is None:
         return "no timings without graphics"
@@ -54,7 +54,7 @@ def _threads_text(sources: list[Source]) -> str:
 
 
 def _draw_background(ax: object, results: Results) -> list[Source]:
-    """Committed curves behind the user's own: the GPU where there is one, and threads at 1x."""
+    """Draw committed curves behind the user's own: the GPU where there is one, and threads at 1x."""
     styles = iter(("--", ":", "-.", (0, (6, 2, 1, 2, 1, 2))))
     drawn = []
     for source in results.background:

@@ -1,4 +1,4 @@
-"""Speed against error: what a simulated second costs with each method, precision and backend."""
+"""Figure of speed against error: the cost of a simulated second with each method, precision and backend."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ PREFERRED = (
     "S6",
     "S2",
     "S6-still",
-)  # smooth, stiff, touching, a stiff rope: MOST of those that were timed
+)  # smooth, stiff, with contacts, a stiff rope: MOST of those that were timed
 MOST = 4
 SHARE = 0.6  # of the methods of the machine that timed most
-EXPLICIT = BLUE  # of the family, where a figure shows all methods
-INTEGRATORS = {  # colour, marker, where a figure shows these alone
+EXPLICIT = BLUE  # colour of the family, where a figure has all methods
+INTEGRATORS = {  # colour, marker, where a figure has only these
     "lab": (VERMILLION, "X"),
     "semi-implicit-euler": (ORANGE, "s"),
     "velocity-verlet": (BLUE, "o"),
@@ -34,7 +34,7 @@ INTEGRATORS = {  # colour, marker, where a figure shows these alone
     "explicit-euler": (PURPLE, "v"),
     "taylor": (SKY, "P"),
 }
-IMPLICIT = {"implicit-euler": (VIOLET, "^"), "implicit-euler-linear": (VIOLET, "<")}  # the same, of cloths
+IMPLICIT = {"implicit-euler": (VIOLET, "^"), "implicit-euler-linear": (VIOLET, "<")}  # the same, for cloths
 XPBD = {  # the same; in the speed diagram the markers are the iterations
     "xpbd gauss-seidel": (BLACK, "o"),
     "xpbd jacobi": (BROWN, "s"),
@@ -43,16 +43,19 @@ XPBD = {  # the same; in the speed diagram the markers are the iterations
 DRAWN_XPBD = ("xpbd gauss-seidel", "xpbd jacobi")
 DIGIT = {"markersize": 6.0, "markeredgewidth": 0.4}  # a number as a marker, legible
 LINES = {"cpu": "-", "gpu": "--"}
-NEAR = (0.4, 0.25)  # decades of error and of time that a label is wide and high
-PALE = 0.35  # of a marker whose time is suspect
+NEAR = (0.4, 0.25)  # decades of error and of time: width and height of a label
+PALE = 0.35  # opacity of a marker whose time is suspect
 PANEL_HEIGHT = 1.75  # inch
-LOST = 100.0  # spacings: an error beyond it is drawn as if the run had diverged, or the others would share a corner
-EDGE = 3.0  # times the largest error that is not lost: where diverged runs are put
+# spacings: a larger error is drawn as if the run had diverged, since the other points would share a corner otherwise
+LOST = 100.0
+EDGE = 3.0  # times the largest error that is not lost: place of diverged runs
 
 
 def draw(results: Results) -> Drawing | str:
-    """The figure (a row a scene, a column a precision) of the first featured machine that has accuracy runs, or why there is
-    none."""
+    """Return the figure of the first featured machine with accuracy runs, or the reason why there is none.
+
+    A row per scene, a column per precision.
+    """
     source = accurate_source(results)
     if source is None:
         return "no accuracy runs were measured"
@@ -82,13 +85,18 @@ def draw(results: Results) -> Drawing | str:
 
 
 def accurate_source(results: Results) -> Source | None:
-    """The first source that timed S1 with most of the methods, else the first with any accuracy runs; featured ones first."""
+    """Return the first source that timed S1 with most of the methods, else the first with any accuracy runs.
+
+    Featured ones first.
+    """
     return answering(results, "S1") or results.first(points)
 
 
 def answering(results: Results, label: str) -> Source | None:
-    """The first source that timed a scene with most of the methods that any source did, featured ones first: of few methods
-    one is the soonest for want of others."""
+    """Return the first source that timed a scene with most of the methods that any source did, featured ones first.
+
+    With few methods one would be the fastest only because others are missing.
+    """
     methods = [(source, {p.integrator for p in points(source, label) if p.seconds}) for source in results.everyone]
     most = max((len(timed) for _, timed in methods), default=0)
     return next((source for source, timed in methods if timed and len(timed) >= SHARE * most), None)
@@ -120,17 +128,17 @@ def _draw_panel(ax: Any, found: list[Point], title: str) -> None:
         ax.axvline(edge, color=GREY, linestyle=":", linewidth=1)
         ax.annotate("diverged", (edge, 1), (-3, -2), xycoords=("data", "axes fraction"), textcoords="offset points",
                     fontsize=7, color="#555555", va="top", ha="right", rotation=90)  # fmt: skip
-    ax.margins(0.08, 0.12)  # room for what the front's steps are called
+    ax.margins(0.08, 0.12)  # space for the labels of the front
     ax.set_title(title)
 
 
 def _draw_front(ax: Any, front: list[Point]) -> None:
-    """The Pareto front, and what its steps are; neighbours of one step size are told once."""
+    """Draw the Pareto front with its step sizes; neighbours with one step size get one label."""
     ax.plot([p.error for p in front], [p.seconds for p in front], "-", color=BLACK, linewidth=3.2, alpha=0.25, zorder=1)
     if front:
         ax.plot([], [], "-", color=BLACK, linewidth=3.2, alpha=0.25, label="Pareto front")
     told = [p for before, p in zip([None, *front], front, strict=False) if before is None or before.dt != p.dt]
-    under: list[Point] = []  # whose label stands below its left; those near to one of them have it above their right
+    under: list[Point] = []  # points with a label below their left; those near one of them have it above their right
     for p in told:
         above = any(_near(p, other) for other in under)
         under += [] if above else [p]
@@ -139,13 +147,13 @@ def _draw_front(ax: Any, front: list[Point]) -> None:
 
 
 def _near(one: Point, other: Point) -> bool:
-    """Whether labels of two points would meet."""
+    """True if the labels of two points would overlap."""
     pairs = ((one.error, other.error), (one.seconds or 0.0, other.seconds or 0.0))
     return all(a > 0 < b and abs(log10(a / b)) < wide for (a, b), wide in zip(pairs, NEAR, strict=True))
 
 
 def _families(drawn: list[Point]) -> list[str]:
-    """What the colours stand for, of those that are drawn."""
+    """Return the meaning of the colours that are drawn."""
     names = {p.integrator for p in drawn}
     positions = not names.isdisjoint(DRAWN_XPBD)
     there = {
@@ -162,7 +170,7 @@ def _lost(p: Point) -> bool:
 
 
 def _curves(found: list[Point]) -> list[tuple[str, int | None, str, str]]:
-    """(method, iterations, colour, marker) of each curve of a panel; integrators have no iterations."""
+    """Return (method, iterations, colour, marker) of each curve of a panel; integrators have no iterations."""
     held = {p.integrator for p in found}
     curves: list[tuple[str, int | None, str, str]] = [
         (name, None, colour if name == "lab" or name in IMPLICIT else EXPLICIT, marker)
@@ -176,7 +184,7 @@ def _curves(found: list[Point]) -> list[tuple[str, int | None, str, str]]:
 
 
 def _add_line_keys(ax: Any, found: list[Point]) -> None:
-    """What the line styles mean, for the legend."""
+    """Add the line styles to the legend."""
     for backend, line in LINES.items():
         if any(p.backend == backend for p in found):
             ax.plot([], [], line, color="#555555", linewidth=0.9, label=backend.upper())

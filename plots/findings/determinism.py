@@ -1,4 +1,4 @@
-"""The finding about determinism: gathering in a fixed order against scattering."""
+"""Figure of the cost of determinism: gathering in a fixed order compared with scattering."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from plots.core.style import Drawing, legend_below, log_axes, new_figure, plain_
 from plots.findings.points import Cost, costs
 
 TITLE = "What determinism costs"
-WAYS = {  # backend, way: label, colour, marker
+WAYS = {  # backend, variant -> label, colour, marker
     ("cpu", "colours"): ("CPU, scatter in colours", BLUE, "o"),
     ("cpu", "twice"): ("CPU, gather, each spring twice", ORANGE, "^"),
     ("gpu", "atomics"): ("GPU, scatter with atomics", VERMILLION, "X"),
@@ -23,7 +23,7 @@ NAMES = {"cpu": "CPU, over the kernel fused", "gpu": "GPU, over the kernel graph
 
 
 def draw(results: Results) -> Drawing | str:
-    """The figure, a panel a backend; or why there is none."""
+    """Return the figure with a panel per backend, or the reason why there is none."""
     chosen = on_backends(results, lambda source, backend: costs(source, DETERMINISM, backend))
     if not chosen:
         return "gather and scatter were not timed side by side"

@@ -1,4 +1,4 @@
-"""The finding about float32: smaller steps help until rounding decides, and sooner far from the origin."""
+"""Figure of the resolution of float32: smaller steps help until rounding dominates, earlier far from the origin."""
 
 from __future__ import annotations
 
@@ -16,7 +16,9 @@ LINES = {"float32": "-", "float64": "--"}
 
 
 def draw(results: Results) -> Drawing | str:
-    """The figure: error against step size, and against the distance from the origin; or why there is none."""
+    """Return the figure, or the reason why there is none: error against step size, and against the distance from the
+    origin.
+    """
     source, floor = of_finding(results, FLOOR)
     if source is None:
         return "the floor of float32 was not measured"

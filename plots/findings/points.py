@@ -1,4 +1,4 @@
-"""The measures of bench/experiments/findings as rows, machine by machine."""
+"""Measures of bench/experiments/findings as rows, machine by machine."""
 
 from __future__ import annotations
 
@@ -15,8 +15,11 @@ from plots.core.data import Results, Source
 
 @dataclass(frozen=True)
 class Row:
-    """One measure of a finding. `scheme`: the integrator, or the variant of it that only the reference has; `offset` [m]:
-    how far from the origin; `value`: error in spacings (infinite: diverged) or rate in 1/s."""
+    """One measure of a finding.
+
+    `scheme`: the integrator, or a variant of it that only the reference has; `offset` [m]: distance from the origin;
+    `value`: error in spacings (infinite: diverged) or rate in 1/s.
+    """
 
     scheme: str
     dt: float
@@ -27,7 +30,7 @@ class Row:
 
 
 def rows(source: Source, finding: str) -> list[Row]:
-    """All measures of one finding, largest step first."""
+    """Return all measures of one finding, largest step first."""
     found = [_row(m) for m in source.measures if m.name in (ERROR, RATE) and m.description.get("finding") == finding]
     return sorted(
         (row for row in found if row), key=lambda row: (row.backend, row.scheme, row.precision, row.offset, -row.dt)
@@ -50,14 +53,14 @@ def _row(measure: Measure) -> Row | None:
 
 
 def of_finding(results: Results, finding: str) -> tuple[Source | None, list[Row]]:
-    """The first source that has a finding, and its rows of the first backend that has them."""
+    """Return the first source that has a finding, and its rows of the first backend that has them."""
     source = results.first(lambda s: rows(s, finding))
     found = rows(source, finding) if source else []
     return source, [row for row in found if row.backend == found[0].backend]
 
 
 def exact_pairs(source: Source, backend: str, precision: str = "float32") -> list[tuple[Timing, Timing]]:
-    """(fast, exact) timings of one size, smallest first."""
+    """Return (fast, exact) timings of one size, smallest first."""
     held = {(t.particles, t.math): t for t in source.findings if (t.backend, t.precision) == (backend, precision)}
     sizes = sorted({particles for particles, _ in held})
     return [(held[n, "fast"], held[n, "exact"]) for n in sizes if (n, "fast") in held and (n, "exact") in held]
@@ -68,9 +71,12 @@ def exact_pairs(source: Source, backend: str, precision: str = "float32") -> lis
 
 @dataclass(frozen=True)
 class Cost:
-    """What one way of doing the same steps takes. `way`: of the field `sums`, empty for looks; `ratio`, `least`, `most`:
-    time of a step over the first way's; `share`, `interval`: of looks; `different`: runs that ended in other bits;
-    `suspect`: something is wrong with a sample (other programs ran, it was short)."""
+    """Cost of one variant of the same steps.
+
+    `way`: value of the field `sums`, empty for checks; `ratio`, `least`, `most`: time of a step over that of the first
+    variant; `share`, `interval`: of checks; `different`: runs whose end state differs in bits; `suspect`: a sample is
+    doubtful (other programs ran, it was short).
+    """
 
     backend: str
     precision: str
@@ -86,7 +92,7 @@ class Cost:
 
 
 def costs(source: Source, finding: str, backend: str | None = None) -> list[Cost]:
-    """The costs of a finding (of one backend), small grids first, without the first way of each comparison."""
+    """Return the costs of a finding (of one backend), small grids first, without the first variant of each comparison."""
     held = by_configuration(
         m for m in source.measures if m.description.get("finding") == finding and backend in (None, m.backend)
     )
@@ -120,5 +126,5 @@ def _cost(numbers: dict[str, Measure]) -> Cost | None:
 
 
 def look_costs(source: Source, backend: str | None = None) -> list[Cost]:
-    """Those of looking for a diverged state."""
+    """Return the costs of the check for a diverged state."""
     return [cost for cost in costs(source, LOOKS, backend) if cost.share is not None]

@@ -237,11 +237,11 @@ def _statistics(p: AccuracyPoint) -> str:
 def point(
     label: str, description: Mapping[str, Any], named: Mapping[str, Any], repeats: Timing | None
 ) -> AccuracyPoint | None:
-    """Return the point of one configuration from its measures by name (bench.store.results.Measure), or None without
-    error.
+    """Return the point of one configuration from its measures by name, or None if there is no error among them.
 
-    `label`: as in `AccuracyPoint`; `description`: as bench.store.results.configuration returns it; `repeats`: its
-    samples, without the marked ones if enough others are left; None if it was not timed.
+    The measures are `bench.store.results.Measure`. `label`: as in `AccuracyPoint`; `description`: as
+    bench.store.results.configuration returns it; `repeats`: its samples, without the marked ones if enough others are
+    left; None if it was not timed.
     """
     error = named.get(judgement.ERROR)
     if error is None or error.value is None:

@@ -197,10 +197,10 @@ def held_seconds(scene: Scene, steps: int) -> float:
 
 
 def held_converged(scene: Scene, steps: int, folder: Path | None) -> cache.Converged:
-    """Return the motion after `steps` steps of `method.dt` under the draws of exactly those steps, by RK4 and
-    Richardson.
+    """Return the converged motion after `steps` steps of `method.dt` under the draws of exactly those steps.
 
-    The result is that of bench.reference.mass_spring.converged, from `folder` if it is stored there (None: not stored).
+    It is by RK4 and Richardson. The result is that of bench.reference.mass_spring.converged, from `folder` if it is
+    stored there (None: not stored).
     """
     dt = scene.method.dt
 

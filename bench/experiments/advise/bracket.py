@@ -11,11 +11,11 @@ Tried = tuple[int, float]  # steps, error [spacings]
 
 
 def next_steps(low: Tried | None, high: Tried | None, target: float, order: int, least: int, turn: int) -> int:
-    """Return the number of steps to try next, between the most that miss the target (`low`) and the fewest that reach
-    it.
+    """Return the number of steps to try next, more than `low` and fewer than `high`.
 
-    With one of them known, the order determines the next number. With both, log error is taken as linear in log steps,
-    slightly shifted to either side in turn, so that both ends close in. One of them must be given.
+    `low`: the most that miss the target; `high`: the fewest that reach it. With one of them known, the order determines
+    the next number. With both, log error is taken as linear in log steps, slightly shifted to either side in turn, so
+    that both ends close in. One of them must be given.
     """
     if low is not None and high is not None:
         (few, worse), (many, better) = low, high

@@ -59,11 +59,11 @@ def advise(
     progress: bool = True,
     command: str = "softlab advise",
 ) -> Advice:
-    """Find the fastest configuration with at most `error` spacings (RMS over the free masses) at `time` [s] (None:
-    1.5).
+    """Find the fastest configuration with at most `error` at `time` [s] (None: 1.5).
 
-    `integrators`: names of bench.experiments.accuracy.methods.METHODS. `backends`: None for all that are available.
-    `total_seconds`: no new search begins after it; the results so far are returned.
+    `error` [spacings]: RMS over the free masses. `integrators`: names of bench.experiments.accuracy.methods.METHODS.
+    `backends`: None for all that are available. `total_seconds`: no new search begins after it; the results so far are
+    returned.
 
     Raises SceneError (an impossible error or time, a scene with a random force, no moving mass, a reference that would
     take too long, constraints without a force law), BackendUnavailable, InputError (the store). A chaotic motion, and

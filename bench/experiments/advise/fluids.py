@@ -107,8 +107,7 @@ def advise_fluids(
     progress: bool = True,
     command: str = "softlab advise",
 ) -> FluidAdvice:
-    """Find the fastest budget with a mean density error of at most `error` at `time` [s] (None: 1), with the scene's
-    dt.
+    """Find the fastest budget at the scene's dt with a mean density error of at most `error` at `time` [s] (None: 1).
 
     Raises SceneError (an impossible error or time), BackendUnavailable, InputError (the store).
     """

@@ -1,9 +1,9 @@
-"""Costs of the lab's safeguards: the check for a diverged state (here), and adding forces in a fixed order
-(bench/experiments/findings/determinism.py). Ratios of times sampled in turn in one process, stored, resumable.
+"""Costs of the lab's safeguards as ratios of times sampled in turn in one process; stored, resumable.
 
-A check costs little compared with the steps between two checks, often less than the scatter of the repeats. It is
-therefore measured twice: as the ratio of the same steps with checks at their real interval and without any, and as the
-time of one check over the minimum time of the steps between two.
+The safeguards are the check for a diverged state (here), and adding forces in a fixed order
+(bench/experiments/findings/determinism.py). A check costs little compared with the steps between two checks, often less
+than the scatter of the repeats. It is therefore measured twice: as the ratio of the same steps with checks at their
+real interval and without any, and as the time of one check over the minimum time of the steps between two.
 """
 
 from __future__ import annotations

@@ -1,5 +1,4 @@
-"""Cost of determinism: the same step with each mass gathering its forces in a fixed order, and with springs scattering
-them.
+"""Cost of determinism: the step with each mass gathering its forces in a fixed order, and with springs scattering them.
 
 All kernels of the lab gather. The result repeats bit for bit, whatever the number of threads and their scheduling, and
 a mass is written by one thread only; but the force of a spring is needed at both of its ends. Compared with:

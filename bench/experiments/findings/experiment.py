@@ -1,10 +1,9 @@
-"""Small experiments behind single sentences of the lab book: the effect of an explicit damper on velocity Verlet, the
-resolution of float32, the amplitude that a step gains or loses by itself, the cost of `exact` math. Each takes seconds;
-stored, resumable.
+"""Small experiments behind single sentences of the lab book; each takes seconds, is stored and resumable.
 
-Each measure is of one configuration, with the usual description plus the field `finding` (and the varied quantity). The
-orders of the integrators and the equation that the hand-out's step solves come from the runs of
-bench/experiments/accuracy/experiment.py.
+They measure the effect of an explicit damper on velocity Verlet, the resolution of float32, the amplitude that a step
+gains or loses by itself, and the cost of `exact` math. Each measure is of one configuration, with the usual description
+plus the field `finding` (and the varied quantity). The orders of the integrators and the equation that the hand-out's
+step solves come from the runs of bench/experiments/accuracy/experiment.py.
 """
 
 from __future__ import annotations

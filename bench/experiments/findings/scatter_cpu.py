@@ -1,5 +1,4 @@
-"""The lab's step as a scatter over springs on CPU threads, for bench/experiments/findings/determinism.py, not for
-users.
+"""The lab's step as a scatter over springs on CPU threads, for bench/experiments/findings/determinism.py only.
 
 Each spring is evaluated once and added to both of its masses. Two threads must not add to one mass at the same time, so
 the springs are processed in four colours, within which no two share a mass: along a row the even ones, then the odd

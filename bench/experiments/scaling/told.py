@@ -27,10 +27,10 @@ def counts(most: int) -> list[int]:
 def table(
     size: int, most: int, cluster: Cluster, every: int | None, weak: bool, seconds: Seconds = window_seconds
 ) -> list[tuple[int, Predicted, float]]:
-    """Return (GPUs, prediction, fraction of ideal) of a grid of size x size, or (`weak`) of one such grid per GPU,
-    stacked.
+    """Return (GPUs, prediction, fraction of ideal) of a grid of size x size, or of one such grid per GPU (`weak`).
 
-    The list ends where there are too few rows. Raises SceneError if two GPUs have too few for that exchange interval.
+    Grids of several GPUs are stacked. The list ends where there are too few rows. Raises SceneError if two GPUs have
+    too few for that exchange interval.
     """
     found = []
     one = predicted(size, size, 1, cluster, seconds=seconds)

@@ -132,10 +132,9 @@ def _modes(across: int) -> tuple[np.ndarray, np.ndarray]:
 
 @cache
 def exact_drop(across: int, young: float) -> tuple[int, float]:
-    """Return (frames to half of the first period, displacement of the tip then [m]) after release from the unloaded
-    shape.
+    """Return (frames to half of the first period, the tip's displacement then [m]) after release from the rest shape.
 
-    It is the sum over the modes of phi (phi' M g) / (phi' M phi w^2) (1 - cos w t).
+    The displacement is the sum over the modes of phi (phi' M g) / (phi' M phi w^2) (1 - cos w t).
     """
     scene, _ = _bar(across)
     found = scene.tetrahedra_set

@@ -119,8 +119,7 @@ def first_mode(scene: Scene) -> tuple[float, np.ndarray]:
 
 
 def law(frequency: float, h: float, order: int = 1) -> float:
-    """Return the loss of a vibration's amplitude [1/s] by implicit Euler in steps of h [s], or by the two stages of
-    `order` 2.
+    """Return the loss of a vibration's amplitude [1/s] by implicit Euler in steps of h [s], or two stages (`order` 2).
 
     It is -log |R(i w h)| / h, with R(z) = 1 / (1 - z), or (1 + (1 - 2 g) z) / (1 - g z)^2 with g = STAGE.
     """

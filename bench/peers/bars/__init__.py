@@ -1,1 +1,1 @@
-"""Bars of tetrahedra beside what a user would pick: the exact answer (tip.py), and a file a peer."""
+"""Bars of tetrahedra by peers: tip.py has the exact result; one file per peer."""

@@ -1,8 +1,9 @@
-"""A bar of tetrahedra by Warp's finite-element toolkit, warp.fem, written as its examples write elasticity: implicit Euler of
-the lab's `neo-hookean` material on linear tetrahedra with lumped masses, a Newton step of the exact tangent a substep, by
-conjugate gradients with a diagonal preconditioner. As many substeps as the lab's own Newton method has in the scene.
+"""Bar of tetrahedra by Warp's finite-element toolkit, warp.fem, written like elasticity in its examples.
 
-The toolkit assembles a sparse matrix anew in every substep, through Python: its steps cannot be captured in a graph.
+Implicit Euler of the lab's `neo-hookean` material on linear tetrahedra with lumped masses: one Newton step of the exact
+tangent per substep, by conjugate gradients with a diagonal preconditioner, with as many substeps as the lab's own
+Newton method in the scene. The toolkit assembles a sparse matrix anew in every substep, through Python, so its steps
+cannot be captured in a graph.
 """
 
 # No `from __future__ import annotations`: Warp reads the types of a kernel from its annotations.
@@ -18,25 +19,25 @@ from bench.peers.warp_base import WarpPeer, load_warp
 from model.core.build import build
 from model.scene.scene import Scene
 
-TOLERANCE = 1e-4  # of conjugate gradients, of the right-hand side: its examples' own
+TOLERANCE = 1e-4  # of conjugate gradients, relative to the right-hand side: that of its examples
 
 
 @cache
 def _load() -> tuple[Any, Any, Any]:
-    """warp.fem, warp.sparse, warp.optim.linear."""
+    """Return warp.fem, warp.sparse, warp.optim.linear."""
     load_warp()
     try:
         import warp.fem as fem
         import warp.optim.linear as linear
         import warp.sparse as sparse
-    except Exception as error:  # what a broken installation raises is not documented
+    except Exception as error:  # the exceptions of a broken installation are not documented
         raise PeerError(f"warp.fem cannot be loaded ({error})") from None
     return fem, sparse, linear
 
 
 @cache
 def _make_forms() -> tuple[Any, Any]:
-    """(the force, the stiffness) as integrands of a displacement."""
+    """Make (the force, the stiffness) as integrands of a displacement."""
     wp: Any = load_warp()
     fem: Any = _load()[0]
 
@@ -93,7 +94,7 @@ def _make_kernels() -> tuple[Any, Any, Any]:
 
 
 class WarpFem(WarpPeer):
-    """Its linear tetrahedra, one Newton step a substep."""
+    """Linear tetrahedra of the toolkit, one Newton step per substep."""
 
     kind, title = "warp_fem", "Warp FEM"
     precisions = ("float32",)
@@ -134,7 +135,7 @@ class _Body(Opened):
             mesh = fem.Tetmesh(
                 wp.array(found.tetrahedra.astype(np.int32), dtype=int), wp.array(self._rest, dtype=wp.vec3)
             )
-            space = fem.make_polynomial_space(mesh, degree=1, dtype=wp.vec3)  # its nodes are the mesh's vertices
+            space = fem.make_polynomial_space(mesh, degree=1, dtype=wp.vec3)  # its nodes are the vertices of the mesh
             domain = fem.Cells(mesh)
             self._field = space.make_field()
             self._test = fem.make_test(space=space, domain=domain)

@@ -1,18 +1,18 @@
-"""A bar of tetrahedra in Newton: its solvers for soft bodies, VBD, XPBD and semi-implicit Euler, which are given the lab's
-vertices, tetrahedra, lumped masses and pins, and the Lame parameters of Young's modulus and Poisson's ratio.
+"""Bar of tetrahedra in Newton, by its solvers for soft bodies: VBD, XPBD and semi-implicit Euler.
 
-What their materials are (Newton 1.8, the sources of its kernels; its builder calls all of them the Neo-Hookean one of Smith,
-de Goes, Kim, "Stable Neo-Hookean Flesh Simulation", ACM TOG 2018):
+They get the lab's vertices, tetrahedra, lumped masses and pins, and the Lame parameters of Young's modulus and
+Poisson's ratio. Their materials (Newton 1.8, the sources of its kernels; its builder calls all of them the Neo-Hookean
+one of Smith, de Goes, Kim, "Stable Neo-Hookean Flesh Simulation", ACM TOG 2018):
 
 - VBD: that one without its logarithm, lambda + mu in place of lambda: the lab's `neo-hookean`, number for number.
-- Semi-implicit Euler: that one with its logarithm and the parameters as they are given, which at rest is a material of
-  3/4 mu and lambda - 5/8 mu. It is given 4/3 mu and lambda + 5/6 mu, so that it is the one asked for.
+- Semi-implicit Euler: that one with its logarithm and the parameters as given, which at rest is a material of 3/4 mu and
+  lambda - 5/8 mu. It gets 4/3 mu and lambda + 5/6 mu, so that it has the requested material.
 - XPBD: mu/2 (|F|^2 - 3)^2 + lambda/2 (J - 1)^2, each square a constraint. The first is of second order in the strain, not
-  of first: at rest it resists stretch of the trace and nothing else. A bar of it has no bending stiffness to begin with,
-  whatever mu; no choice of numbers makes it the one asked for. It is held against its own law (bench/peers/bars/tip.py).
+  of first: at rest it only resists a stretch of the trace. A bar of it initially has no bending stiffness, whatever mu, and
+  no parameters give the requested material. It is compared with its own law (bench/peers/bars/tip.py).
 
-XPBD adds up the full corrections of all tetrahedra of a vertex at once, times 0.9, as of springs. Explicit and undamped,
-semi-implicit Euler takes as few substeps as its mesh's quickest vibration allows, and some more.
+XPBD adds up the full corrections of all tetrahedra of a vertex at once, times 0.9, as for springs. Semi-implicit Euler
+is explicit and undamped, and gets the fewest substeps that the fastest vibration of its mesh allows, with a margin.
 """
 
 from __future__ import annotations
@@ -31,19 +31,19 @@ from model.core.build import build
 from model.scene.scene import Scene
 
 MOST = 200_000  # tetrahedra: its model is made of Python lists
-STABLE = 0.7  # of the longest explicit step
+STABLE = 0.7  # fraction of the longest stable explicit step
 SQUARES = "mu/2 (|F|^2 - 3)^2 + lambda/2 (J - 1)^2, its own law"
 
 
 def squares_stress(gradient: np.ndarray, mu: np.ndarray, lam: np.ndarray) -> np.ndarray:
-    """(..., 3, 3) [Pa]: the first Piola-Kirchhoff stress of XPBD's law."""
+    """Return the first Piola-Kirchhoff stress of XPBD's law: (..., 3, 3) [Pa]."""
     square = np.einsum("...ij,...ij->...", gradient, gradient) - 3
     swell = np.linalg.det(gradient) - 1
     return (2 * mu * square)[..., None, None] * gradient + (lam * swell)[..., None, None] * cofactor(gradient)
 
 
 class NewtonTetrahedra(Newton):
-    """`solver` of Newton's; `substeps` of a frame, None: as many as hold; `iterations`: None where it has none."""
+    """A `solver` of Newton; `substeps` per frame, None: the fewest stable ones; `iterations`: None if it has none."""
 
     scenes = tuple(BARS)
 
@@ -69,7 +69,7 @@ class NewtonTetrahedra(Newton):
         return NEAR
 
     def tip(self, scene: Scene) -> Tip | None:
-        """What it is to come to by its own law, where that is not the scene's."""
+        """Return the exact result of the solver's own law, or None if its law is the scene's."""
         if self.solver != "SolverXPBD":
             return None
         return by_stress(across_of(scene), young_of(scene), squares_stress, SQUARES)
@@ -79,12 +79,12 @@ class NewtonTetrahedra(Newton):
 
 
 def stable_substeps(scene: Scene) -> int:
-    """Of a frame, even, so that two buffers are back in place after it."""
+    """Return the stable substeps per frame, an even number, so that the two buffers are back in place after it."""
     return 2 * math.ceil(scene.method.dt * quickest(across_of(scene), young_of(scene)) / 2 / STABLE / 2)
 
 
 class _Body(Replayed):
-    chunks = (1,)  # frames of a graph, each of up to some thousand launches
+    chunks = (1,)  # frames per graph, each of up to some thousand launches
 
     def __init__(self, scene: Scene, solver: str, backend: str, substeps: int | None, iterations: int | None):
         super().__init__(backend)
@@ -102,7 +102,7 @@ class _Body(Replayed):
         self._states = [self._model.state(), self._model.state()]
         self._control = self._model.control()
         self.load(body.position, body.velocity)
-        self._step()  # loads the kernels: nothing may be loaded while a graph is captured
+        self._step()  # loads the kernels: no module may be loaded while a graph is captured
         self._capture()
         self.load(body.position, body.velocity)
 
@@ -121,7 +121,7 @@ class _Body(Replayed):
             builder.add_tetrahedron(*corners, mu, lam, 0.0)
         builder.color()
         model = builder.finalize(device=self._device)
-        model.particle_grid = None  # its particles would meet each other
+        model.particle_grid = None  # otherwise its particles would collide
         model.particle_max_velocity = math.inf
         return model
 

@@ -1,7 +1,7 @@
-"""The lab's own solvers of tetrahedra beside the peers on a bar: position-based, and vertex block descent.
+"""The lab's own solvers of tetrahedra as peers on a bar: position-based, and vertex block descent.
 
-They solve the fixed corotated material, the lab's usual one, of which a position-based sweep leaves less undone; at these
-strains, of a thousandth, the bar is the same.
+They solve the fixed corotated material, the lab's default, for which a position-based sweep leaves a smaller error; at
+these strains, of 1e-3, the bar is the same.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from model.scene.scene import Scene
 
 
 class OwnTetrahedra(OwnXpbd):
-    """`substeps` x `iterations` of a frame by one of the lab's solvers."""
+    """`substeps` x `iterations` per frame by one of the lab's solvers."""
 
     scenes = tuple(BARS)
 

@@ -1,9 +1,9 @@
-"""Bars of tetrahedra that peers are held against: the cantilever of `softlab tetrahedra`, let go from its unloaded shape,
-by the way that its tip has made after half of its first vibration.
+"""Bars of tetrahedra that peers are compared on: the cantilever of `softlab tetrahedra`, released unloaded.
 
-What it should have made is known of this very mesh, whatever solves it: by the modes of any material with the same Young's
-modulus and Poisson's ratio, since the strains are a thousandth. A peer whose material has another slope at rest is held
-against its own law (`by_stress`) and what it is off the bar's is told beside it.
+The measured quantity is the displacement of its tip after half of its first vibration. The exact value is known for the
+mesh, whatever solves it: by the modes of any material with the same Young's modulus and Poisson's ratio, since the
+strains are 1e-3. A peer whose material has another slope at rest is compared with its own law (`by_stress`), and its
+difference from the bar's is reported too.
 """
 
 from __future__ import annotations
@@ -23,17 +23,19 @@ from bench.reference.finite_elements import Body, free_coordinates
 from model.scene.scene import Scene
 
 BARS = {"tetrahedra-1e5": (1e5, 4), "tetrahedra-1e6": (1e6, 10), "tetrahedra-1e7": (1e7, 24)}
-# word of bench/peers/scenes.py -> Young's modulus [Pa], the lab's substeps of a frame: by each it is off by under 1 %
-NEAR = 0.05  # of the way: what a peer may be off and be called the same scene
+# word of bench/peers/scenes.py -> Young's modulus [Pa], the lab's substeps per frame, by which its error is below 1 %
+NEAR = 0.05  # of the displacement: largest error of a peer that simulates the same scene
 ACROSS = (2, 4, 8)  # voxels: 400, 3200, 25 600 tetrahedra
 PER_BAR = 50  # tetrahedra of the coarsest bar, one voxel across
-FINE = 8  # steps of the explicit judge where one would be stable
+FINE = 8  # steps of the explicit reference to one at the stability limit
 
 Stress = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]  # F, mu, lambda -> first Piola-Kirchhoff stress
 
 
 def bar_of(young: float, substeps: int) -> Callable[[int, int], Scene]:
-    """The bar, n voxels across, free of any brake, neo-Hookean, by the lab's Newton method."""
+    """Make the function that returns the bar, n voxels across, without a brake, neo-Hookean, by the lab's Newton
+    method.
+    """
 
     def make(rows: int, columns: int) -> Scene:
         tables = cantilever(rows, young, "newton", substeps, 1).as_dict()
@@ -44,32 +46,32 @@ def bar_of(young: float, substeps: int) -> Callable[[int, int], Scene]:
 
 
 def young_of(scene: Scene) -> float:
-    """[Pa]"""
+    """Young's modulus [Pa]."""
     (part,) = scene.tetrahedra_set.parts
     return float(part.young_modulus)
 
 
 def across_of(scene: Scene) -> int:
-    """Voxels."""
+    """Number of voxels across."""
     return round((len(scene.tetrahedra_set.tetrahedra) / PER_BAR) ** (1 / 3))
 
 
 @dataclass(frozen=True)
 class Tip:
-    """What is right: after `frames` the tip is `way` [m] down; `law`: whose."""
+    """Exact result: after `frames` the tip has the displacement `way` [m] downwards; `law`: where it is from."""
 
     frames: int
     way: float
     law: str = "the modes of its mesh"
 
     def error(self, scene: Scene, position: np.ndarray) -> float:
-        """Of a state (particles, 3) [m], relative; infinite where it is not finite."""
+        """Return the relative error of a state (particles, 3) [m]; infinite if it is not finite."""
         found = sag(scene, np.asarray(position, np.float64)) / self.way - 1
         return abs(found) if np.isfinite(found) else float("inf")
 
 
 def exact_tip(scene: Scene) -> Tip:
-    """Of the scene's own material."""
+    """Return the exact result for the scene's own material."""
     return Tip(*exact_drop(across_of(scene), young_of(scene)))
 
 
@@ -81,14 +83,14 @@ def _free(scene: Scene) -> np.ndarray:
 
 
 def lame_of(scene: Scene) -> tuple[float, float]:
-    """(mu, lambda) [Pa] of its material."""
+    """Return (mu, lambda) [Pa] of the scene's material."""
     mu, lam = lame(young_of(scene), POISSON)
     return float(mu), float(lam)
 
 
 @cache
 def quickest(across: int, young: float) -> float:
-    """[1/s]: the angular frequency of the mesh's quickest vibration, masses lumped."""
+    """Angular frequency [1/s] of the mesh's fastest vibration, masses lumped."""
     scene = cantilever(across, young, "xpbd", 1, 1)
     found, free = scene.tetrahedra_set, free_coordinates(~_free(scene))
     body = Body.of(found.position, found.tetrahedra, "corotated", young, POISSON)
@@ -100,7 +102,10 @@ def quickest(across: int, young: float) -> float:
 
 @cache
 def by_stress(across: int, young: float, stress: Stress, law: str) -> Tip:
-    """Of a material of that stress: the mesh's motion by velocity Verlet, in float64, of FINE times as many steps as hold."""
+    """Return the exact result for a material with that stress.
+
+    The mesh's motion by velocity Verlet in float64, with FINE times as many steps as are stable.
+    """
     scene = bar_of(young, 1)(across, across)
     frames, found = exact_drop(across, young)[0], scene.tetrahedra_set
     mu, lam = (np.full(len(found.tetrahedra), value) for value in lame_of(scene))
@@ -128,7 +133,7 @@ def by_stress(across: int, young: float, stress: Stress, law: str) -> Tip:
 
 
 def tetrahedra_refusal(scene: Scene) -> str | None:
-    """Why what knows a free neo-Hookean body alone cannot run a scene, or None."""
+    """Return why a peer of a free neo-Hookean body cannot run the scene, or None."""
     if not scene.tetrahedra or scene.method.solver != "newton":
         return "it knows the free bar of tetrahedra alone"
     unknown = set(scene.kinds.values()) - {"tetrahedral_body", "gravity", "method"}

@@ -1,11 +1,10 @@
-"""SPlisHSPlasH (J. Bender et al., MIT licence) beside the fluids of the lab: its DFSPH and its PBF as they come, in a
-process of its own.
+"""SPlisHSPlasH (J. Bender et al., MIT licence) as a peer of the lab's fluids: its DFSPH and its PBF, unchanged.
 
-Its particles start where the lab's do and have their volume. It is given all at its usual size, particles 2.5 cm in radius,
-by Froude's law (lengths by L, times by sqrt(L)): at millimetres its constants let a dam burst. Its walls are sampled where a
-lattice at rest before them has its density, 0.6 rest distances outside the lab's; its step follows its own rule (CFL). Its
-wheel brings its own dispatch of OpenGL under names that nobody finds, without which it dies as it is loaded: the process is
-shown them in a folder of links.
+It runs in a process of its own. Its particles start where the lab's do and have their volume. It gets everything at its
+usual size, particles of 2.5 cm radius, by Froude's law (lengths by L, times by sqrt(L)), because at millimetres its
+constants let a dam burst. Its walls are sampled where a lattice at rest in front of them has its density, 0.6 rest
+distances outside the lab's; its step follows its own rule (CFL). Its wheel contains its own dispatch of OpenGL under
+names that the loader does not find, without which it crashes when loaded; the process gets a folder of links to them.
 """
 
 from __future__ import annotations
@@ -29,13 +28,14 @@ from model.scene.scene import Scene
 
 REMEDY = "pip install 'softlab[peers]'"
 PACKAGE, PROCESS = "pysplishsplash", Path(__file__).with_name("splishsplash_process.py")
-METHODS = {"DFSPH": 4, "PBF": 2}  # its numbers; its IISPH begins with pressures that nothing from outside sets back
-RADIUS = 0.025  # m: of its particles, usually
+METHODS = {"DFSPH": 4, "PBF": 2}  # its numbers; its IISPH starts with pressures that cannot be reset from outside
+RADIUS = 0.025  # m: of its particles, the default
 LIBRARIES = ("libGLdispatch", "libGLX", "libOpenGL")
 KNOWN = {"fluid", "plane", "gravity", "method"}
-UNKNOWN = ("cohesion", "surface_tension", "vorticity_confinement", "drag", "free_surface_drag")  # as the lab means them
-OUTSIDE = 0.6  # rest distances: what walls of one layer of its particles (Akinci's volumes) lie outside of the lab's
-MARGIN = 4.0  # of the fluid's size: where a box has no wall in the lab
+# with the lab's definitions
+UNKNOWN = ("cohesion", "surface_tension", "vorticity_confinement", "drag", "free_surface_drag")
+OUTSIDE = 0.6  # rest distances: how far walls of one layer of its particles (Akinci's volumes) lie outside the lab's
+MARGIN = 4.0  # of the fluid's size: distance of a side of the box for which the lab has no wall
 BOX = [(x, y, z) for z in (-0.5, 0.5) for y in (-0.5, 0.5) for x in (-0.5, 0.5)]
 FACES = ((1, 3, 4), (1, 4, 2), (5, 6, 8), (5, 8, 7), (1, 2, 6), (1, 6, 5), (3, 7, 8), (3, 8, 4), (1, 5, 7), (1, 7, 3),
          (2, 4, 8), (2, 8, 6))  # fmt: skip
@@ -135,7 +135,7 @@ class _Process(Opened):
         self._ask(f"advance {steps * self._dt * self._larger**0.5!r}")
 
     def synchronize(self) -> None:
-        """Every answer has been waited for."""
+        """Return at once: every answer has been waited for."""
 
     def load(self, position: np.ndarray, velocity: np.ndarray) -> None:
         space = {name: np.zeros((len(position), 3), np.float32) for name in ("position", "velocity")}
@@ -163,16 +163,16 @@ class _Process(Opened):
         self._folder.cleanup()
 
 
-# ---------------------------------------------------------------------- what its scene is
+# ---------------------------------------------------------------------- its scene
 
 
 def scale_of(scene: Scene) -> float:
-    """L, by which its lengths are larger than the scene's."""
+    """Return L, the factor of its lengths over the scene's."""
     return float(2 * RADIUS / scene.fluid_set.spacing)
 
 
 def scene_of(scene: Scene, method: int) -> dict[str, Any]:
-    """The scene as it reads one: its usual settings and size, the lab's fluid and walls."""
+    """Return the scene in its format: its usual settings and size, the lab's fluid and walls."""
     (part,) = scene.fluids.values()
     flat = scene.dimensions == 2
     larger, diameter = scale_of(scene), 2 * RADIUS
@@ -211,10 +211,10 @@ def _planes(scene: Scene) -> list[Plane]:
 
 
 def _walls(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
-    """(3,) and (3,) [m]: the corners of its box, OUTSIDE the lab's planes; far away where none is."""
+    """Return the corners of its box, (3,) and (3,) [m]: OUTSIDE the lab's planes, and far away where there is none."""
     found, axes = scene.fluid_set, scene.dimensions
     lowest, highest = found.position.min(axis=0), found.position.max(axis=0)
-    low, high = np.full(3, -0.5), np.full(3, 0.5)  # in the plane any depth will do
+    low, high = np.full(3, -0.5), np.full(3, 0.5)  # in the plane any depth is possible
     low[:axes] = lowest - found.spacing - MARGIN * (highest - lowest)
     high[:axes] = highest + found.spacing + MARGIN * (highest - lowest)
     for plane in _planes(scene):
@@ -226,6 +226,6 @@ def _walls(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _box() -> str:
-    """A unit box about the origin as an OBJ file."""
+    """Return a unit box about the origin as an OBJ file."""
     corners = "".join(f"v {x} {y} {z}\n" for x, y, z in BOX)
     return corners + "".join(f"f {a} {b} {c}\n" for a, b, c in FACES)

@@ -1,13 +1,13 @@
-"""SPlisHSPlasH in a process of its own: `python splishsplash_process.py FOLDER`, which knows nothing of the lab.
+"""SPlisHSPlasH in a process of its own, `python splishsplash_process.py FOLDER`, independent of the lab.
 
-FOLDER holds its scene.json. Commands come on standard input, a line each, and are answered by a line of JSON on what was
-standard output; arrays go through files of FOLDER, in the order of `id`:
+FOLDER contains its scene.json. Commands come on standard input, one per line, and are answered by a line of JSON on the
+original standard output; arrays go through files of FOLDER, in the order of `id`:
 
 - `load`: positions and velocities (particles, 3) of load.npz, at time 0 (its own `reset` loses the neighbours)
-- `advance SECONDS`: as long as it takes in its own steps, the last one shortened to end there
+- `advance SECONDS`: in its own steps, the last one shortened to end there
 - `read`: writes read.npz
 
-Without a window it is made ready by `runSimulation` alone, which also does a step: every run therefore begins by `load`.
+Without a window only `runSimulation` initialises it, which also does a step, so every run begins with `load`.
 """
 
 import json
@@ -17,15 +17,15 @@ import time
 
 import numpy as np
 
-WARM = {"p / rho^2", "p_v / rho^2"}  # where its solvers begin
-LEAST = 1e-4  # of what is asked for: its clock, in float32, knows no less
+WARM = {"p / rho^2", "p_v / rho^2"}  # the initial values of its solvers
+LEAST = 1e-4  # of the requested time: the resolution of its clock, in float32
 
 
 def main() -> None:
-    """Serve until standard input ends."""
+    """Serve commands until standard input ends."""
     folder = sys.argv[1]
     answers = os.fdopen(os.dup(1), "w")
-    os.dup2(2, 1)  # what it prints of itself goes where errors go
+    os.dup2(2, 1)  # redirect its own output to standard error
     import pysplishsplash as splish
 
     base = splish.Exec.SimulatorBase()
@@ -68,7 +68,7 @@ def main() -> None:
                 clock.setTimeStepSize(min(own, left))
                 simulation.getTimeStep().step()
                 steps += 1
-                if own > left:  # a shortened step says nothing of the next one
+                if own > left:  # a shortened step does not determine the next one
                     clock.setTimeStepSize(own)
             answer(seconds=time.perf_counter() - begin, steps=steps)
         elif words[0] == "read":

@@ -57,8 +57,7 @@ class Contacts:
         return now
 
     def project(self, before: np.ndarray, now: np.ndarray) -> np.ndarray:
-        """Return the positions [m] after one sweep over all contacts at once; `before`: at the beginning of the
-        substep.
+        """Return the positions [m] after one sweep over all contacts at once; `before` is the start of the substep.
 
         No two particles may coincide.
         """

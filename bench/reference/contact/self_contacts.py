@@ -101,8 +101,7 @@ def _answers(rows: int, columns: int, corners: np.ndarray, weights: np.ndarray) 
 def find(
     part: SelfCollision, rows: int, columns: int, spacing: float, before: np.ndarray, predicted: np.ndarray, h: float
 ) -> Found:
-    """Return the contacts that are possible within a substep of `h` [s] from `before` to `predicted` (particles, 3)
-    [m].
+    """Return the contacts that are possible in a substep of `h` [s] from `before` to `predicted` (particles, 3) [m].
 
     A contact is a mass and a triangle without it as a corner, whose nearest point is nearer than the thickness, a
     margin, and the largest motion of the mass relative to one of the corners. Of triangles that share the feature with

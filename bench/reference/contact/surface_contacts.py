@@ -85,8 +85,7 @@ def force_matrices(corners: np.ndarray, weights: np.ndarray, r: np.ndarray) -> n
 def rub(
     part: Any, found: Found, before: np.ndarray, position: np.ndarray, weight: np.ndarray, deep: np.ndarray
 ) -> np.ndarray:
-    """Return the displacements of particles by the contacts `found` of depth `deep` [m], for a weight of 1: (particles,
-    3).
+    """Return particles' displacements (particles, 3) by the contacts `found` of depth `deep` [m], for a weight of 1.
 
     A particle's mass is split among its contacts. The normal impulse of each contact acts first, at the triangle's
     point. Then friction acts against the remaining slip at that point, as much as stops it, or as Coulomb's law allows.

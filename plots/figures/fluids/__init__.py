@@ -1,1 +1,1 @@
-"""Figures of fluids: how far they are off what is known, and where their time goes."""
+"""Figures of fluids: errors against known results, and times of the stages."""

@@ -1,4 +1,4 @@
-"""Where a fluid's time goes: each stage alone, beside the least that memory and arithmetic allow."""
+"""Figure of the time of each stage of a fluid, with the lower limits by memory and arithmetic."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ TITLE = "Fluids: stages against their limits"
 MISSING = "stages of fluids were not timed: softlab fluids"
 UNKNOWN = "what the machine copies and computes a second was not measured: softlab sweep --kernels"
 LABELS = ("nanoseconds a particle", "")
-HALF = 0.5  # of the measured arithmetic: sums of products and roots reach no more
+HALF = 0.5  # of the measured arithmetic rate, which sums of products and roots do not exceed
 
 
 def on(source: Source, backend: str) -> list[FluidPoint]:
-    """The pools whose stages were timed, of the scheme that the stages are named after, smallest first."""
+    """Return the pools whose stages were timed, of the scheme whose stages these are, smallest first."""
     held = timed(points)(source, backend)
     return [p for p in held if p.phases and p.scheme == SCHEMES[0] and p.precision == "float32"]
 
 
 def rates(source: Source, backend: str) -> tuple[float, float] | None:
-    """(bytes, floating-point operations) a second that the machine was measured to do; None where it was not."""
+    """Return the measured (bytes/s, floating-point operations/s) of the machine; None where they are missing."""
     prefix, record = "gpu_" if backend == "gpu" else "", source.machine.record
     arithmetic = (record.get(f"{prefix}arithmetic") or {}).get("float32")
     copied = record.get(f"{prefix}copy_bandwidth")
@@ -33,15 +33,15 @@ def rates(source: Source, backend: str) -> tuple[float, float] | None:
 
 
 def least(point: FluidPoint, phase: str, limits: tuple[float, float]) -> tuple[float, str]:
-    """([s], by what): the least that a stage takes of all particles."""
-    scene = pool(min(QUICK))  # a particle costs as much in any pool
+    """Return (lower limit [s] of a stage for all particles, its cause)."""
+    scene = pool(min(QUICK))  # a particle costs the same in any pool
     moved = moved_bytes(phase, neighbours_at_rest(scene)) * point.particles / limits[0]
     done = operations(scene, phase) * point.particles / limits[1]
     return (moved, "memory") if moved >= done else (done, "arithmetic")
 
 
 def draw(results: Results) -> Drawing | str:
-    """A panel each backend, of its largest pool; or why not."""
+    """Return the figure with a panel per backend, of its largest pool, or the reason why there is none."""
     chosen = [(b, s, found[-1]) for b, s, found in on_backends(results, on) if rates(s, b)]
     if not chosen:
         return UNKNOWN if on_backends(results, on) else MISSING

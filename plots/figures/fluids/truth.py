@@ -1,4 +1,4 @@
-"""Fluids: error against time. Water at rest in a tank, a dam's front, and the viscosity that a method makes by itself."""
+"""Figure of error against time of fluids: water at rest in a tank, a dam's front, and the numerical viscosity."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ from plots.core.style import Drawing, legend_below, new_figure, plain_ticks
 
 TITLE = "Fluids: error against time"
 MISSING = "fluids were not judged: softlab fluids --truth"
-COLOURS = {"macklin": (BLUE, "o"), "averaged": (ORANGE, "s")}  # by scheme; others take the next of OTHERS
+# scheme -> colour, marker; others take the next of OTHERS
+COLOURS = {"macklin": (BLUE, "o"), "averaged": (ORANGE, "s")}
 OTHERS = ((GREEN, "^"), (VERMILLION, "D"), (PURPLE, "v"))
 PEERS = "*P"  # markers
 LINES = {"cpu": "--", "gpu": "-"}
@@ -33,12 +34,12 @@ LABELS = (
 
 
 def on(source: Source, backend: str) -> list[Judged]:
-    """What was judged on a backend."""
+    """Return the rows that were measured on a backend."""
     return [row for row in rows(source.measures) if row.backend == backend and row.numbers]
 
 
 def looks(found: list[Judged]) -> dict[str, tuple[str, str]]:
-    """scheme or peer -> colour, marker."""
+    """Return scheme or peer -> colour, marker."""
     schemes = list(dict.fromkeys(row.who for row in found if not row.peer))
     peers = list(dict.fromkeys(row.who for row in found if row.peer))
     others = iter(OTHERS)
@@ -47,7 +48,9 @@ def looks(found: list[Judged]) -> dict[str, tuple[str, str]]:
 
 
 def _points(found: list[Judged], panel: int, who: str, name: str = laws.FRONT) -> list[tuple[float, float]]:
-    """(x, y) of one line: the tank over its efforts, the dam (its error `name`) and the vortices over their spacings."""
+    """Return (x, y) of one line: the tank over its efforts, the dam (its error `name`) and the vortices over their
+    spacings.
+    """
     mine = [row for row in found if row.who == who]
     if panel == 2:
         held = [row for row in mine if row.kind == VORTICES]
@@ -60,7 +63,7 @@ def _points(found: list[Judged], panel: int, who: str, name: str = laws.FRONT) -
 
 
 def draw(results: Results) -> Drawing | str:
-    """A panel for the tank, one for the dam, one for the vortices; or why not."""
+    """Return the figure with a panel each for tank, dam and vortices, or the reason why there is none."""
     chosen = on_backends(results, on)
     if not chosen:
         return MISSING

@@ -1,1 +1,1 @@
-"""How much faster more of something is: threads, GPUs."""
+"""Figures of speed-up by more threads and more GPUs."""

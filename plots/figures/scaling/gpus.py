@@ -1,4 +1,4 @@
-"""How much faster several GPUs are than one, beside the model, and what a step takes of energy."""
+"""Figure of the speed-up of several GPUs over one, with the model, and of the energy of a step."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from plots.core.style import Drawing, legend_below, log_axes, new_figure
 
 TITLE = "Several GPUs"
 LINKS = {"flags": (BLUE, "o"), "nccl": (ORANGE, "s"), "peer": (GREEN, "^")}
-PER_MILLION = 1e9  # mJ of a million mass-steps, in J of one
+PER_MILLION = 1e9  # mJ per million mass-steps over J per mass-step
 
 
 def shared(held: Iterable[Measure]) -> list[ScalingPoint]:
-    """The points of sheets that several GPUs shared, and of one GPU beside them; none where no several did."""
+    """Return the points of sheets on several GPUs, and of one GPU with them; empty if there are no several GPUs."""
     found = points(held)
     return found if any(p.gpus > 1 and not p.link.endswith(BY_TURNS) for p in found) else []
 
@@ -27,12 +27,12 @@ found_by = timed(shared)
 
 
 def masses(p: ScalingPoint) -> int:
-    """Of the sheet."""
+    """Return the masses of the sheet."""
     return p.rows * p.columns
 
 
 def draw(results: Results) -> Drawing | str:
-    """The figure, or why there is none."""
+    """Return the figure, or the reason why there is none."""
     chosen = on_backends(results, found_by)
     if not chosen:
         return "no sheet was timed on several GPUs (softlab sweep --gpus 2)"
@@ -46,7 +46,7 @@ def draw(results: Results) -> Drawing | str:
             joules.plot(*zip(*each, strict=True), "-", color=colour, marker="o", label="one GPU" if gpus == 1 else None)
     joules.set_xscale("log")
     joules.set_xlabel("masses")
-    joules.set_ylim(0, 1.1 * joules.get_ylim()[1])  # or the uppermost marker is cut
+    joules.set_ylim(0, 1.1 * joules.get_ylim()[1])  # otherwise the uppermost marker is cut
     joules.set_ylabel("mJ / million mass-steps")
     legend_below(figure, [faster, joules], columns=4)
     caption = (

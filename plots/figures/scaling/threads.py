@@ -1,4 +1,4 @@
-"""Thread scaling: how much faster more threads are than one, or than as many as cores."""
+"""Figure of thread scaling: speed-up of more threads over one, or over as many as cores."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ TITLE = "Thread scaling"
 
 
 def baseline(source: Source) -> str | None:
-    """What thread counts are held against: one thread where it was timed, else 1x; None where neither was."""
+    """Return the thread count of comparison: one thread if it was timed, else 1x; None if neither was."""
     return next((word for word in ("1", "1x") if source.select("cpu", word)), None)
 
 
 def draw(results: Results) -> Drawing | str:
-    """The figure, or why there is none."""
+    """Return the figure, or the reason why there is none."""
 
     def compares(source: Source) -> bool:
         base = baseline(source)
