@@ -20,10 +20,10 @@ MIN_AREA = 5e-18  # m^2: the square of a smaller area is 0 in float32
 
 
 class MeshCollider(SurfaceCollider):
-    """A surface of triangles, of one side as solid as of the other, open or closed: it has no inside.
+    """A surface of triangles with two solid sides, open or closed: it has no inside.
 
-    A mass whose way crosses a triangle is put back on the side it came from; one nearer than `thickness` is put at that
-    distance.
+    A mass whose path crosses a triangle is put back on the side it came from; one nearer than `thickness` is moved to
+    that distance.
     """
 
     such_as: ClassVar[str] = "terrain"

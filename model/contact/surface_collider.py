@@ -18,8 +18,8 @@ from model.scene.parts import ZERO, Positive, Vector
 
 
 class SurfaceCollider(MeshSource, Collider):
-    """A mesh that stands at `origin`, turned there by `angle` about `axis`, moves at `velocity` and turns about its origin at
-    `spin`; masses in its way are swept along."""
+    """A mesh at `origin`, rotated there by `angle` about `axis`, that moves at `velocity` and rotates about its origin
+    at `spin`; it sweeps masses along."""
 
     such_as: ClassVar[str] = "blob"
 

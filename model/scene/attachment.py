@@ -19,20 +19,20 @@ LONGEST = 1e8  # s, or rad: how far ahead a collider's path is known to what is 
 
 
 class Attachment(Part):
-    """Vertices of a `body`, or of the cloth, that keep where they are in something else: the world, a collider, another
-    tetrahedral body, or the cloth.
+    """Attaches vertices of a `body`, or of the cloth, to the world, a collider, another tetrahedral body, or the cloth.
 
-    `vertices`: a side of the body's box, a region or `all`. `to` names a collider or a body; left out: the world. With a
-    `compliance` of 0 those to the world or a collider are pinned, and go with a collider that moves; else each is drawn to
-    where it was, or to `point`, by 1 / compliance. In another body a vertex keeps its place in the tetrahedron where it lies,
-    or that it is nearest to: a constraint on all five vertices, whose momentum stays; in the cloth in the nearest triangle.
+    `vertices`: a side of the body's box, a region or `all`. `to` names a collider or a body; by default the world. With
+    a `compliance` of 0, vertices attached to the world or a collider are pinned, and follow a moving collider.
+    Otherwise each is pulled to its initial position, or to `point`, with the stiffness 1 / compliance. In another body
+    a vertex keeps its place in the tetrahedron that contains it, or the nearest one: a constraint on all five vertices
+    that conserves momentum; in the cloth it keeps its place in the nearest triangle.
     """
 
     body: str  # a tetrahedral body, or the cloth
     vertices: str  # of left, right (x), bottom, top (y), back, front (z), all, and names of regions
-    to: str | None = None  # a collider, another tetrahedral body, or the cloth; the world, unless given
+    to: str | None = None  # a collider, another tetrahedral body, or the cloth; by default the world
     compliance: NotNegative = 0.0  # m/N, of each vertex
-    point: Vector | None = None  # m, of the world: all of these vertices are drawn to it
+    point: Vector | None = None  # m, of the world: a common position for all of these vertices
 
     @model_validator(mode="after")
     def _fits(self) -> Attachment:

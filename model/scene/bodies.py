@@ -26,8 +26,9 @@ Group = Annotated[int, Field(ge=0, le=31, strict=True)]
 
 
 class Placed(MeshSource):
-    """Where a body's copies start: a block of `copies` along x, y and z, `apart` from each other, the first at `origin`, each
-    turned by `angle` about `axis` through the mesh's origin, moving at `velocity` and spinning at `spin` about its centre."""
+    """Initial positions of a body's copies: a block of `copies` along x, y and z, `apart` from each other, the first at
+    `origin`. Each is rotated by `angle` about `axis` through the mesh's origin, moves at `velocity` and spins at `spin`
+    about its centre."""
 
     such_as: ClassVar[str] = "star"
     contradicts: ClassVar[Mapping[str, tuple[str, ...]]] = {
@@ -35,15 +36,15 @@ class Placed(MeshSource):
     }  # fmt: skip
 
     copies: Copies = (1, 1, 1)
-    spare: Spare = 0  # further copies, which wait until `Simulation.add_body` brings them in
+    spare: Spare = 0  # further copies, inactive until `Simulation.add_body` activates them
     apart: Vector = (1.0, 1.0, 1.0)  # m
     velocity: Vector = ZERO  # m/s
     spin: Vector = ZERO  # rad/s
     radius: Positive | None = None  # m, of a particle in contacts; half the particle spacing
-    group: Group = 0  # that others may avoid
+    group: Group = 0  # number that others may avoid
     avoids: tuple[Group, ...] = ()  # groups that its particles pass through
-    self_collision: bool | None = None  # whether the body meets itself; a soft one does unless told otherwise
-    adhesion: NotNegative = 0.0  # m/s^2: with which contacts hold what pulls away; of two the larger
+    self_collision: bool | None = None  # whether the body collides with itself; by default a soft one does
+    adhesion: NotNegative = 0.0  # m/s^2, holding acceleration of contacts that are pulled apart; of two the larger
 
     @model_validator(mode="after")
     def _can_be_placed(self) -> Placed:

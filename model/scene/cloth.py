@@ -25,8 +25,8 @@ class Cloth(Grid):
 class Fold(Part):
     """Start: the sheet folded zig-zag, each layer `rows` rows of masses long and `apart` spacings from the next.
 
-    Layers lie above one another where the cloth is flat, behind one another (+z) where it hangs. Between two of them the
-    sheet turns by a right angle and again, so that no edge is stretched; with 0 they lie in one place, the last row of one
+    Layers lie above one another where the cloth is flat, behind one another (+z) where it hangs. Between two layers the
+    sheet turns twice by a right angle, so that no edge is stretched; with 0 they coincide, and the last row of one is
     the first of the next.
     """
 
@@ -35,7 +35,7 @@ class Fold(Part):
 
 
 class ClothSprings(Elastic):
-    """Springs of one kind between all masses that far apart, at rest where the cloth is.
+    """Springs of one kind between all masses at that distance; the rest length is the distance in the sheet at rest.
 
     Force along the spring: stiffness * (length - rest length) + damping * the speed at which it lengthens.
     """
@@ -45,20 +45,21 @@ class ClothSprings(Elastic):
 
 
 class Structural(ClothSprings):
-    """Springs to the neighbours in the row and in the column: what keeps the cloth from stretching."""
+    """Springs to the neighbours in the row and in the column, against stretching."""
 
 
 class Shear(ClothSprings):
-    """Springs along both diagonals of every cell: what keeps its cells square."""
+    """Springs along both diagonals of every cell, against shear."""
 
 
 class Bending(ClothSprings):
-    """Springs to the masses two apart in row and column: what keeps the cloth from folding.
+    """Springs to the masses two apart in row and column, against folding.
 
-    Of a mesh, by `model`: a spring across each edge, between the two vertices opposite (`distance`, stiffness in N/m); or a
-    hinge at each edge with the stiffness of the material against bending, in N m, as one quadratic form (`isometric`, for
-    meshes that hardly stretch and are flat at rest) or by the angle between both triangles (`dihedral`). Both are energies
-    of hinges, and hold up to three times what a plate of that stiffness would, where only a third of the hinges bend.
+    On a mesh, by `model`: a spring across each edge, between the two vertices opposite (`distance`, stiffness in N/m);
+    or a hinge at each edge with the material's bending stiffness, in N m, as one quadratic form (`isometric`, for
+    meshes that hardly stretch and are flat at rest) or by the angle between both triangles (`dihedral`). Both are
+    energies of hinges, and store up to three times the energy of a plate of that stiffness where only a third of the
+    hinges bend.
     """
 
     stiffness: Positive = 10.0
@@ -69,10 +70,10 @@ class Bending(ClothSprings):
 
 
 class Volume(Elastic):
-    """A filling of a closed mesh: tetrahedra between its vertices, each of which keeps its volume.
+    """A filling of a closed mesh: tetrahedra between its vertices, each of which conserves its volume.
 
-    Each holds the energy stiffness / 2 * (V - V0)^2 / V0 of its volume V, as a nearly incompressible matter of that bulk
-    modulus does; against shear it does nothing. There are no particles inside: a tetrahedron reaches from side to side.
+    Each stores the energy stiffness / 2 * (V - V0)^2 / V0 of its volume V, as a nearly incompressible material of that
+    bulk modulus; it does not resist shear. There are no particles inside: a tetrahedron extends from side to side.
     """
 
     stiffness: Positive = 1e4  # Pa, the bulk modulus
@@ -80,11 +81,12 @@ class Volume(Elastic):
 
 
 class Wind(Part):
-    """Air that moves: a force on every triangle from its velocity relative to the air.
+    """Moving air: a force on every triangle from its velocity relative to the air.
 
-    With N the triangle's normal, u the relative velocity and A the area: along u, density / 2 * drag * A |u.N| u; across
-    it, density / 2 * lift * A (u.N) (|u| N - (u.N) u / |u|): a flat plate's drag and lift. A third for each corner.
-    The air's velocity is velocity * (1 + gust * g(t)), g a smooth random function in (-1, 1), new every gust_time.
+    With N the triangle's normal, u the relative velocity and A the area: along u, density / 2 * drag * A |u.N| u;
+    perpendicular to it, density / 2 * lift * A (u.N) (|u| N - (u.N) u / |u|): a flat plate's drag and lift. A third for
+    each corner. The air's velocity is velocity * (1 + gust * g(t)), g a smooth random function in (-1, 1) with a new
+    value every gust_time.
     """
 
     velocity: Vector = (0.0, 0.0, 5.0)  # m/s
@@ -97,11 +99,11 @@ class Wind(Part):
 
 
 class Collider(Part):
-    """What masses cannot enter. A mass nearer than `thickness` is put at that distance; its velocity into the collider is
-    taken away, and Coulomb friction works against the rest, relative to the collider's own velocity. Of the velocity taken
-    away, the share `restitution` is given back outward where it is more than gravity adds within two steps. Unless
-    `thickness` is given, that of bodies is the depth of their outermost particles below their skin, so that they rest on it
-    (of several bodies the largest depth; at least 1 % of the spacing)."""
+    """An obstacle that masses cannot enter. A mass nearer than `thickness` is moved to that distance; its velocity into
+    the collider is removed, and Coulomb friction acts against the rest, relative to the collider's own velocity. The
+    fraction `restitution` of the removed velocity is returned outward where it is more than gravity adds within two
+    steps. The default `thickness` for bodies is the depth of their outermost particles below their skin, so that they
+    rest on it (of several bodies the largest depth; at least 1 % of the spacing)."""
 
     velocity: Vector = ZERO  # m/s, constant
     thickness: NotNegative = 0.01  # m
@@ -129,7 +131,7 @@ class Plane(Collider):
 
 
 class Sphere(Collider):
-    """A ball. A mass that would fly through it within a step is caught where it enters."""
+    """A ball. A mass that would fly through it within a step is stopped where it enters."""
 
     center: Vector = ZERO  # m
     radius: Positive = 0.5  # m

@@ -23,25 +23,25 @@ def spatial(vector: Any) -> np.ndarray:
 
 
 class Emitter(Part):
-    """A nozzle that particles of a fluid leave at `speed` along `direction`, layer after layer, a rest distance apart, from
-    `start` to `stop`. It is a disc of `radius` about `center`, or a rectangle of `size`; in a plane a line.
+    """A nozzle that particles of a fluid leave at `speed` along `direction`, layer after layer, a rest distance apart,
+    from `start` to `stop`. It is a disc of `radius` about `center`, or a rectangle of `size`; in a plane a line.
 
-    Particles that have not left wait, and count to the fluid's `capacity`; those that a sink took wait again. Where none
-    waits nothing comes, and the run tells how many were missing. `speed` may change while it runs (`live` with `taps`); 0
-    shuts it.
+    Particles that have not left are inactive, and count towards the fluid's `capacity`; those that a sink removed are
+    inactive again. Without inactive particles nothing comes, and the run reports how many were missing. `speed` may
+    change while it runs (`live` with `taps`); 0 closes it.
     """
 
-    fluid: str | None = None  # which one, by its part's name; the scene's first unless given
+    fluid: str | None = None  # its part's name; by default the scene's first fluid
     center: Vector | Flat = ZERO  # m
     direction: Vector | Flat = (0.0, -1.0, 0.0)
     speed: NotNegative = 1.0  # m/s
     radius: Positive | None = None  # m, of a disc; in a plane half the line
-    size: tuple[Positive, Positive] | tuple[Positive] | None = None  # m, of a rectangle, along `across` and athwart
+    size: tuple[Positive, Positive] | tuple[Positive] | None = None  # m, of a rectangle, along `across` and across it
     across: Vector | Flat = (
         1.0,
         0.0,
         0.0,
-    )  # where a rectangle's first side points, as far as it is across the direction
+    )  # direction of a rectangle's first side, projected perpendicular to the direction
     start: NotNegative = 0.0  # s
     stop: Positive | None = None  # s
 
@@ -105,14 +105,15 @@ class Emitter(Part):
 
 
 class Sink(Part):
-    """Where particles of any fluid end: whoever comes into it waits from then on, for an emitter of its fluid."""
+    """A region that removes particles of any fluid: they are inactive from then on, until an emitter of their fluid
+    uses them."""
 
     shape: Shape = "box"
     center: Vector | Flat = ZERO  # m, of a box or a sphere
     half_size: tuple[Positive, Positive, Positive] | tuple[Positive, Positive] = (0.5, 0.5, 0.5)  # m, of a box
     radius: Positive = 0.5  # m, of a sphere
-    point: Vector | Flat = ZERO  # m, of the plane behind which a half-space is
-    normal: Vector | Flat = (0.0, 1.0, 0.0)  # of that plane, out of it
+    point: Vector | Flat = ZERO  # m, of the plane that bounds a half-space
+    normal: Vector | Flat = (0.0, 1.0, 0.0)  # of that plane, outward
 
     @model_validator(mode="after")
     def _has_an_inside(self) -> Sink:

@@ -28,30 +28,31 @@ class Block(Part):
 
 
 class Fluid(Part):
-    """A fluid by particles that keep its density: blocks of them on a lattice of `rest_distance`, half of one from the sides.
+    """A fluid of particles that conserve its density: blocks of them on a lattice of `rest_distance`, half of one from
+    the sides.
 
-    Each particle asks those within `support` of it. Fluids of a scene have one rest distance and one support; what else they
-    are may differ. A speed is at most half a support a substep, so that nothing is passed unseen, or `maximum_speed`. With
-    `dimensions = 2` all is computed in the plane z = 0, of a layer one metre thick.
+    The neighbours of a particle are those within `support` of it. Fluids of a scene have one rest distance and one
+    support; their other fields may differ. The speed limit is half a support per substep, so that no contact is missed,
+    or `maximum_speed`. With `dimensions = 2` everything is computed in the plane z = 0, for a layer one metre thick.
     """
 
     dimensions: Literal[2, 3] = 3
     origin: Vector | Flat = ZERO  # m, the lowest corner of the block
-    size: Sides | None = None  # m, along x, y and, unless flat, z; whole rest distances; none: it starts empty
-    capacity: Count | None = None  # particles at most, those that wait for an emitter too; its start's unless given
-    blocks: tuple[Block, ...] = ()  # more of them, [{ origin = [0.5, 0.0, 0.0], size = [0.2, 0.2, 0.2] }, ...]
+    size: Sides | None = None  # m, along x, y and, in space, z; whole rest distances; none: it starts empty
+    capacity: Count | None = None  # largest number of particles, including inactive ones; by default the initial number
+    blocks: tuple[Block, ...] = ()  # further blocks, [{ origin = [0.5, 0.0, 0.0], size = [0.2, 0.2, 0.2] }, ...]
     rest_distance: Positive = 0.05  # m, of the lattice that has its density
-    support: Positive | None = None  # m, how far a particle sees; rest_distance / 0.55 unless given
+    support: Positive | None = None  # m, radius within which particles interact; by default rest_distance / 0.55
     density: Positive = 1000.0  # kg/m^3
     velocity: Vector = ZERO  # m/s, at the start
-    vortices: NotNegative = 0.0  # m/s, on top of it: of Taylor and Green, in a domain that repeats along x and y
-    viscosity: NotNegative = 0.0  # Pa s, by XSPH; that of the method itself comes on top
-    cohesion: NotNegative = 0.0  # N/m: how strongly particles draw one another; no surface tension of that size follows
-    surface_tension: NotNegative = 0.0  # N/m: how strongly a surface is drawn flat; without cohesion it drives it apart
-    vorticity_confinement: NotNegative = 0.0  # m/s: acceleration over the vorticity, across it
+    vortices: NotNegative = 0.0  # m/s, added to it: Taylor and Green's vortices, in a domain that repeats along x and y
+    viscosity: NotNegative = 0.0  # Pa s, by XSPH, in addition to that of the method itself
+    cohesion: NotNegative = 0.0  # N/m: attraction between particles; the resulting surface tension differs
+    surface_tension: NotNegative = 0.0  # N/m: flattens a surface; without cohesion it drives the surface apart
+    vorticity_confinement: NotNegative = 0.0  # m/s: acceleration over the vorticity, perpendicular to it
     drag: NotNegative = 0.0  # 1/s: the rate at which velocities decay
-    free_surface_drag: NotNegative = 0.0  # 1/s: the same of what lies at a surface, by what its density lacks
-    buoyancy: Number = 1.0  # of gravity, how much of it acts
+    free_surface_drag: NotNegative = 0.0  # 1/s: the same for particles at a surface, by their lack of density
+    buoyancy: Number = 1.0  # fraction of gravity that acts
     maximum_speed: Positive | None = None  # m/s
     maximum_acceleration: Positive | None = None  # m/s^2, by neighbours and walls
 
@@ -124,11 +125,11 @@ class Fluid(Part):
 
 
 class Domain(Part):
-    """A box whose sides repeat: what leaves a fluid by one of them comes in by the opposite one."""
+    """A periodic box: a fluid that leaves it through a repeating side enters through the opposite one."""
 
     origin: Vector | Flat = ZERO  # m, its lowest corner
     size: Sides  # m, along x, y and z
-    repeats: Annotated[tuple[AxisName, ...], Field(min_length=1)] = ("x", "z")  # axes whose sides do
+    repeats: Annotated[tuple[AxisName, ...], Field(min_length=1)] = ("x", "z")  # axes along which it repeats
 
     @model_validator(mode="after")
     def _each_axis_has_numbers(self) -> Domain:
@@ -140,25 +141,25 @@ class Domain(Part):
 
 
 class Foam(Part):
-    """Spray, foam and bubbles, drawn as points with the fluids (M. Ihmsen and others 2012): they come where fluid that moves
-    fast traps air or breaks over a crest. Nothing of it acts on the fluid: runs and their errors are the same without."""
+    """Spray, foam and bubbles, drawn as points with the fluids (M. Ihmsen and others 2012): they form where fast fluid
+    traps air or breaks over a crest. They do not act on the fluid: runs and their errors are the same without."""
 
-    rate: NotNegative = 80.0  # 1/s, points that a particle makes at most
-    speed: Positive | None = None  # m/s, with which all are made; sqrt(gravity times the fluids' length) unless given
-    lifetime: Positive = 3.0  # s, of what foams most; the least lives a quarter as long
+    rate: NotNegative = 80.0  # 1/s, points per particle, at most
+    speed: Positive | None = None  # m/s, at which `rate` is reached; by default sqrt(gravity times the fluids' length)
+    lifetime: Positive = 3.0  # s, of the strongest foam; the weakest lives a quarter as long
     buoyancy: NotNegative = 2.0  # of gravity, upward, on bubbles
-    drag: Positive | None = None  # 1/s, of bubbles; they rise at a seventh of the speed unless given
-    most: Annotated[int, Field(ge=1, le=10**6, strict=True)] = 50000  # points; the oldest go
+    drag: Positive | None = None  # 1/s, of bubbles; by default they rise at a seventh of the speed
+    most: Annotated[int, Field(ge=1, le=10**6, strict=True)] = 50000  # points; the oldest are removed
     seed: Annotated[int, Field(ge=0, le=2**31 - 1, strict=True)] = 0
 
 
 class Wetting(Part):
-    """A cloth that drinks: where a fluid touches it, it grows wet, and so heavier and darker; elsewhere it dries. What it
-    drinks is not taken from the fluid (Y. Chen and others 2012)."""
+    """An absorbing cloth: it grows wet where a fluid touches it, and so heavier and darker; elsewhere it dries. The
+    absorbed water is not taken from the fluid (Y. Chen and others 2012)."""
 
-    capacity: NotNegative = 1.0  # kg of water in a kg of dry cloth, at most
-    soaking_time: Positive = 0.3  # s, after which what is touched lacks a third of that
-    drying_time: Positive = 30.0  # s, after which what is not has a third left
+    capacity: NotNegative = 1.0  # kg of water per kg of dry cloth, at most
+    soaking_time: Positive = 0.3  # s, after which a touched cloth lacks a third of its capacity
+    drying_time: Positive = 30.0  # s, after which a cloth without contact has a third left
 
 
 FLUID_KINDS: dict[str, type[Part]] = {"fluid": Fluid, "domain": Domain, "foam": Foam, "wetting": Wetting}

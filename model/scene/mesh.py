@@ -23,10 +23,11 @@ class Mesh(Cloth):
     """A cloth whose edges are those of a triangle mesh, solved position-based: `[method] solver = "xpbd"`.
 
     From a `file` (.obj, .stl, .ply, .off, .glb ...; one of model/catalogue/meshes, or a path), or `shape = "sheet"`: a
-    cloth's rows and columns, every cell split along the diagonal from its first mass (`one`), or cells in turn along the one
-    and the other (`alternating`). Each vertex weighs `mass`, or a third of every triangle at it times `density`. The other
-    fields are a cloth's; of a file `rows` is 1, `columns` the number of vertices, `spacing` the mean edge, `mass` the mean
-    mass. Beside tetrahedral bodies it meets them where the scene has a `[contact]`, with both sides, and attachments hold it.
+    cloth's rows and columns, with every cell split along the diagonal from its first mass (`one`), or cells along
+    either diagonal in turn (`alternating`). Each vertex has `mass`, or a third of every triangle at it times `density`.
+    The other fields are a cloth's; for a file `rows` is 1, `columns` the number of vertices, `spacing` the mean edge,
+    `mass` the mean mass. In a scene with a `[contact]` it collides with tetrahedral bodies, on both sides, and
+    attachments can hold it.
     """
 
     contradicts: ClassVar[Mapping[str, tuple[str, ...]]] = {
@@ -36,12 +37,12 @@ class Mesh(Cloth):
     rows: Count = 1
     columns: Count = 1
     file: str | None = None
-    digest: str | None = None  # of the file's bytes, written where the scene is: it must still be that file
+    digest: str | None = None  # of the file's bytes, stored where the scene is written: the file must still match
     scale: Positive = 1.0  # m per unit of the file
     shape: Literal["sheet"] | None = None
     diagonals: Diagonals = "one"
     density: Positive | None = None  # kg/m^2
-    pinned: Pins = "none"  # type: ignore[assignment]  # none, top, or of a file a list of vertices, the first one 0
+    pinned: Pins = "none"  # type: ignore[assignment]  # none, top, or for a file a list of vertices, numbered from 0
 
     @model_validator(mode="before")
     @classmethod

@@ -35,9 +35,9 @@ class MeshSource(Part):
     such_as: ClassVar[str]  # a shape for the message where none is given
     contradicts: ClassVar[Mapping[str, tuple[str, ...]]] = {"shape": OF_FILES, "file": ("shape", "digest")}
 
-    shape: Shape | None = None  # of the lab's own
+    shape: Shape | None = None  # one of the lab's
     file: str | None = None  # .obj, .stl, .ply, .off, .glb, .gltf, .mesh or .msh
-    digest: str | None = None  # of the file's bytes, written where the scene is: it must still be that file
+    digest: str | None = None  # of the file's bytes, stored where the scene is written: the file must still match
     scale: Positive = 1.0  # m per unit of the file
     origin: Vector = ZERO  # m
     angle: Number = 0.0  # degrees

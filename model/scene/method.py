@@ -24,25 +24,25 @@ SHORTEST, LONGEST = 1e-150, 1e150  # s: the squares of steps must be float64 num
 
 
 class Method(Part):
-    """How the scene is solved.
+    """The solver of a scene.
 
-    `mass-spring` adds up forces and integrates. `xpbd` and `pbd` move masses until constraints hold: a step is `substeps`
-    substeps of dt / substeps, each with `iterations` over all constraints in an `ordering`. In `pbd` every projection takes
-    away `pbd_stiffness` of a stretch, whatever the springs' stiffness: after n iterations 1 - (1 - pbd_stiffness)^n of it,
-    so that the material changes with iterations, substeps and dt. `shape-matching` moves masses towards where windows of the
-    grid, 2 `region` + 1 masses wide and high, would have them if they were rigid. Tetrahedra are two scalar `rows` each, or
-    `blocks`, which end at implicit Euler where iterations do; `vbd` descends vertex by vertex, `iterations` times over all,
-    accelerated by Chebyshev's weights where `chebyshev`, what a sweep leaves of the slowest error, is over 0, and `newton`
-    solves implicit Euler to the end, in at most `iterations` Newton steps, or at `order` 2 each of two such stages of a
-    substep, which hardly damp a swing. `pbf` keeps the density of fluids: by the `scheme`
-    macklin a substep's pressure grows over its iterations, each going the part `relaxation` of its way; averaged divides
-    corrections by the lattice's number of neighbours and lets a fluid sink together; divergence-free
-    (DFSPH) keeps it by velocities, `iterations` times for their divergence and as often for the density that they lead to. Of
-    fluids, also in a world, `dt` is 1/60 s unless given, with 4 `substeps` of 10 `iterations`. `world`: parts of several
-    families, each by its own solver (bodies shape-matching; `tetrahedra` xpbd, or vbd where no mesh is beside them; a mesh
-    xpbd; fluids pbf) in common substeps and iterations. Bodies for which no `substeps` are given take those in which none
-    sinks into a collider by more than 1 % of its spacing, 100 at most; under xpbd, and in a world without a fluid, 20 at
-    least.
+    `mass-spring` adds up forces and integrates. `xpbd` and `pbd` move masses until constraints are satisfied: a step is
+    `substeps` substeps of dt / substeps, each with `iterations` over all constraints in an `ordering`. In `pbd` every
+    projection removes the fraction `pbd_stiffness` of a stretch, whatever the springs' stiffness: after n iterations 1
+    - (1 - pbd_stiffness)^n of it, so that the material changes with iterations, substeps and dt. `shape-matching` moves
+    masses towards the goals of windows of the grid, 2 `region` + 1 masses wide and high, that match their rest shape
+    rigidly. Tetrahedra are two scalar `rows` each, or `blocks`, which converge to implicit Euler; `vbd` descends vertex
+    by vertex, `iterations` times over all, accelerated by Chebyshev's weights where `chebyshev`, the factor by which a
+    sweep reduces the slowest error, is over 0; and `newton` solves implicit Euler to the end, in at most `iterations`
+    Newton steps, or with `order` 2 each of two such stages of a substep, which hardly damp an oscillation. `pbf`
+    conserves the density of fluids: with the `scheme` macklin a substep's pressure grows over its iterations, each with
+    the factor `relaxation`; averaged divides corrections by the lattice's number of neighbours and lets a fluid sink
+    together; divergence-free (DFSPH) conserves it by velocities, with `iterations` for their divergence and as many for
+    the predicted density. For fluids, also in a world, `dt` is 1/60 s by default, with 4 `substeps` of 10 `iterations`.
+    `world`: parts of several families, each by its own solver (bodies shape-matching; `tetrahedra` xpbd, or vbd where
+    no mesh is beside them; a mesh xpbd; fluids pbf) in common substeps and iterations. The default `substeps` of bodies
+    are those in which none sinks into a collider by more than 1 % of its spacing, at most 100; under xpbd, and in a
+    world without a fluid, at least 20.
     """
 
     solver: SolverName = "mass-spring"
@@ -52,17 +52,17 @@ class Method(Part):
     iterations: Rounds = 1
     ordering: OrderingName = "gauss-seidel"
     pbd_stiffness: Annotated[float, Field(gt=0, le=1, strict=True)] = 1.0
-    region: Annotated[int, Field(ge=1, le=MAX_REGION, strict=True)] = 1  # masses to either side
+    region: Annotated[int, Field(ge=1, le=MAX_REGION, strict=True)] = 1  # masses to each side
     rows: RowsName = "scalar"
-    scheme: SchemeName = "macklin"  # of a fluid
-    relaxation: Annotated[float, Field(gt=0, le=1, strict=True)] | None = None  # 1 of averaged, else 0.5
-    softness: Annotated[float, Field(gt=0, allow_inf_nan=False, strict=True)] = 1e-3  # of a fluid's constraint
+    scheme: SchemeName = "macklin"  # for a fluid
+    relaxation: Annotated[float, Field(gt=0, le=1, strict=True)] | None = None  # by default 1 for averaged, else 0.5
+    softness: Annotated[float, Field(gt=0, allow_inf_nan=False, strict=True)] = 1e-3  # for a fluid's constraint
     tensile_correction: Annotated[float, Field(ge=0, le=1, strict=True)] = 0.0  # keeps a fluid's particles apart
     tensile_distance: Annotated[float, Field(gt=0, lt=1, strict=True)] = 0.2  # of the support, where it is that strong
-    chebyshev: Annotated[float, Field(ge=0, lt=1, strict=True)] = 0.0  # of vbd: 0.9 or so; too much diverges
-    tetrahedra: Literal["xpbd", "vbd"] = "xpbd"  # who solves them in a world
+    chebyshev: Annotated[float, Field(ge=0, lt=1, strict=True)] = 0.0  # for vbd: about 0.9; too large a value diverges
+    tetrahedra: Literal["xpbd", "vbd"] = "xpbd"  # their solver in a world
     order: Literal[1, 2] = 1  # of newton, in time
-    sleeping_speed: NotNegative = 0.0  # m/s, of xpbd: vertices of tetrahedra that tremble slower keep their places
+    sleeping_speed: NotNegative = 0.0  # m/s, for xpbd: vertices of tetrahedra that move slower stay in place
 
     @model_validator(mode="after")
     def _fields_belong_to_the_solver(self) -> Method:

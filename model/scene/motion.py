@@ -17,15 +17,16 @@ MAX_RADIANS = 1e9  # of a whole motion: quarter turns are counted in integers
 
 
 class Motion(Part):
-    """Pinned masses that move together: they turn about an axis through `center`, which itself moves.
+    """Pinned masses that move together: they rotate about an axis through `center`, which itself moves.
 
-    At t seconds after `start` a mass that rests at p is at center + R(angular_velocity t) (p - center) + velocity t, R the
-    rotation about `axis` (anticlockwise seen from where it points to). Before, it rests at p; after `duration`, where it is.
-    Of tetrahedral bodies `pins` is a side, a region or `all`: the pinned vertices there, of one `body` or of every one.
+    At t seconds after `start` a mass with the rest position p is at center + R(angular_velocity t) (p - center) +
+    velocity t, R the rotation about `axis` (anticlockwise seen from where it points to). Before, it rests at p; after
+    `duration`, it stays where it is. For tetrahedral bodies `pins` is a side, a region or `all`: the pinned vertices
+    there, of one `body` or of every one.
     """
 
-    pins: Pins  # pinned masses of the sheet, as its `pinned`; of tetrahedral bodies a side, a region or all
-    body: str | None = None  # a tetrahedral one, or a cloth beside them; of all of them unless given
+    pins: Pins  # pinned masses of the sheet, as its `pinned`; for tetrahedral bodies a side, a region or all
+    body: str | None = None  # a tetrahedral one, or a cloth beside them; by default all of them
     velocity: Vector = (0.0, 0.0, 0.0)  # m/s
     axis: Vector = (1.0, 0.0, 0.0)
     center: Vector = (0.0, 0.0, 0.0)  # m

@@ -12,24 +12,24 @@ MAX_KINDS = 64  # bodies of a scene, copies not counted: their table has all pai
 
 
 class Contact(Part):
-    """Particles of bodies keep their distance, the sum of both radii, with Coulomb friction.
+    """Collisions of bodies: their particles keep a distance, the sum of both radii, with Coulomb friction.
 
-    Each substep searches who may meet whom; each sweep, after each iteration, pushes all apart at once. Which bodies meet:
-    `group`, `avoids`, `self_collision`, and how they stick: `adhesion`, all of the bodies.
+    Each substep searches for pairs; each sweep, after each iteration, pushes all apart at once. `group`, `avoids` and
+    `self_collision` of the bodies select which of them collide, `adhesion` how they stick. Particles that begin a
+    substep nearer are moved apart at `separation_speed` at most; their bodies follow as on a spring and separate at up
+    to twice that. The remaining overlap of an impact is treated the same: if `separation_speed` is below the speed of
+    impacts, bodies get caught in each other. A particle never exceeds `maximum_speed`, if given: particles that
+    approach by more than an eighth of the distance in a substep may pass. Particles that approach faster than gravity
+    adds in two substeps separate with the fraction `restitution` of that speed.
 
-    What begins a substep nearer is moved apart at `separation_speed` at most: particles are, bodies follow as on a spring and
-    part at up to twice that. What is left of an impact's overlap is taken for one that was there: below the speed of impacts,
-    bodies get caught in each other. A particle never moves faster than `maximum_speed`, if given: what comes by more than an
-    eighth of the distance in a substep may pass. Who comes faster than gravity adds in two substeps parts with `restitution`
-    of that.
-
-    Of tetrahedral bodies the surfaces keep a `distance`, a vertex of one from the triangles of another; what was nearer, or
-    lies inside, is moved out at `separation_speed` at most. What comes by more than the distance in a substep may get caught
-    inside. They know friction and `sweeps` beside it: 4, or what sticks creeps. A cloth beside them meets them
-    likewise, with both its sides; what has come through it stays on the other one.
+    The surfaces of tetrahedral bodies keep a `distance`, a vertex of one from the triangles of another; vertices that
+    are nearer, or lie inside, are moved out at `separation_speed` at most. Vertices that approach by more than the
+    distance in a substep may get caught inside. Surfaces also use friction and `sweeps`: 4, or sticking bodies creep. A
+    cloth beside them collides with them likewise, on both sides; a part that has passed through it stays on the other
+    side.
     """
 
-    distance: Positive | None = None  # m, of tetrahedral bodies and a cloth: a quarter of the shortest edge unless told
+    distance: Positive | None = None  # m, of tetrahedral bodies and a cloth: by default a quarter of the shortest edge
     static_friction: NotNegative = 0.4
     dynamic_friction: NotNegative = 0.3  # at most static_friction
     separation_speed: Positive = 3.0  # m/s
@@ -37,7 +37,7 @@ class Contact(Part):
     adhesion_reach: NotNegative = 0.25  # of the distance, beyond it: how far adhesion pulls
     sweeps: Sweeps = 1
     maximum_speed: Positive | None = None  # m/s
-    sleeping_speed: NotNegative = 0.0  # m/s: what moved slower in a substep stays where it was
+    sleeping_speed: NotNegative = 0.0  # m/s: particles slower than that in a substep stay in place
 
     _friction_is_ordered = model_validator(mode="after")(friction_is_ordered)
 

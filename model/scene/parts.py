@@ -109,10 +109,8 @@ class Grid(Part):
 
 
 class Elastic(Part):
-    """What a spring's material is: its stiffness, or its inverse, the compliance, which may be 0 for a position-based solver.
-
-    Given a compliance, the stiffness follows from it. Only what was given is written.
-    """
+    """A spring's material: its stiffness, or its inverse, the compliance, which may be 0 for a position-based solver.
+    With a compliance, the stiffness follows from it. Only the stated one is written."""
 
     contradicts: ClassVar[Mapping[str, tuple[str, ...]]] = {"stiffness": ("compliance",), "compliance": ("stiffness",)}
 
@@ -156,8 +154,8 @@ class Elastic(Part):
 class Springs(Elastic):
     """A spring to each of the up to four neighbours: force = stiffness * (length - rest_length) along it.
 
-    Every second spring along a row and down a column is `stiffness_ratio` times as stiff, those whose lower end has an odd
-    column, or row; 1: all equal, and then left out where the scene is written.
+    Every second spring along a row and down a column, whose lower end has an odd column, or row, is `stiffness_ratio`
+    times as stiff; with 1 all are equal, and the field is omitted where the scene is written.
     """
 
     rest_length: NotNegative = 1.0  # m, whatever grid.spacing is
@@ -184,14 +182,14 @@ class Damping(Part):
 
 
 class Gravity(Part):
-    """Gravity along -y; `enabled = false` leaves it out (and G switches it on in the demo)."""
+    """Gravity along -y; `enabled = false` omits it (and G switches it on in the demo)."""
 
     enabled: Annotated[bool, Field(strict=True)] = True
     acceleration: NotNegative = 9.81  # m/s^2, along -y
 
 
 class External(Part):
-    """A random force per mass, axis and step, uniform in (-magnitude, magnitude); 0 = the stage does not exist."""
+    """A random force per mass, axis and step, uniform in (-magnitude, magnitude); with 0 the stage does not exist."""
 
     magnitude: NotNegative = 0.0  # N
     seed: Seed = 0
@@ -207,8 +205,8 @@ class Perturbation(Part):
 class Manufactured(Part):
     """The method of manufactured solutions: the force that makes p*(t) the exact solution of the scene.
 
-    p*(t) = rest + amplitude * [sin(2 t + 1.7 i + 0.9 j), cos(3 t + 0.6 i - 1.3 j)]; the masses start on p*(0), p*'(0).
-    `inertia` times the mass is what the force is made for (2 for the `lab` step, which moves as if masses were double).
+    p*(t) = rest + amplitude * [sin(2 t + 1.7 i + 0.9 j), cos(3 t + 0.6 i - 1.3 j)]; the masses start at p*(0), p*'(0).
+    The force is made for `inertia` times the mass (2 for the `lab` step, which moves as if masses were double).
     """
 
     amplitude: Positive = 0.1  # m
@@ -230,9 +228,9 @@ CAMERA = "camera"  # the table's name
 
 
 class CameraPart(Part):
-    """`yaw` [degrees] turns the camera about the vertical, `pitch` [degrees] lifts it above the horizontal; both in space
-    only. `target` [m] lies in the middle of the picture, whose height at that depth is `size` [m]. A field that is left
-    out follows from what the run shows."""
+    """The camera of pictures. `yaw` [degrees] rotates it about the vertical, `pitch` [degrees] lifts it above the
+    horizontal; both in space only. `target` [m] is at the centre of the picture, whose height at that depth is `size`
+    [m]. By default a field follows from what the run shows."""
 
     yaw: Number | None = None
     pitch: Annotated[float, Field(ge=-89, le=89, allow_inf_nan=False, strict=True)] | None = None

@@ -29,11 +29,11 @@ OF_MESHES = ("scale", "fill_holes", "origin", "angle", "axis")
 
 
 class Region(Part):
-    """What lies there when the scene begins: tables of bodies name a region to say which of their vertices or tetrahedra.
+    """A region of space at the scene's start, by which tables of bodies select their vertices or tetrahedra.
 
-    One of: a box from `low` to `high`, without one of them unbounded; a ball of `radius` about `center`; a capsule, all
+    One of: a box from `low` to `high`, unbounded without one of them; a ball of `radius` about `center`; a capsule, all
     points within `radius` of the segment from `start` to `end`; the side of the plane through `point` to which `normal`
-    points; or what a closed mesh encloses, one of the lab's `shape`s or a `file`, turned by `angle` about `axis` and
+    points; or the inside of a closed mesh, one of the lab's `shape`s or a `file`, rotated by `angle` about `axis` and
     moved to `origin`.
     """
 
@@ -47,9 +47,9 @@ class Region(Part):
     radius: Positive | None = None  # m
     point: Vector | None = None  # m
     normal: Vector | None = None
-    shape: Shape | None = None  # of the lab's own
+    shape: Shape | None = None  # one of the lab's
     file: str | None = None  # .obj, .stl, .ply, .off, .glb, .gltf, .mesh or .msh
-    digest: str | None = None  # of the file's bytes, written where the scene is: it must still be that file
+    digest: str | None = None  # of the file's bytes, stored where the scene is written: the file must still match
     scale: Positive = 1.0  # m per unit of the file
     fill_holes: Flag = False  # of a file
     origin: Vector = ZERO  # m

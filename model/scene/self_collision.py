@@ -13,12 +13,12 @@ CONTACT_BYTES = MAX_CONTACTS * (4 * (1 + 3 + 3) + 8 * (7 + 4)) + 176
 
 
 class SelfCollision(Part):
-    """The cloth does not pass through itself: a mass keeps `thickness` from the sheet's triangles, with Coulomb friction.
+    """Collisions of the cloth with itself: a mass keeps `thickness` from the sheet's triangles, with Coulomb friction.
 
-    Every substep finds the triangles that a mass may come near within it and holds the mass on the side where it then is.
-    What begins nearer than the thickness is moved apart at `separation_speed` at most, so that an overlap does not turn
-    into much speed; too low, it lets a heavy pile sink. A sweep carries a push from one layer to the next. Edges that cross
-    without a mass coming near a triangle are not seen; model/contact/penetration.py counts them.
+    Every substep searches for the triangles that a mass may approach within it and keeps the mass on its current side.
+    Masses that begin nearer than the thickness are moved apart at `separation_speed` at most, so that an overlap does
+    not turn into much speed; too low a speed lets a heavy pile sink. A sweep carries a push from one layer to the next.
+    Edges that cross without a mass near a triangle are not detected; model/contact/penetration.py counts them.
     """
 
     thickness: Positive = 0.01  # m, between two layers; at most the sheet's spacing

@@ -20,7 +20,7 @@ class Tank(Collider):
     each) three; one more unless `open_top`. A scene reads it as these planes, named after the table, as tank-floor,
     tank-left, tank-right, tank-back, tank-front and tank-top, and writes them back."""
 
-    thickness: NotNegative = 0.0  # m; of bodies without a fluid: as for planes, what they rest on, unless given
+    thickness: NotNegative = 0.0  # m; default for bodies without a fluid: as for planes, the depth at which they rest
     size: Sizes  # m, width and height, in space also depth
     origin: Place = (0.0, 0.0, 0.0)  # m, its lower left corner, in space at the back
     open_top: bool = True

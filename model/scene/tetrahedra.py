@@ -25,18 +25,18 @@ def lame_of(young: Any, poisson: Any) -> tuple[Any, Any]:
 
 
 class TetrahedralBody(MeshSource):
-    """A soft body whose stiffness is Young's modulus and Poisson's ratio: tetrahedra cut from a lattice of voxels.
+    """A soft body with a Young's modulus and a Poisson's ratio: tetrahedra cut from a lattice of voxels.
 
-    Voxels at most `edge` long, or `voxels` of them along the longest side, each cut into `tetrahedra`: a whole number of them
-    fills the box around the mesh along each axis, and those that the surface cuts weigh and stiffen by their part inside. Or
-    those of a file of tetrahedra (.msh, .mesh, .vtk, .ele with .node, .npz) as they are. Of `material`: energies per
-    volume of the stretches s and the volume ratio J, mu sum (s - 1)^2 + lambda / 2 (J - 1)^2 (`fixed-corotated`), with
-    (sum (s - 1))^2 in place of (J - 1)^2 (`corotated`), or the stable neo-Hookean one. `damping` is a time: a stress damping
-    * the rate at which the elastic one changes. `pinned`: sides of the mesh's box, regions or `all`, whose vertices stay
-    where they are, or follow a motion. What keeps its `volume` under xpbd is each of the `tetrahedra`, which locks near a
-    Poisson's ratio of 1/2, or each of the `voxels` of five, which hardly does. `mass_ratio` limits how far masses of
-    neighbouring vertices are apart. With a `[contact]` bodies meet one another, and themselves where `self_collision` says
-    so.
+    Voxels at most `edge` long, or `voxels` of them along the longest side, each cut into `tetrahedra`: an integer
+    number of them fills the box around the mesh along each axis, and those that the surface cuts contribute mass and
+    stiffness by their part inside. Alternatively the tetrahedra of a file (.msh, .mesh, .vtk, .ele with .node, .npz),
+    unchanged. The `material` has the energy per volume of the stretches s and the volume ratio J, mu sum (s - 1)^2 +
+    lambda / 2 (J - 1)^2 (`fixed-corotated`), with (sum (s - 1))^2 in place of (J - 1)^2 (`corotated`), or the stable
+    neo-Hookean one. `damping` is a time: a stress damping * the rate at which the elastic one changes. `pinned`: sides
+    of the mesh's box, regions or `all`, whose vertices stay in place, or follow a motion. `volume`: under xpbd each of
+    the `tetrahedra` conserves its volume, which locks near a Poisson's ratio of 1/2, or each of the `voxels` of five,
+    which hardly does. `mass_ratio` limits the ratio of neighbouring vertices' masses. With a `[contact]` bodies collide
+    with one another, and with themselves if `self_collision` is set.
     """
 
     such_as: ClassVar[str] = "beam"
@@ -44,21 +44,21 @@ class TetrahedralBody(MeshSource):
         **MeshSource.contradicts, "edge": ("voxels",), "voxels": ("edge",),
     }  # fmt: skip
 
-    file: str | None = None  # as of other bodies; of tetrahedra as they are .msh, .mesh, .vtk, .ele with .node, .npz
+    file: str | None = None  # as for other bodies; tetrahedra: .msh, .mesh, .vtk, .ele with .node, .npz
     fill_holes: Flag = False  # of the surface
     edge: Positive | None = None  # m, of a voxel at most
     voxels: Count = 10  # along the longest side, unless an edge is given
-    tetrahedra: Literal[5, 6, "conforming"] = 5  # to a voxel; six lock sooner; or conforming, which follow the surface
-    sweep: Literal["voxels", "tetrahedra"] = "voxels"  # what has a colour; a voxel's tetrahedra then follow one another
-    volume: Literal["tetrahedra", "voxels"] = "tetrahedra"  # what keeps its own: near 1/2 voxels of five lock less
+    tetrahedra: Literal[5, 6, "conforming"] = 5  # per voxel; six lock sooner; or conforming, which follow the surface
+    sweep: Literal["voxels", "tetrahedra"] = "voxels"  # unit of a colour; a voxel's tetrahedra follow one another
+    volume: Literal["tetrahedra", "voxels"] = "tetrahedra"  # unit of constant volume: near 1/2 voxels of five lock less
     material: MaterialName = "fixed-corotated"
     young_modulus: Positive = 1e6  # Pa
     poisson_ratio: Poisson = 0.45
     density: Positive = 1000.0  # kg/m^3
     damping: NotNegative = 0.0  # s
-    self_collision: Flag = False  # its far parts meet
-    mass_damping: NotNegative = 0.0  # 1/s: the rate at which velocities decay, of all masses alike
-    mass_ratio: AtLeastOne | None = None  # of two neighbours' masses, at most; the body's stays; any, unless given
+    self_collision: Flag = False  # its distant parts collide
+    mass_damping: NotNegative = 0.0  # 1/s: the rate at which velocities decay, the same for all masses
+    mass_ratio: AtLeastOne | None = None  # largest ratio of neighbours' masses, by default unlimited; the total stays
     pinned: tuple[str, ...] = ()  # of left, right (x), bottom, top (y), back, front (z), all, and names of regions
     velocity: Vector = ZERO  # m/s
     spin: Vector = ZERO  # rad/s, about its centre
@@ -97,11 +97,11 @@ class TetrahedralBody(MeshSource):
 
 
 class Material(Part):
-    """What tetrahedra whose middles lie in a `region` are made of, of one `body` or of all; what is left out is the body's.
-    Of several tables that hold a tetrahedron the last counts."""
+    """The material of tetrahedra whose centres lie in a `region`, of one `body` or of all; omitted fields are the
+    body's. Of several tables that contain a tetrahedron the last counts."""
 
     region: str  # the name of a table of kind region
-    body: str | None = None  # a tetrahedral one; all of them unless given
+    body: str | None = None  # a tetrahedral one; by default all of them
     young_modulus: Positive | None = None  # Pa
     poisson_ratio: Poisson | None = None
     density: Positive | None = None  # kg/m^3

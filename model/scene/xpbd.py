@@ -20,10 +20,11 @@ class Load(Part):
 
 
 class Attachments(Part):
-    """Long-range attachments: no mass goes farther from its nearest pinned ones than the cloth between them reaches.
+    """Long-range attachments: they limit the distance of a mass from its nearest pins to that along the cloth.
 
-    T.-Y. Kim, N. Chentanez, M. Mueller-Fischer, "Long Range Attachments", SCA 2012. A mass has `anchors` of them (fewer,
-    where fewer are pinned), the nearest first, each as long as the way through the sheet at rest, times 1 + slack.
+    T.-Y. Kim, N. Chentanez, M. Mueller-Fischer, "Long Range Attachments", SCA 2012. A mass has `anchors` of them
+    (fewer, where fewer are pinned), the nearest first, each as long as the path through the sheet at rest, times 1 +
+    slack.
     """
 
     anchors: Annotated[int, Field(ge=1, le=MAX_ANCHORS, strict=True)] = 1
