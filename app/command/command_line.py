@@ -1,5 +1,5 @@
-"""What the commands of softlab.py and bench/commands.py share: the options of several of them, where they print to, and how
-their errors are told."""
+"""Common parts of the commands of softlab.py and bench/commands.py: options of several of them, consoles, and error
+messages."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from model.domains.launched import launched_rank
 errors = Console(stderr=True, highlight=False, soft_wrap=True)
 out = Output(highlight=False)
 
-PLAINER = {  # what pydantic or typer says of an argument, and what is meant
+PLAINER = {  # messages of pydantic or typer about an argument, and plainer ones
     "Option '--record' requires 2 arguments.": "--record needs two words: --record every=N FILE.npz",
     "Missing argument 'SCENE'.": "SCENE is missing: give a name that `softlab scenes` lists, or a .toml file",
     "Missing argument": "an argument is missing:",
@@ -34,7 +34,7 @@ PLAINER = {  # what pydantic or typer says of an argument, and what is meant
     "Input should be a valid integer, unable to parse string as an integer": "must be a whole number",
     "Input should be a valid number, unable to parse string as a number": "must be a number",
 }
-# what every complaint about a command line is; typer exports only some of them
+# base class of all complaints about a command line; typer exports only some of them
 UsageError: type[Exception] = typer.BadParameter.mro()[2]
 SceneName = Annotated[str, typer.Argument(metavar="SCENE", help="A name that `softlab scenes` lists, or a .toml file.")]
 Settings = Annotated[
@@ -51,12 +51,12 @@ Threads = Annotated[
 Precision = Annotated[str, typer.Option(help="float32 or float64.")]
 Math = Annotated[str, typer.Option(help="fast, or exact (the same bits on every backend and thread count).")]
 StorePath = Annotated[Path, typer.Option("--store", help="Database file of the measurements (SQLite).")]
-SHOWN_AFTER = 0.5  # s: work that goes on for longer gets a bar
+SHOWN_AFTER = 0.5  # s: longer work gets a bar
 DEFAULT_STORE = Path("softlab-results") / "results.sqlite"
 
 
 def scene_of(name: str, settings: list[str] | None) -> Any:
-    """The scene of that name or file, with the fields of --set. Raises SceneError."""
+    """Return the scene of that name or file, with the fields of --set. Raises SceneError."""
     from model.scene.reader import parse_settings
     from model.scene.scene import load_scene
 
@@ -65,21 +65,24 @@ def scene_of(name: str, settings: list[str] | None) -> Any:
 
 
 def tell_of_no_store(store: Path, whose: str) -> None:
-    """Where the usual store is not there, on what something is made from."""
+    """Say which measurements are used if the usual store does not exist."""
     if not store.exists() and store == DEFAULT_STORE:
         errors.print(f"nothing was measured on this machine yet: {whose} uses the measurements that come with the lab")
 
 
 class _Left(Exception):
-    """What ended a command, on its way through typer."""
+    """The exception that ended a command, on its way through typer."""
 
 
-RENAMED = {"crowds": "throughput"}  # what commands were called once
+RENAMED = {"crowds": "throughput"}  # former names of commands
 
 
 class Commands(TyperGroup):
-    """The sub-commands, also by their former names. Ctrl-C and a reader that has gone reach `exit_status` as they
-    are: typer would make of them what its version makes of them (1 or 130, and always 1)."""
+    """The sub-commands, also by their former names.
+
+    Ctrl-C and a closed reader reach `exit_status` unchanged: typer would turn them into exit statuses that depend on
+    its version (1 or 130, and always 1).
+    """
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         if cmd_name in RENAMED:
@@ -100,16 +103,17 @@ class Commands(TyperGroup):
 
 
 def exit_status(command: Callable[[], int | None]) -> int:
-    """The exit status of a command line; an error a user can mend is told in one line on standard error."""
+    """Return the exit status of a command line; an error that a user can fix is printed in one line on standard
+    error."""
     if threading.current_thread() is threading.main_thread():
-        for number in (signal.SIGINT, signal.SIGTERM):  # asked to end, it tidies up as for Ctrl-C
+        for number in (signal.SIGINT, signal.SIGTERM):  # when asked to end, tidy up as for Ctrl-C
             signal.signal(number, signal.default_int_handler)
     try:
         with warnings.catch_warnings():
-            # what overflows is looked at where it is used, and refused in words; NumPy's own say nothing of a scene
+            # overflows are checked where values are used, with clear messages; NumPy's warnings do not name the scene
             warnings.simplefilter("ignore", RuntimeWarning)
             status = command() or 0
-        sys.stdout.flush()  # here, where a full disk can still be told of
+        sys.stdout.flush()  # here, where a full disk can still be reported
         return status
     except SoftlabError as error:
         return told(str(error), error.exit_status)
@@ -117,7 +121,7 @@ def exit_status(command: Callable[[], int | None]) -> int:
         return usage_status(error)
     except KeyboardInterrupt as stop:
         return told(str(stop) or "stopped", 130)
-    except BrokenPipeError:  # the reader (head, less) has seen enough
+    except BrokenPipeError:  # the reader (head, less) has closed
         drop_output()
         return 0
     except OSError as error:
@@ -130,7 +134,7 @@ def exit_status(command: Callable[[], int | None]) -> int:
 
 
 def told(line: str, status: int) -> int:
-    """`status`, once the line is on standard error, if that can be written at all; of several processes one says it."""
+    """Print the line on standard error, if that is writable, and return `status`; of several processes one prints."""
     if launched_rank():
         return status
     with suppress(OSError):
@@ -139,7 +143,7 @@ def told(line: str, status: int) -> int:
 
 
 def usage_line(error: Any) -> str:
-    """What is wrong with a command line, in one line."""
+    """Return the error in a command line, in one line."""
     known = sys.argv[1:2] if sys.argv[1:2] and not sys.argv[1].startswith("-") else []
     command = error.ctx.command_path if getattr(error, "ctx", None) else " ".join(["softlab", *known])
     said = " ".join(error.format_message().split())
@@ -151,7 +155,7 @@ def usage_line(error: Any) -> str:
 
 
 def _wrong_option(error: Any) -> tuple[str, str] | None:
-    """The option that a complaint is about and the value that was given to it, if there is one on the command line."""
+    """Return the option that a complaint is about and its value, if it is on the command line."""
     for name in getattr(getattr(error, "param", None), "opts", ()):
         for place, word in enumerate(sys.argv):
             if word == name and place + 1 < len(sys.argv):
@@ -162,20 +166,20 @@ def _wrong_option(error: Any) -> tuple[str, str] | None:
 
 
 def usage_status(error: Any) -> int:
-    """The exit status of a complaint about the command line, once it is told; without words, the help was printed."""
+    """Print a complaint about the command line, and return its exit status; without words, the help was printed."""
     status = int(error.exit_code)
     return told(usage_line(error), status) if error.format_message() else status
 
 
 def drop_output() -> None:
-    """Nothing more can be printed: what waits to be is dropped, so that the end of the process does not trip over it."""
+    """Drop pending output, as nothing more can be printed, so that the end of the process does not fail on it."""
     with suppress(OSError, ValueError):
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 @contextmanager
 def compilations_told(console: Console = errors) -> Iterator[None]:
-    """Within it, a terminal is told of each kernel that is compiled, and how long that took last time on this machine."""
+    """Within it, print on a terminal each kernel that is compiled, and how long that took last time on this machine."""
     from model.core.kernel_cache import watched
 
     def tell(label: str, seconds: float | None) -> None:
@@ -189,7 +193,8 @@ def compilations_told(console: Console = errors) -> Iterator[None]:
 
 @contextmanager
 def waiting_shown() -> Iterator[None]:
-    """Within it, a terminal shows a bar for work of the model that takes longer than a second: distance fields, meshes."""
+    """Within it, show a bar on a terminal for work of the model that takes longer than a second: distance fields,
+    meshes."""
     from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
 
     from app.output.bar import Bar
@@ -227,5 +232,5 @@ def waiting_shown() -> Iterator[None]:
 
 
 def typed() -> str:
-    """The command as it was typed, for the store."""
+    """Return the command as it was typed, for the store."""
     return " ".join(["softlab", *sys.argv[1:]])

@@ -1,4 +1,4 @@
-"""What the commands print on: sentences and tables whole, whatever they are read on."""
+"""The console of the commands: prints sentences and tables whole, on any output."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from rich.console import Console
 from rich.measure import Measurement
 from rich.table import Column, Table
 
-UNBOUNDED = 10_000  # characters: a line that nothing bounds
-SHORT = 24  # characters: a cell of so many is a name or a number and stays in one line; longer ones may fold at spaces
+UNBOUNDED = 10_000  # characters: width of an unbounded line
+SHORT = 24  # characters: shorter cells are names or numbers and stay in one line; longer ones may fold at spaces
 
 
 class Output(Console):
-    """A console that cuts no cell of a table, and folds nothing where its output is no terminal.
+    """A console that cuts no cell of a table, and folds nothing if its output is no terminal.
 
-    There a sentence is a line and a table as wide as it needs, without blanks at the ends of its lines. In a terminal that
-    is narrower than a table, heads and sentences in cells are folded; where that does not do, the columns come in blocks,
-    each beside the names of its rows.
+    There a sentence is a line and a table as wide as it needs, without trailing blanks. In a terminal that is narrower
+    than a table, heads and sentences in cells are folded; if that is not enough, the columns are printed in blocks,
+    each next to the names of its rows.
     """
 
     def print(self, *objects: Any, **how: Any) -> None:
@@ -47,8 +47,8 @@ class Output(Console):
             self.out("\n".join(line.rstrip() for line in held.get().splitlines()), highlight=False)
 
     def _blocks(self, table: Table, room: int) -> list[Table]:
-        """The table, whose lines have at most `room` characters, if no single column beside the names of the rows needs
-        more."""
+        """Return the table in blocks whose lines have at most `room` characters, if no single column next to the names
+        of the rows needs more."""
         whole = list(range(len(table.columns)))
         natural = [self._span(column)[1] for column in table.columns]
         if self._width_of(table, natural, whole) <= room:
@@ -63,7 +63,8 @@ class Output(Console):
         return [_part(table, self._widened(table, least, natural, block, room), block) for block in blocks]
 
     def _span(self, column: Column) -> tuple[int, int]:
-        """The least and the most characters that a column has a use for: without a cell cut, and without anything folded."""
+        """Return the least and the most characters that a column can use: without a cell cut, and without anything
+        folded."""
         options = self.options.update(width=UNBOUNDED)
         head = Measurement.get(self, options, column.header)
         cells = [Measurement.get(self, options, cell) for cell in column.cells]
@@ -72,14 +73,14 @@ class Output(Console):
         return max([head.minimum, *least]), max([head.maximum, *(cell.maximum for cell in cells)])
 
     def _width_of(self, table: Table, widths: Sequence[int], columns: Sequence[int]) -> int:
-        """Of a table of these columns, their padding included."""
+        """Return the width of a table of these columns, including their padding."""
         options = self.options.update(width=UNBOUNDED)
         return Measurement.get(self, options, _part(table, widths, columns)).maximum
 
     def _widened(
         self, table: Table, least: Sequence[int], natural: Sequence[int], columns: Sequence[int], room: int
     ) -> list[int]:
-        """The least widths, and what is left of the room, shared among the columns that have a use for it."""
+        """Return the least widths, plus the remaining characters, divided among the columns that can use them."""
         widths = list(least)
         spare = room - self._width_of(table, widths, columns)
         while spare > 0 and (tight := [index for index in columns if widths[index] < natural[index]]):
@@ -90,13 +91,13 @@ class Output(Console):
 
 
 def _names(columns: Sequence[Column]) -> list[int]:
-    """The columns that say which row a row is: those before the first number, or the first alone."""
+    """Return the columns that name a row: those before the first number, or the first alone."""
     words = next((index for index, column in enumerate(columns) if column.justify == "right"), 1)
     return list(range(max(1, words)))
 
 
 def _part(table: Table, widths: Sequence[int], columns: Sequence[int]) -> Table:
-    """These columns of a table, so wide, without its title."""
+    """Return these columns of a table, with these widths, without its title."""
     part = copy.copy(table)
     part.title = None
     part.columns = []

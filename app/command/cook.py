@@ -1,4 +1,4 @@
-"""softlab cook: a mesh becomes a body of tetrahedra, in a file."""
+"""softlab cook: makes a body of tetrahedra from a mesh, in a file."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ def cook_body(
     scale: float = 1.0,
     density: float = DENSITY,
 ) -> None:
-    """Make the body of `source`, print its report and write it to `target` (.npz). Raises SceneError and InputError before
-    anything is written."""
+    """Make the body of `source`, print its report and write it to `target` (.npz). Raises SceneError and InputError
+    before anything is written."""
     check_target(target, (".npz",), "a body")
     if tetrahedra not in CHOICES:
         raise SceneError("--tetrahedra", tetrahedra, "must be 5 or 6 (per voxel), or conforming")

@@ -1,4 +1,4 @@
-"""Dear ImGui, by which the panel of the demo is laid out: whether it is there. It comes with an extra."""
+"""Check for Dear ImGui, which lays out the panel of the demo. It is an optional dependency."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ REMEDY = 'pip install -e ".[panel]"'
 
 @cache
 def panel_available() -> tuple[bool, str]:
-    """(whether Dear ImGui is there, its version or what keeps it from loading)."""
+    """Return (True if Dear ImGui is installed, its version or the reason why it does not load)."""
     try:
         from imgui_bundle import imgui
-    except Exception as error:  # an ImportError, or whatever a damaged installation raises
+    except Exception as error:  # an ImportError, or any error of a damaged installation
         return False, f"no panel in softlab demo ({type(error).__name__}: {' '.join(str(error).split())})"
     return True, f"Dear ImGui {imgui.get_version()}"
 
 
 def load_imgui() -> Any:
-    """The module `imgui`. Raises BackendUnavailable."""
+    """Return the module `imgui`. Raises BackendUnavailable."""
     works, told = panel_available()
     if not works:
         raise BackendUnavailable(told, REMEDY)

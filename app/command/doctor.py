@@ -1,4 +1,4 @@
-"""What works on this machine, and for each thing that is missing, the command that gets it."""
+"""Checks of this machine, with the command that installs each missing thing."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from app.command.findings import Finding
 
 
 def _missing(name: str, text: str) -> Finding:
-    """Of a text that says what is missing and, behind a semicolon, how to get it."""
+    """Return a finding from a text: the missing thing and, after a semicolon, the remedy."""
     missing, _, remedy = text.partition("; ")
     return Finding(name, False, missing, remedy)
 
@@ -160,7 +160,7 @@ CHECKS: tuple[Callable[[], Finding], ...] = (
 
 
 def examine() -> list[Finding]:
-    """Every finding; a check that itself fails is a finding too, never a traceback."""
+    """Return every finding; a check that itself fails is a finding too, never a traceback."""
     findings = []
     for check in CHECKS:
         try:

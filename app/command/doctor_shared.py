@@ -1,4 +1,4 @@
-"""The doctor's findings on grids that several GPUs or processes share: what each way of sending needs."""
+"""The doctor's findings on grids on several GPUs or processes: requirements of each kind of communication."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from model.domains.processes import INSTALL, mpi_installed, mpiexec
 
 
 def gpus_together() -> Finding:
-    """How GPUs are linked: of `--gpus N`."""
+    """Return how GPUs are linked, for `--gpus N`."""
     from gpu_backend.core.device import gpu_available, simulated
 
     name, share = "several gpus", "SOFTLAB_SHARE_GPU=1 lets windows take turns on one, to try --gpus 2"
@@ -33,7 +33,7 @@ def gpus_together() -> Finding:
 
 
 def ranks_of_mpi() -> Finding:
-    """Of `--ranks N`, and of `--link nccl`."""
+    """Return the finding for `--ranks N`, and for `--link nccl`."""
     try:
         launcher = mpiexec()
         mpi_installed()
@@ -43,7 +43,7 @@ def ranks_of_mpi() -> Finding:
 
 
 def gpus_by_nccl() -> Finding:
-    """Of `--link nccl`."""
+    """Return the finding for `--link nccl`."""
     name = "several gpus by nccl"
     if find_spec("nccl") is None:
         also = f"for several processes also {INSTALL}"

@@ -1,4 +1,4 @@
-"""The commands on files of bodies, one function a sub-command; softlab.py takes them among its own."""
+"""The commands on files of bodies, one function per sub-command; softlab.py adds them to its own."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One line of what `softlab doctor` finds."""
+"""One line of the output of `softlab doctor`."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Finding:
-    """One line of the doctor's: what was looked at, whether it works, what was found, how to get it if it does not."""
+    """One line of the doctor: the thing that was checked, whether it works, what was found, and the remedy if it does
+    not."""
 
     name: str
     works: bool

@@ -1,4 +1,5 @@
-"""Spray and foam of a run whose last state is drawn: they have a history, and are followed as in a clip."""
+"""Spray and foam of a run whose last state is drawn: they have a history, and are followed frame by frame as in a
+clip."""
 
 from __future__ import annotations
 
@@ -13,7 +14,7 @@ FRAME = 1 / 60  # s
 
 
 def shows_foam(scene: Scene, look: Sequence[str]) -> bool:
-    """Whether pictures of a scene, in this look, have it."""
+    """Return True if pictures of a scene, with this look, show foam."""
     return bool(scene.fluids) and ("foam" in look or scene.foam is not None)
 
 
@@ -23,7 +24,7 @@ def frame_steps(simulation: Simulation, frame: float = FRAME) -> int:
 
 
 class Foaming:
-    """Follows the `points` of a run, a frame's steps after the other."""
+    """Follows the `points` of a run, frame by frame."""
 
     def __init__(self, simulation: Simulation):
         self.points = FoamPoints(simulation.scene, simulation.scene.foam or Foam())
@@ -31,10 +32,10 @@ class Foaming:
         self.keep(simulation, 0)
 
     def steps_to_next(self, done: int) -> int:
-        """Until the next frame."""
+        """Return the number of steps until the next frame."""
         return self.every - done % self.every
 
     def keep(self, simulation: Simulation, done: int) -> None:
-        """The state now, if a frame ends with it."""
+        """Update the points from the current state, if a frame ends with it."""
         if done % self.every == 0:
             self.points.follow(simulation.read("position"), simulation.read("velocity"), simulation.time)

@@ -1,4 +1,4 @@
-"""softlab inspect: what a mesh file holds and which roles it fits."""
+"""softlab inspect: the content of a mesh file and its possible roles."""
 
 from __future__ import annotations
 

@@ -52,7 +52,7 @@ def check_rate(fps: float) -> None:
 
 
 class ClipView:
-    """Fits the view of a clip to each frame while the run goes on, so that the clip itself is drawn from one place; a context
+    """Fits the view of a clip to each frame during the run, so that the clip itself is drawn from one view; a context
     manager."""
 
     def __init__(self, simulation: Simulation, picture: Picture):
@@ -69,13 +69,13 @@ class ClipView:
         return self.every - done % self.every
 
     def keep(self, simulation: Simulation, done: int) -> None:
-        """Widen the view for the state now, if it is a frame."""
+        """Widen the view for the current state, if it is a frame."""
         if done % self.every == 0:
             self._renderer.fit(simulation.read("position"), simulation.time)
 
     @property
     def fitted(self) -> Fitted:
-        """The view that holds every frame so far."""
+        """The view that contains every frame so far."""
         return self._renderer.fitted
 
     def __enter__(self) -> ClipView:

@@ -1,4 +1,4 @@
-"""Runs of several processes of MPI: how they are started, and who of them speaks."""
+"""Runs of several MPI processes: how they are started, and which of them prints."""
 
 from __future__ import annotations
 
@@ -20,16 +20,18 @@ from model.scene.scene import Scene
 
 
 def among_ranks(scene: Scene, request: Request) -> tuple[Request, int]:
-    """(the request of this process, how many processes are to be started for it: 0, it runs by itself). What cannot be shared
-    is refused before anything is started. Raises SceneError, BackendUnavailable."""
-    if max(request.gpus, request.ranks) > 1:  # first: another option in its place would do no better
+    """Return (the request of this process, number of processes to start for it; 0: it runs alone).
+
+    A scene that cannot be divided is refused before anything is started. Raises SceneError, BackendUnavailable.
+    """
+    if max(request.gpus, request.ranks) > 1:  # first, since another option in its place would fail too
         check_shareable(scene, *((request.gpus, "--gpus") if request.gpus > 1 else (request.ranks, "--ranks")))
     check_asked(request.backend, request.gpus, request.ranks, request.exchange_every, request.link)
     launched = launched_ranks()
     by_nccl = request.link == "nccl"
     option, wanted = ("--gpus", request.gpus) if by_nccl else ("--ranks", request.ranks)
     if launched == 1 and (by_nccl or wanted <= 1):
-        return request, 0  # which says what is wrong with a number under 1
+        return request, 0  # the request itself refuses a number under 1
     if wanted not in (1, launched) and launched > 1:
         raise SceneError(
             option, wanted, f"{launched} processes were started; leave it out, or start mpiexec -n {wanted}"
@@ -45,14 +47,15 @@ def among_ranks(scene: Scene, request: Request) -> tuple[Request, int]:
 
 
 def check_launcher() -> str:
-    """What starts processes of MPI. Raises BackendUnavailable where there is none, or no mpi4py."""
+    """Return the launcher of MPI processes. Raises BackendUnavailable if there is none, or no mpi4py."""
     launcher = mpiexec()
     mpi_installed()
     return launcher
 
 
 def start_ranks(count: int, arguments: Sequence[str]) -> int:
-    """Run this command line on `count` processes of MPI, and wait; the exit status of rank 0. Raises BackendUnavailable."""
+    """Run this command line on `count` MPI processes, and wait. Returns the exit status of rank 0. Raises
+    BackendUnavailable."""
     launcher = check_launcher()
     with TemporaryDirectory() as folder:
         status = Path(folder) / "status"
@@ -64,11 +67,11 @@ def start_ranks(count: int, arguments: Sequence[str]) -> int:
 
 
 def rank_status(status: int) -> int:
-    """The exit status of this process: its own, or where `start_ranks` waits for rank 0's none, so that the launcher has
-    nothing to add."""
+    """Return the exit status of this process: its own, or 0 if `start_ranks` waits for that of rank 0, so that the
+    launcher prints no message of its own."""
     file = os.environ.get(STATUS_FILE)
     if file is not None and launched_rank() == 0:
         Path(file).write_text(str(status))
     if status == BackendUnavailable.exit_status and "mpi4py.MPI" in sys.modules and launched_ranks() > 1:
-        abort(status)  # the end of a process would wait for one that is lost
+        abort(status)  # the end of a process would wait for a lost one
     return status if file is None else 0

@@ -1,4 +1,4 @@
-"""One headless run: open a scene, step it, keep what was asked for, and say how it went."""
+"""One headless run: open a scene, step it, write the requested outputs, and report."""
 
 from __future__ import annotations
 
@@ -41,12 +41,12 @@ from model.scene.scene import Scene
 from model.scene.sheets import mesh_lines, rest_lines
 
 WARM_UP_STEPS = 512  # on a real GPU: enough to capture every graph that a long run replays
-PROGRESS_SECONDS = 0.2  # how often the progress bar moves
+PROGRESS_SECONDS = 0.2  # interval of the progress bar
 
 
 @dataclass(frozen=True)
 class Request:
-    """What `softlab run` was asked to do. `record_every` 0: no trajectory. Exactly one of `steps` and `time` [s]. `export`: a
+    """The options of `softlab run`. `record_every` 0: no trajectory. Exactly one of `steps` and `time` [s]. `export`: a
     file's name, with {frame} in it for a file every `export_every` [s]."""
 
     backend: str = "cpu"
@@ -80,17 +80,19 @@ class Request:
         return self.render is not None and self.render.suffix.lower() == CLIP
 
     def picture(self) -> Picture:
-        """What `--render` draws. Raises SceneError."""
+        """Return the picture that `--render` draws. Raises SceneError."""
         size = parse_size(self.size) if self.size is not None else (Picture.width, Picture.height)
         return Picture(*size, fps=self.fps or USUAL_RATE, look=self.look, legend=self.hud)
 
 
 @dataclass
 class Result:
-    """What a run gave: `report` is what `run --json` prints, `state` the end (the last checked finite one, if it
-    diverged), `written` the files made, `notes` what a person should know, `diverged` the error that ended it,
-    `incomplete` that not all of its physics was computed (None: all was, or it is allowed), `rank` of the process: number 0
-    alone writes."""
+    """The result of a run.
+
+    `report` is what `run --json` prints, `state` the final state (the last checked finite one, if it diverged),
+    `written` the files made, `notes` hints for the user, `diverged` the error that ended it, `incomplete` that not all
+    of its physics was computed (None: all was, or it is allowed), `rank` of the process: only number 0 writes.
+    """
 
     report: dict[str, Any]
     state: State
@@ -103,8 +105,8 @@ class Result:
 
 
 def check_targets(scene: Scene, request: Request, steps: int, notes: list[str]) -> Target | None:
-    """Everything that could stop a result from being written, before any work; where meshes are exported to. Raises
-    InputError, SceneError."""
+    """Check, before any work, everything that could prevent a result from being written, and return the target of
+    exported meshes. Raises InputError, SceneError."""
     if request.out:
         check_state_target(request.out)
     if request.render:
@@ -139,7 +141,8 @@ def check_targets(scene: Scene, request: Request, steps: int, notes: list[str]) 
 
 
 def run_scene(scene: Scene, request: Request, *, progress: bool = True) -> Result:
-    """Run `scene` as asked. Raises SceneError, InputError, BackendUnavailable; a divergence is part of the result."""
+    """Run `scene` as requested. Raises SceneError, InputError, BackendUnavailable; a divergence is part of the
+    result."""
     built = mesh_lines, rest_lines, body_lines, resting_notes, collider_lines
     lines = *built, overlap_lines, limit_notes, damping_lines, speed_lines
     notes = [line for told in lines for line in told(scene)]
@@ -184,7 +187,7 @@ def run_scene(scene: Scene, request: Request, *, progress: bool = True) -> Resul
         notes += fault_lines(result.report) + fluid_notes(result.report) + newton_notes(result.report)
         if exporter:
             result.written += exporter.finish(simulation, notes)
-        opened.close()  # before the clip is drawn with a renderer of its own
+        opened.close()  # before the clip is drawn with its own renderer
         _write_results(result, request, recorder, simulation, start, view, foaming.points if foaming else None)
         if diverged is not None:
             notes.append(f"the numbers above are of the last good state, at step {state.step}")
@@ -197,24 +200,24 @@ def run_scene(scene: Scene, request: Request, *, progress: bool = True) -> Resul
 
 
 def _spins() -> bool:
-    """Whether idle threads keep their cores from others for long."""
+    """Return True if idle threads keep their cores busy for long."""
     return wait_policy() not in ("brief", "passive")
 
 
 def _crowded() -> bool:
-    """Whether more programs than there are cores have wanted one of late."""
+    """Return True if more programs than there are cores have been running lately."""
     return psutil.getloadavg()[0] > core_count() + 0.5
 
 
 class Keeper(Protocol):
-    """Keeps something of states as a run goes on, every so many steps."""
+    """Records states during a run, every so many steps."""
 
     def steps_to_next(self, done: int) -> int: ...
     def keep(self, simulation: Simulation, done: int) -> None: ...
 
 
 class _Recorder:
-    """Keeps a state every `every` steps, the start among them; 0 keeps nothing."""
+    """Records a state every `every` steps, including the start; 0 records nothing."""
 
     def __init__(self, start: State, every: int):
         self.every = every
@@ -231,7 +234,8 @@ class _Recorder:
 def _advance(
     simulation: Simulation, steps: int, keepers: Sequence[Keeper], progress: bool
 ) -> tuple[float, Diverged | None]:
-    """Seconds of stepping alone, and the divergence that ended it, if any. `keepers` keep states as it goes on."""
+    """Advance the simulation. Returns (seconds of stepping alone, the divergence that ended it or None). `keepers`
+    record states during the run."""
     from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
     from app.output.bar import Bar

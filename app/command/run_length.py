@@ -1,4 +1,4 @@
-"""How far a run goes, and how often it is recorded, of what was typed."""
+"""Length of a run and interval of its recording, from the command line."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ MAX_STEPS = 10**15  # more would take years
 
 
 def parse_record(words: Iterable[str] | None) -> int:
-    """N of `every=N`. Raises SceneError."""
+    """Return N of `every=N`. Raises SceneError."""
     word = next(iter(words or ()), "")
     key, _, number = word.partition("=")
     short = number.isascii() and number.isdigit() and len(number) <= len(str(MAX_STEPS))
@@ -22,7 +22,7 @@ def parse_record(words: Iterable[str] | None) -> int:
 
 
 def step_count(scene: Scene, steps: int | None, time: float | None, notes: list[str]) -> int:
-    """The number of steps asked for; a time is rounded to whole steps, and a note says so."""
+    """Return the number of steps asked for; a time is rounded to whole steps, with a note about it."""
     if steps is not None and time is not None:
         raise SceneError("--time", time, "--steps and --time are mutually exclusive; pass one of them")
     if steps is not None:

@@ -1,4 +1,4 @@
-"""What a run tells of the parts that few scenes have: contacts of a cloth with itself, and bodies."""
+"""Report of a run about parts that few scenes have: self-contact of a cloth, bodies, fluids."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ from model.shape_matching.spare import counts
 
 
 def body_lines(scene: Scene) -> list[str]:
-    """What the meshes of a scene's bodies became: of each, once for all its copies, what was built and what it weighs."""
+    """Return lines about the meshes of a scene's bodies: for each, once for all its copies, what was built and its
+    mass."""
     lines = [line for member in scene.members.values() for line in body_lines(member)]
     for name, part in scene.bodies.items():
         times = f" (x {part.count})" if part.count > 1 else ""
@@ -27,8 +28,8 @@ def body_lines(scene: Scene) -> list[str]:
 
 
 def built_report(scene: Scene) -> dict[str, Any]:
-    """Of tetrahedral bodies, by name: what they were built of, and their mass [kg], volume [m^3] and second moments of
-    volume about x, y, z through the centre [m^5] beside the mesh's."""
+    """Return, for tetrahedral bodies, by name: what they were built from, and their mass [kg], volume [m^3] and second
+    moments of volume about x, y, z through the centre [m^5] next to the mesh's."""
     members = scene.members.values() if scene.is_world else (scene,)
     built = {}
     for member in members:
@@ -50,7 +51,7 @@ def built_report(scene: Scene) -> dict[str, Any]:
 
 
 def collider_lines(scene: Scene) -> list[str]:
-    """What became of the meshes that masses collide with."""
+    """Return lines about the meshes of colliders."""
     lines = []
     for name, part in scene.parts.items():
         if isinstance(part, SurfaceCollider):
@@ -60,8 +61,10 @@ def collider_lines(scene: Scene) -> list[str]:
 
 
 def bodies_report(simulation: Simulation) -> dict[str, Any]:
-    """Of bodies, how many are there, of how many clusters, and how many wait, of how many particles. Their `max_strain` is
-    how far a particle is from where one of its clusters wants it, over the particle spacing."""
+    """Return the numbers of active bodies and their clusters, and of inactive bodies and their particles.
+
+    Their `max_strain` is the distance of a particle from its goal in one of its clusters, over the particle spacing.
+    """
     scene = simulation.scene
     if not scene.bodies:
         return {}
@@ -75,8 +78,8 @@ def bodies_report(simulation: Simulation) -> dict[str, Any]:
 
 
 def fluid_report(simulation: Simulation, state: State) -> dict[str, Any]:
-    """Of fluids, by how much densities exceed that at rest, the `height` of the highest hundredth of particles over where the
-    lowest one's floor was, and particles that no capacity was left for."""
+    """Return, for fluids: how much densities exceed that at rest, the `height` of the highest 1 % of particles above
+    the floor of the lowest one, and the particles that did not fit the capacity."""
     scene = simulation.scene
     if not scene.fluids or not np.isfinite(state.position).all():
         return {}
@@ -90,7 +93,8 @@ def fluid_report(simulation: Simulation, state: State) -> dict[str, Any]:
 
 
 def speed_report(simulation: Any) -> dict[str, Any]:
-    """Of fluids, `speed_limit` [m/s], the least of all, and `speed_limited`: how often it slowed a particle in a substep."""
+    """Return, for fluids, `speed_limit` [m/s], the smallest of all, and `speed_limited`: number of times that it slowed
+    a particle in a substep."""
     if simulation.scene.is_world:
         simulation = simulation.members.get("fluid", simulation)
     scene = simulation.scene
@@ -101,7 +105,7 @@ def speed_report(simulation: Any) -> dict[str, Any]:
 
 
 def fluid_notes(report: dict[str, Any]) -> list[str]:
-    """What to do where a fluid's capacity or its speed limit was too small."""
+    """Return remedies for a fluid whose capacity or speed limit was too small."""
     notes = []
     if report.get("not_emitted"):
         notes.append(
@@ -117,8 +121,8 @@ def fluid_notes(report: dict[str, Any]) -> list[str]:
 
 
 def newton_report(simulation: Simulation) -> dict[str, Any]:
-    """Of implicit tetrahedral bodies, per solve (a substep is one, of second order two): matrices, Newton's steps, and
-    products with the matrix."""
+    """Return, for implicit tetrahedral bodies, per solve (a substep is one, of second order two): matrices, Newton's
+    steps, and products with the matrix."""
     if not simulation.scene.tetrahedra or not hasattr(simulation, "done"):
         return {}
     solves, _, matrices, products, steps = (int(one) for one in simulation.done)
@@ -127,8 +131,11 @@ def newton_report(simulation: Simulation) -> dict[str, Any]:
 
 
 def newton_notes(report: dict[str, Any]) -> list[str]:
-    """That nothing was solved: where a matrix that is made again, positive, leads nowhere either, there are two of a solve
-    and no step; at rest there is one."""
+    """Return a note if nothing was solved.
+
+    If a matrix that was made again, positive, does not lead to a step either, a solve has two matrices and no step; at
+    rest it has one.
+    """
     if (
         "newton_steps" not in report
         or report["newton_steps"] > 0.5
@@ -142,9 +149,12 @@ def newton_notes(report: dict[str, Any]) -> list[str]:
 
 
 def contact_report(simulation: Simulation, state: State) -> dict[str, Any]:
-    """Of a cloth that meets itself: the least gaps [m] between layers and between edges (None: more than the thickness), and
-    what contacts of masses with triangles do not see (pairs of edges that are too near, edges through triangles). Seconds on
-    large sheets."""
+    """Return, for a cloth with self-contact: the least gaps [m] between layers and between edges (None: more than the
+    thickness), and what contacts of masses with triangles miss (pairs of edges that are too near, edges through
+    triangles).
+
+    Takes seconds for large sheets.
+    """
     scene = simulation.scene
     if scene.self_collision is None:
         return {}

@@ -1,4 +1,5 @@
-"""What a run did, in numbers: what `softlab run --json` prints, and `softlab run` in words (app/command/tables.py)."""
+"""Numerical report of a run: printed as it is by `softlab run --json`, and in words by `softlab run`
+(app/command/tables.py)."""
 
 from __future__ import annotations
 
@@ -26,8 +27,8 @@ from model.shape_matching.spare import counts
 def run_report(
     simulation: Simulation, state: State, steps: int, seconds: float, compile_seconds: float, diverged: Diverged | None
 ) -> dict[str, Any]:
-    """Of a run of `steps` steps that took `seconds` [s], and ended in `state`: energies [J], speeds [m/s], strain, what its
-    solver tells of contacts, bodies and fluids, and what of it is incomplete."""
+    """Return the report of a run of `steps` steps that took `seconds` [s], and ended in `state`: energies [J], speeds
+    [m/s], strain, the solver's numbers about contacts, bodies and fluids, and which of its physics is incomplete."""
     scene = simulation.scene
     energy = energies(scene, state.position, state.velocity, state.plastic, state.inverse_mass, state.wetness)
     strained = scene.springs or scene.cloth or scene.bodies or scene.tetrahedra or scene.is_world

@@ -1,4 +1,4 @@
-"""Scene files: a scene written as the TOML that `load_scene` reads back, whole or not at all."""
+"""Scene files: a scene written as the TOML that `load_scene` reads, whole or not at all."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ BARE = re.compile(r"[A-Za-z0-9_-]+")  # a TOML key that needs no quotes
 
 
 def scene_toml(scene: Scene, heading: str = "") -> str:
-    """The scene as TOML text, defaults filled in; read back it is the same scene to the last digit.
+    """Return the scene as TOML text, including defaults; read back it is the same scene to the last digit.
 
     `heading`: lines put before it as comments.
     """
@@ -37,8 +37,8 @@ def _key(name: str) -> str:
 
 
 def _value(value: Any) -> str:
-    """A TOML value. JSON's strings, numbers and truth values are TOML's, but for DEL, which TOML wants escaped; fields
-    without a value are left out."""
+    """Return a TOML value. JSON's strings, numbers and truth values are TOML's, except for DEL, which must be escaped
+    in TOML; fields without a value are left out."""
     if isinstance(value, dict):
         fields = [f"{_key(name)} = {_value(one)}" for name, one in value.items() if one is not None]
         return f"{{ {', '.join(fields)} }}"
@@ -48,7 +48,7 @@ def _value(value: Any) -> str:
 
 
 def check_scene_target(path: Path | str, force: bool = False) -> Path:
-    """`path`, if a scene could be written there. Raises InputError, naming a file that exists unless `force`."""
+    """Return `path`, if a scene could be written there. Raises InputError, naming a file that exists unless `force`."""
     target = check_target(path, (SUFFIX,), "a scene file")
     if target.exists() and not force:
         raise InputError(f"{target} exists already; give another name, or pass --force to replace it")

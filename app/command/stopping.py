@@ -1,6 +1,6 @@
 """Ctrl-C while the lab is still being imported: one line and status 130, as later on.
 
-Imported before all else by softlab.py. `exit_status` (command_line.py) takes over when the command begins.
+softlab.py imports it before all else. `exit_status` (command_line.py) takes over when the command begins.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ STOPPED = 130  # the exit status
 
 
 def _leave(_signal: int, _frame: FrameType | None) -> None:
-    os.write(2, b"softlab: stopped\n")  # nothing has begun that could be half done
+    os.write(2, b"softlab: stopped\n")  # nothing has begun that could be left half done
     os._exit(STOPPED)
 
 
 def answer_at_once() -> None:
-    """In a process that was started as `softlab`; others that import it keep their own way."""
+    """Install the handler in a process that was started as `softlab`; others that import this module keep theirs."""
     started = os.path.splitext(os.path.basename(sys.argv[0]))[0] == "softlab"
     if started and threading.current_thread() is threading.main_thread():
         signal.signal(signal.SIGINT, _leave)

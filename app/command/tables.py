@@ -1,4 +1,4 @@
-"""What the command line prints: tables for people. (`--json` prints for programs.)"""
+"""Tables of the command line, for people. (`--json` prints for programs.)"""
 
 from __future__ import annotations
 
@@ -37,12 +37,12 @@ LABELS = {
     "newton_steps": "Newton steps",
 }  # fmt: skip
 MODIFIED = "J (2 x kinetic + potential, which the step lab {keeps})"
-IN_NOTES = ("built", "error_reason", "resolution", "waiting", "waiting_particles")  # no line of their own
-ABSENT = ("error", "threads_reason", "max_strain")  # no line where there is none
+IN_NOTES = ("built", "error_reason", "resolution", "waiting", "waiting_particles")  # not on a line of their own
+ABSENT = ("error", "threads_reason", "max_strain")  # no line without a value
 
 
 def number(value: Any) -> str:
-    """A value as a person reads it."""
+    """Return a value in a form for people."""
     if isinstance(value, bool) or value is None:
         return "-" if value is None else str(value)
     if isinstance(value, int):
@@ -53,7 +53,7 @@ def number(value: Any) -> str:
 
 
 def print_report(console: Console, report: dict[str, Any], written: list[Path], keeps: str = "conserves") -> None:
-    """The result of one run; `keeps`: what its step does to the modified energy, of model/core/energy.py."""
+    """Print the result of one run; `keeps`: the effect of its step on the modified energy, of model/core/energy.py."""
     table = Table(show_header=False, box=None, pad_edge=False)
     waiting = {"particles": report.get("waiting_particles"), "bodies": report.get("waiting")}
     for key, value in report.items():
@@ -80,7 +80,7 @@ def print_report(console: Console, report: dict[str, Any], written: list[Path], 
 
 
 def print_scenes(console: Console) -> None:
-    """The catalogue."""
+    """Print the catalogue."""
     columns = [Column(head, overflow="fold") for head in ("scene", "what it is", "masses", "method")]
     table = Table(*columns, box=None, pad_edge=False, collapse_padding=True)
     for name in catalogue():
@@ -96,8 +96,8 @@ def print_scenes(console: Console) -> None:
 
 
 def print_fields(console: Console, kind: str) -> None:
-    """What a table of a scene file may hold: three columns, since a fourth has no room on a narrow terminal. Raises
-    SceneError."""
+    """Print the fields of a table of a scene file: three columns, since a fourth does not fit on a narrow terminal.
+    Raises SceneError."""
     heads = (
         Column("field", no_wrap=True),
         Column("default", overflow="fold"),
@@ -113,7 +113,7 @@ def print_fields(console: Console, kind: str) -> None:
 
 
 def print_findings(console: Console, findings: list[Finding]) -> None:
-    """The doctor's report: a line a finding, the remedy below it where there is one."""
+    """Print the doctor's report: one line per finding, with the remedy below it, if any."""
     for finding in findings:
         mark = "[green]yes[/green]" if finding.works else "[yellow]no [/yellow]"
         console.print(f"{mark}  [bold]{finding.name}[/bold]: {escape(finding.found)}", soft_wrap=True)

@@ -1,4 +1,4 @@
-"""A bar of progress beside what a command prints."""
+"""A progress bar next to the output of a command."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from typing import Any
 from rich.console import Console
 from rich.progress import Progress, ProgressColumn, TaskID
 
-LINE_SECONDS = 10.0  # between two lines where standard error is not a terminal
+LINE_SECONDS = 10.0  # between two lines if standard error is no terminal
 
 
 class Bar(Progress):
-    """A progress bar on standard error that vanishes when done; a line every LINE_SECONDS where that is not a terminal;
+    """A progress bar on standard error that vanishes when done; a line every LINE_SECONDS if that is no terminal;
     nothing unless `show`."""
 
     def __init__(self, *columns: ProgressColumn, show: bool = True):
@@ -23,7 +23,7 @@ class Bar(Progress):
         self._next_line = monotonic() + LINE_SECONDS
 
     def update(self, task_id: TaskID, **fields: Any) -> None:
-        """Update a task as `Progress.update` does; print a line where there is no bar."""
+        """Update a task as `Progress.update` does; print a line if there is no bar."""
         super().update(task_id, **fields)
         if self._lines and monotonic() >= self._next_line:
             task = self._tasks[task_id]

@@ -1,7 +1,7 @@
 """States as meshes for other programs: `softlab run --export`. PLY or binary glTF (.glb), written by trimesh.
 
-A PLY file is one mesh of everything that moves; what has no triangles is vertices without faces in it. A .glb holds every
-body, cloth, grid and collider under its own name, grids as lines. Positions are metres, y up, as glTF wants them.
+A PLY file is one mesh of all moving things; those without triangles are vertices without faces. A .glb has every body,
+cloth, grid and collider under its own name, grids as lines. Positions are metres, y up, as glTF requires.
 """
 
 from __future__ import annotations
@@ -24,27 +24,28 @@ from model.shape_matching.spare import present
 
 PLY, GLB = ".ply", ".glb"
 FRAME = 1 / 60  # s of simulated time between two frames, as in a clip
-ROUGHNESS = 0.6  # of a surface in glTF: about as dull as the lab draws it
+ROUGHNESS = 0.6  # of a surface in glTF: about as dull as in the lab's pictures
 NUMBER = re.compile(r"\{frame(?::(?:0[1-9]\d?)?d)?\}")
 
 
 @dataclass(frozen=True)
 class Target:
-    """Where to: one file, or with {frame} in its name one for each frame, from 0 on; `every` [steps] between two frames."""
+    """Output of an export: one file, or with {frame} in its name one for each frame, from 0 on; `every` [steps] between
+    two frames."""
 
     name: str
     numbered: bool
     every: int = 0
 
     def of(self, frame: int) -> Path:
-        """The file of a frame."""
+        """Return the file of a frame."""
         path = Path(self.name)
         return path.with_name(NUMBER.sub(lambda found: found[0].format(frame=frame), path.name))
 
 
 def check_export(name: str, seconds: float | None, dt: float, notes: list[str]) -> Target:
-    """Where `--export NAME --export-every SECONDS` is to write, with steps of `dt` [s]; a time that is rounded to whole steps
-    is told in `notes`. Raises InputError (the file's name, its folder), SceneError (the time)."""
+    """Return the target of `--export NAME --export-every SECONDS`, with steps of `dt` [s]; a time that is rounded to
+    whole steps adds a line to `notes`. Raises InputError (the file's name, its folder), SceneError (the time)."""
     path = Path(name)
     if not path.name:
         raise InputError(f"--export {name}: is a folder; give a file name, such as {name}/body.ply")
@@ -69,13 +70,14 @@ def check_export(name: str, seconds: float | None, dt: float, notes: list[str]) 
 
 
 def _members_of(simulation: Simulation) -> dict[str, Simulation]:
-    """By name; of what is no world itself alone."""
+    """Return the members by name; for a simulation that is no world, itself alone."""
     members: dict[str, Simulation] = getattr(simulation, "members", {"": simulation})
     return members
 
 
 class Exporter:
-    """Writes states of a run as meshes: a pattern's frames, the one that `simulation` is at now first, or else the end."""
+    """Writes states of a run as meshes: the frames of a pattern, first the current one of `simulation`, or else the
+    end."""
 
     def __init__(self, simulation: Simulation, target: Target):
         self.target, self.every = target, target.every
@@ -85,16 +87,16 @@ class Exporter:
         self.keep(simulation, 0)
 
     def steps_to_next(self, done: int) -> int:
-        """Steps until the next frame, `done` steps after the start."""
+        """Return the steps until the next frame, `done` steps after the start."""
         return self.every - done % self.every if self.every else 2**62
 
     def keep(self, simulation: Simulation, done: int) -> None:
-        """Write the frame that is due after `done` steps, if one is. Raises InputError, Diverged."""
+        """Write the frame that is due after `done` steps, if any. Raises InputError, Diverged."""
         if self.every and done % self.every == 0:
             self._write(simulation)
 
     def finish(self, simulation: Simulation, notes: list[str]) -> list[Path]:
-        """Write the end, if that is what was asked for; the files to tell of. Of many frames a note tells."""
+        """Write the end, if requested, and return the files to list. A note describes many frames."""
         if not self.every:
             self._write(simulation)
             return self.written
@@ -105,7 +107,7 @@ class Exporter:
 
     @property
     def stopped(self) -> str:
-        """What is left of a run that was stopped, in words; every file is whole."""
+        """Description of the files of an interrupted run; every file is whole."""
         count = len(self.written)
         if not count:
             return "stopped; nothing was exported yet"
@@ -131,7 +133,7 @@ class Exporter:
 
 
 def write_pieces(path: Path | str, pieces: Sequence[Piece]) -> Path:
-    """Write them to `path` (.ply or .glb), whole or not at all. Raises InputError."""
+    """Write pieces to `path` (.ply or .glb), whole or not at all. Raises InputError."""
     path = check_target(path, (PLY, GLB), "an exported mesh")
     data = _glb(pieces) if path.suffix.lower() == GLB else _ply(pieces)
     with replacing(path) as temporary:
@@ -140,7 +142,7 @@ def write_pieces(path: Path | str, pieces: Sequence[Piece]) -> Path:
 
 
 def _ply(pieces: Sequence[Piece]) -> bytes:
-    """One mesh of all; colours as a screen shows them."""
+    """Return one mesh of all pieces; colours as displayed on a screen (sRGB)."""
     import trimesh
     from trimesh.exchange.ply import export_ply
 
@@ -161,7 +163,7 @@ def _ply(pieces: Sequence[Piece]) -> bytes:
 
 
 def _glb(pieces: Sequence[Piece]) -> bytes:
-    """A node for each; colours in linear light, as glTF 2.0, sections 3.7.2.1 and 3.9.2, has them."""
+    """Return a node for each piece; colours in linear light, as in glTF 2.0, sections 3.7.2.1 and 3.9.2."""
     import trimesh
 
     scene = trimesh.Scene()
@@ -175,7 +177,7 @@ def _geometry(piece: Piece) -> Any:
 
     colour = _bytes(tuple(map(linear, piece.colour)))
     if piece.triangles is not None:
-        # a material for each: without one a surface is of metal and has one side
+        # a material for each: by default a surface is metallic and one-sided
         material = trimesh.visual.material.PBRMaterial(
             name=piece.name, baseColorFactor=colour, metallicFactor=0.0, roughnessFactor=ROUGHNESS, doubleSided=True
         )
@@ -193,7 +195,7 @@ def _geometry(piece: Piece) -> Any:
 
 
 def linear(part: float) -> float:
-    """Linear light of a part of a colour as a screen shows it, both in 0 to 1 (IEC 61966-2-1, sRGB)."""
+    """Return the linear light of a component of a displayed colour, both in 0 to 1 (IEC 61966-2-1, sRGB)."""
     return part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4
 
 

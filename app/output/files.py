@@ -19,7 +19,7 @@ STATE = ".npz"
 
 
 def check_state_target(path: Path | str) -> Path:
-    """`path`, if a state or trajectory could be written there. Raises InputError."""
+    """Return `path`, if a state or trajectory could be written there. Raises InputError."""
     return check_target(path, (STATE,), "a state or trajectory file")
 
 
@@ -30,9 +30,12 @@ def _write(path: Path, arrays: dict[str, Any]) -> Path:
 
 
 def write_state(path: Path | str, state: State) -> Path:
-    """Write `position`, `velocity` (particles, dimensions), `inverse_mass` (particles,), `time` [s] and `step`; of bodies
-    `rotation` (clusters, 4), of plastic ones `plastic` (clusters, 3, 3), of emitters `taps`, of a cloth that drinks
-    `wetness` (particles,). Where the step size was changed, `clock_step` and `clock_time` [s] say when."""
+    """Write `position`, `velocity` (particles, dimensions), `inverse_mass` (particles,), `time` [s] and `step`.
+
+    For bodies also `rotation` (clusters, 4), for plastic ones `plastic` (clusters, 3, 3), for emitters `taps`, for a
+    cloth with absorption `wetness` (particles,). If the step size was changed, `clock_step` and `clock_time` [s] of the
+    change.
+    """
     names = ("position", "velocity", "inverse_mass", "rotation", "plastic", "taps", "wetness")
     arrays = {name: getattr(state, name) for name in names if getattr(state, name) is not None}
     if state.clock != START:
@@ -41,11 +44,11 @@ def write_state(path: Path | str, state: State) -> Path:
 
 
 def read_state(path: Path | str, scene: Scene) -> State:
-    """The state in a .npz file: `position` is needed; velocity is 0, the masses are the scene's and the rotations of bodies
-    those that fit where not given, and nothing is bent.
+    """Return the state in a .npz file.
 
-    Raises InputError for a file that is missing, unreadable, no .npz, or holds no positions of this scene; what else the
-    arrays hold is checked where they are loaded.
+    `position` is required. By default velocity is 0, the masses are the scene's, the rotations of bodies are fitted,
+    and nothing is bent. Raises InputError for a file that is missing, unreadable, no .npz, or without positions of this
+    scene; the other arrays are checked where they are loaded.
     """
     arrays = read_archive(
         path, "a state is a .npz file with named arrays, position among them, such as softlab run --out writes"

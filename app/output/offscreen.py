@@ -34,7 +34,7 @@ MIN_SIZE, MAX_SIZE = 16, 16384  # pixels
 
 @dataclass(frozen=True)
 class Fitted:
-    """A view and the largest strain of the range of colours, which hold every state they were fitted to."""
+    """A view and the largest strain of the range of colours, which contain every state they were fitted to."""
 
     camera: Any
     strain_range: float
@@ -43,12 +43,11 @@ class Fitted:
 class OffscreenRenderer:
     """Draws states of one scene into a picture of `width` x `height` pixels; a context manager.
 
-    `draw(position)` draws and waits until it is drawn, `image()` gives the pixels. `legend=False` leaves out all text.
-    The view and the range of colours are those of `fit` (the rest state and a strain of 0.5 before its first call).
-    A cloth is drawn as a lit surface, or as springs coloured by strain, with the legend, where `lines` is true; bodies as
-    their skins, or then as particles. `look`: how tetrahedra are drawn, of LOOKS in app/render/tetrahedra_view.py.
-
-    Raises BackendUnavailable where off-screen OpenGL or a font is missing, InputError for an impossible size.
+    `draw(position)` draws and waits until it is drawn, `image()` returns the pixels. `legend=False` omits all text. The
+    view and the range of colours are those of `fit` (the rest state and a strain of 0.5 before its first call). A cloth
+    is drawn as a lit surface, or with `lines` as springs coloured by strain, with the legend; bodies as their skins, or
+    with `lines` as particles. `look`: how tetrahedra are drawn, of LOOKS in app/render/tetrahedra_view.py. Raises
+    BackendUnavailable if off-screen OpenGL or a font is missing, InputError for an impossible size.
     """
 
     def __init__(
@@ -84,7 +83,7 @@ class OffscreenRenderer:
             raise
         self._fitted, self._fixed = False, False
         self._weights: np.ndarray | None = None
-        self._points: np.ndarray | None = None  # that the view goes by
+        self._points: np.ndarray | None = None  # which the view is fitted to
         self.camera = camera_of(scene, width, height)
         self._frame(rest_positions(scene.grid), 0.0)
 
@@ -103,7 +102,7 @@ class OffscreenRenderer:
             self._window = None
 
     def _frame(self, position: np.ndarray, time: float) -> None:
-        """Hold these positions; after the first `fit` only ever more, so that a clip does not jump."""
+        """Fit the view to these positions; after the first `fit` it only widens, so that a clip does not jump."""
         fluid = with_fluids(self.scene)
         there = main_part(self.scene, position) if fluid else present(self.scene, position, self._weights)
         bounds = finite_bounds(there)
@@ -123,15 +122,14 @@ class OffscreenRenderer:
         self.camera.aim(self.scene.camera)
 
     def show_bodies(self, inverse_mass: np.ndarray | None) -> None:
-        """Bodies that wait by these inverse masses (particles,), as in State, are not shown from now on; at first, and by
-        None, those that wait when the scene starts."""
+        """Hide bodies inactive by these inverse masses (particles,), as in State; None: when the scene starts."""
         if self.scene.bodies:
             self._weights = inverse_mass
             self._view.show_bodies(inverse_mass)
 
     def fit(self, position: np.ndarray, time: float = 0.0) -> None:
-        """Make the view and the range of colours hold this state (particles, dimensions) [m] at `time` [s] as well as those
-        fitted before. Does nothing after `fix`."""
+        """Widen view and range of colours to contain a state (particles, dimensions) [m] at `time` [s]; not after
+        `fix`."""
         if self._fixed:
             return
         self._frame(position, time)
@@ -142,7 +140,7 @@ class OffscreenRenderer:
 
     @property
     def fitted(self) -> Fitted:
-        """The view and the range of colours that `fit` has arrived at."""
+        """The view and the range of colours of `fit` so far."""
         return Fitted(self.camera, self.strain_range)
 
     def fix(self, fitted: Fitted) -> None:
@@ -151,11 +149,11 @@ class OffscreenRenderer:
 
     @property
     def wants_velocity(self) -> bool:
-        """Whether what is drawn depends on velocities: speeds, foam."""
+        """True if the drawing depends on velocities: speeds, foam."""
         return bool(self._view.wants_velocity)
 
     def show_foam(self, points: FoamPoints | None) -> None:
-        """Of fluids: spray and foam as they have become so far, in place of none."""
+        """Show these spray and foam particles of a fluid."""
         if points is not None and self.scene.fluids:
             self._view.show_foam(points)
 
@@ -163,10 +161,11 @@ class OffscreenRenderer:
         self, position: np.ndarray, time: float = 0.0, normal: np.ndarray | None = None,
         velocity: np.ndarray | None = None, wetness: np.ndarray | None = None,
     ) -> None:  # fmt: skip
-        """Draw a state (particles, dimensions) [m] and return when it has been drawn. Raises InputError for another shape.
+        """Draw a state (particles, dimensions) [m] and return when it is drawn. Raises InputError for other shapes.
 
-        `time` [s] says where moving colliders are; in space `normal` (particles, 3) are the cloth's, if known; `velocity`
-        (particles, dimensions) [m/s], if known, is for what `wants_velocity`; `wetness` (particles,): as in State.
+        `time` [s] gives the positions of moving colliders; in space `normal` (particles, 3) are the cloth's, if known;
+        `velocity` (particles, dimensions) [m/s], if known, is for `wants_velocity`; `wetness` (particles,): as in
+        State.
         """
         self._window.switch_to()
         self._view.know(velocity, time, wetness)
@@ -174,15 +173,14 @@ class OffscreenRenderer:
         self._draw(time)
 
     def show(self, simulation: Simulation) -> None:
-        """Draw the state that a simulation holds and return when it has been drawn; without the host's memory where the GPU
-        that computes it also draws."""
+        """Draw a simulation's current state and return when drawn; without the host's memory if its GPU also draws."""
         self._window.switch_to()
         self._view.upload_from(simulation)
         self._draw(simulation.time)
 
     @property
     def way(self) -> str:
-        """How the last state came to the drawing, in words."""
+        """Transfer of the last state to the drawing, in words."""
         return self._view.vertices.way
 
     def _draw(self, time: float) -> None:
@@ -200,13 +198,13 @@ class OffscreenRenderer:
         gl.glFinish()
 
     def image(self) -> np.ndarray:
-        """(height, width, 4) uint8, top row first: what was drawn last."""
+        """Return (height, width, 4) uint8, top row first: the last drawing."""
         self._window.switch_to()
         return read_pixels(self.width, self.height)
 
 
 def check_look(scene: Scene, look: Sequence[str]) -> None:
-    """Raise InputError for a look that scenes of this kind, or none, have."""
+    """Raise InputError for a look that scenes of this kind, or all scenes, lack."""
     from app.render.fluid.view import LOOKS as OF_FLUIDS
     from app.render.tetrahedra_view import LOOKS as OF_TETRAHEDRA
 
@@ -219,7 +217,7 @@ def check_look(scene: Scene, look: Sequence[str]) -> None:
 
 
 def read_pixels(width: int, height: int) -> np.ndarray:
-    """(height, width, 4) uint8, top row first, opaque: the frame buffer of the current context."""
+    """Return (height, width, 4) uint8, top row first, opaque: the frame buffer of the current context."""
     from pyglet import gl
 
     pixels = np.empty((height, width, 4), dtype=np.uint8)
@@ -247,12 +245,12 @@ def render_frame(
     foam: FoamPoints | None = None,
     wetness: np.ndarray | None = None,
 ) -> Path:
-    """Draw a state (particles, dimensions) [m] of `scene` into a PNG and return its path. `caption` None: the scene's
-    title. In space, `lines`: as springs, or particles, and not as a surface; `time` [s]: where moving colliders are;
-    `inverse_mass`, as in State: which bodies wait; `look`: see OffscreenRenderer; `velocity` (particles, dimensions)
-    [m/s] and `foam`: of a fluid, where they are known; `wetness`, as in State, of a cloth.
+    """Draw a state (particles, dimensions) [m] of `scene` into a PNG and return its path.
 
-    Raises InputError (name, folder, size, shape) and BackendUnavailable (no off-screen OpenGL).
+    `caption` None: the scene's title. In space, `lines`: as springs, or particles, instead of a surface; `time` [s]:
+    for the positions of moving colliders; `inverse_mass`, as in State: marks inactive bodies; `look`: see
+    OffscreenRenderer; `velocity` (particles, dimensions) [m/s] and `foam`: of a fluid, if known; `wetness`, as in
+    State, of a cloth. Raises InputError (name, folder, size, shape) and BackendUnavailable (no off-screen OpenGL).
     """
     path = check_target(path, (".png",))
     with OffscreenRenderer(scene, width, height, legend=legend, lines=lines, look=look) as renderer:
@@ -266,11 +264,11 @@ def render_frame(
 
 
 def opengl_available(text: bool = True) -> tuple[bool, str]:
-    """Whether pictures can be drawn off-screen here, and the renderer's name, or what is missing and how to get it.
+    """Return (True if pictures can be drawn off-screen here, the renderer's name or what is missing and how to install
+    it).
 
-    `text` False: pictures without a legend, which need no fonts.
-
-    Tried in a process of its own, because a process that has used pyglet with EGL can open no window any more.
+    `text` False: pictures without a legend, which need no fonts. Tried in a separate process, because a process that
+    has used pyglet with EGL cannot open a window any more.
     """
     code = f"from app.output.offscreen import probe; probe({text})"
     try:
@@ -278,7 +276,7 @@ def opengl_available(text: bool = True) -> tuple[bool, str]:
     except (OSError, subprocess.TimeoutExpired) as error:
         return False, f"the trial of OpenGL did not finish ({type(error).__name__}); {OFFSCREEN_REMEDY}"
     lines = [line for line in done.stdout.splitlines() if line.startswith(("works ", "fails "))]
-    if not lines:  # a driver that takes the process down
+    if not lines:  # a driver that crashed the process
         return False, f"the trial of OpenGL ended with status {done.returncode}; {OFFSCREEN_REMEDY}"
     word, _, found = lines[-1].partition(" ")
     return word == "works", found
@@ -297,5 +295,5 @@ def probe(text: bool) -> None:
             print("works", renderer.renderer)
     except SoftlabError as error:
         print("fails", " ".join(str(error).split()))
-    except Exception as error:  # a driver's own troubles are an answer too
+    except Exception as error:  # errors of a driver are a result too
         print(f"fails {type(error).__name__}: {' '.join(str(error).split())}; {OFFSCREEN_REMEDY}")

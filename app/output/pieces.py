@@ -1,4 +1,4 @@
-"""What of a state other programs can show: skins, particles, cloths, grids and colliders as triangles, lines and points."""
+"""Parts of a state for other programs: skins, particles, cloths, grids and colliders as triangles, lines and points."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from model.scene.sheets import scene_normals, triangles_of
 from model.shape_matching.body_set import Copy
 from model.shape_matching.spare import copies_there
 
-PLANE_REACH = 1.0  # of the scene's size: a plane is shown as far as that on each side of the masses
+PLANE_REACH = 1.0  # relative to the scene's size: a plane extends so far on each side of the masses
 
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """One thing: `vertices` (n, 3) [m] in one `colour`, (red, green, blue) in 0 to 1 as a screen shows it.
+    """One object: `vertices` (n, 3) [m] in one `colour`, (red, green, blue) in 0 to 1 as displayed on a screen.
 
     With `triangles` (m, 3), counter-clockwise from outside, and `normals` (n, 3) it is a surface; with `lines`, rows of
     indices of vertices, each a line through them, it is lines; else points.
@@ -38,9 +38,12 @@ class Piece:
 def pieces_of(
     scene: Scene, position: np.ndarray, matrices: np.ndarray | None = None, inverse_mass: np.ndarray | None = None
 ) -> list[Piece]:
-    """What moves: `position` (particles, dimensions) [m]; of bodies `matrices` (clusters, 3, 4) of ClusterFrames, but
-    for those that wait by `inverse_mass`, as in State (None: when the scene starts). A body without a skin is its particles;
-    a sheet without triangles its lines; one without springs its masses."""
+    """Return the moving parts of a state.
+
+    `position` (particles, dimensions) [m]; for bodies `matrices` (clusters, 3, 4) of ClusterFrames, without those that
+    are inactive by `inverse_mass`, as in State (None: when the scene starts). A body without a skin is its particles; a
+    sheet without triangles its lines; one without springs its masses.
+    """
     if scene.bodies:
         assert matrices is not None
         there = copies_there(scene, inverse_mass)
@@ -65,7 +68,7 @@ def pieces_of(
 
 
 def _skins(scene: Scene, position: np.ndarray) -> list[Piece]:
-    """Of tetrahedral bodies, each carried by its tetrahedra, and of a cloth beside them."""
+    """Return the skins of tetrahedral bodies, deformed with their tetrahedra, and of a cloth beside them."""
     skin = scene.tetrahedra_set.skin
     points = skin.points(position)
     normals = mesh_normals(points, skin.faces)
@@ -78,8 +81,8 @@ def _skins(scene: Scene, position: np.ndarray) -> list[Piece]:
 
 
 def _body(scene: Scene, copy: Copy, position: np.ndarray, matrices: np.ndarray) -> Piece:
-    """A copy of a body: its skin as its clusters take it (linear blend skinning, model/assets/skin.py), or else its
-    particles."""
+    """Return a copy of a body: its skin deformed by its clusters (linear blend skinning, model/assets/skin.py), or else
+    its particles."""
     colour, baked = colours.BODIES[copy.number % len(colours.BODIES)], copy.baked
     several = scene.bodies[copy.name].count + scene.bodies[copy.name].spare > 1
     first = next(one.number for one in scene.body_set.copies if one.name == copy.name) if several else 0
@@ -96,8 +99,8 @@ def _body(scene: Scene, copy: Copy, position: np.ndarray, matrices: np.ndarray) 
 def skinned(
     position: np.ndarray, normal: np.ndarray, clusters: np.ndarray, weights: np.ndarray, matrices: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(position, normal) (vertices, 3) float64: each vertex moved by the weighted mean of its clusters' `matrices`
-    (clusters, 3, 4), as the shaders do; normals 1 long, 0 where they cancel."""
+    """Return (position, normal) (vertices, 3) float64: each vertex moved by the weighted mean of its clusters'
+    `matrices` (clusters, 3, 4), as in the shaders; unit normals, 0 where they cancel."""
     moved, turned = np.zeros((2, *position.shape))
     for weight, cluster in zip(weights.T, clusters.T, strict=True):  # one after the other: a quarter of the memory
         own = weight[:, None, None] * matrices[cluster]
@@ -108,7 +111,7 @@ def skinned(
 
 
 def collider_pieces(scene: Scene, position: np.ndarray, time: float) -> Iterator[Piece]:
-    """The colliders where they are at `time` [s]; of a plane a square below the masses, `position` (particles, 3) [m]."""
+    """Iterate over the colliders at `time` [s]; a plane is a square below the masses, `position` (particles, 3) [m]."""
     names = {id(part): name for name, part in scene.parts.items()}
     for _, collider in scene.colliders:
         name, moved = names[id(collider)], time * np.array(collider.velocity)

@@ -1,4 +1,5 @@
-"""Clips: frames piped into the ffmpeg of imageio-ffmpeg (h264 in MP4); and `render`, which goes by a file's suffix."""
+"""Clips: frames piped into the ffmpeg of imageio-ffmpeg (h264 in MP4); and `render`, which chooses by a file's
+suffix."""
 
 from __future__ import annotations
 
@@ -26,16 +27,18 @@ from model.scene.scene import Scene
 
 FRAME, CLIP = ".png", ".mp4"
 PROGRESS_AFTER = 1.0  # s
-MOST_RATE = 1000  # denominator of a rate: an MP4's time has a whole number of ticks a second
+MOST_RATE = 1000  # denominator of a rate: an MP4's time has an integer number of ticks per second
 FULL, NO_ROOM = "No space left", "no space left on the disk"  # ffmpeg's words, and ours
-LEAST_ROOM = 1 << 16  # bytes: with less a disk is full
+LEAST_ROOM = 1 << 16  # bytes: with less a disk counts as full
 
 
 @dataclass(frozen=True)
 class Picture:
-    """`width` x `height` pixels, rounded down to even numbers for a clip, under a `caption` (None: the scene's title); a clip
-    has `fps` frames a second, not necessarily a whole number. `look`: how tetrahedra are drawn (see OffscreenRenderer).
-    `legend` False: no text in the picture. `fitted`: the view of a clip (None: it widens as the motion needs)."""
+    """`width` x `height` pixels, rounded down to even numbers for a clip, under a `caption` (None: the scene's title).
+
+    A clip has `fps` frames/s, not necessarily an integer. `look`: how tetrahedra are drawn (see OffscreenRenderer).
+    `legend` False: no text in the picture. `fitted`: the view of a clip (None: it widens with the motion).
+    """
 
     width: int = 1280
     height: int = 960
@@ -46,22 +49,22 @@ class Picture:
     fitted: Fitted | None = None
 
 
-# position [m], time [s], and a cloth's normals, velocities [m/s] and how wet particles are, if they are known
+# position [m], time [s], and a cloth's normals, velocities [m/s] and wetness of particles, if they are known
 Frame = tuple[np.ndarray, float, np.ndarray | None, np.ndarray | None, np.ndarray | None]
 
 
 def wetness_of(simulation: Simulation) -> np.ndarray | None:
-    """(particles,): of a cloth that drinks, as in State."""
+    """Return (particles,) the wetness of a cloth with absorption, as in State, or None."""
     return np.asarray(simulation.read("wetness")) if "wetting" in simulation.plan.parts else None
 
 
 def true_rate(steps_per_frame: int, dt: float) -> float:
-    """Frames a second of a clip that lasts as long as what it shows, with steps of `dt` [s]; one at least."""
+    """Return the frames/s of a clip in real time, with steps of `dt` [s]; at least 1."""
     return max(1 / (steps_per_frame * dt), 1.0)
 
 
 def ffmpeg_path() -> str:
-    """The ffmpeg to use. Raises BackendUnavailable."""
+    """Return the path of ffmpeg. Raises BackendUnavailable."""
     try:
         import imageio_ffmpeg
 
@@ -76,8 +79,8 @@ def ffmpeg_path() -> str:
 class VideoWriter:
     """Writes frames (height, width, 3 or 4) uint8, top row first, as an MP4 (h264, yuv420p); a context manager.
 
-    `width`, `height` must be even (the pixel format needs it). The file appears, whole, when the block ends well, and
-    nothing is left behind when it does not. `sound`: a WAV file, as long as the clip, to go with it (AAC). Raises
+    `width`, `height` must be even (the pixel format requires it). The file appears, whole, when the block ends without
+    an error; otherwise nothing is left behind. `sound`: a WAV file, as long as the clip, to add to it (AAC). Raises
     InputError (name, folder, size, disk full) and BackendUnavailable (no ffmpeg).
     """
 
@@ -122,13 +125,13 @@ class VideoWriter:
         return self
 
     def write(self, image: np.ndarray) -> None:
-        """Append one frame. Raises InputError where its size differs or the file cannot be written."""
+        """Append one frame. Raises InputError if its size differs or the file cannot be written."""
         if image.shape[:2] != (self.height, self.width):
             raise InputError(f"a frame of shape {image.shape} in a clip of {self.height} rows x {self.width} columns")
         assert self._process is not None and self._process.stdin is not None, "use VideoWriter in a with block"
         try:
             self._process.stdin.write(np.ascontiguousarray(image[:, :, :3]).data)
-        except OSError:  # ffmpeg has ended; it has said why
+        except OSError:  # ffmpeg has ended, with a message
             raise self._failure() from None
         self.frames += 1
 
@@ -162,7 +165,7 @@ class VideoWriter:
 
 
 def reason(told: str, path: Path) -> str:
-    """Why a clip was not written, by what ffmpeg told, whose lines begin with addresses in its memory."""
+    """Return why a clip was not written, from the output of ffmpeg, whose lines begin with memory addresses."""
     if FULL in told or shutil.disk_usage(path.parent).free < LEAST_ROOM:
         return NO_ROOM
     lines = [re.sub(r"^(\[[^]]*\] *)+", "", line) for line in told.strip().splitlines()]
@@ -180,7 +183,7 @@ def render_clip(
 ) -> Path:
     """Advance `simulation` by `steps` steps and draw its start, every `steps_per_frame` steps and its end into an MP4.
 
-    The view and the range of colours widen as the motion needs. A progress bar on standard error, if it takes longer
+    The view and the range of colours widen with the motion. Shows a progress bar on standard error, if it takes longer
     than a second. Raises InputError, BackendUnavailable, and Diverged (then there is no clip).
     """
     if steps < 0 or steps_per_frame < 1:
@@ -248,7 +251,8 @@ def _progress_bar(name: str, total: int) -> tuple[Any, Any]:
 
 
 def check_render(path: Path | str) -> Path:
-    """`path`, if `render` could write it; raises InputError. To be called before the work whose picture it is."""
+    """Return `path`, if `render` could write it; raises InputError. To be called before the work whose picture it
+    is."""
     return check_target(path, (FRAME, CLIP))
 
 
@@ -266,12 +270,12 @@ def render(
     foam: FoamPoints | None = None,
     wetness: np.ndarray | None = None,
 ) -> Path:
-    """Draw into `frame.png` or `clip.mp4`, as the suffix says, and return the path.
+    """Draw into `frame.png` or `clip.mp4`, according to the suffix, and return the path.
 
-    `source`: a simulation (a frame shows its state now; a clip advances it by `steps`), or positions, (particles,
+    `source`: a simulation (a frame shows its current state; a clip advances it by `steps`), or positions, (particles,
     dimensions) for a frame and (frames, particles, dimensions) for a clip, which need their `scene`, and in space the
-    `time` [s] at which its moving colliders are to be shown; `inverse_mass`, as in State, tells which bodies wait; `velocity`
-    [m/s] and `foam` of a fluid's frame, and `wetness`, as in State, where known. Raises InputError, BackendUnavailable.
+    `time` [s] for its moving colliders; `inverse_mass`, as in State, marks inactive bodies; `velocity` [m/s] and `foam`
+    of a fluid's frame, and `wetness`, as in State, if known. Raises InputError, BackendUnavailable.
     """
     path = check_render(path)
     clip = path.suffix.lower() == CLIP

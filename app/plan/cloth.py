@@ -1,4 +1,5 @@
-"""What each backend makes of a cloth's step, for `softlab plan`: the kernel, why, and what its passes move and compute."""
+"""Plan of a cloth's step on each backend, for `softlab plan`: the kernel, the reason, and the bytes and operations of
+its passes."""
 
 from __future__ import annotations
 
@@ -10,9 +11,10 @@ from model.scene.scene import Scene
 
 
 def cloth_passes(plan: Plan, precision: str, way: float, note: str) -> tuple[Pass, ...]:
-    """The passes over the sheet of a fused kernel in a step; `way`: of the state's way through memory, what one takes.
+    """Return the passes over the sheet of a fused kernel in a step.
 
-    Velocity Verlet's kicks of neighbouring steps meet in one pass, unless a force depends on a neighbour's velocity.
+    `way`: fraction of the state's bytes that one pass moves through memory. Velocity Verlet's kicks of neighbouring
+    steps are combined in one pass, unless a force depends on a neighbour's velocity.
     """
     if plan.has(PRODUCT_STAGE):
         return implicit_passes(plan, precision, way, note)
@@ -20,8 +22,11 @@ def cloth_passes(plan: Plan, precision: str, way: float, note: str) -> tuple[Pas
 
 
 def implicit_passes(plan: Plan, precision: str, way: float, note: str) -> tuple[Pass, ...]:
-    """Those of implicit Euler, for one matrix and one iteration: forces at the start and what moves nothing by itself
-    (colliders, pins) belong to the pass of their neighbours."""
+    """Return the passes of implicit Euler, for one matrix and one iteration.
+
+    Forces at the start, and stages that move no data of their own (colliders, pins), belong to the pass of their
+    neighbours.
+    """
     stages = list(plan.root.stages())
     begin = next(n for n, stage in enumerate(stages) if stage.name == "begin")
     end = next(n for n, stage in enumerate(stages) if stage.name == "take over")
@@ -31,7 +36,7 @@ def implicit_passes(plan: Plan, precision: str, way: float, note: str) -> tuple[
 
 
 def cloth_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
-    """Each spring and each triangle once, on the way down the rows."""
+    """Return the plan on a CPU: each spring and each triangle once, along a walk down the rows."""
     from cpu_backend.mass_spring.cloth.solver import choose_kernel
 
     passes = cloth_passes(plan, precision, 1.0, "along rows, a band of rows a thread")
@@ -40,7 +45,7 @@ def cloth_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
 
 
 def cloth_on_gpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
-    """Also where there is no GPU: then for the one that the choice was measured on."""
+    """Return the plan on a GPU. Works without a GPU, then for the one that the choice was measured on."""
     from gpu_backend.mass_spring.cloth.choice import choose_cloth
 
     device, limits = gpu_device("that the choice was measured on")

@@ -1,4 +1,4 @@
-"""What each backend makes of a fluid's step, and what its parameters mean, for `softlab plan`."""
+"""Plan of a fluid's step on each backend, and meaning of its parameters, for `softlab plan`."""
 
 from __future__ import annotations
 
@@ -12,14 +12,15 @@ from model.scene.words import notes_of
 
 
 def fluid_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
-    """Lists of neighbours, sixteen particles side by side, all substeps of a call by one team of threads."""
+    """Return the plan on a CPU: neighbour lists, sixteen particles per vector, all substeps of a call by one team of
+    threads."""
     why = "sorted by cells in every substep, neighbour lists in slices; all substeps of a call in one kernel"
     groups = [[stage] for stage in stages_of(plan)]
     return cpu_plan("fused", why, merged_passes(groups, plan, precision, "a phase of the thread team"))
 
 
 def fluid_lines(scene: Scene) -> list[str]:
-    """Each parameter of a scene's fluids with its value, unit and meaning, and what follows from them."""
+    """Return one line per parameter of a scene's fluids, with value, unit and meaning, and derived quantities."""
     if not scene.fluids:
         return []
     found, lines = scene.fluid_set, []
@@ -43,7 +44,7 @@ def fluid_lines(scene: Scene) -> list[str]:
 
 
 def flow_lines(scene: Scene) -> list[str]:
-    """How much there may be of each fluid, what comes by emitters and how soon that is all, and what ends where."""
+    """Return lines about capacities, emitters (rate, time until the capacity is reached) and sinks."""
     lines, found, names = [], scene.fluid_set, list(scene.fluids)
     for number, name in enumerate(names):
         if found.capacities[number] > found.starting[number]:

@@ -1,4 +1,4 @@
-"""What the GPU makes of a fluid's step, for `softlab plan`."""
+"""Plan of a fluid's step on a GPU, for `softlab plan`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ ALONE = ("sort into cells", "density", "correct", "normals and vorticity")
 
 
 def fluid_on_gpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
-    """Also where there is no GPU."""
+    """Return the plan on a GPU. Works without a GPU."""
     if "divergence-free" in plan.parts:
         told = "particles sorted by cells in every substep, a thread each walks its list; a launch a stage; captured"
         return _launches(told, [[stage] for stage in stages_of(plan)], plan, precision)

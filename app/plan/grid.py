@@ -1,4 +1,4 @@
-"""What each backend makes of a step of the lab's grid: its kernel, and what that moves and computes in a pass."""
+"""Plan of the lab grid's step on each backend: its kernel, and the bytes and operations of a pass."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from model.core.simulation import PRECISIONS
 from model.formulas.springs import OPERATIONS_SPRING_2D
 from model.scene.scene import Scene
 
-EACH_ONCE = 2.0  # springs a mass, each computed once: a grid's interior has as many right and below as masses
+EACH_ONCE = 2.0  # springs per mass, each computed once: inner masses have one to the right and one below
 SPRINGS_OF_A_MASS = 4.0
 
 
 def grid_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
-    """What a CPU makes of a step of the lab's grid of springs."""
+    """Return the plan of a step of the lab's grid of springs on a CPU."""
     from cpu_backend.mass_spring.grid.choice import LEVELS, default_kernel
 
     kernel, why = default_kernel(scene, PRECISIONS[precision])
@@ -27,7 +27,7 @@ def grid_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
 
 
 def grid_on_gpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
-    """The same of a GPU; where there is none, of the one that the table of kernels was measured on."""
+    """Return the plan on a GPU; without one, for the GPU that the table of kernels was measured on."""
     from gpu_backend.mass_spring.grid.choice import default_kernel
 
     device, limits = gpu_device("of the table")

@@ -1,10 +1,10 @@
-"""The time of every stage of a step, measured: the unfused tree is run, stage by stage.
+"""Measured time of every stage of a step: the unfused tree is run, stage by stage.
 
-Beside them the whole step of the kernel that runs by default: its threads start once and its stages share what they load,
-so that it takes a part of the sum. On the CPU each stage of a real step is timed by itself, in turn. On a GPU a launch
-from Python takes longer than most stages: each stage is captured many times over as a graph (gpu_backend/core/launch.py)
-and replayed, so that its own time shows. Repeating a stage moves the state to nowhere in particular; nothing of that is
-kept, and no stage's time depends on the numbers in it.
+Next to them the whole step of the default kernel: its threads start once and its stages share loads, so it takes a
+fraction of the sum. On the CPU each stage of a real step is timed in turn. On a GPU a launch from Python takes longer
+than most stages: each stage is captured many times as a graph (gpu_backend/core/launch.py) and replayed, so that its
+own time shows. Repeating a stage leads to an arbitrary state, which is discarded; no stage's time depends on its
+values.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from model.scene.scene import Scene
 SECONDS = 1.0  # of measuring a backend
 MIN_STEPS, MAX_STEPS = 3, 20000
 SAMPLES = 10
-REWIND = 256  # steps until the state is put back, so that one that diverges never runs for long
+REWIND = 256  # steps until the state is reset, so that a diverging one never runs for long
 MIN_REPLAYS = 256  # of a stage on a GPU: one whole graph
 EMPTY = "empty"  # on the CPU: a stage that starts the threads and does nothing
 
@@ -35,8 +35,8 @@ Moments = list[tuple[Stage, Moment]]
 
 @dataclass(frozen=True)
 class StageTimes:
-    """`seconds` of each stage in the order of a step; `empty`: of one that does nothing. Or `missing`: why not. `step`: of
-    a whole step, by the kernel that runs by default."""
+    """`seconds` of each stage in the order of a step; `empty`: of an empty stage. Or `missing`: the reason. `step`: of
+    a whole step with the default kernel."""
 
     seconds: tuple[float, ...] = ()
     empty: float | None = None
@@ -45,7 +45,7 @@ class StageTimes:
 
 
 def measure_stages(scene: Scene, backend: str, precision: str, required: bool = False) -> StageTimes:
-    """The time of every stage of a scene on a backend, and of a whole step, in about two seconds.
+    """Return the time of every stage of a scene on a backend, and of a whole step, within about two seconds.
 
     Raises BackendUnavailable instead, if `required`.
     """
@@ -65,8 +65,8 @@ def measure_stages(scene: Scene, backend: str, precision: str, required: bool = 
 
 
 def _step_time(simulation: Simulation) -> float:
-    """Seconds of a step: the least of samples that take about a second together."""
-    simulation.advance(1)  # what is left to compile or to load
+    """Return the seconds of a step: the minimum of samples that take about a second together."""
+    simulation.advance(1)  # remaining compilation and loading
     simulation.synchronize()
     least, steps = inf, 1
     end = time.perf_counter() + SECONDS
@@ -99,14 +99,14 @@ def _stage_times(simulation: Simulation) -> StageTimes:
 
 
 def _warm_up(simulation: Simulation, stages: Moments, runs: Runs) -> None:
-    """One step: what is left to compile or to load."""
+    """Run one step, which compiles and loads the rest."""
     for stage, moment in stages:
         runs[stage.name](moment)
     simulation.synchronize()
 
 
 def _in_turn(simulation: Simulation, stages: Moments, runs: Runs) -> StageTimes:
-    """The median over the steps of about a second."""
+    """Return the medians over the steps of about a second."""
     _warm_up(simulation, stages, runs)
     samples: list[list[float]] = [[] for _ in stages]
     end = time.perf_counter() + SECONDS
@@ -125,7 +125,7 @@ def _in_turn(simulation: Simulation, stages: Moments, runs: Runs) -> StageTimes:
 
 
 def _replayed(simulation: Any, stages: Moments, runs: Runs) -> StageTimes:
-    """Each stage by itself, for its share of a second."""
+    """Time each stage separately, for its fraction of a second."""
     from gpu_backend.core.launch import Graphs
 
     _warm_up(simulation, stages, runs)

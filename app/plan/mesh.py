@@ -1,4 +1,4 @@
-"""What each backend makes of a step on a mesh, for `softlab plan`: a pass for each colour."""
+"""Plan of a step on a mesh on each backend, for `softlab plan`: one pass per colour."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ ONE_KERNEL = "all substeps of a call in one kernel"
 
 
 def _passes(plan: Plan, precision: str, note: str) -> tuple[Pass, ...]:
-    """The stages of an iteration in the order of the plan, each a pass of its own; velocities and colliders are one."""
+    """Return the stages of an iteration in the order of the plan, each as a pass; velocities and colliders are one."""
     stages = stages_of(plan)
     last = [stage for stage in stages if stage.name in ("update velocity", "collide")]
     after = [[stage] for stage in stages if stage.name == SLEEP]
@@ -21,7 +21,7 @@ def _passes(plan: Plan, precision: str, note: str) -> tuple[Pass, ...]:
 
 
 def mesh_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
-    """Constraints through index arrays, a parallel loop a colour."""
+    """Return the plan on a CPU: constraints in index arrays, one parallel loop per colour."""
     from cpu_backend.xpbd.mesh import choose_kernel
 
     why = "index arrays sorted by colour, " + ONE_KERNEL
@@ -33,7 +33,7 @@ def mesh_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
 
 
 def vertices_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
-    """Vertices through lists of their tetrahedra, a parallel loop a colour."""
+    """Return the plan on a CPU: vertices with lists of their tetrahedra, one parallel loop per colour."""
     from cpu_backend.xpbd.mesh import choose_kernel
 
     why = "vertices sorted by colour, each with its tetrahedra, " + ONE_KERNEL
@@ -45,19 +45,19 @@ def vertices_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
 
 
 def vertices_on_gpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
-    """Also where there is no GPU."""
+    """Return the plan of vertex block descent on a GPU. Works without a GPU."""
     why = "one thread per vertex, one launch per colour, captured as a graph"
     return BackendPlan("gpu", gpu_device()[0], "graph", None, why, _passes(plan, precision, "a launch"))
 
 
 def mesh_on_gpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
-    """Also where there is no GPU."""
+    """Return the plan on a GPU. Works without a GPU."""
     why = "one thread per constraint or voxel, one launch per colour, captured as a graph"
     return BackendPlan("gpu", gpu_device()[0], "graph", None, why, _passes(plan, precision, "a launch"))
 
 
 def tetrahedra_on_gpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
-    """Also where there is no GPU."""
+    """Return the plan of tetrahedra on a GPU. Works without a GPU."""
     from gpu_backend.tetrahedra.resident_launch import default_slabs, launched_only
 
     if launched_only(scene, plan.parts):
@@ -73,7 +73,8 @@ def tetrahedra_on_gpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
 
 
 def newton_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
-    """Tetrahedra and particles in turn; how often the inner passes run is decided while they run."""
+    """Return the plan on a CPU: tetrahedra and particles alternate; the number of inner passes is decided at run
+    time."""
     stages = [*dict.fromkeys(stages_of(plan))]
     why = "matrix blocks in rows, each summed by its own particle; all substeps of a call in one kernel"
     made = merged_passes([[stage] for stage in stages], plan, precision, "a loop over the threads")
@@ -81,7 +82,7 @@ def newton_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
 
 
 def newton_on_gpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
-    """Also where there is no GPU. All passes are of one kernel, whose blocks meet after each."""
+    """Return the plan on a GPU: all passes in one kernel, whose blocks synchronise after each. Works without a GPU."""
     stages = [*dict.fromkeys(stages_of(plan))]
     why = "whole steps per launch; thread blocks synchronize after every pass, and the device decides what follows"
     made = merged_passes([[stage] for stage in stages], plan, precision, "all blocks")

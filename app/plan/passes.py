@@ -1,4 +1,4 @@
-"""What a backend makes of the stages of a step: passes, each of which does several of them at once."""
+"""Passes of a backend over the stages of a step; each does several stages at once."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from model.core.simulation import PRECISIONS
 
 @dataclass(frozen=True)
 class Pass:
-    """What a kernel does in one pass: `stages` by name, in order. `bytes` through memory and `operations`, a mass and
-    pass; `note` says what the pass is."""
+    """One pass of a kernel: `stages` by name, in order; `bytes` through memory and `operations` per mass and pass;
+    `note`: a description."""
 
     stages: tuple[str, ...]
     bytes: float
@@ -24,8 +24,11 @@ class Pass:
 
 
 def merged_pass(stages: Sequence[Stage], item: int, dimensions: int, note: str, way: float = 1.0) -> Pass:
-    """One pass that does all `stages`: values are `item` bytes, and what one stage hands the next stays on the way. `way`: of
-    the bytes, those that go through memory."""
+    """Return one pass that does all `stages`.
+
+    Values are `item` bytes; results passed from one stage to the next are not counted. `way`: fraction of the bytes
+    that go through memory.
+    """
     moved = way * max(stage.bytes(item, dimensions) for stage in stages)
     operations = sum(stage.operations for stage in stages)
     return Pass(tuple(stage.name for stage in stages), float(moved), float(operations), note)
@@ -33,10 +36,10 @@ def merged_pass(stages: Sequence[Stage], item: int, dimensions: int, note: str, 
 
 @dataclass(frozen=True)
 class BackendPlan:
-    """What a backend makes of a step: on `device`, by `kernel` (its `tile`, where it has one) for the reason `why`.
+    """Plan of a step on a backend: on `device`, by `kernel` (with its `tile`, if any) for the reason `why`.
 
-    Where stages were to be measured: `unmeasured`, why they could not be; `empty`, seconds of a stage that does nothing;
-    `step`, of a whole step by `kernel`.
+    If stages were to be measured: `unmeasured`, why they could not be; `empty`, seconds of an empty stage; `step`, of a
+    whole step by `kernel`.
     """
 
     name: str
@@ -51,20 +54,22 @@ class BackendPlan:
 
 
 def cpu_plan(kernel: str, why: str, passes: tuple[Pass, ...]) -> BackendPlan:
-    """Of this machine's processor."""
+    """Return the plan on this machine's processor."""
     from cpu_backend.core.processor import processor_name
 
     return BackendPlan("cpu", processor_name(), kernel, None, why, passes)
 
 
 def item_bytes(precision: str) -> int:
-    """Of a scalar."""
+    """Return the bytes of a scalar."""
     return np.dtype(PRECISIONS[precision]).itemsize
 
 
 def gpu_device(choice: str = "") -> tuple[str, tuple[int, int] | None]:
-    """(what is told of the GPU, the limits by which its kernels are chosen, None: its own). Where there is none, and there is
-    a `choice`, in words, of the one on which that was measured."""
+    """Return (description of the GPU, the limits for the choice of kernels, None: its own).
+
+    Without a GPU, and with a `choice` (in words): the GPU on which that was measured.
+    """
     from gpu_backend.core.device import gpu_available, simulated
 
     available, device = gpu_available()
@@ -78,27 +83,27 @@ def gpu_device(choice: str = "") -> tuple[str, tuple[int, int] | None]:
 
 
 def leaves(node: Node | Stage) -> Iterator[Stage]:
-    """The stages below a node, or the one that it is."""
+    """Iterate over the stages below a node, or the stage itself."""
     yield from (node,) if isinstance(node, Stage) else node.stages()
 
 
 def stages_of(plan: Plan) -> list[Stage]:
-    """Each once, in the order in which they first come."""
+    """Return each stage once, in the order of first occurrence."""
     return list({stage.name: stage for stage in plan.root.stages()}.values())
 
 
 def merged_passes(
     groups: Sequence[Sequence[Stage]], plan: Plan, precision: str, note: str, way: float = 1.0
 ) -> tuple[Pass, ...]:
-    """A `merged_pass` for each group of stages."""
+    """Return a `merged_pass` for each group of stages."""
     return tuple(merged_pass(group, item_bytes(precision), plan.dimensions, note, way) for group in groups)
 
 
 def fused_groups(plan: Plan, meet: bool) -> list[list[Stage]]:
-    """The stages of each pass that a fused kernel of explicit steps makes over a sheet in a step, in order.
+    """Return the stages of each pass of a fused kernel of explicit steps over a sheet in a step, in order.
 
-    `meet`: velocity Verlet's force at the end of a step is the next one's at its start, so that one pass does the end of one
-    and the start of the next; its random force is taken for both.
+    `meet`: velocity Verlet's force at the end of a step is that at the start of the next one, so one pass does the end
+    of one and the start of the next; its random force is computed for both.
     """
     children = plan.root.children
     halves = [list(leaves(child)) for child in children if isinstance(child, Node)]
@@ -119,8 +124,11 @@ def fused_groups(plan: Plan, meet: bool) -> list[list[Stage]]:
 def fused_passes(
     plan: Plan, precision: str, way: float, note: str, *, meet: bool = True, more: float = 0.0
 ) -> tuple[Pass, ...]:
-    """The passes of `fused_groups`. `way`: of the state's way through memory, what a pass of a step takes; `more` operations
-    a mass where springs are computed again."""
+    """Return the passes of `fused_groups`.
+
+    `way`: fraction of the state's bytes that a pass moves through memory; `more`: operations per mass if springs are
+    computed again.
+    """
     groups = fused_groups(plan, meet)
     verlet = plan.has("second half kick")
     moved = way * plan.bytes(item_bytes(precision)) / (1 if verlet else len(groups))

@@ -1,8 +1,8 @@
-"""What `softlab plan` says: the stages of a step in order, what each moves and computes, and what a backend makes of them.
+"""Content of `softlab plan`: the stages of a step in order, their bytes and operations, and the plan of each backend.
 
-Two views of one step. Stage by stage (kernel `stages`) every stage reads and writes memory of its own. The kernel that a
-backend chooses does all stages of a pass at once: it moves the state alone, or less where it does several steps in one
-way through memory, and it computes some springs twice where that is cheaper than to carry them.
+Two views of one step. Stage by stage (kernel `stages`) every stage has separate input and output arrays. A backend's
+default kernel does all stages of a pass at once: it only moves the state, or less if it does several steps per transfer
+through memory, and it computes some springs twice where that is cheaper than storing them.
 """
 
 from __future__ import annotations
@@ -28,7 +28,8 @@ from model.scene.scene import Scene
 
 @dataclass(frozen=True)
 class Row:
-    """A line of the tree: a branch, or (`stage`) a leaf. `runs`: how often in a step; `depth`: below the whole step.
+    """A line of the tree: a branch, or (`stage`) a leaf. `runs`: number of times in a step; `depth`: below the whole
+    step.
 
     `seconds`: measured of a step, over all masses, by backend.
     """
@@ -41,7 +42,7 @@ class Row:
 
 
 def counts_of(scene: Scene) -> dict[str, Any]:
-    """What a scene has beside particles; of a world that of each of its `members`."""
+    """Return the counts of a scene besides particles; of a world those of each of its `members`."""
     if scene.is_world:
         members = scene.members.items()
         return {"members": {name: {"particles": one.grid.particle_count} | counts_of(one) for name, one in members}}
@@ -60,8 +61,8 @@ def counts_of(scene: Scene) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class PlanReport:
-    """All that `softlab plan` tells of a scene. `unknown`: backends whose choice cannot be had here, and why; `shared`: by
-    several GPUs, where that was asked for."""
+    """The content of `softlab plan` for a scene. `unknown`: backends whose choice is unavailable here, and why;
+    `shared`: on several GPUs, if requested."""
 
     scene: Scene
     precision: str
@@ -74,30 +75,30 @@ class PlanReport:
 
     @property
     def item(self) -> int:
-        """Bytes a scalar."""
+        """Bytes per scalar."""
         return np.dtype(PRECISIONS[self.precision]).itemsize
 
     @property
     def springs(self) -> int:
-        """Of the whole scene, of every kind; of a mesh its constraints."""
+        """Number of springs of the whole scene, of every kind; of a mesh its constraints."""
         return family_of(self.scene).spring_count(self.scene)
 
     @property
     def bytes(self) -> int:
-        """Bytes a mass and step, stage by stage."""
+        """Bytes per mass and step, stage by stage."""
         return sum(row.runs * row.stage.bytes(self.item, self.plan.dimensions) for row in self.rows if row.stage)
 
     @property
     def operations(self) -> int:
-        """Operations a mass and step, stage by stage."""
+        """Operations per mass and step, stage by stage."""
         return sum(row.runs * row.stage.operations for row in self.rows if row.stage)
 
     def seconds(self, backend: str) -> float:
-        """Measured seconds of a step, stage by stage; 0 where nothing was measured."""
+        """Return the measured seconds of a step, stage by stage; 0 without measurements."""
         return sum(row.seconds.get(backend, 0.0) for row in self.rows)
 
     def as_dict(self) -> dict[str, Any]:
-        """The object that `--json` prints. Shares are of the whole step; a limit that is infinite is null."""
+        """Return the object that `--json` prints. Fractions are of the whole step; an infinite limit is null."""
         method, grid = self.scene.method, self.scene.grid
         counts = counts_of(self.scene)
         return {
@@ -138,12 +139,12 @@ class PlanReport:
 
 
 def share(part: float, whole: float) -> float:
-    """part / whole, 0 of nothing."""
+    """Return part / whole, or 0 if `whole` is 0."""
     return part / whole if whole else 0.0
 
 
 def flatten(root: Node) -> tuple[list[Row], list[int]]:
-    """(the tree's lines from top to bottom, the lines of its leaves in the order in which a step runs them)."""
+    """Return (the tree's lines from top to bottom, the lines of its leaves in the order of a step)."""
     rows: list[Row] = []
 
     def add(node: Node | Stage, depth: int, runs: int) -> list[int]:
@@ -162,10 +163,10 @@ def flatten(root: Node) -> tuple[list[Row], list[int]]:
 def plan_report(
     scene: Scene, precision: str = "float32", backends: Sequence[str] = BACKENDS, measure: bool = False
 ) -> PlanReport:
-    """The report of a scene for the named backends; `measure`: with the time of every stage, where a backend is there.
+    """Return the report of a scene for the named backends; `measure`: with the time of every stage on available
+    backends.
 
-    Raises SceneError for a word that is none, and BackendUnavailable where the only backend asked to be measured is not
-    there.
+    Raises SceneError for an unknown word, and BackendUnavailable if the only backend to be measured is not available.
     """
     if precision not in PRECISIONS:
         raise SceneError("--precision", precision, f"must be one of {', '.join(PRECISIONS)}")
@@ -196,7 +197,7 @@ def plan_report(
 
 
 def limit_line(report: PlanReport) -> str:
-    """The stability limit, and how the scene's step size stands to it."""
+    """Return the stability limit, and the scene's step size relative to it."""
     method = report.scene.method
     state = "running at" if method.dt <= report.limit else "OVER THE LIMIT at"
     bound = f"limit dt {report.limit:.6g} s" if report.limit > 0 else "no stable dt"

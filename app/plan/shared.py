@@ -1,4 +1,4 @@
-"""What `softlab plan --gpus N` says: who owns which rows, bodies or slabs, what is sent, and what the link allows."""
+"""Content of `softlab plan --gpus N`: the owner of rows, bodies or slabs, the messages, and the bound by the link."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ LINES = 16  # of domains that are listed
 
 
 def _more(count: int) -> list[str]:
-    """The line of those that are not listed."""
+    """Return the line for those that are not listed."""
     return [f"  and {count - LINES} more"] if count > LINES else []
 
 
 def _link(link: Link) -> dict[str, Any]:
-    """For `--json`."""
+    """Return the object for `--json`."""
     return {"latency": link.latency, "bandwidth": link.bandwidth, "source": link.source}
 
 
 def _adds(link: Link, seconds: float) -> str:
-    """What sending adds to a step [s], for a person."""
+    """Return the line about the time that messages add to a step [s]."""
     return (
         f"  {link.name} ({1e6 * link.latency:g} us, {link.bandwidth / 1e9:g} GB/s; {link.source}) adds "
         f"{1e6 * seconds:.2g} us per step"
@@ -43,7 +43,7 @@ def _adds(link: Link, seconds: float) -> str:
 
 @dataclass(frozen=True)
 class SharedPlan:
-    """Of a sheet that several GPUs share. `mass_bytes`: of a mass's state, its position and velocity."""
+    """A sheet on several GPUs. `mass_bytes`: of a mass's state, its position and velocity."""
 
     decomposition: Decomposition
     mass_bytes: int
@@ -56,27 +56,27 @@ class SharedPlan:
 
     @property
     def bytes_per_step(self) -> float:
-        """The same of a step."""
+        """Bytes of a step, likewise."""
         return self.message / self.decomposition.interval
 
     @property
     def exchange_seconds(self) -> float:
-        """By the link: both neighbours at once, both ways at once."""
+        """Time of an exchange by the link: both neighbours at once, both ways at once."""
         return self.link.seconds(self.message) if self.message else 0.0
 
     @property
     def step_seconds(self) -> float:
-        """What it adds to a step."""
+        """Time that exchanges add to a step."""
         return self.exchange_seconds / self.decomposition.interval
 
     @property
     def most_masses(self) -> float:
-        """Masses a second at which sending takes as long as a step: a bound that no number of GPUs goes beyond."""
+        """Masses/s at which messages take as long as a step: an upper bound for any number of GPUs."""
         found = self.decomposition
         return found.rows * found.columns / self.step_seconds if self.step_seconds else float("inf")
 
     def as_dict(self) -> dict[str, Any]:
-        """For `--json`."""
+        """Return the object for `--json`."""
         found = self.decomposition
         return {
             "gpus": found.count, "exchange_every": found.interval, "halo_rows": found.halo,
@@ -89,7 +89,7 @@ class SharedPlan:
         }  # fmt: skip
 
     def lines(self) -> list[str]:
-        """For a person."""
+        """Return the lines for a person."""
         found = self.decomposition
         lines = [f"shared by {found.count} GPUs, by rows; halos of {found.halo} rows, exchanged {found.told}"]
         for domain in found.domains[:LINES]:
@@ -108,13 +108,13 @@ class SharedPlan:
 
 @dataclass(frozen=True)
 class BodiesPlan:
-    """Of bodies that several GPUs share; `particle_bytes`: as `mass_bytes` of a sheet."""
+    """Bodies on several GPUs; `particle_bytes`: as `mass_bytes` of a sheet."""
 
     division: Division
     particle_bytes: int
 
     def as_dict(self) -> dict[str, Any]:
-        """For `--json`."""
+        """Return the object for `--json`."""
         found = self.division
         return {
             "gpus": found.count, "balanced_by": found.counted, "balance": found.balance,
@@ -129,7 +129,7 @@ class BodiesPlan:
         }  # fmt: skip
 
     def lines(self) -> list[str]:
-        """For a person."""
+        """Return the lines for a person."""
         found = self.division
         lines = [
             f"shared by {found.count} GPUs, body by body, balanced by {found.counted}; no data is exchanged during a step"
@@ -151,7 +151,7 @@ class BodiesPlan:
 
 @dataclass(frozen=True)
 class PartitionsPlan:
-    """Of meshes of bodies that several GPUs share in parts; `particle_bytes`: as `mass_bytes` of a sheet."""
+    """Meshes of bodies in partitions on several GPUs; `particle_bytes`: as `mass_bytes` of a sheet."""
 
     partitions: Partitions
     particle_bytes: int
@@ -164,11 +164,11 @@ class PartitionsPlan:
 
     @property
     def step_seconds(self) -> float:
-        """What exchanges add to a step, by the link: all neighbours at once, both ways at once."""
+        """Time that exchanges add to a step, by the link: all neighbours at once, both ways at once."""
         return self.partitions.mesh.exchanges * self.link.seconds(self.message)
 
     def as_dict(self) -> dict[str, Any]:
-        """For `--json`."""
+        """Return the object for `--json`."""
         found, mesh = self.partitions, self.partitions.mesh
         return {
             "gpus": found.count, "exchanges_per_step": mesh.exchanges, "balance": found.balance,
@@ -183,7 +183,7 @@ class PartitionsPlan:
         }  # fmt: skip
 
     def lines(self) -> list[str]:
-        """For a person."""
+        """Return the lines for a person."""
         found, mesh = self.partitions, self.partitions.mesh
         times = "once" if mesh.exchanges == 1 else f"{mesh.exchanges} times"
         lines = [f"shared by {found.count} GPUs, by partitions of the mesh; halos are exchanged {times} per step"]
@@ -203,8 +203,8 @@ class PartitionsPlan:
 
 @dataclass(frozen=True)
 class SlabsPlan:
-    """Of a fluid that several GPUs share, as it starts. `counts` (shares, 3): how many particles each owns, holds, and sends
-    a substep; `particle_bytes`: as `mass_bytes` of a sheet."""
+    """A fluid on several GPUs, at its start. `counts` (slabs, 3): number of particles that each owns, stores, and sends
+    per substep; `particle_bytes`: as `mass_bytes` of a sheet."""
 
     slabs: Slabs
     counts: np.ndarray
@@ -214,22 +214,22 @@ class SlabsPlan:
 
     @property
     def repeated(self) -> float:
-        """Particles that are computed besides their owner's, over all."""
+        """Particles that are computed besides their owner's, relative to all."""
         owned, held, _ = self.counts.sum(axis=0)
         return float(held / owned - 1)
 
     @property
     def bytes_per_step(self) -> int:
-        """What all send."""
+        """Bytes sent by all per step."""
         return int(self.counts[:, 2].sum()) * self.sent_bytes * self.substeps
 
     @property
     def gain(self) -> float:
-        """How much faster all are than one at most: particles over what the fullest share computes."""
+        """Upper bound of the speedup: particles over those that the fullest slab computes."""
         return float(self.counts[:, 0].sum() / self.counts[:, 1].max())
 
     def as_dict(self) -> dict[str, Any]:
-        """For `--json`."""
+        """Return the object for `--json`."""
         return {
             "gpus": self.slabs.count, "axis": "xyz"[self.slabs.axis], "halo": self.slabs.halo,
             "bounds": self.slabs.bounds.tolist(), "repeated_particles": self.repeated, "most_gain": self.gain,
@@ -241,7 +241,7 @@ class SlabsPlan:
         }  # fmt: skip
 
     def lines(self) -> list[str]:
-        """For a person."""
+        """Return the lines for a person."""
         slabs = self.slabs
         axis = "xyz"[slabs.axis]
         lines = [
@@ -277,7 +277,7 @@ def _slabs_plan(scene: Scene, gpus: int, exchange_every: int | None, item: int, 
 def shared_plan(
     scene: Scene, gpus: int, exchange_every: int | None, item: int
 ) -> SharedPlan | BodiesPlan | PartitionsPlan | SlabsPlan:
-    """The plan of a scene on so many GPUs; `item`: bytes of a scalar. Raises SceneError."""
+    """Return the plan of a scene on so many GPUs; `item`: bytes of a scalar. Raises SceneError."""
     numbers = 2 if scene.dimensions == 2 else 4  # of a position: pairs in a plane, quads in space
     if is_in_slabs(scene):
         return _slabs_plan(scene, gpus, exchange_every, item, 2 * numbers * item)

@@ -1,4 +1,4 @@
-"""How `softlab plan` is printed for people: one table of stages, then what each backend makes of them."""
+"""Printed form of `softlab plan`: one table of stages, then the plan of each backend."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def _percent(part: float, whole: float) -> str:
 
 
 def _cells(report: PlanReport, row: Row, measured: list[str]) -> list[str]:
-    """A line of the table of stages."""
+    """Return a line of the table of stages."""
     name = "  " * row.depth + row.name + (f" (x {row.runs})" if row.runs > 1 else "")
     if row.stage is None:
         return [name]
@@ -66,7 +66,7 @@ def _print_backend(console: Console, one: BackendPlan) -> None:
 
 
 def tile_told(name: str) -> str:
-    """What a tile's name says (gpu_backend/core/tiling.py, `Tile.name`).
+    """Return the meaning of a tile's name (gpu_backend/core/tiling.py, `Tile.name`).
 
     >>> tile_told("32x8x4h10")
     '32x8x4h10: a block of 32 columns of 8 threads, 4 masses each; blocks exchange masses every 10 steps'
@@ -78,8 +78,8 @@ def tile_told(name: str) -> str:
 
 
 def overhead_lines(report: PlanReport) -> list[str]:
-    """Of each backend on which a stage that does nothing takes more than half of the longest one: that its shares tell
-    little."""
+    """Return a line for each backend on which an empty stage takes more than half of the longest one: its fractions
+    then say little."""
     lines = []
     for one in report.backends:
         longest = max((row.seconds.get(one.name, 0.0) / row.runs for row in report.rows), default=0.0)
@@ -92,7 +92,7 @@ def overhead_lines(report: PlanReport) -> list[str]:
 
 
 def amounts(scene: Scene) -> str:
-    """Of particles, and what holds them; of a world member by member."""
+    """Return the number of particles and of their springs, clusters and so on; of a world member by member."""
     if scene.is_world:
         return "; ".join(f"{name}: {amounts(member)}" for name, member in scene.members.items())
     if scene.fluids:
@@ -114,7 +114,7 @@ def amounts(scene: Scene) -> str:
 
 
 def print_plan(console: Console, report: PlanReport) -> None:
-    """The stages of a step, each with what it moves and computes; each backend's kernel; the stability limit."""
+    """Print the stages of a step with their bytes and operations, each backend's kernel, and the stability limit."""
     scene = report.scene
     console.print(f"{scene.name}  {amounts(scene)}, {report.plan.dimensions}-D, {report.precision}", soft_wrap=True)
     for line in (limit_line(report), *frequency_lines(scene), *fluid_lines(scene)):

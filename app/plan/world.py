@@ -1,4 +1,4 @@
-"""What each backend makes of a world's step, for `softlab plan`: a pass a stage, those of members and those between them."""
+"""Plan of a world's step on each backend, for `softlab plan`: one pass per stage, of members and between them."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from model.scene.scene import Scene
 
 
 def world_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
-    """A call a stage."""
+    """Return the plan on a CPU: one call per stage."""
     passes = merged_passes([[stage] for stage in stages_of(plan)], plan, precision, "a loop over the threads")
     return cpu_plan("stages", "a call a stage: members' own, and contacts between them", passes)
 
 
 def world_on_gpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
-    """Also where there is no GPU."""
+    """Return the plan on a GPU. Works without a GPU."""
     passes = merged_passes([[stage] for stage in stages_of(plan)], plan, precision, "a launch")
     why = "the launches of each member and of the contacts between them on one stream, captured as a graph"
     return BackendPlan("gpu", gpu_device()[0], "graph", None, why, passes)

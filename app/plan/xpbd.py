@@ -1,4 +1,4 @@
-"""What each backend makes of a position-based step, for `softlab plan`."""
+"""Plan of a position-based step on each backend, for `softlab plan`."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from model.scene.scene import Scene
 
 
 def _substep(plan: Plan, precision: str, note: str, way: float = 1.0) -> tuple[Pass, ...]:
-    """One substep as the one pass that a fused kernel makes of it: state in and out, everything else on the way."""
+    """Return the single pass that a fused kernel makes of a substep: it reads and writes the state and nothing else."""
     substeps = plan.root.children[0].times  # type: ignore[union-attr]
     stages = list(plan.root.stages())
     each = stages[: len(stages) // substeps]
@@ -19,7 +19,8 @@ def _substep(plan: Plan, precision: str, note: str, way: float = 1.0) -> tuple[P
 
 
 def xpbd_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
-    """Constraints without index arrays, colours one after another on the way down the rows."""
+    """Return the plan on a CPU: constraints without index arrays, colours one after another along a walk down the
+    rows."""
     from cpu_backend.xpbd.solver import choose_kernel
 
     why = "colours, iterations and prediction in one pass over the rows"
@@ -30,7 +31,7 @@ def xpbd_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
 
 
 def bodies_passes(plan: Plan, precision: str, note: str) -> tuple[Pass, ...]:
-    """The passes of a substep: forces and prediction; clusters; particles; velocities and colliders."""
+    """Return the passes of a substep: forces and prediction; clusters; particles; velocities and colliders."""
     stages = stages_of(plan)
     middle = next(n for n, stage in enumerate(stages) if stage.name == "match clusters")
     groups = [stages[:middle], [stages[middle]], [stages[middle + 1]], stages[middle + 2 :]]
@@ -38,7 +39,7 @@ def bodies_passes(plan: Plan, precision: str, note: str) -> tuple[Pass, ...]:
 
 
 def bodies_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
-    """Clusters in compressed form, whole bodies a thread where there are enough of them."""
+    """Return the plan on a CPU: clusters in compressed form, whole bodies per thread if there are enough of them."""
     from cpu_backend.shape_matching.solver import choose_kernel
 
     why = "index arrays, all substeps of a call in one kernel; a thread computes whole bodies where they divide evenly"
@@ -47,14 +48,14 @@ def bodies_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
 
 
 def bodies_on_gpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
-    """Also where there is no GPU."""
+    """Return the plan of bodies on a GPU. Works without a GPU."""
     why = "clusters gather their particles, then particles their clusters; one launch each, captured as a graph"
     passes = bodies_passes(plan, precision, "a launch")
     return BackendPlan("gpu", gpu_device()[0], "graph", None, why, passes)
 
 
 def xpbd_on_gpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
-    """Also where there is no GPU: then for the one that the choice was measured on."""
+    """Return the plan on a GPU. Works without a GPU, then for the one that the choice was measured on."""
     from gpu_backend.xpbd.choice import default_xpbd_kernel
 
     device, limits = gpu_device("that the choice was measured on")

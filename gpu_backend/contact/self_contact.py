@@ -26,7 +26,8 @@ def contact_bytes(masses: int, item: int) -> int:
 
 
 class HeldContacts:
-    """As in cpu_backend/contact/self_contact.py. `position`, `before`: quads of masses, on the device."""
+    """Stored contacts, as in cpu_backend/contact/self_contact.py. `position`, `before`: quads of masses, on the
+    device."""
 
     record: Any
 
@@ -95,7 +96,8 @@ class HeldContacts:
 
 
 class Contacts(HeldContacts):
-    """As in cpu_backend/contact/self_contact.py. `before`, `predicted`, `position`: quads of masses, on the device."""
+    """Self-contacts of a cloth in a substep, as in cpu_backend/contact/self_contact.py. `before`, `predicted`,
+    `position`: quads of masses, on the device."""
 
     def __init__(self, scene: Scene, body: Body, real: Any, math: str, weights: np.ndarray, stream: Any):
         part = scene.self_collision

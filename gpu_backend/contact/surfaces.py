@@ -29,7 +29,8 @@ def surface_contact_bytes(scene: Scene, item: int, meeting: Meeting = TETRAHEDRA
 
 
 class SurfaceContacts(HeldContacts):
-    """As in cpu_backend/contact/surfaces.py. `before`, `predicted`, `position`: quads of particles, on the device."""
+    """The contacts of a substep, as in cpu_backend/contact/surfaces.py. `before`, `predicted`, `position`: quads of
+    particles, on the device."""
 
     def __init__(
         self, scene: Scene, real: Any, math: str, weights: np.ndarray, stream: Any, meeting: Meeting = TETRAHEDRA_MEET

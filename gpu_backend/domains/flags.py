@@ -123,7 +123,7 @@ class FlagExchange(Exchange):
 
 
 class FlagSimulation(PeerSimulation):
-    """As PeerSimulation, with a FlagExchange, and cycles in graphs if each window has its own GPU.
+    """A PeerSimulation with a FlagExchange, and cycles in graphs if each window has its own GPU.
 
     `graphs`: also if they share one, on which windows of kernels that do not fill it run concurrently (for tests).
     """

@@ -1,5 +1,4 @@
-"""CUDA kernels of lattices: passes along x with one thread per mass, along y and z with one thread per group of
-windows.
+"""CUDA kernels of lattices: passes along x with a thread per mass, along y and z with a thread per group of windows.
 
 formulas/shape_matching/lattice.py defines the sums. Neighbouring threads process neighbours along x. Sums are in planes
 of `total` numbers: the three components of differences, then those of turns, by axis.
@@ -229,8 +228,7 @@ def _goals(real: Any, math: str) -> tuple[Any, ...]:
     zero, one = real(0), real(1)
 
     def make_scan(name: str, upwards: bool) -> Any:
-        """Scan along z if `upwards`, else along y, sums along z; columns of rotations in the order x, y, z, but the
-        last."""
+        """Make the scan of clusters along z (`upwards`), or of their sums along y; without rotations' last column."""
         own = AXES * (3 if upwards else 2)
         sums = own + AXES
 

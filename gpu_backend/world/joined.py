@@ -54,7 +54,7 @@ def make_ways(real: Any) -> SimpleNamespace:
 
 
 class Joined:
-    """As in cpu_backend/world/joined.py. `before`, `position`: quads of the particles, on the device."""
+    """The `particles` of a world, as in cpu_backend/world/joined.py. `before`, `position`: quads, on the device."""
 
     def __init__(
         self, particles: np.ndarray, members: Mapping[str, SubstepSimulation], slices: Mapping[str, slice],
