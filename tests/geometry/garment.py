@@ -96,7 +96,7 @@ def _triangles(number: np.ndarray, cells: np.ndarray) -> np.ndarray:
 
 def obj_text(position: np.ndarray, triangles: np.ndarray, title: str) -> str:
     """An OBJ file of the mesh: vertices (n, 3) [m] to DECIMALS, triangles (m, 3) of indices from 0."""
-    lines = [f"# {title}", "# m; y up; made by tests/tools/garment.py"]
+    lines = [f"# {title}", "# m; y up; made by tests/geometry/garment.py"]
     lines += [
         "v " + " ".join(f"{x:.{DECIMALS}f}".rstrip("0").rstrip(".") for x in point) for point in position.tolist()
     ]
