@@ -79,7 +79,7 @@ def bodies_report(simulation: Simulation) -> dict[str, Any]:
 
 def fluid_report(simulation: Simulation, state: State) -> dict[str, Any]:
     """Return, for fluids: how much densities exceed that at rest, the `height` of the highest 1 % of particles above
-    the floor of the lowest one, and the particles that did not fit the capacity."""
+    the floor of the lowest one at the start, and the particles that did not fit the capacity."""
     scene = simulation.scene
     if not scene.fluids or not np.isfinite(state.position).all():
         return {}

@@ -14,7 +14,7 @@ from model.contact.particle_parameters import FARTHEST, H_INVERSE_CELL
 from model.formulas import particle_contact
 
 AXES = 3
-NARROWEST = 4  # the 27 cells around one must differ; one more, as rounding may bring cells two apart within range
+NARROWEST = 4  # cells; of 3, one two cells away, which rounding may bring within range, would count as adjacent
 BOX = 2 * AXES  # numbers of a band's box of cells, and of the table's: the lowest cell, the counts along the axes
 FAR = np.int32(2**31 - 1)
 

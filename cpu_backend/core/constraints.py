@@ -1,4 +1,4 @@
-"""Executor of position-based constraints on CPU threads.
+"""Executor of position-based constraints on CPU threads, colour by colour.
 
 Corners, values and multipliers are arrays with one row per constraint; model/formulas/constraints has the projections.
 No two runs of a colour move the same particle, so threads may process any runs of it.

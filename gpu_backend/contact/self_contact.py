@@ -70,7 +70,7 @@ class HeldContacts:
 
     @property
     def lost(self) -> int:
-        """Number of contacts beyond the MAX_CONTACTS nearest of a mass, since it was last read on the device."""
+        """Number of contacts beyond the MAX_CONTACTS nearest of a mass, since the object was made."""
         return int(self._lost.copy_to_host(stream=self._stream)[0])
 
     def _link(self) -> None:

@@ -53,7 +53,7 @@ from model.formulas.elastic.newton import (
 from model.tetrahedra.newton import SUMMED
 
 DONE = ("solves", "looks", "matrices", "products", "steps")  # counters of a simulation
-WORKING = len(Vectors._fields) - 4  # vectors besides the state: two directions, and few scenes have the last three
+WORKING = len(Vectors._fields) - 4  # besides the state; two directions, and not the last three, which few scenes have
 
 
 class Lists(NamedTuple):
