@@ -13,6 +13,7 @@ from model.core.families import family_of
 from model.core.family import named
 from model.core.simulation import Options, Simulation, State
 from model.core.stability.diagnosis import refusal
+from model.scene.motion import RELEASE
 from model.scene.scene import Scene, load_scene
 
 BACKENDS = ("cpu", "gpu")
@@ -55,7 +56,11 @@ def open_simulation(
     """
     if not isinstance(scene, Scene):
         scene = load_scene(scene)
+    scene = scene.whole
     options = Options(precision, math, kernel, frozenset(live))
+    if "targets" in options.live and scene.phases:
+        told = f"moves pins, which {scene.name_of(RELEASE)} lets go; leave one of them out"
+        raise SceneError("live", "targets", told)
     refused = refusal(scene)
     if refused is not None and not allow_unstable:
         raise refused

@@ -15,6 +15,7 @@ from model.domains.shared_bodies import SharedBodies, bodies_of, division, is_ap
 from model.domains.shared_fluid import SharedFluid
 from model.domains.simulation import DecomposedSimulation, cut, reach_of
 from model.domains.slabs import fluid_halo_of, is_in_slabs, slabs_at_start
+from model.scene.motion import RELEASE
 from model.scene.scene import Scene
 
 LINKS = {  # of GPUs: the class that opens a sheet which they share
@@ -63,8 +64,15 @@ def check_asked(backend: str, gpus: int, ranks: int, exchange_every: int | None,
             )
 
 
+def _refuse_releases(scene: Scene) -> None:
+    if scene.phases:
+        told = "lets pins go, which is not supported on several GPUs or processes; run the scene on one"
+        raise SceneError(f"{scene.name_of(RELEASE)}.kind", RELEASE, told)
+
+
 def check_shareable(scene: Scene, count: int, option: str) -> None:
     """Raise SceneError for a scene that cannot be shared at all, by however many."""
+    _refuse_releases(scene)
     if is_apart(scene):
         bodies_of(scene)
     elif is_in_slabs(scene):
@@ -76,6 +84,7 @@ def check_shareable(scene: Scene, count: int, option: str) -> None:
 def check_cut(scene: Scene, count: int, steps: int | None, link: str | None, option: str) -> None:
     """Raise SceneError where so many cannot share the scene, before anything is opened or started; `steps` between two
     exchanges and `link` None: not said."""
+    _refuse_releases(scene)
     way = _way(scene, count)
     {None: cut, BODIES: division, PARTITIONS: partitions, FLUID: slabs_at_start}[way](scene, count, steps, option)
     _check_link(way, link)
@@ -107,6 +116,7 @@ def open_shared(
 ) -> Simulation:
     """The scene in windows; see app/driver.py. Raises SceneError, BackendUnavailable."""
     check_sharing(backend, gpus, ranks, link)
+    _refuse_releases(scene)
     if backend == "cpu":
         from cpu_backend.domains.mpi import MpiRanks
         from cpu_backend.domains.ranks import on_ranks

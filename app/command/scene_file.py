@@ -21,7 +21,7 @@ def scene_toml(scene: Scene, heading: str = "") -> str:
     `heading`: lines put before it as comments.
     """
     lines = [f"# {line}" for line in heading.splitlines()]
-    tables = scene.as_dict()
+    tables = scene.whole.as_dict()
     lines.append(f"title = {_value(tables.pop('title'))}")
     for name, table in tables.items():
         lines += [

@@ -57,7 +57,6 @@ def read_state(path: Path | str, scene: Scene) -> State:
         raise InputError(f"{path} has no array named position (it has: {', '.join(arrays) or 'nothing'})")
     position = arrays["position"]
     body = build(scene)
-    inverse_mass = arrays.get("inverse_mass", body.inverse_mass)
     try:
         time, step = float(arrays.get("time", 0.0)), int(arrays.get("step", 0))
         clock = Clock(int(arrays.get("clock_step", 0)), float(arrays.get("clock_time", 0.0)))
@@ -66,6 +65,7 @@ def read_state(path: Path | str, scene: Scene) -> State:
     if not np.isfinite((time, clock.time)).all() or min(step, clock.step) < 0:
         raise InputError(f"{path}: time must be finite and step at least 0 (time = {time}, step = {step}, {clock})")
     velocity = arrays.get("velocity", np.zeros_like(position))
+    inverse_mass = arrays.get("inverse_mass", build(scene.at(time)).inverse_mass)
     bodies = arrays.get("rotation"), arrays.get("plastic")
     state = State(
         position, velocity, inverse_mass, time, step, *bodies, clock, arrays.get("taps"), arrays.get("wetness")
@@ -86,6 +86,6 @@ def write_trajectory(path: Path | str, scene: Scene, states: list[State]) -> Pat
             "velocity": np.stack([state.velocity for state in states]),
             "time": np.array([state.time for state in states]),
             "step": np.array([state.step for state in states]),
-            "scene": np.array(json.dumps(scene.as_dict())),
+            "scene": np.array(json.dumps(scene.whole.as_dict())),
         },
     )

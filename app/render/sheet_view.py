@@ -84,14 +84,13 @@ class SheetView(View):
         self._wide = self.springs <= WIDE_UP_TO
         geometry = shaders.WIDE_SPRINGS if self._wide else shaders.THIN_SPRINGS
         self._spring_program = shader_program(shaders.VERTEX, shaders.SPRING_FRAGMENT, geometry)
-        pins = pinned_indices(scene.grid).astype(np.uint32)
         faces = triangles_of(scene) if self.space else np.zeros((0, 3), np.uint32)
         self.lines = not len(faces)
         self._buffers: list[int] = []
         self._surface = self._drawn(faces, gl.GL_TRIANGLES)
-        self._pins = self._drawn(pins, gl.GL_POINTS)
+        self._pinned, self._pins = scene, self._drawn_points(pinned_indices(scene.grid))
         self._lines = [(self._drawn(pairs, gl.GL_LINES), rest) for pairs, rest in lines]
-        self._heavy = [(self._drawn(index, gl.GL_POINTS), factor) for index, factor in heavy_masses(scene)]
+        self._heavy = [(self._drawn_points(index), factor) for index, factor in heavy_masses(scene)]
 
     def drink(self) -> None:
         """From now on it is the darker the wetter it is."""
@@ -104,6 +103,17 @@ class SheetView(View):
         super().know(velocity, time, wetness)
         if self._wet_buffer is not None and wetness is not None:
             refill(self._wet_buffer, np.ascontiguousarray(wetness, np.float32))
+
+    def pin(self, scene: Scene) -> None:
+        """See View."""
+        if scene is not self._pinned:
+            delete_all([self._pins[0]], [])
+            self._pinned, self._pins = scene, self._drawn_points(pinned_indices(scene.grid))
+
+    def _drawn_points(self, particles: np.ndarray) -> Drawn:
+        from pyglet import gl
+
+        return self._drawn(particles.astype(np.uint32), gl.GL_POINTS)
 
     def _drawn(self, elements: np.ndarray, mode: int) -> Drawn:
         self._buffers.append(static_buffer(elements))

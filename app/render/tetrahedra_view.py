@@ -89,7 +89,6 @@ class TetrahedraView(SheetView):
 
     def __init__(self, scene: Scene, detail: Detail = FINE, first_colour: int = 0):
         """`first_colour`: the first body's, of those that bodies have."""
-        from pyglet import gl
 
         super().__init__(scene, detail)
         found = scene.tetrahedra_set
@@ -98,9 +97,19 @@ class TetrahedraView(SheetView):
             True: _Surface(found.skin, first_colour),
             False: _Surface(outer_faces(found), first_colour),
         }
-        inner = np.setdiff1d(pinned_indices(scene.grid), found.surface).astype(np.uint32)
-        self._inner_pins = self._drawn(inner, gl.GL_POINTS)  # bones
+        self._inner_pins = self._inner_pins_of(scene)
         self._tinted = Lit(shaders3d.TINTED_VERTEX, shaders3d.TINTED_FRAGMENT)
+
+    def _inner_pins_of(self, scene: Scene) -> Drawn:
+        """Bones: the pins that no surface shows."""
+        return self._drawn_points(np.setdiff1d(pinned_indices(scene.grid), self.scene.tetrahedra_set.surface))
+
+    def pin(self, scene: Scene) -> None:
+        """See View."""
+        if scene is not self._pinned:
+            delete_all([self._inner_pins[0]], [])
+            self._inner_pins = self._inner_pins_of(scene)
+        super().pin(scene)
 
     def _lits(self) -> list[Any]:
         return [*super()._lits(), self._tinted]

@@ -123,6 +123,9 @@ class View(ABC):
         how wet its particles are. Most views draw nothing of them."""
         self._velocity, self._when, self._wetness = velocity, time, wetness
 
+    def pin(self, scene: Scene) -> None:  # noqa: B027 - most views mark no pins
+        """Mark the pins of `scene`, this one at another time, from now on."""
+
     def keep_above_ground(self, lowest: float) -> None:
         """The ground that a scene in space without a plane gets lies below `lowest` [m] from now on."""
         if np.isfinite(lowest):
@@ -137,6 +140,7 @@ class View(ABC):
         at both ends of the colour map."""
         from pyglet import gl
 
+        self.pin(self.scene.at(time))
         if self.space:
             coarse = self.detail.coarse
             camera = replace(camera, width=-(-camera.width // coarse), height=-(-camera.height // coarse))

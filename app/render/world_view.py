@@ -82,6 +82,11 @@ class WorldView(View):
             own = [None if a is None else np.ascontiguousarray(a[self._slices[name]]) for a in (velocity, wetness)]
             part.know(own[0], time, own[1])
 
+    def pin(self, scene: Scene) -> None:
+        """See View; of each member."""
+        for name, part in self.parts.items():
+            part.pin(scene.members[name])
+
     def upload(self, position: np.ndarray, normal: np.ndarray | None = None) -> None:
         """See View; each member's normals follow from its positions."""
         self.vertices.upload_state(position, False)

@@ -256,7 +256,7 @@ def _same_masses(scene: Scene, other: Scene) -> bool:
     """Whether a state of the one is one of the other: as many masses, with the same weights and pins."""
     from model.core.build import build
 
-    one, two = build(scene), build(other)
+    one, two = build(scene.whole), build(other.whole)
     return one.position.shape == two.position.shape and bool(
         (abs(one.inverse_mass - two.inverse_mass) <= 1e-6 * abs(two.inverse_mass)).all()
     )

@@ -13,7 +13,6 @@ import numpy as np
 
 from model.contact.particle_parameters import G_DISTANCE, kinds_of_particles, pair_rows
 from model.contact.surface_parameters import APART, contact_surface
-from model.core.simulation import Simulation
 from model.geometry.neighbours import TooMany, close_pairs
 from model.scene.scene import Scene
 
@@ -217,7 +216,7 @@ def caught_particles(scene: Scene, position: np.ndarray, inverse_mass: np.ndarra
     return count, float(part.min()) if len(part) else None
 
 
-def shortfalls(simulation: Simulation, position: np.ndarray, inverse_mass: np.ndarray) -> dict[str, Any]:
+def shortfalls(simulation: Any, position: np.ndarray, inverse_mass: np.ndarray) -> dict[str, Any]:
     """Return the faults of a run that ended at `position` (particles, dimensions) [m], `inverse_mass` as in State.
 
     FAULTS, those that the scene can have, 0 if there are none; for particles of bodies also `least_distance`, over the

@@ -24,7 +24,7 @@ def family_of(scene: Scene) -> SolverFamily:
     (found,) = (family for family in FAMILIES if family.accepts(scene))
     for name, kind in scene.kinds.items():
         if kind not in found.knows:
-            raise SceneError(f"{name}.kind", kind, f"is not known to the solver of a {found.name}; leave it out")
+            raise SceneError(f"{name}.kind", kind, f"is not supported by the solver of a {found.name}; leave it out")
     return found
 
 
@@ -34,6 +34,6 @@ def scene_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
 
 
 def stability_limit(scene: Scene, frequency: float | None = None) -> float:
-    """The largest step size [s] at which the scene's method is stable for any state (may be inf or 0); `frequency`: see
-    SolverFamily."""
-    return family_of(scene).limit(scene, frequency)
+    """The largest step size [s] at which the scene's method is stable for any state (may be inf or 0), also once its pins
+    have let go; `frequency`: see SolverFamily."""
+    return min(family_of(one).limit(one, frequency) for one in (scene, *(later for _, later in scene.phases)))

@@ -14,6 +14,7 @@ from model.core.plan import Plan
 from model.domains.bodies import Apart
 from model.domains.decomposition import Reach
 from model.domains.partitions import SharedMesh
+from model.scene.motion import RELEASE
 from model.scene.scene import Scene
 
 
@@ -68,7 +69,9 @@ class SolverFamily:
     partitions: Callable[[Scene], SharedMesh] | None = None
 
 
-ANY_SHEET = frozenset({"damping", "gravity", "external", "perturbation", "method"})  # kinds that every sheet supports
+ANY_SHEET = frozenset(
+    {"damping", "gravity", "external", "perturbation", "method", RELEASE}
+)  # every sheet supports them
 
 
 def named(place: str) -> Any:

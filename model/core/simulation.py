@@ -82,6 +82,10 @@ class Simulation(Stepping):
         with suppress(Diverged):  # the run itself will detect and report it
             self.advance(steps)
             self.check()
+        for time, _ in self.scene.whole.phases:
+            if time > start.time:
+                self._enter(time)
+                self._run(steps)
         self.load(start)
 
     def _make_record(self, scene: Scene, poke: Sequence[float], clock: Clock) -> np.ndarray:
@@ -117,13 +121,15 @@ class Simulation(Stepping):
         self.require_open()
         arrays, inverse_mass = checked_arrays(state, self.body.position.shape, self.options.precision)
         self._note_waiting(arrays["position"])
+        known = self._body_at(float(state.time)).inverse_mass
         # as on every reset, where comparing millions takes a while; of fluids, positions mark inactive particles
-        same = inverse_mass is self.body.inverse_mass or self._flows
-        if not same and not np.allclose(inverse_mass, self.body.inverse_mass, rtol=1e-6, atol=0):
+        same = inverse_mass is known or self._flows
+        if not same and not np.allclose(inverse_mass, known, rtol=1e-6, atol=0):
             self._take_weights(inverse_mass)
         rotation, plastic = state.rotation, state.plastic
         if rotation is not None or plastic is not None:
             rotation, plastic = checked_clusters(rotation, plastic, self.plan.parts, self._cluster_count(), self.real)
+        self._enter(float(state.time))
         self._set_clock(clock_of(state.clock, int(state.step), float(state.time), self.scene.method.dt))
         if len(self.body.pinned):
             arrays["velocity"] = arrays["velocity"].copy()  # the array may be the caller's
@@ -182,6 +188,7 @@ class Simulation(Stepping):
 
     def reset(self) -> None:
         """Back to the scene's start."""
+        self._enter(0.0)
         body = self._first_body
         self.load(State(body.position, body.velocity, body.inverse_mass, 0.0, 0))
 
@@ -256,7 +263,7 @@ class Simulation(Stepping):
         """
         self.require_open()
         check_live(self.scene, self.options.live, path, value)
-        scene = self.scene.replace({path: value})
+        scene = self.scene.replace({path: value}).at(self.time)
         clock = self._clock if scene.method.dt == self.scene.method.dt else Clock(self.step, self.time)
         record = self._make_record(scene, self._poke_force, clock)
         self.check()  # so that a replay never spans a change
@@ -278,9 +285,12 @@ class Simulation(Stepping):
             raise SceneError("poke", particle, f"must be a particle, 0 to {len(self.body.position) - 1}")
         if len(force) != self.scene.dimensions or not np.isfinite(force).all():
             raise SceneError("poke", force, f"must be {self.scene.dimensions} finite numbers")
+        self._apply_poke(particle, tuple(force))
+
+    def _apply_poke(self, particle: int, force: tuple[float, ...]) -> None:
         record = self._make_record(self.scene, force, self._clock)
         self.check()
-        self._poke_particle, self._poke_force, self._record = particle, tuple(force), record
+        self._poke_particle, self._poke_force, self._record = particle, force, record
         self._parameters_changed()
 
     def energies(self) -> dict[str, float]:

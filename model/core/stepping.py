@@ -1,29 +1,108 @@
-"""Steps of a simulation and the search for the first bad one: the part that is the same for every backend and solver.
+"""Steps of a simulation, the search for the first bad one, and pins that let go: what is the same for every backend.
 
 The state is checked at intervals (model/core/stability/divergence.py). A good one is copied to a snapshot on the
 device; from there the steps up to a bad one are repeated, to find the step and the particle where it began.
+
+At the step that reaches the time of a release the solver is opened again, in place, for the scene without those pins, and
+continues from the state. A release costs what opening costs, and is the same on every backend.
 """
 
 from __future__ import annotations
 
-from math import isqrt
+from abc import abstractmethod
+from collections.abc import Mapping
+from dataclasses import replace
+from math import ceil, isqrt
 from numbers import Integral
 
 from model.core.backend import Backend
-from model.core.clock import Clock
+from model.core.build import Body, build
+from model.core.clock import UNSEEN, Clock
 from model.core.errors import Diverged, SceneError
+from model.core.options import Options
 from model.core.stability.diagnosis import diagnose
+from model.core.state import State
+
+NEVER = 2**62  # steps
 
 
-class Stepping(Backend):
+class Releasing(Backend):
+    """Pins that let go: what `Stepping` and `Simulation` need."""
+
+    options: Options
+    backend: str
+    threads: int
+    threads_reason: str | None
+    body: Body
+    kept: int
+    lost_when_opened: Mapping[str, int]
+    step: int
+    time: float  # s
+    _poke_particle: int
+    _poke_force: tuple[float, ...]
+    _entering = False
+
+    @abstractmethod
+    def state(self) -> State:
+        """See Simulation."""
+
+    @abstractmethod
+    def load(self, state: State) -> None:
+        """See Simulation."""
+
+    @abstractmethod
+    def _apply_poke(self, particle: int, force: tuple[float, ...]) -> None:
+        """Hold a force [N] on a particle from now on; -1: on none."""
+
+    def _steps_to_release(self) -> int:
+        """Number of steps, at least 1, until the next pins let go."""
+        dt = self.scene.method.dt
+        waits = [ceil((time - self.time) / dt - UNSEEN) for time, _ in self.scene.whole.phases]
+        return min((steps for steps in waits if steps > 0), default=NEVER)
+
+    def _body_at(self, time: float) -> Body:
+        """Return the masses with their pins at `time` [s]."""
+        scene = self.scene.at(time)
+        return self.body if scene is self.scene or self._entering else build(scene)
+
+    def _let_go(self) -> None:
+        """Free the pins whose time has come."""
+        if self.scene.at(self.time) is not self.scene:
+            state = self.state()
+            self._enter(self.time)
+            self.load(replace(state, inverse_mass=self.body.inverse_mass))
+
+    def _enter(self, time: float) -> None:
+        """Become the simulation of the scene at `time` [s], in its start state, if its pins differ from the present ones."""
+        scene = self.scene.at(time)
+        if scene is self.scene or self._entering:
+            return
+        from model.contact.shortfalls import lost, lost_so_far
+
+        poke, count, before = (self._poke_particle, self._poke_force), self.kept, lost(self)
+        options, reason = self.options, self.threads_reason
+        threads = (self.threads,) if self.backend == "cpu" else ()
+        self.close()
+        vars(self).clear()  # everything that a solver creates or caches depends on its pins
+        self._entering = True
+        try:
+            self.__init__(scene, options, *threads)  # type: ignore[misc]
+        except BaseException:
+            self.closed = True
+            raise
+        finally:
+            self._entering = False
+        self.kept, self.threads_reason = count, reason
+        self._apply_poke(*poke)
+        self.lost_when_opened = {name: now - before.get(name, 0) for name, now in lost_so_far(self).items()}
+
+
+class Stepping(Releasing):
     """Methods `advance`, `check` and `rewind` of Simulation (model/core/simulation.py), which sets up their
     attributes."""
 
-    step: int
-    time: float  # s
     limit: float  # s, the largest stable dt
     check_interval: int  # steps
-    kept: int  # number of snapshots so far
     _kept_step: int
     _kept_time: float
     _clock: Clock
@@ -39,10 +118,11 @@ class Stepping(Backend):
         if not isinstance(steps, Integral) or steps < 0:
             raise SceneError("steps", steps, "must be a whole number of at least 0")
         while steps > 0:
-            batch = min(steps, self.check_interval - (self.step - self._kept_step))
+            batch = min(steps, self.check_interval - (self.step - self._kept_step), self._steps_to_release())
             self._run(batch)
             self._count(batch)
             steps -= batch
+            self._let_go()
             if self.step - self._kept_step >= self.check_interval:
                 self.check()
 

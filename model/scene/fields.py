@@ -157,6 +157,46 @@ point = [0.0, -1.0, 0.0]
 [contact]
 ```
 
+A banner on four pins, which lets go of its right corner after a second, and of the rest after two.
+
+```toml
+title = "A banner that is let go"
+
+[cloth]
+rows = 9
+columns = 17
+spacing = 0.05              # m
+pinned = [[0, 0], [0, 5], [0, 11], [0, 16]]
+
+[structural]
+compliance = 1e-5           # m/N
+
+[shear]
+compliance = 1e-3
+
+[wind]
+velocity = [1.0, 0.0, 2.0]  # m/s
+
+[corner]
+kind = "release"
+pins = [[0, 16]]
+time = 1.0                  # s
+
+[rest]
+kind = "release"            # all the other pins
+time = 2.0
+
+[floor]
+kind = "plane"
+point = [0.0, -1.5, 0.0]    # m
+
+[gravity]
+
+[method]
+solver = "xpbd"
+iterations = 20
+```
+
 A world, particles of four families: water, a rigid body of clusters, a body of tetrahedra and a cloth, in a tank.
 
 ```toml
@@ -241,6 +281,7 @@ def document() -> str:
         "| fluid, emitter, sink, domain, foam, wetting | fluids by particles, where they come from and end, a box whose "
         "sides repeat, spray and foam as points, a cloth that drinks |",
         "| tetrahedral_body, region, material, attachment | bodies of Young's modulus and Poisson's ratio |",
+        "| release | pins that let go at a time, of masses, of cloths and of tetrahedral bodies |",
         "| camera | where pictures are taken from; changes nothing of what is simulated |",
     ]
     for kind in TOLD:

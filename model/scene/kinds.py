@@ -11,6 +11,7 @@ from model.scene.flow import FLOW_KINDS
 from model.scene.fluid import FLUID_KINDS
 from model.scene.mesh import MESH_KINDS
 from model.scene.method import Method
+from model.scene.motion import RELEASE, Release
 from model.scene.particle_contact import Contact
 from model.scene.parts import GRID_KINDS, Part
 from model.scene.regions import Region
@@ -28,7 +29,7 @@ KINDS: dict[str, type[Part]] = (
     | TETRAHEDRAL_KINDS
     | FLUID_KINDS
     | FLOW_KINDS
-    | {"contact": Contact, "region": Region, "attachment": Attachment, "material": Material}
+    | {"contact": Contact, "region": Region, "attachment": Attachment, "material": Material, RELEASE: Release}
 )
 SHEETS = ("grid", "cloth", "mesh")  # a scene has at most one of them
 SEVERAL = (
@@ -43,4 +44,5 @@ SEVERAL = (
     "region",
     "attachment",
     "material",
+    RELEASE,
 )  # may occur more than once, or are refused elsewhere

@@ -11,6 +11,7 @@ from model.core.errors import SceneError
 from model.scene.bodies import BODY_KINDS
 from model.scene.cloth import COLLIDER_KINDS, CONSTRAINT_KINDS
 from model.scene.method import FIELDS_OF_SOLVER, OF_FLUIDS, OF_WORLDS, Method
+from model.scene.motion import RELEASE
 from model.scene.tetrahedra import TETRAHEDRAL_KINDS
 
 OF_CLOTHS = ("mesh", "wind", *(kind for kind in CONSTRAINT_KINDS if kind != "shear"))
@@ -76,9 +77,9 @@ def member_tables(kinds: Mapping[str, str], tables: Mapping[str, Any], method: M
             if not {"cloth", "fluid"} <= set(names) or "contact" in kinds.values():
                 told = "is of a [mesh] in a fluid, without bodies of tetrahedra and without a [contact]; leave it out"
                 raise SceneError(f"{name}.kind", kind, told)
-        elif kind not in SHARED and not owners:
+        elif kind not in (*SHARED, RELEASE) and not owners:  # pins let go in all members at once
             mended = 'a sheet in a world is kind = "mesh" with shape = "sheet"' if kind in SHEETS else "leave it out"
-            told = f"does not go with a world of {' and '.join(names)}; {mended}"
+            told = f"is not supported in a world of {' and '.join(names)}; {mended}"
             raise SceneError(f"{name}.kind", kind, told)
     return {name: _tables_of(MEMBERS[name], kinds, tables, method) for name in names}
 

@@ -1,4 +1,7 @@
-"""The part `motion`: pins that follow a path, and the assignment of masses to motions."""
+"""The parts `motion` and `release`: pins that follow a path or let go, and the assignment of masses to motions.
+
+What becomes of a scene whose pins have let go: model/scene/checks/releases.py.
+"""
 
 from __future__ import annotations
 
@@ -13,6 +16,7 @@ from model.core.errors import SceneError
 from model.core.pins import PIN_RULE, Pins, checked_pins, pin_indices
 from model.scene.parts import Grid, NotNegative, Number, Part, Positive, Vector
 
+RELEASE, ALL = "release", "all"
 MAX_RADIANS = 1e9  # of a whole motion: quarter turns are counted in integers
 
 
@@ -60,6 +64,34 @@ class Motion(Part):
         return self.angular_velocity != 0 or any(self.velocity)
 
 
+class Release(Part):
+    """Pins that let go. From the first step that begins at `time` on, their masses are free; they start with the velocity
+    that they have then, 0 or that of their motion.
+
+    `pins`: of a sheet a side or masses, as in its `pinned`; of a tetrahedral body one of the words of its `pinned`, or the
+    name of an attachment; `all`: every pin of the `body`. Motions and attachments of these pins end with them. A restart
+    pins them again, and a state that is loaded has the pins of its time.
+    """
+
+    time: Positive  # s
+    pins: str | list[int] | list[tuple[int, int]] = ALL  # as in `pinned`, an attachment, or all
+    body: str | None = None  # the sheet or a tetrahedral body; each of them unless given
+
+    @field_validator("pins", mode="before")
+    @classmethod
+    def _pins_are_a_word_or_a_list(cls, value: object) -> object:
+        if isinstance(value, str) and value not in ("", "none"):
+            return value
+        if isinstance(value, list | tuple) and value:
+            return list(value) if all(type(one) is int for one in value) else checked_pins(value)
+        raise ValueError(
+            "must name pins: all, a side, a word of the body's `pinned`, an attachment, or a list of masses"
+        )
+
+    def _idle_fields(self) -> set[str]:
+        return super()._idle_fields() | ({"body"} if self.body is None else set())
+
+
 def motions_of_pins(sheet: Grid | Any, motions: Mapping[str, Motion]) -> np.ndarray:
     """Return for each pinned mass of the sheet, by index, the number of its motion in `motions`, or -1; (pins,) int64.
 
@@ -74,7 +106,7 @@ def motions_of_pins(sheet: Grid | Any, motions: Mapping[str, Motion]) -> np.ndar
     names = list(motions)
     for number, (name, motion) in enumerate(motions.items()):
         if motion.body is not None:
-            raise SceneError(f"{name}.body", motion.body, "is for tetrahedral bodies; leave it out")
+            raise SceneError(f"{name}.body", motion.body, "applies to tetrahedral bodies; leave it out")
         if isinstance(motion.pins, str):
             try:
                 checked_pins(motion.pins)

@@ -8,14 +8,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from copy import copy
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from model.core.clock import UNSEEN
 from model.core.errors import SceneError
 from model.scene.checks.fit import check_fit
+from model.scene.checks.releases import check_releases, tables_without
 from model.scene.checks.solver import check_solver
 from model.scene.kinds import KINDS, SEVERAL, SHEETS
 from model.scene.method import FIELDS_OF_SOLVER, Method
+from model.scene.motion import RELEASE, Release
 from model.scene.parts import CAMERA, CameraPart
 from model.scene.reader import scene_tables
 from model.scene.resting import take_resting_defaults
@@ -28,6 +32,8 @@ OWN_NAMES = KINDS | {TANK: Tank, CAMERA: CameraPart}  # names of tables that nee
 
 class Scene(SceneParts):
     """A validated scene. Raises SceneError for anything a scene cannot be."""
+
+    _whole: Scene | None = None
 
     def __init__(self, data: Mapping[str, Any], name: str = "scene"):
         tables = dict(data)
@@ -54,6 +60,7 @@ class Scene(SceneParts):
                 "a scene needs one part of kind grid or cloth, with rows and columns, or mesh; "
                 "or bodies: soft_body, soft_sheet, soft_lattice, rigid_body, or tetrahedral_body, or fluid",
             )
+        check_releases(self)
         check_fit(self)
         if self.one("method") is None:
             self.parts["method"], self.kinds["method"] = Method(), "method"
@@ -64,6 +71,7 @@ class Scene(SceneParts):
             self.camera.check(self.dimensions)
         for tank_name, tank in self.tanks.items():
             tank.check(tank_name, self.dimensions)
+        _ = self.phases  # made here, so that each is checked as a scene of its own
 
     @classmethod
     def stored(cls, tables: Mapping[str, Any]) -> Scene:
@@ -76,11 +84,42 @@ class Scene(SceneParts):
         SceneParts.__init__(scene, tables, "scene", "scene")
         return scene
 
+    @property
+    def whole(self) -> Scene:
+        """The scene as it was described, with all its pins; `self` unless it came from `at`."""
+        return self._whole or self
+
+    @cached_property
+    def phases(self) -> tuple[tuple[float, Scene], ...]:
+        """(time [s], the scene from then on) of each time at which pins let go, ascending. Raises SceneError for a release
+        that lets go of nothing, or leaves no possible scene."""
+        releases: dict[str, Release] = self.all_of(RELEASE)
+        found: list[tuple[float, Scene]] = []
+        for time in sorted({release.time for release in releases.values()}):
+            over = sorted((name for name, one in releases.items() if one.time <= time), key=lambda n: releases[n].time)
+            tables = tables_without(self, over)
+            try:
+                scene = Scene(tables, self.name)
+            except SceneError as error:
+                told = f"leaves a scene that cannot be simulated: {error}"
+                raise SceneError(f"{over[-1]}.pins", releases[over[-1]].pins, told) from None
+            scene._whole = self
+            found.append((time, scene))
+        return tuple(found)
+
+    def at(self, time: float) -> Scene:
+        """The whole scene with the pins that it has at `time` [s]; the same object at any time between two releases."""
+        whole = self.whole
+        begun = time + UNSEEN * whole.method.dt
+        return next((scene for begin, scene in reversed(whole.phases) if begun >= begin), whole)
+
     def stepped(self, **fields: Any) -> Scene:
         """Return this scene, with its cached bodies, with other `fields` of the method, which are not validated
         again."""
         _ = self.grid  # built once, for both
         found = copy(self)
+        found._whole = None
+        found.__dict__.pop("phases", None)
         method = self.name_of("method")
         found.parts = self.parts | {method: self.method.model_copy(update=fields)}
         found.derived = self.derived | {method: self.derived.get(method, frozenset()) - fields.keys()}
@@ -91,7 +130,7 @@ class Scene(SceneParts):
 
         A path into a known part that the scene lacks creates that part with its defaults.
         """
-        tables = self.as_dict()
+        tables = self.whole.as_dict()
         for path, value in changes.items():
             part_name, _, field = path.partition(".")
             if not field or "." in field:

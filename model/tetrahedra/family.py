@@ -11,6 +11,7 @@ from model.core.family import SolverFamily
 from model.core.parameters import rounded_record
 from model.geometry.measures import edge_lengths
 from model.scene.cloth import COLLIDER_KINDS, CONSTRAINT_KINDS
+from model.scene.motion import RELEASE
 from model.scene.scene import Scene
 from model.tetrahedra.apart import tetrahedra_apart
 from model.tetrahedra.attachments import KIND, stored
@@ -58,6 +59,7 @@ TETRAHEDRA = SolverFamily(
             "region",
             "attachment",
             "material",
+            RELEASE,
             "mesh",
             "wind",
             *CONSTRAINT_KINDS,

@@ -126,6 +126,10 @@ class WorldSimulation(Simulation):
         """Continue from a state, see Simulation; each member loads its own part, `rotation` and `plastic` go to
         bodies."""
         arrays, inverse_mass = checked_arrays(state, self.body.position.shape, self.options.precision)
+        time = float(state.time)
+        if not np.allclose(inverse_mass, self._body_at(time).inverse_mass, rtol=1e-6, atol=0):
+            raise InputError("inverse_mass differs from the scene's; give the scene the same masses and pins")
+        self._enter(time)
         for name, member in self.members.items():
             place = self.slices[name]
             clusters = (state.rotation, state.plastic) if name == "bodies" else (None, None)

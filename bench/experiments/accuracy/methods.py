@@ -70,6 +70,8 @@ def why_unknown(scene: Scene) -> str | None:
     family = family_of(scene)
     if family.unknown is not None:
         return family.unknown
+    if scene.whole.phases:
+        return "no converged reference knows pins that let go; leave out [release]"
     if scene.self_collision:
         return "a cloth that meets itself has no converged reference; leave out [self_collision], or see softlab run"
     if scene.attachments:

@@ -7,14 +7,16 @@ from model.scene.cloth import CONSTRAINT_KINDS, SPRING_KINDS
 from model.scene.kinds import KINDS
 from model.scene.method import OF_FLUIDS, OF_WORLDS
 from model.scene.method import OF_TETRAHEDRA as TETRAHEDRAL_SOLVERS
-from model.scene.motion import motions_of_pins
+from model.scene.motion import RELEASE, motions_of_pins
 from model.scene.parts import Elastic
 from model.scene.scene_parts import SceneParts
 from model.scene.xpbd import XPBD_KINDS
 
 OF_MESHES = tuple(kind for kind in CONSTRAINT_KINDS if kind not in SPRING_KINDS)
 NOT_OF_MESHES = ("shear", "fold", "motion", "load", "self_collision")
-MATCHED = ("grid", "springs", "damping", "gravity", "external", "perturbation", "method")  # supported by clusters
+MATCHED = (  # supported by clusters
+    "grid", "springs", "damping", "gravity", "external", "perturbation", "method", RELEASE,
+)  # fmt: skip
 
 
 def check_solver(scene: SceneParts) -> None:
@@ -23,23 +25,23 @@ def check_solver(scene: SceneParts) -> None:
     if scene.is_world:  # its members are checked as scenes of their own
         return
     if solver == OF_WORLDS:
-        told = "is for parts of several families, such as bodies beside tetrahedral ones"
+        told = "applies to parts of several families, such as bodies beside tetrahedral ones"
         raise SceneError("method.solver", solver, told)
     if scene.method.sleeping_speed > 0 and not scene.tetrahedra:
         raise SceneError(
-            "method.sleeping_speed", scene.method.sleeping_speed, "is for tetrahedral bodies; leave it out"
+            "method.sleeping_speed", scene.method.sleeping_speed, "applies to tetrahedral bodies; leave it out"
         )
     if scene.method.rows == "blocks" and not scene.tetrahedra:
-        raise SceneError("method.rows", "blocks", "is for tetrahedral bodies; leave it out")
+        raise SceneError("method.rows", "blocks", "applies to tetrahedral bodies; leave it out")
     if solver == OF_FLUIDS and not scene.fluids:
-        raise SceneError("method.solver", solver, "is for fluids; take mass-spring, xpbd, pbd or shape-matching")
+        raise SceneError("method.solver", solver, "applies to fluids; use mass-spring, xpbd, pbd or shape-matching")
     if solver in TETRAHEDRAL_SOLVERS and not scene.tetrahedra:
         raise SceneError(
-            "method.solver", solver, "is for tetrahedral bodies; take mass-spring, xpbd, pbd or shape-matching"
+            "method.solver", solver, "applies to tetrahedral bodies; use mass-spring, xpbd, pbd or shape-matching"
         )
     if not scene.cloth and not scene.method.position_based and integrator.startswith("implicit-euler"):
         raise SceneError(
-            "method.integrator", integrator, "is for a cloth; a grid takes velocity-verlet, rk4 and other explicit ones"
+            "method.integrator", integrator, "applies to a cloth; a grid takes velocity-verlet, rk4 and other explicit ones"
         )  # fmt: skip
     for name, kind in scene.kinds.items():
         part = scene.parts[name]
@@ -75,8 +77,10 @@ def _check_matching(scene: SceneParts) -> None:
     if not scene.method.matches_shapes or scene.bodies:
         return
     if scene.cloth:
-        raise SceneError("method.solver", scene.method.solver, "is for a grid; a cloth takes mass-spring, xpbd or pbd")
-    scene.refuse(KINDS.keys() - MATCHED, "is not known to the solver shape-matching; leave it out")
+        raise SceneError(
+            "method.solver", scene.method.solver, "applies to a grid; a cloth takes mass-spring, xpbd or pbd"
+        )
+    scene.refuse(KINDS.keys() - MATCHED, "is not supported by the solver shape-matching; leave it out")
     springs, name = scene.springs, scene.name_of("springs", default="springs")
     if springs is None:
         raise SceneError(
@@ -96,9 +100,9 @@ def _check_mesh(scene: SceneParts) -> None:
     bending = scene.name_of("bending", default="bending")
     model = getattr(scene.cloth_springs.get("bending"), "model", "distance")
     if scene.mesh is None:
-        scene.refuse(OF_MESHES, "is for a mesh, which a cloth and a grid are not; leave it out")
+        scene.refuse(OF_MESHES, "applies to a mesh; a cloth and a grid are none, so leave it out")
         if model != "distance":
-            raise SceneError(f"{bending}.model", model, "is for a mesh; a cloth's bending is one of distances")
+            raise SceneError(f"{bending}.model", model, "applies to a mesh; a cloth's bending is one of distances")
         return
     if not scene.method.position_based:
         raise SceneError("method.solver", scene.method.solver, "must be xpbd or pbd for a mesh")
@@ -107,7 +111,7 @@ def _check_mesh(scene: SceneParts) -> None:
     for name, kind in scene.kinds.items():
         if kind in NOT_OF_MESHES and not (kind == "motion" and scene.tetrahedra):
             why = "a mesh's diagonals are edges, structural ones" if kind == "shear" else "a rectangular cloth has it"
-            raise SceneError(f"{name}.kind", kind, f"does not go with a mesh: {why}; leave it out")
+            raise SceneError(f"{name}.kind", kind, f"is not supported for a mesh: {why}; leave it out")
     if model != "distance" and scene.cloth_springs["bending"].damping > 0:
         raise SceneError(
             f"{bending}.damping", scene.cloth_springs["bending"].damping, f"must be 0 for the model {model}"

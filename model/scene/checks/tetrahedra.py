@@ -10,6 +10,7 @@ from model.scene.kinds import KINDS
 from model.scene.members import OF_PARTICLES
 from model.scene.method import OF_TETRAHEDRA as TETRAHEDRAL_SOLVERS
 from model.scene.method import Method
+from model.scene.motion import RELEASE
 from model.scene.particle_contact import MAX_KINDS
 from model.scene.scene_parts import SceneParts
 from model.scene.tetrahedra import TETRAHEDRAL_KINDS
@@ -19,7 +20,7 @@ from model.tetrahedra.selection import check_word
 SOLVERS_OF_TETRAHEDRA = ("xpbd", *TETRAHEDRAL_SOLVERS)
 OF_TETRAHEDRA = (
     *TETRAHEDRAL_KINDS, "contact", "damping", "external", "gravity", "method", "motion", "region", "attachment", "material",
-    "mesh", "wind", *(kind for kind in CONSTRAINT_KINDS if kind != "shear"), *COLLIDER_KINDS,
+    "mesh", "wind", RELEASE, *(kind for kind in CONSTRAINT_KINDS if kind != "shear"), *COLLIDER_KINDS,
 )  # fmt: skip
 UNSTEADY = (*COLLIDER_KINDS, "motion")  # not supported by order 2 in time
 NOT_SMOOTH = "is no smooth force, which the second order of newton in time asks for"
@@ -29,7 +30,7 @@ MEETING = ("xpbd", "vbd")  # solvers that support contacts of tetrahedral bodies
 def check_tetrahedra(scene: SceneParts) -> None:
     """Raise SceneError for a part that is not (yet) supported together with tetrahedral bodies."""
     told = ", ".join(OF_TETRAHEDRA)
-    scene.refuse(KINDS.keys() - OF_TETRAHEDRA, f"does not go with tetrahedral bodies, which have {told}")
+    scene.refuse(KINDS.keys() - OF_TETRAHEDRA, f"is not supported together with tetrahedral bodies, which take {told}")
     for name, part in scene.tetrahedra.items():
         for word in part.pinned:
             check_word(f"{name}.pinned", word, scene.regions)
@@ -59,16 +60,14 @@ def check_tetrahedra(scene: SceneParts) -> None:
                 )
     for name, part in scene.tetrahedra.items():
         if part.volume == "voxels" and scene.method.solver not in ("xpbd", "world"):
-            told = (
-                f"goes with xpbd alone, and not with {scene.method.solver}: --set method.solver=xpbd, or leave it out"
-            )
+            told = f"is supported by xpbd only, not by {scene.method.solver}: --set method.solver=xpbd, or leave it out"
             raise SceneError(f"{name}.volume", part.volume, told)
     if scene.mesh and scene.method.solver != "xpbd":
-        told = f"goes with tetrahedral bodies under xpbd alone, and not under {scene.method.solver}: "
+        told = f"is supported beside tetrahedral bodies by xpbd only, not by {scene.method.solver}: "
         raise SceneError(f"{scene.name_of('mesh')}.kind", "mesh", told + "--set method.solver=xpbd, or leave it out")
     if not scene.mesh:
-        scene.refuse(CONSTRAINT_KINDS, "holds a cloth together: add one, a table [mesh], or leave it out")
-        scene.refuse(("wind",), "blows on a cloth alone: add one, a table [mesh], or leave it out")
+        scene.refuse(CONSTRAINT_KINDS, "applies to a cloth; add a table [mesh], or leave it out")
+        scene.refuse(("wind",), "applies to a cloth; add a table [mesh], or leave it out")
     _check_surfaces(scene)
 
 
@@ -87,9 +86,9 @@ def _check_surfaces(scene: SceneParts) -> None:
         return
     if scene.method.solver not in MEETING:
         told = f"tetrahedral bodies meet under {' or '.join(MEETING)}; without a [contact] they pass through each other"
-        raise SceneError(f"{name}.kind", "contact", f"is not known to the solver {scene.method.solver}: {told}")
+        raise SceneError(f"{name}.kind", "contact", f"is not supported by the solver {scene.method.solver}: {told}")
     if len(scene.holdable) > MAX_KINDS:
         raise SceneError(name, len(scene.holdable), f"at most {MAX_KINDS} tetrahedral bodies that meet")
     for field in OF_PARTICLES:
         if getattr(part, field) != type(part).model_fields[field].default:
-            raise SceneError(f"{name}.{field}", getattr(part, field), "is for bodies of particles; leave it out")
+            raise SceneError(f"{name}.{field}", getattr(part, field), "applies to bodies of particles; leave it out")

@@ -1,0 +1,149 @@
+"""The tables of a scene once some of its pins have let go: without those pins, their motions and attachments."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+from model.core.errors import SceneError
+from model.core.pins import PIN_WORDS, pin_indices
+from model.scene.attachment import pins as is_pinning
+from model.scene.kinds import SHEETS
+from model.scene.motion import ALL, RELEASE, Release
+from model.scene.scene_parts import SceneParts
+from model.scene.tetrahedra import TETRAHEDRAL_KINDS
+from model.scene.words import suggestion
+
+Table = dict[str, Any]
+
+
+def check_releases(scene: SceneParts) -> None:
+    """Raise SceneError for a release in a scene in which nothing can be pinned."""
+    if not scene.all_of(*SHEETS, *TETRAHEDRAL_KINDS):
+        told = "needs pins, which a grid, a cloth, a mesh and a tetrahedral_body have; this scene has none of them"
+        scene.refuse((RELEASE,), told)
+
+
+def tables_without(scene: SceneParts, names: Iterable[str]) -> dict[str, Table]:
+    """Return the scene's tables, without releases, once those of these `names` are over. Raises SceneError for one that lets
+    go of nothing."""
+    tables = scene.as_dict()
+    for name in names:
+        _let_go(scene, tables, name)
+    return {name: table for name, table in tables.items() if scene.kinds.get(name) != RELEASE}
+
+
+def _let_go(scene: SceneParts, tables: dict[str, Table], name: str) -> None:
+    """Take the pins of the release `name` out of the `tables`."""
+    release: Release = scene.parts[name]  # type: ignore[assignment]
+    holders = scene.all_of(*SHEETS, *TETRAHEDRAL_KINDS)
+    if release.body not in (None, *holders):
+        known = f"must be one of {', '.join(holders)}{suggestion(str(release.body), holders)}"
+        raise SceneError(f"{name}.body", release.body, known)
+    chosen = holders if release.body is None else {release.body: holders[release.body]}
+    freed = False
+    for holder, part in chosen.items():
+        free = _free_words if scene.kinds[holder] in TETRAHEDRAL_KINDS else _free_masses
+        freed |= free(tables[holder], part, release, name)
+    freed |= _free_attachments(scene, tables, release)
+    if not freed:
+        told = f"names no pin of {', '.join(chosen)} that is held until then; name those of `pinned`"
+        raise SceneError(f"{name}.pins", release.pins, told)
+    _end_motions(scene, tables, release)
+
+
+def _free_words(table: Table, part: Any, release: Release, name: str) -> bool:
+    """Unpin vertices of the tetrahedral body of this `table`; its other words stay. Returns whether there were any."""
+    before = table["pinned"]
+    table["pinned"] = [word for word in before if release.pins not in (ALL, word)]
+    return len(table["pinned"]) < len(before)
+
+
+def _free_masses(table: Table, part: Any, release: Release, name: str) -> bool:
+    """Unpin masses of the sheet of this `table`; the others become a list. Returns whether there were any."""
+    before = table["pinned"]
+    if release.pins in (ALL, before):
+        table["pinned"] = "none"
+        return before not in ("none", [])
+    if getattr(part, "file", None) is not None:
+        if not isinstance(before, list):
+            return False
+        table["pinned"] = [vertex for vertex in before if vertex not in release.pins] or "none"
+        return table["pinned"] != before
+    if not _is_of_a_sheet(release.pins):
+        return False
+    held = pin_indices(before, part.rows, part.columns)
+    left = np.setdiff1d(held, _masses(release.pins, part, f"{name}.pins"))
+    table["pinned"] = _listed(left, part.columns)
+    return len(left) < len(held)
+
+
+def _is_of_a_sheet(pins: Any) -> bool:
+    """True for masses of rows and columns, false for the name of a region or an attachment."""
+    if isinstance(pins, str):
+        return pins in PIN_WORDS or pins.startswith("every:")
+    return not isinstance(pins[0], int)
+
+
+def _masses(pins: Any, part: Any, field: str) -> np.ndarray:
+    """(masses,) int64: the indices of `pins` in a sheet of rows and columns. Raises SceneError for one outside of it."""
+    for row, column in pins if isinstance(pins, list) else ():
+        if not (0 <= row < part.rows and 0 <= column < part.columns):
+            told = f"lies outside the sheet; rows are 0 to {part.rows - 1}, columns 0 to {part.columns - 1}"
+            raise SceneError(field, [row, column], told)
+    return pin_indices(pins, part.rows, part.columns)
+
+
+def _listed(masses: np.ndarray, columns: int) -> Any:
+    """These masses as a sheet's `pinned`."""
+    return [list(divmod(int(one), columns)) for one in masses] or "none"
+
+
+def _free_attachments(scene: SceneParts, tables: dict[str, Table], release: Release) -> bool:
+    """Remove the attachment that `release.pins` names, or (`all`) those that pin the body. Returns whether there were any."""
+    bodies = list(scene.all_of("mesh", *TETRAHEDRAL_KINDS))
+    ended = [
+        name
+        for name, part in scene.all_of("attachment").items()
+        if name in tables
+        and release.body in (None, part.body)
+        and (release.pins == name or (release.pins == ALL and is_pinning(part, bodies)))
+    ]
+    for name in ended:
+        del tables[name]
+    return bool(ended)
+
+
+def _end_motions(scene: SceneParts, tables: dict[str, Table], release: Release) -> None:
+    """Remove the motions of pins that were let go; masses of a sheet that are still pinned keep theirs."""
+    bodies = scene.all_of("mesh", *TETRAHEDRAL_KINDS) if scene.all_of(*TETRAHEDRAL_KINDS) else {}
+    for motion in [one for one in scene.all_of("motion") if one in tables]:
+        table = tables[motion]
+        if bodies:
+            whose = [table["body"]] if table.get("body") else list(bodies)
+            words = {str(word) for body in whose for word in _words(tables, scene, body)}
+            over = (
+                not words
+                if table["pins"] == ALL
+                else table["pins"] not in words and release.pins in (ALL, table["pins"])
+            )
+            if over and (release.body is None or release.body in whose):
+                del tables[motion]
+            continue
+        ((holder, part),) = scene.all_of(*SHEETS).items()
+        moved = _masses(table["pins"], part, f"{motion}.pins")
+        left = np.intersect1d(moved, pin_indices(tables[holder]["pinned"], part.rows, part.columns))
+        if not len(left):
+            del tables[motion]
+        elif len(left) < len(moved):
+            table["pins"] = _listed(left, part.columns)
+
+
+def _words(tables: dict[str, Table], scene: SceneParts, body: str) -> list[str]:
+    """Words that still pin vertices of a body: of its `pinned`, of attachments, and `its pins` of a cloth."""
+    pinned = tables[body]["pinned"] if body in tables else []
+    words = [] if pinned in ("none", []) else ["its pins"] if isinstance(pinned, str) else [str(one) for one in pinned]
+    held = [part.vertices for name, part in scene.all_of("attachment").items() if name in tables and part.body == body]
+    return words + held
