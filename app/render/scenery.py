@@ -10,6 +10,7 @@ import numpy as np
 from app.render import colours, shaders3d
 from app.render.camera3d import Camera3D
 from app.render.collider_shapes import Ground, Mesh, collider_mesh, grounds, line_distance, shadow_matrix
+from app.render.fluid.tank_frame import tank_frame
 from app.render.opengl import shader_program
 from app.render.vertex_arrays import delete_all, draw_elements, refill, static_buffer, uniform_matrix, vertex_array
 from model.scene.cloth import Plane
@@ -73,13 +74,12 @@ class Scenery:
         self._meshes: list[tuple[Drawn, np.ndarray]] = []
         self._turning: list[tuple[int, int, Mesh]] = []  # buffers of vertices and normals
         self._turned_to = 0.0  # s
-        for _, collider in scene.colliders:
-            mesh = collider_mesh(collider)
-            if mesh is not None:
-                drawn = (self._array(mesh.vertices, mesh.triangles, mesh), gl.GL_TRIANGLES, mesh.triangles.size)
-                self._meshes.append((drawn, mesh.velocity))
-                if mesh.turns:
-                    self._turning.append((self._buffers[-3], self._buffers[-1], mesh))
+        meshes = [collider_mesh(collider) for _, collider in scene.colliders]
+        for mesh in [*(mesh for mesh in meshes if mesh is not None), *tank_frame(scene)]:
+            drawn = (self._array(mesh.vertices, mesh.triangles, mesh), gl.GL_TRIANGLES, mesh.triangles.size)
+            self._meshes.append((drawn, mesh.velocity))
+            if mesh.turns:
+                self._turning.append((self._buffers[-3], self._buffers[-1], mesh))
         self._square = self._array(SQUARE, np.array([0, 1, 2, 0, 2, 3], dtype=np.uint32))
         self._ground_constants()
 

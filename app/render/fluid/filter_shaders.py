@@ -5,9 +5,12 @@ Depth is the distance from the eye along the line of view [m], in 32-bit float; 
 
 from __future__ import annotations
 
-MOST_TAPS = 48  # pixels to each side that the filter looks, at most
+MOST_PIXELS = 96.0  # that filters look to each side, at most
+TAPS = 12  # of a bell, to each side
+PAIRS = 32  # of pixels that a pass of the narrow-range filter reads along its axis
 
-# A bell along one axis, for what has no edges to keep.
+
+# A bell along one axis, in steps of some pixels where a particle is large, for what has no edges to keep.
 BLUR_FRAGMENT = f"""#version 330 core
 uniform sampler2D thickness;
 uniform sampler2D depth;
@@ -17,17 +20,19 @@ uniform float focal;
 out vec4 sum;
 void main() {{
     ivec2 pixel = ivec2(gl_FragCoord.xy), last = textureSize(depth, 0) - 1;
-    float here = texelFetch(depth, pixel, 0).r;
+    float here = texelFetch(depth, pixel, 0).r, weight = 0.0;
     sum = vec4(0.0);
     if (here <= 0.0) return;
-    float wide = clamp(reach * focal / here, 0.01, {MOST_TAPS}.0), weight = 0.0;
-    for (int k = -int(wide); k <= int(wide); k++) {{
-        ivec2 there = clamp(pixel + k * way, ivec2(0), last);
-        float share = texelFetch(depth, there, 0).r > 0.0 ? exp(-4.5 * float(k * k) / (wide * wide)) : 0.0;
-        sum += share * texelFetch(thickness, there, 0);
+    float wide = min(reach * focal / here, {MOST_PIXELS});
+    int taps = clamp(int(ceil(wide)), 1, {TAPS});
+    for (int k = -taps; k <= taps; k++) {{
+        float part = float(k) / float(taps);
+        vec4 there = texelFetch(thickness, clamp(pixel + int(round(part * wide)) * way, ivec2(0), last), 0);
+        float share = there.a > 0.0 ? exp(-4.5 * part * part) : 0.0;
+        sum += share * there;
         weight += share;
     }}
-    sum /= weight;
+    sum /= max(weight, 1e-9);
 }}
 """
 
@@ -40,36 +45,60 @@ float at(ivec2 pixel) {
 }
 """
 
-# N. Truong, C. Yuksel, "A Narrow-Range Filter for Screen-Space Fluid Rendering", PACMCGIT 1 (2018), equations 4 to 7, along
-# one axis: what is nearer than the range is another surface in front and does not count, nor does its mirror image; what is
-# farther counts as if it were a little behind; the range grows with what lies in it.
-NARROW_FRAGMENT = f"""#version 330 core
+# N. Truong, C. Yuksel, "A Narrow-Range Filter for Screen-Space Fluid Rendering", PACMCGIT 1 (2018), equations 4 to 7: what is
+# nearer than the range is another surface in front and does not count, nor does its mirror image; what is farther counts as
+# if it were a little behind; the range grows with what lies in it.
+NARROW = f"""#version 330 core
 {AT}
-uniform ivec2 way;          // (1, 0), (0, 1)
-uniform float reach;        // m: the filter's half width
-uniform float focal;        // pixels
 uniform float range;        // m
 uniform float behind;       // m
 out float smooth_depth;
+float here, nearest, farthest, sum, weight;
+void begin() {{
+    here = at(ivec2(gl_FragCoord.xy));
+    smooth_depth = sum = here;
+    nearest = here - range, farthest = here + range, weight = 1.0;
+}}
+void take(ivec2 aside, float share) {{
+    float one = at(ivec2(gl_FragCoord.xy) + aside), other = at(ivec2(gl_FragCoord.xy) - aside);
+    if (one <= 0.0) one = farthest + 1e9;
+    if (other <= 0.0) other = farthest + 1e9;
+    float counts = min(one, other) < nearest ? 0.0 : share;
+    sum += counts * ((one > farthest ? here + behind : one) + (other > farthest ? here + behind : other));
+    weight += 2.0 * counts;
+    one = counts > 0.0 && one <= farthest ? one : here;  // here they change nothing
+    other = counts > 0.0 && other <= farthest ? other : here;
+    nearest = min(nearest, min(one, other) - range);
+    farthest = max(farthest, max(one, other) + range);
+}}
+"""
+
+# Along one axis, in steps of some pixels where a particle is large.
+NARROW_FRAGMENT = f"""{NARROW}
+uniform ivec2 way;          // (1, 0), (0, 1)
+uniform float reach;        // m: the filter's half width
+uniform float focal;        // pixels
 void main() {{
-    ivec2 pixel = ivec2(gl_FragCoord.xy);
-    float here = at(pixel);
-    smooth_depth = here;
+    begin();
     if (here <= 0.0) return;
-    float wide = clamp(reach * focal / here, 0.0, {MOST_TAPS}.0);
-    int taps = int(ceil(wide));
-    float nearest = here - range, farthest = here + range, sum = here, weight = 1.0;
+    float wide = min(reach * focal / here, {MOST_PIXELS});
+    int taps = min(int(ceil(wide)), {PAIRS});
     for (int k = 1; k <= taps; k++) {{
-        float one = at(pixel + k * way), other = at(pixel - k * way);
-        if (one <= 0.0) one = farthest + 1e9;
-        if (other <= 0.0) other = farthest + 1e9;
-        if (one < nearest || other < nearest) continue;
-        float share = exp(-4.5 * float(k * k) / (wide * wide));
-        sum += share * ((one > farthest ? here + behind : one) + (other > farthest ? here + behind : other));
-        weight += 2.0 * share;
-        if (one <= farthest) {{ nearest = min(nearest, one - range); farthest = max(farthest, one + range); }}
-        if (other <= farthest) {{ nearest = min(nearest, other - range); farthest = max(farthest, other + range); }}
+        float part = float(k) / float(taps);
+        take(int(round(part * wide)) * way, exp(-4.5 * part * part));
     }}
+    smooth_depth = sum / weight;
+}}
+"""
+
+# All about a pixel: passes along the axes leave streaks along them.
+CLEAN_FRAGMENT = f"""{NARROW}
+void main() {{
+    begin();
+    if (here <= 0.0) return;
+    for (int j = 1; j <= 2; j++) take(ivec2(0, j), exp(-0.25 * float(j * j)));
+    for (int i = 1; i <= 2; i++)
+        for (int j = -2; j <= 2; j++) take(ivec2(i, j), exp(-0.25 * float(i * i + j * j)));
     smooth_depth = sum / weight;
 }}
 """

@@ -107,7 +107,7 @@ void main() {
 }
 """
 
-# Of the two differences to a pixel's neighbours along an axis the smaller one: it lies on the same surface.
+# Of the two differences to a pixel's neighbours along an axis mostly the smaller one: it lies on the same surface.
 NORMAL = (
     AT
     + """
@@ -120,7 +120,8 @@ vec3 along(vec2 pixel, vec3 here, ivec2 way) {
     if (one <= 0.0 && other <= 0.0) return vec3(vec2(way), 0.0);
     if (one <= 0.0) return back;
     if (other <= 0.0) return forth;
-    return abs(forth.z) < abs(back.z) ? forth : back;
+    float a = forth.z * forth.z + 1e-20, b = back.z * back.z + 1e-20;
+    return (b * forth + a * back) / (a + b);
 }
 vec3 normal_at(vec2 pixel, vec3 here) {
     return normalize(cross(along(pixel, here, ivec2(1, 0)), along(pixel, here, ivec2(0, 1))));
@@ -174,9 +175,9 @@ void main() {
     vec3 mirrored = axes * reflect(-look, n);
     float sun = pow(max(dot(mirrored, key), 0.0), 160.0), bright = 0.45 + 0.55 * max(dot(axes * n, key), 0.0);
     vec3 own = exp(-OPAQUE * inside.rgb / max(max(inside.r, max(inside.g, inside.b)), 1e-9));  // the colour that is left most
-    through += SCATTER * bright * own * (1.0 - exp(-(inside.r + inside.g + inside.b)));
+    through += SCATTER * bright * own * (1.0 - exp(-inside.rgb));  // part of what does not come through
     vec3 shown = mix(through, sky(mirrored), reflected) + 0.7 * sun;
     pixel = vec4(mix(texelFetch(behind, p, 0).rgb, shown, clamp((solid() - far) / edge, 0.0, 1.0)), 1.0);
 }
-""".replace("OPAQUE", "2.0").replace("SCATTER", "0.7")
+""".replace("OPAQUE", "2.0").replace("SCATTER", "0.95")
 )

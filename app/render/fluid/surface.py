@@ -18,7 +18,15 @@ import numpy as np
 
 from app.render.camera3d import FARTHEST, NEAREST, Camera3D
 from app.render.fluid import filter_shaders, shaders
-from app.render.fluid.pictures import BEHIND, BEHIND_DEPTH, DEPTH, NORMALS, OTHER_DEPTH, THICKNESS, FluidPictures
+from app.render.fluid.pictures import (
+    BEHIND,
+    BEHIND_DEPTH,
+    DEPTH,
+    NORMALS,
+    OTHER_DEPTH,
+    THICKNESS,
+    FluidPictures,
+)
 from app.render.opengl import shader_program
 from app.render.scenery import KEY
 from app.render.vertex_arrays import LOOK, POSITION, uniform_matrix
@@ -28,10 +36,15 @@ FILTERS = ("narrow-range", "curvature-flow", "none")
 BACK = 5  # where shaders look for the first row of an ellipsoid's inverse
 REACH, RANGE, BEYOND = 3.0, 2.0, 0.6  # of the filter, in radii: half width, range, how far behind what is far counts
 BLUR = 3.0  # radii: half width of that of thickness
-PASSES = {"narrow-range": 2, "curvature-flow": 60, "none": 0}
+ALONG = ((1, 0), (0, 1))
+STEPS: dict[str, list[tuple[str, tuple[int, int] | None, float]]] = {  # program, axis, share of REACH
+    "narrow-range": [*((FILTERS[0], way, 0.5**turn) for turn in range(2) for way in ALONG), ("clean", None, 0.0)],
+    "curvature-flow": [("curvature-flow", None, 0.0)] * 60,
+    "none": [],
+}
 SHARE = 0.6  # of a ray's way through a particle: balls of half a spacing and more overlap
 ZENITH, HORIZON, FLOOR = (0.30, 0.50, 0.78), (0.88, 0.92, 0.96), (0.55, 0.60, 0.63)
-WATER = (2.6, 0.75, 0.35)  # 1/m of red, green, blue: bluer than water is, whose metre is hardly seen
+WATER = (2.6, 1.05, 0.35)  # 1/m of red, green, blue: bluer than water is, whose metre is hardly seen
 BEND = 0.25
 EDGE = 2.0  # radii: how far before a solid a fluid is seen in full, so that it ends softly where it touches one
 
@@ -57,6 +70,7 @@ class FluidSurface:
                 ("depth", shaders.ELLIPSOID_VERTEX, shaders.DEPTH_FRAGMENT),
                 ("thickness", shaders.ELLIPSOID_VERTEX, shaders.THICKNESS_FRAGMENT.replace("SHARE", str(SHARE))),
                 ("narrow-range", shaders.SCREEN_VERTEX, filter_shaders.NARROW_FRAGMENT),
+                ("clean", shaders.SCREEN_VERTEX, filter_shaders.CLEAN_FRAGMENT),
                 ("curvature-flow", shaders.SCREEN_VERTEX, filter_shaders.CURVATURE_FRAGMENT),
                 ("blur", shaders.SCREEN_VERTEX, filter_shaders.BLUR_FRAGMENT),
                 ("normal", shaders.SCREEN_VERTEX, shaders.NORMAL_FRAGMENT),
@@ -185,23 +199,21 @@ class FluidSurface:
     def _filter(self, camera: Camera3D) -> None:
         """Back and forth between the first two pictures; `_result`: where it ended."""
         self._result, radius = DEPTH, self._radius
-        if self.filtered == "none":
-            return
-        program = self._programs[self.filtered]
-        for turn in range(PASSES[self.filtered]):
-            ways = ((1, 0), (0, 1)) if self.filtered == "narrow-range" else ((0, 0),)
-            for way in ways:
-                self._pictures.begin(DEPTH + OTHER_DEPTH - self._result)
-                program.use()
+        for name, way, share in STEPS[self.filtered]:
+            program = self._programs[name]
+            self._pictures.begin(DEPTH + OTHER_DEPTH - self._result)
+            program.use()
+            program["range"] = RANGE * radius
+            if name != "clean":
                 program["focal"] = camera.focal
-                program["range"] = RANGE * radius
-                if self.filtered == "narrow-range":
-                    program["way"] = way
-                    program["reach"], program["behind"] = REACH * radius / 2**turn, BEYOND * radius
-                self._pictures.bind(depth=self._result)
-                self._pictures.screen()
-                program.stop()
-                self._result = DEPTH + OTHER_DEPTH - self._result
+            if name == FILTERS[0]:
+                program["way"], program["reach"] = way, REACH * share * radius
+            if self.filtered == FILTERS[0]:
+                program["behind"] = BEYOND * radius
+            self._pictures.bind(depth=self._result)
+            self._pictures.screen()
+            program.stop()
+            self._result = DEPTH + OTHER_DEPTH - self._result
 
     def normals(self, camera: Camera3D) -> np.ndarray:
         """(height, width, 4) float32, top row first: the normal in the camera's axes (right, up, back), and the depth [m]; 0

@@ -40,7 +40,7 @@ RADIUS = 0.5  # of a particle, in rest distances
 WETTED = 0.9  # likewise, of what its surface is made of
 WATER = 1000.0  # kg/m^3
 ABSORBED = (
-    (5.2, 1.5, 0.7),
+    (5.2, 2.1, 0.7),
     (0.5, 1.1, 5.5),
     (4.5, 1.0, 3.0),
     (0.8, 3.5, 5.0),
