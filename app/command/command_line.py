@@ -20,7 +20,7 @@ from rich.console import Console
 from typer.core import TyperGroup
 
 from app.command.console import Output
-from model.core.errors import SoftlabError, shown
+from model.core.errors import SoftlabError, on_command_line, shown
 from model.domains.launched import launched_rank
 
 errors = Console(stderr=True, highlight=False, soft_wrap=True)
@@ -102,6 +102,7 @@ class Commands(TyperGroup):
             raise left.__cause__ or left from None
 
 
+@on_command_line()
 def exit_status(command: Callable[[], int | None]) -> int:
     """Return the exit status of a command line; an error that a user can fix is printed in one line on standard
     error."""

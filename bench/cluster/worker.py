@@ -24,7 +24,7 @@ from bench.measure.share import sharing
 from bench.store.database import Store
 from bench.store.transfer import export, last_run, merge
 from bench.store.versions import BACKENDS, digest_of
-from model.core.errors import BackendUnavailable, SoftlabError
+from model.core.errors import BackendUnavailable, SoftlabError, on_command_line
 
 COUNTS = ("measured", "held", "samples", "suspect", "compile_seconds")  # fields of a summary, as far as it has them
 
@@ -214,6 +214,7 @@ def _command(order: Order, status: Status) -> str:
     return f"{order.command}  # worker {status.name} on host {status.host}"
 
 
+@on_command_line()
 def main(path: str, name: str) -> int:
     """Run one worker; return the exit status, 0 whenever its status file says how it ended."""
     folder = Folder(Path(path))

@@ -1,15 +1,61 @@
 """Errors with a reason and a remedy.
 
 Every error that a user can cause is one of these: one line with what is wrong and what to do. The command line prints
-it and exits with `exit_status`; nothing else is written.
+it and exits with `exit_status`; nothing else is written. Messages are written with the options of the command line;
+outside of it (`on_command_line`) they name the arguments of `open_simulation` instead.
 """
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from math import isfinite
 
 LONGEST = 560  # characters of a message: a few lines of a terminal, for any length of key or file name
 LONGEST_FIELD, LONGEST_VALUE = 120, 80
+ARGUMENTS = {  # of `open_simulation`, which are options of commands, and the values that a message gives them
+    "backend": "cpu|gpu", "precision": "float32|float64", "math": "fast|exact", "link": "flags|peer|nccl",
+    "kernel": "one-block|[a-z]+", "threads": "[0-9]x|[0-9]+|auto", "gpus": "[0-9]+", "ranks": "[0-9]+",
+    "exchange-every": "[0-9]+", "allow-unstable": "(?!)",
+}  # fmt: skip
+OPTION = re.compile(
+    "|".join(rf"--(?P<{name.replace('-', '_')}>{name}\b)(?: (?:{value})\b)?" for name, value in ARGUMENTS.items())
+)
+SETTING = re.compile(r"--set ([\w.-]+)=([\w.+-]*\w)")
+_speech = {"options": False}
+
+
+@contextmanager
+def on_command_line() -> Iterator[None]:
+    """Within it, messages name options, and not arguments of Python."""
+    before = _speech["options"]
+    _speech["options"] = True
+    try:
+        yield
+    finally:
+        _speech["options"] = before
+
+
+def in_python(message: str) -> str:
+    """The message with `backend="gpu"` in place of `--backend gpu`, and likewise what else `open_simulation` takes."""
+
+    def argument(found: re.Match[str]) -> str:
+        name, (_, _, value) = str(found.lastgroup), found[0].partition(" ")
+        given = "True" if name == "allow_unstable" else _literal(value) if value else ""
+        return f"{name}={given}" if given else name
+
+    def change(found: re.Match[str]) -> str:
+        return f'scene.replace({{"{found[1]}": {_literal(found[2])}}})'
+
+    return OPTION.sub(argument, SETTING.sub(change, message))
+
+
+def _literal(word: str) -> str:
+    try:
+        return f"{float(word):g}"
+    except ValueError:
+        return f'"{word}"'
 
 
 def shortened(text: str, most: int = LONGEST) -> str:
@@ -37,6 +83,7 @@ class SoftlabError(Exception):
     exit_status = 2
 
     def __init__(self, message: str):
+        message = message if _speech["options"] else in_python(message)
         # one line, printable and short, whatever a user's file contained
         printable = "".join(c if c.isprintable() else repr(c)[1:-1] for c in shortened(message, 4 * LONGEST))
         super().__init__(shortened(printable))

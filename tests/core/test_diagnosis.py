@@ -81,7 +81,7 @@ def test_a_value_that_leaves_no_usable_step_is_named_with_one_that_holds(name, p
     scene = load_scene(name).replace({path: value})
     told = str(refusal(scene))
     assert f"{path} = {value:g} is too " in told
-    advised = float(told.rpartition(f"--set {path}=")[2].partition(")")[0])
+    advised = float(told.rpartition(f'scene.replace({{"{path}": ')[2].partition("}")[0])
     assert refusal(scene.replace({path: advised})) is None
     assert refusal(scene.replace({path: advised / factor})) is not None
 

@@ -23,7 +23,7 @@ def test_as_many_as_were_asked_for_are_a_world(seen):
 
 
 def test_another_number_is_bad_input(seen):
-    with pytest.raises(SceneError, match=r"--gpus.*MPI has 2 processes; start the run with mpiexec -n 3"):
+    with pytest.raises(SceneError, match=r"^gpus.*MPI has 2 processes; start the run with mpiexec -n 3"):
         processes.world_of(3, "--gpus")
 
 

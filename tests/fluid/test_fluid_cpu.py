@@ -141,5 +141,5 @@ def test_a_gpu_is_refused_in_one_line_until_it_knows_fluids() -> None:
 
     if "gpu" in family_of(column_scene()).solvers:
         pytest.skip("it knows them")
-    with pytest.raises(SceneError, match=r"^--backend = 'gpu': does not know a fluid yet; use cpu"):
+    with pytest.raises(SceneError, match=r"^backend = 'gpu': does not know a fluid yet; use cpu"):
         open_simulation(column_scene(), "gpu")

@@ -226,7 +226,7 @@ def test_precision_and_kernel_carry_the_state_over_and_what_a_solver_lacks_it_sa
         assert stage.demo.run_with(kernel="stages") and stage.demo.world.kernel == "stages"
         before = stage.demo.world
         assert not stage.demo.run_with(kernel="cooperative") and stage.demo.world is before
-        assert "--kernel" in stage.demo.message and stage.demo.options["kernel"] == "stages"
+        assert "kernel = 'cooperative'" in stage.demo.message and stage.demo.options["kernel"] == "stages"
 
 
 def test_the_scene_and_the_state_are_saved_and_come_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

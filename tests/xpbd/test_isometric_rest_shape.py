@@ -47,7 +47,10 @@ BOX = {
 def test_a_mesh_that_is_bent_at_rest_is_refused(tmp_path: Path, degrees: float, beside: dict[str, Any]) -> None:
     """Alone and beside tetrahedra, by the name that the scene gives its bending, with the angle and what to do."""
     scene = hinge_scene(tmp_path, degrees, "isometric", **beside)
-    words = rf"crease\.model = 'isometric'.*bent by {abs(degrees):.3g} degrees.*--set crease\.model=dihedral"
+    words = (
+        rf"crease\.model = 'isometric'.*bent by {abs(degrees):.3g} degrees.*"
+        r'scene\.replace\(\{"crease\.model": "dihedral"\}\)'
+    )
     with pytest.raises(SceneError, match=words):
         open_simulation(scene, "cpu", math="exact", threads=1)
 
