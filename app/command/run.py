@@ -20,8 +20,8 @@ from app.driver import open_simulation
 from app.outcome import INCOMPLETE, fault_lines, fault_words
 from app.output.export import Exporter, Target, check_export
 from app.output.files import check_state_target, read_state, write_state, write_trajectory
-from app.output.offscreen import check_look
 from app.output.video import CLIP, Picture, check_render, render
+from app.render.views import check_look
 from app.shared import USUAL_LINK, check_asked, check_cut, check_shared
 from cpu_backend.core.threads import core_count, wait_policy
 from model.core.errors import Diverged, Incomplete, InputError, SceneError

@@ -19,7 +19,7 @@ from app.render.drawn_springs import drawn_strain
 from app.render.fluid.framing import main_part, with_fluids
 from app.render.framing import seen_points, seen_radius
 from app.render.opengl import OFFSCREEN_REMEDY, drawing_text, open_window, renderer_name
-from app.render.views import camera_of, view_of
+from app.render.views import camera_of, check_look, view_of
 from model.core.build import rest_positions
 from model.core.errors import InputError, SoftlabError
 from model.core.files import check_target
@@ -201,19 +201,6 @@ class OffscreenRenderer:
         """Return (height, width, 4) uint8, top row first: the last drawing."""
         self._window.switch_to()
         return read_pixels(self.width, self.height)
-
-
-def check_look(scene: Scene, look: Sequence[str]) -> None:
-    """Raise InputError for a look that scenes of this kind, or all scenes, lack."""
-    from app.render.fluid.view import LOOKS as OF_FLUIDS
-    from app.render.tetrahedra_view import LOOKS as OF_TETRAHEDRA
-
-    known = OF_TETRAHEDRA if scene.tetrahedra else OF_FLUIDS if scene.fluids else ()
-    for name in look:
-        if not known:
-            raise InputError(f"--look {name}: applies to tetrahedral bodies and fluids; leave it out")
-        if name not in known:
-            raise InputError(f"--look {name}: must be one of {', '.join(known)}")
 
 
 def read_pixels(width: int, height: int) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import radians
 from typing import Any
 
@@ -9,6 +10,7 @@ from app.render.camera import Camera2D
 from app.render.camera3d import Camera3D
 from app.render.detail import FINE, Detail, usual_detail
 from app.render.opengl import renderer_name
+from model.core.errors import InputError
 from model.scene.scene import Scene
 
 
@@ -53,3 +55,16 @@ def camera_of(scene: Scene, width: int, height: int) -> Any:
     if part is not None and part.pitch is not None:
         camera.pitch = radians(part.pitch)
     return camera
+
+
+def check_look(scene: Scene, look: Sequence[str]) -> None:
+    """Raise InputError for a look that scenes of this kind, or all scenes, lack."""
+    from app.render.fluid.view import LOOKS as OF_FLUIDS
+    from app.render.tetrahedra_view import LOOKS as OF_TETRAHEDRA
+
+    known = OF_TETRAHEDRA if scene.tetrahedra else OF_FLUIDS if scene.fluids else ()
+    for name in look:
+        if not known:
+            raise InputError(f"--look {name}: applies to tetrahedral bodies and fluids; leave it out")
+        if name not in known:
+            raise InputError(f"--look {name}: must be one of {', '.join(known)}")

@@ -149,12 +149,9 @@ class Worlds:
 
     def steps_of(self, world: Simulation) -> int:
         """That a world does in a frame."""
-        pace = self._pace
-        return (
-            self._steps(world, self.steps_per_frame * pace.scene.method.dt)
-            if world is not pace
-            else self.steps_per_frame
-        )
+        if world is self._pace:
+            return self.steps_per_frame
+        return self._steps(world, self.steps_per_frame * self._pace.scene.method.dt)
 
     @property
     def positions(self) -> list[np.ndarray]:
@@ -245,10 +242,8 @@ class Worlds:
         return self.steps_per_frame // self._batches() * self._pace.scene.method.dt
 
     def _push(self) -> None:
-        position = (self.positions if self.hand.held else self._positions)[
-            self.current
-        ]  # with nothing held not looked at
-        self.hand.push(self.world, position, self._hold_time())
+        positions = self.positions if self.hand.held else self._positions  # with nothing held not looked at
+        self.hand.push(self.world, positions[self.current], self._hold_time())
 
     def refresh(self, force: bool = False) -> None:
         """Energies, strain and bounds, if they are due (they need the whole state on the host)."""

@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 from test_view3d import drawing  # noqa: F401  # a fixture
 
-from app.output.offscreen import OffscreenRenderer, check_look
+from app.output.offscreen import OffscreenRenderer
 from app.render import colours
 from app.render.fluid.framing import main_part, with_fluids
 from app.render.fluid.outlines import SIDES, outlines
 from app.render.fluid.view import COLOURINGS, LOOKS
 from app.render.framing import seen_points
 from app.render.particle_colours import of_numbers
+from app.render.views import check_look
 from app.window.keys import FLUID_KEYS, keys_text
 from model.core.errors import InputError
 from model.fluid.foam import FOAM, FoamPoints
