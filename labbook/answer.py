@@ -15,7 +15,7 @@ from plots.core.data import Results, Source
 TARGETS = (1e-1, 1e-2, 1e-3)  # spacings
 # small grids first, then stiff ones and ones with contacts
 ORDER = ("S1-16", "S1", "S1-64", "S4", "S5", "S6-still", "S6")
-HEAD = ("Scene", "Masses", "Error", "Soonest method", "Step", "Precision", "Processor", "Time", "Breaks")
+HEAD = ("Scene", "Masses", "Error", "Fastest method", "Step", "Precision", "Processor", "Time", "Breaks")
 TIME = HEAD.index("Time")
 Run = tuple[Point, Source]
 
@@ -33,7 +33,7 @@ def answer_tables(results: Results) -> list[Table]:
             for point in (*points(source, label), *points(source, label, "exact"))
         ]
         if any(point.seconds for point, _ in runs):
-            answers += [(label, target, runs, _soonest(runs, target)) for target in TARGETS]
+            answers += [(label, target, runs, _fastest(runs, target)) for target in TARGETS]
     used = dict.fromkeys(best[1] for *_, best in answers if best)
     marks = {source: f" ({n})" if len(used) > 1 else "" for n, source in enumerate(used, 1)}
     rows = [
@@ -41,7 +41,7 @@ def answer_tables(results: Results) -> list[Table]:
         for label, target, runs, best in answers
     ]
     title = (
-        "The soonest way to an error (root mean square over the free masses, in spacings), as wall time of a simulated "
+        "The fastest way to an error (root mean square over the free masses, in spacings), as wall time of a simulated "
         "second without the copy of the end state, and from which step size on the same method diverged in that scene. "
         + _processors(marks)
     )
@@ -50,7 +50,7 @@ def answer_tables(results: Results) -> list[Table]:
     return [table(title, HEAD, rows, left=1)] if rows else []
 
 
-def _soonest(runs: list[Run], target: float) -> Run | None:
+def _fastest(runs: list[Run], target: float) -> Run | None:
     """Return the run that reaches an error fastest, and its machine."""
     able = reaching([point for point, _ in runs], target)
     return next(run for run in runs if run[0] is able[0]) if able else None

@@ -137,7 +137,7 @@ def print_element_projections(console: Console, store: Store, machine: str) -> N
         console, heads, rows,
         "million / s: tetrahedra projected; GB / s, Gflop / s: what they read, write and compute at that rate; of "
         "memory: of the copy bandwidth measured here, over which a cache serves them. An H200's "
-        f"limits in float32, thousand million / s: by memory {', '.join(limits)}, by half its arithmetic {by_work}",
+        f"limits in float32, billion/s: by memory {', '.join(limits)}, by half its arithmetic {by_work}",
     )  # fmt: skip
 
 

@@ -52,7 +52,7 @@ def contact_kernel(scene: Scene, wanted: str | None) -> str | None:
     if scene.self_collision is None:
         return None
     if wanted == "fused":
-        raise SceneError("--kernel", wanted, "goes down the rows and knows no self_collision; use stages")
+        raise SceneError("--kernel", wanted, "does not support self_collision; use --kernel stages")
     return "stages"
 
 
@@ -63,7 +63,7 @@ class PositionBased(RowsSimulation):
         for name, kind in scene.kinds.items():
             if kind in NOT_YET:
                 raise SceneError(
-                    f"{name}.kind", kind, "is not known to the position-based solvers on the cpu; leave it out"
+                    f"{name}.kind", kind, "is not supported by the position-based solvers on the cpu; leave it out"
                 )
         super().__init__(scene, options, threads)
         self.kernel = contact_kernel(scene, options.kernel) or choose_kernel(options.kernel)

@@ -120,7 +120,7 @@ def fastest(results: Results, target: float = 1e-3) -> Claim:
     source = accurate_source(results)
     assert source is not None
     text = (
-        f"On the {named(source, best.backend)}, {at[0].lower()}{at[1:]} is reached soonest by {best.name}: "
+        f"On the {named(source, best.backend)}, {at[0].lower()}{at[1:]} is reached fastest by {best.name}: "
         f"{seconds(best.seconds or 0.0)} of wall time a simulated second{suspicion([best], MARK)}"
     )
     numbers = {"seconds": best.seconds or 0.0, "error": best.error}
@@ -177,22 +177,22 @@ def families(results: Results, scene: str = "S4", target: float = 1e-1) -> Claim
     at = f"An error of {number(target, 1)} spacings in {scene}"
     for source in results.everyone:
         able = reaching(points(source, scene), target)
-        soonest: dict[str, Point] = {}
+        fastest: dict[str, Point] = {}
         for point in able:
-            soonest.setdefault(_family(point), point)
-        if len(soonest) > 1:
+            fastest.setdefault(_family(point), point)
+        if len(fastest) > 1:
             break
     else:
         return Claim("Methods of several families were not timed on the stiff cloth.")
     best = able[0]
-    numbers = {name: (point.seconds or 0.0) / (best.seconds or 1.0) for name, point in soonest.items()}
+    numbers = {name: (point.seconds or 0.0) / (best.seconds or 1.0) for name, point in fastest.items()}
     others = [
         f"{name} methods take {words.times(numbers[name])} as long ({point.name}){suspicion([point], MARK)}"
-        for name, point in soonest.items()
+        for name, point in fastest.items()
         if point is not best
     ]
-    others += [f"{name} methods do not get there" for name in FAMILIES if name not in soonest]
-    reached = f"{at[0].lower()}{at[1:]} is reached soonest by {best.name}{suspicion([best], MARK)}"
+    others += [f"{name} methods do not get there" for name in FAMILIES if name not in fastest]
+    reached = f"{at[0].lower()}{at[1:]} is reached fastest by {best.name}{suspicion([best], MARK)}"
     text = f"On {_machines(source)}, {reached}; {words.listed(others)}."
     return Claim(text, numbers, True)
 

@@ -134,7 +134,7 @@ def against_integrators(results: Results, target: float = 1e-2) -> Claim:
                 break
     if not parts:
         return Claim("Position-based ways were not timed beside integrators.")
-    text = f"To an error of {number(target, 1)} spacings, {words.listed(parts)}, each by its soonest configuration."
+    text = f"To an error of {number(target, 1)} spacings, {words.listed(parts)}, each by its fastest configuration."
     return Claim(text, numbers, True)
 
 
@@ -168,7 +168,7 @@ def orderings(results: Results) -> Claim:
     if not parts:
         return Claim("The orderings were not timed to equal errors.")
     text = (
-        f"To the same error in {STIFF}, each by its soonest configuration, Jacobi is held against Gauss-Seidel in "
+        f"To the same error in {STIFF}, each by its fastest configuration, Jacobi is held against Gauss-Seidel in "
         f"{colours()} colours: {words.listed(parts)}."
     )
     return Claim(text, numbers, True)

@@ -61,15 +61,15 @@ def column(results: Results) -> Claim:
     return Claim(f"{text}: on {where(backend, source)}, {'; '.join(parts)}{busy}.", numbers, bool(able))
 
 
-def soonest(results: Results) -> Claim:
+def fastest(results: Results) -> Claim:
     """Fastest effort that preserves a column, in one sentence."""
     held = _held(results, COLUMN)
     able = [] if held is None else [r for r in held[2] if _all_at_once(r) and r.frame]
     if held is None or not able:
-        return Claim("What keeps a column of water as it is soonest was not measured.")
+        return Claim("What keeps a column of water as it is fastest was not measured.")
     best = min(able, key=lambda r: r.frame or 0.0)
     text = (
-        f"A column keeps density, height, rest and weight soonest by {best.who}, {best.effort} substeps x iterations, on "
+        f"A column keeps density, height, rest and weight fastest by {best.who}, {best.effort} substeps x iterations, on "
         f"{where(held[0], held[1])}."
     )
     return Claim(text, {"frame": best.frame or 0.0}, True)
@@ -206,7 +206,7 @@ def _share(value: float) -> str:
 
 CLAIMS: Claims = {
     "fluids-column": column,
-    "fluids-soonest": soonest,
+    "fluids-fastest": fastest,
     "fluids-dam": dam,
     "fluids-viscosity": viscosity,
     "fluids-drop": drop,

@@ -140,7 +140,7 @@ def decided(results: Results) -> Claim:
         return Claim("Whether another solver is worth it for stiff bars was not measured.")
     suspect = SUSPECT if busy else ""
     return Claim(
-        f"At {_pascal(STIFF)} the soonest solver within {words.percent(WITHIN)} of the mesh's own answer takes, beside the "
+        f"At {_pascal(STIFF)} the fastest solver within {words.percent(WITHIN)} of the mesh's own answer takes, beside the "
         f"cheapest position-based setting that gets so near: {'; '.join(parts)}{suspect}.",
         numbers, True,
     )  # fmt: skip

@@ -19,7 +19,7 @@ from plots.core.data import Results
 
 INTRODUCTION = "A grid of masses and springs, computed twice: by the threads of a CPU, and by CUDA on a GPU."
 QUESTION = "How fast is it, how wrong, and where does it break?"
-ANSWER = "Which method, on which processor, at which step size, reaches an error soonest: the answers."
+ANSWER = "Which method, on which processor, at which step size, reaches an error fastest: the answers."
 LOOK = 8.0  # s: shortest length of a race
 
 
@@ -37,7 +37,7 @@ def script(results: Results, form: Format, backend: str) -> list[Shot]:
     shots += _figure(results, form, "thread-scaling", threads, {"threads-small": 3, "threads-best": 1})
     shots += _figure(results, form, "graphics", "With and without graphics", {"overtakes-drawing": 2})
     shots += [_errors(results, made)]
-    shots += _figure(results, form, "regimes", "Who reaches an error soonest", {"fastest": 1, "float32-floor": 4})
+    shots += _figure(results, form, "regimes", "Who reaches an error fastest", {"fastest": 1, "float32-floor": 4})
     shots += [*_breaking(results, form), *_bodies(results, form, backend), *_answers(results)]
     return [shot for shot in shots if shot.lines]
 

@@ -22,7 +22,7 @@ from plots.core.style import Drawing, settings
 TITLE = "Soft-body lab"
 ROW = 31.0  # pixels
 TABLE_SIZE = 18.0
-COLUMNS = ("Scene", "Masses", "Error", "Soonest method", "Step", "Precision", "Processor", "Time", "Breaks")
+COLUMNS = ("Scene", "Masses", "Error", "Fastest method", "Step", "Precision", "Processor", "Time", "Breaks")
 ROWS = 15
 UNITS = "Error in spacings; time of computing a simulated second."
 

@@ -90,7 +90,8 @@ def cooked(
     prepared = unite or simplify is not None
     if settled and prepared:
         raise SceneError(
-            *(("--unite", unite) if unite else ("--simplify", simplify)), "a file of tetrahedra has no use for it"
+            *(("--unite", unite) if unite else ("--simplify", simplify)),
+            "does not apply to a file of tetrahedra; leave it out",
         )
 
     def make() -> CookedBody:

@@ -23,7 +23,7 @@ class SoftSheet(SoftBody):
     particles' radius follow from, should be about the length of its edges."""
 
     lacks: ClassVar[tuple[str, ...]] = ("volume_sampling", "surface_sampling", "link_radius", "fill_holes")
-    lacks_reason: ClassVar[str] = "does not go with a sheet, whose particles are its mesh's vertices"
+    lacks_reason: ClassVar[str] = "does not apply to a sheet, whose particles are its mesh's vertices"
 
     density: Positive = 0.2  # kg/m^2: a shirt's
     cluster_stiffness: NotNegative = 400.0  # 1/s^2

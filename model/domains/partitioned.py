@@ -34,7 +34,9 @@ def partitions(scene: Scene, count: int, steps: int | None, option: str) -> Part
     exchanges, which partitions do not have.
     """
     if steps is not None:
-        told = "is for a sheet that is shared by its rows: partitions of a mesh exchange once a substep; leave it out"
+        told = (
+            "applies to a sheet that is shared by its rows: partitions of a mesh exchange once a substep; leave it out"
+        )
         raise SceneError("--exchange-every", steps, told)
     of_family = family_of(scene).partitions
     assert of_family is not None

@@ -32,7 +32,9 @@ def division(scene: Scene, count: int, steps: int | None, option: str) -> Divisi
     """
     if steps is not None:
         raise SceneError(
-            "--exchange-every", steps, "is for a sheet that is shared by its rows: bodies send nothing; leave it out"
+            "--exchange-every",
+            steps,
+            "applies to a sheet that is shared by its rows: bodies send nothing; leave it out",
         )
     return divide(bodies_of(scene), count, option)
 

@@ -88,7 +88,7 @@ def slabs_at_start(scene: Scene, count: int, steps: int | None, option: str) -> 
         raise SceneError(
             "--exchange-every",
             steps,
-            "is for a sheet that is shared by its rows: a fluid sends each substep; leave it out",
+            "applies to a sheet that is shared by its rows: a fluid sends each substep; leave it out",
         )
     if count < 1:
         raise SceneError(option, count, "must be at least 1")

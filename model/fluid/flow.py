@@ -132,7 +132,7 @@ def check_flow(scene: Any) -> None:
     an emitter, and for a sink of other dimensions."""
     axes, emptied = scene.dimensions, bool(scene.sinks)
     if (scene.emitters or emptied) and scene.method.scheme == "divergence-free":
-        told = "does not go with emitters and sinks yet; take macklin or averaged"
+        told = "is not supported together with emitters and sinks; use macklin or averaged"
         raise SceneError("method.scheme", scene.method.scheme, told)
     for name, sink in scene.sinks.items():
         for field in ("center", "point", "normal"):
@@ -157,7 +157,7 @@ def check_flow(scene: Any) -> None:
             raise SceneError(f"{fluid_name}.capacity", fluid.capacity, allowed)
     for number, (name, fluid) in enumerate(scene.fluids.items()):
         if number not in given and fluid.most > fluid.starting_count:
-            raise SceneError(f"{name}.capacity", fluid.capacity, "is for a fluid that an emitter gives; leave it out")
+            raise SceneError(f"{name}.capacity", fluid.capacity, "applies to the fluid of an emitter; leave it out")
 
 
 def _check_nozzle(scene: Any, name: str, part: Emitter, rest_distance: float) -> None:

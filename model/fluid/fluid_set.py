@@ -150,7 +150,7 @@ def check_among_solids(scene: Any) -> None:
         told = "must be 3 where a fluid meets solids, which lie in space"
         raise SceneError(f"{next(iter(scene.fluids))}.dimensions", 2, told)
     if scene.domain is not None:
-        told = "does not go with solids, which know no sides that repeat; leave it out"
+        told = "is not supported together with solids, which have no periodic sides; leave it out"
         raise SceneError(f"{scene.name_of('domain')}.kind", "domain", told)
     if scene.method.scheme != "macklin":
         raise SceneError("method.scheme", scene.method.scheme, "must be macklin where a fluid meets solids")

@@ -39,7 +39,7 @@ class Attachment(Part):
         if self.to == self.body:
             raise ValueError("to: must be something else than the body itself")
         if self.point is not None and (self.to is not None or self.compliance == 0):
-            raise ValueError("point: is for the world, and needs a compliance over 0")
+            raise ValueError("point: applies to an attachment to the world with a compliance over 0")
         return self
 
     def _idle_fields(self) -> set[str]:

@@ -77,7 +77,7 @@ class Method(Part):
             raise ValueError(f"dt: must make substeps of {SHORTEST:g} to {LONGEST:g} s; use dt = 0.01, for example")
         if self.scheme == "divergence-free" and self.tensile_correction:
             raise ValueError(
-                "tensile_correction: is for the schemes macklin and averaged; leave it out, or take one of them"
+                "tensile_correction: applies to the schemes macklin and averaged; leave it out, or use one of them"
             )
         return self
 

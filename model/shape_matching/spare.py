@@ -109,7 +109,8 @@ def added(
     part, mine = scene.bodies[name], [copy for copy in scene.body_set.copies if copy.name == name]
     copy = next((one for one in mine if not weights[one.first_particle]), None)
     if copy is None:
-        raise SceneError(f"{name}.spare", part.spare, "no copy is left; more of them, or remove_body, would do")
+        told = "all spare copies are in use; raise `spare` or call remove_body() first"
+        raise SceneError(f"{name}.spare", part.spare, told)
     for field, value in (("origin", origin), ("velocity", velocity)):
         array = np.asarray(value if value is not None else STILL)
         if array.shape != (3,) or array.dtype.kind not in "iuf" or not np.isfinite(array).all():

@@ -24,6 +24,6 @@ def check_flat(bending: str, tangents: np.ndarray) -> None:
         raise SceneError(
             f"{bending}.model",
             "isometric",
-            f"is for meshes that are flat at rest; this one has a hinge bent by {largest:.3g} degrees: "
+            f"applies to meshes that are flat at rest; this one has a hinge bent by {largest:.3g} degrees: "
             f"--set {bending}.model=dihedral holds rest angles",
         )

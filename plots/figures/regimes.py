@@ -14,7 +14,7 @@ from plots.core.data import Results, Source
 from plots.core.style import HEIGHT, Drawing, log_axes, new_figure, plain_ticks
 from plots.figures.work_precision import INTEGRATORS
 
-TITLE = "Who reaches an error soonest"
+TITLE = "Who reaches an error fastest"
 SCENE = "S1"  # the scene that is measured at several sizes
 SHORT = {"semi-implicit-euler": "semi-implicit", "velocity-verlet": "Verlet", "explicit-euler": "explicit"}
 PROCESSORS = {"cpu": ("CPU", BLUE), "gpu": ("GPU", GREEN)}
@@ -50,7 +50,7 @@ def draw(results: Results) -> Drawing | str:
     _map(left, found)
     _ratios(right, found)
     caption = (
-        "Left: the method, step size and processor that reach an error soonest in the lab curtain (S1), by its masses; in "
+        "Left: the method, step size and processor that reach an error fastest in the lab curtain (S1), by its masses; in "
         f"brackets how many times as long the other processor's best takes. Grey: a lead under {SCATTER:g}. Right: CPU time "
         "over GPU time, each by the cheapest run of that method with an error of at most 0.01 spacings; above 1 the GPU is "
         "faster. Without the copy of the end state. ?: suspect."

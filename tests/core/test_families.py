@@ -47,5 +47,5 @@ def test_a_part_that_a_solver_does_not_know_is_refused_and_not_ignored() -> None
         scene = load_scene(name).replace({})
         assert set(scene.kinds.values()) <= family_of(scene).knows
         scene.parts["lure"], scene.kinds["lure"] = scene.method, "trap"
-        with pytest.raises(SceneError, match=r"^lure\.kind = 'trap': is not known to the solver of"):
+        with pytest.raises(SceneError, match=r"^lure\.kind = 'trap': is not supported by the solver of"):
             family_of(scene)

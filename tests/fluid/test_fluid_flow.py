@@ -170,7 +170,7 @@ def test_bad_values(changes: dict[str, Any], told: str) -> None:
 
 def test_what_does_not_go_together() -> None:
     water = {"kind": "fluid", "size": [0.2, 0.2, 0.2], "capacity": 70}
-    with pytest.raises(SceneError, match=r"^water\.capacity = 70: is for a fluid that an emitter gives"):
+    with pytest.raises(SceneError, match=r"^water\.capacity = 70: applies to the fluid of an emitter"):
         Scene({"water": water, "method": METHOD})
     full = {"water": water | {"capacity": 64}, "tap": TAP, "method": METHOD}
     with pytest.raises(SceneError, match=r"^water\.capacity = 64: must be more than water starts with, 64"):
@@ -178,5 +178,5 @@ def test_what_does_not_go_together() -> None:
     assert Scene(full | {"drain": DRAIN}).fluid_set.particle_count == 64
     with pytest.raises(SceneError, match="size: must be given, or a capacity"):
         Scene({"water": {"kind": "fluid"}, "method": METHOD})
-    with pytest.raises(SceneError, match="is for fluids; leave it out"):
+    with pytest.raises(SceneError, match="applies to fluids; leave it out"):
         Scene({"grid": {"rows": 4, "columns": 4}, "tap": TAP})

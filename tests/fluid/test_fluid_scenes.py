@@ -57,7 +57,7 @@ def test_bad_values(field: str, value: Any, told: str) -> None:
         ({"oil": {"kind": "fluid", "dimensions": 2, "size": [0.2, 0.2]}}, r"oil\.dimensions .* must be that of water"),
         ({"domain": {"size": [0.2, 1.0, 0.2]}}, r"domain\.size .* 3 supports long"),
         ({"domain": {"size": [1.0, 1.0], "repeats": ["z"]}}, r"domain\.repeats .* has a z"),
-        ({"wind": {}}, r"wind\.kind .* does not go with fluids yet"),
+        ({"wind": {}}, r"wind\.kind .* is not supported together with fluids"),
         ({"method": {"solver": "xpbd"}}, r"method\.solver .* must be pbf for fluids"),
         ({"method": METHOD | {"scheme": "divergent"}}, r"method\.scheme .* must be one of"),
         ({"method": METHOD | {"relaxation": 1.5}}, r"method\.relaxation .* must be at most 1"),
@@ -71,9 +71,9 @@ def test_what_does_not_go_together(tables: dict[str, Any], told: str) -> None:
 
 def test_others_are_told_that_it_is_for_fluids() -> None:
     grid = load_scene("lab-grid")
-    with pytest.raises(SceneError, match=r"method\.solver = 'pbf': is for fluids"):
+    with pytest.raises(SceneError, match=r"method\.solver = 'pbf': applies to fluids"):
         grid.replace({"method.solver": "pbf"})
-    with pytest.raises(SceneError, match="is for fluids; leave it out"):
+    with pytest.raises(SceneError, match="applies to fluids; leave it out"):
         Scene(grid.as_dict() | {"domain": {"size": [1.0, 1.0, 1.0]}})
 
 

@@ -91,6 +91,6 @@ def test_tetrahedra_of_a_file_have_no_use_for_it(tmp_path: Path) -> None:
     from rich.console import Console
 
     (tmp_path / "one.msh").write_text("nothing")
-    with pytest.raises(SceneError, match="no use for it"):
+    with pytest.raises(SceneError, match="does not apply to a file of tetrahedra"):
         cook_body(str(tmp_path / "one.msh"), tmp_path / "body.npz", Console(), Console(), unite=True)
     assert not (tmp_path / "body.npz").exists()

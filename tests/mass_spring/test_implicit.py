@@ -219,7 +219,7 @@ def test_what_it_cannot_be_run_with_is_refused() -> None:
     assert set(integrators_for(scene)) == {*INTEGRATORS, *IMPLICIT}
     with pytest.raises(SceneError, match="fused for implicit-euler"):
         open_simulation(scene, "cpu", kernel="stages")
-    with pytest.raises(SceneError, match="is for a cloth"):
+    with pytest.raises(SceneError, match="applies to a cloth"):
         load_scene("lab-grid").replace({"method.integrator": "implicit-euler"})
 
 

@@ -1,4 +1,4 @@
-"""The first page of the lab book: the soonest way to each error, from made-up runs."""
+"""The first page of the lab book: the fastest way to each error, from made-up runs."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def made(record: dict, *runs: tuple[str, float, float, float | None, str]) -> Re
     return load(store)
 
 
-def test_the_soonest_of_those_that_reach_the_error_and_where_it_breaks() -> None:
+def test_the_fastest_of_those_that_reach_the_error_and_where_it_breaks() -> None:
     results = made(
         GPU_RECORD,
         ("rk4", 0.01, 5e-4, 3e-3, "cpu"), ("rk4", 0.02, float("inf"), 1e-3, "cpu"), ("lab", 0.02, 0.05, 1e-4, "gpu"),
@@ -81,7 +81,7 @@ def test_not_timed_is_not_not_reached() -> None:
     assert thousandth[3].startswith("not reached; least 0.0050")
 
 
-def test_the_soonest_of_all_machines_answers() -> None:
+def test_the_fastest_of_all_machines_answers() -> None:
     """The reader's one method is not the answer where a committed machine gets there sooner, nor the other way round."""
     mine = made(CPU_RECORD, ("rk4", 0.01, 0.05, 1e-3, "cpu"))
     all_of_them = ("semi-implicit-euler", "velocity-verlet", "rk4", "lab")

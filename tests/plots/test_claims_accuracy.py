@@ -59,7 +59,7 @@ def test_families_are_told_by_how_long_each_takes_to_the_error(monkeypatch: pyte
     )  # fmt: skip
     made = accuracy_claims.families(results)
     assert made.numbers == {"explicit": 1, "position-based": 15}
-    assert "reached soonest by rk4" in made.sentence and "implicit methods do not get there" in made.sentence
+    assert "reached fastest by rk4" in made.sentence and "implicit methods do not get there" in made.sentence
     assert "position-based methods take 15\N{NO-BREAK SPACE}times as long" in made.sentence
 
 

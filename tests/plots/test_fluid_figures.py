@@ -130,7 +130,7 @@ def test_sentences_say_what_was_measured(results: Results) -> None:
     first = next(a * b for a, b in EFFORTS if 0.1 / (a * b) <= 0.01)
     assert column.numbers["macklin frame"] == pytest.approx(1e-3 * first) and "not with any effort" in column.sentence
     assert column.numbers["averaged height"] == pytest.approx(1 - 1 / 6)
-    assert made["fluids-soonest"].numbers["frame"] == column.numbers["macklin frame"]
+    assert made["fluids-fastest"].numbers["frame"] == column.numbers["macklin frame"]
     assert made["fluids-dam"].numbers["front"] == pytest.approx(0.05 + 0.1 / 20)
     assert made["fluids-dam"].numbers["start"] == start_off()
     assert made["fluids-viscosity"].numbers["macklin ratio"] == pytest.approx(16)

@@ -185,7 +185,7 @@ def test_a_method_whose_answer_is_not_known_is_not_called_far_from_it(monkeypatc
 
 
 @pytest.mark.parametrize(("rows_error", "words"), [(0.005, "of its time"), (0.02, "where none does")])
-def test_the_soonest_solver_is_told_beside_the_figure_that_shows_it(
+def test_the_fastest_solver_is_told_beside_the_figure_that_shows_it(
     monkeypatch: pytest.MonkeyPatch, rows_error: float, words: str
 ) -> None:
     """Also where nothing position-based comes as near."""

@@ -289,7 +289,7 @@ def test_the_table_of_the_first_page() -> None:
     assert looked_at >= 18
 
 
-def test_who_is_soonest_by_size() -> None:
+def test_who_is_fastest_by_size() -> None:
     for masses, found in regimes.sizes(next(s for s in results().sources if len(regimes.sizes(s)) > 1)).items():
         side = math.isqrt(masses)
         for target in (1e-1, 1e-3, 1e-5):

@@ -1,4 +1,4 @@
-"""The map of who reaches an error soonest, read off its cells and its curve."""
+"""The map of who reaches an error fastest, read off its cells and its curve."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def run(scene: str, integrator: str, dt: float, backend: str, error: float, seco
 
 
 RUNS = [
-    # 256 masses: the CPU is soonest to a coarse error, the GPU twice as soon to a fine one
+    # 256 masses: the CPU is fastest to a coarse error, the GPU twice as soon to a fine one
     run("S1-16", "semi-implicit-euler", 0.02, "cpu", 0.05, 1.0), run("S1-16", "semi-implicit-euler", 0.02, "gpu", 0.05, 4.0),
     run("S1-16", "rk4", 0.01, "cpu", 0.002, 6.0), run("S1-16", "rk4", 0.01, "gpu", 0.002, 3.0),
     # 1024: as soon as each other; nobody but the GPU timed what is under 0.01
@@ -36,7 +36,7 @@ def drawn(monkeypatch: pytest.MonkeyPatch) -> Drawing:
     return made
 
 
-def test_cells_say_who_is_soonest(drawn: Drawing) -> None:
+def test_cells_say_who_is_fastest(drawn: Drawing) -> None:
     left, _ = drawn.figure.axes
     assert [label.get_text() for label in left.get_xticklabels()] == ["0.1", "0.01"]
     assert [label.get_text() for label in left.get_yticklabels()] == ["256", "1024"]

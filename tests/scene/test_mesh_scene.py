@@ -104,8 +104,8 @@ def test_what_a_mesh_cannot_be(mesh: dict[str, Any], words: str) -> None:
         ({"method": {"solver": "mass-spring"}}, "xpbd or pbd"),
         ({"method": {"solver": "xpbd", "ordering": "jacobi"}}, "gauss-seidel"),
         ({"shear": {}}, "structural"),
-        ({"load": {"at": [0, 0], "mass": 1.0}}, "does not go with a mesh"),
-        ({"fold": {"rows": 2}}, "does not go with a mesh"),
+        ({"load": {"at": [0, 0], "mass": 1.0}}, "is not supported for a mesh"),
+        ({"fold": {"rows": 2}}, "is not supported for a mesh"),
         ({"structural": {"compliance": -1.0}}, "at least 0"),
         ({"bending": {"model": "isometric", "damping": 0.1}}, "must be 0"),
         ({"bending": {"model": "cubic"}}, "distance, isometric or dihedral"),
@@ -119,7 +119,7 @@ def test_what_a_scene_with_a_mesh_cannot_have(changes: dict[str, Any], words: st
 
 
 def test_hinges_are_for_meshes() -> None:
-    with pytest.raises(SceneError, match="is for a mesh"):
+    with pytest.raises(SceneError, match="applies to a mesh"):
         load_scene("cloth-xpbd").replace({"bending.model": "dihedral"})
 
 

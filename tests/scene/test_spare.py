@@ -103,7 +103,7 @@ def test_what_cannot_be_is_told() -> None:
     with opened(scene) as simulation:
         with pytest.raises(SceneError, match="must be one of bar, brick"):
             simulation.add_body("star")
-        with pytest.raises(SceneError, match=r"bar\.spare = 0: no copy is left"):
+        with pytest.raises(SceneError, match=r"bar\.spare = 0: all spare copies are in use"):
             simulation.add_body("bar")
         with pytest.raises(SceneError, match="no such body now"):
             simulation.remove_body(2)  # waits already

@@ -231,8 +231,8 @@ def test_a_scene_of_bodies_is_read_back_as_it_was_written(name: str) -> None:
         ({"beam.axis": (0.0, 0.0, 0.0)}, "must point somewhere"),
         ({"beam.file": "none.obj"}, "no such file"),
         ({"method.solver": "xpbd"}, "must be shape-matching"),
-        ({"wind.drag": 1.0}, "does not go with bodies"),
-        ({"grid.rows": 3, "grid.columns": 3}, "does not go with bodies"),
+        ({"wind.drag": 1.0}, "is not supported together with bodies"),
+        ({"grid.rows": 3, "grid.columns": 3}, "is not supported together with bodies"),
     ],
 )
 def test_what_bodies_cannot_be_is_told_with_the_part_s_name(changes: dict[str, Any], word: str) -> None:

@@ -211,8 +211,8 @@ def test_the_body_and_its_report(tmp_path: Any) -> None:
     "fields,told",
     [
         ({"shape": {"name": "torus"}}, "no box along the axes"),
-        ({"link_radius": 0.2}, "does not go with a lattice"),
-        ({"volume_sampling": 2.0}, "does not go with a lattice"),
+        ({"link_radius": 0.2}, "does not apply to a lattice"),
+        ({"volume_sampling": 2.0}, "does not apply to a lattice"),
         ({"region": 0}, "region"),
         ({"region": 1.5}, "region"),
         ({"shape": {"name": "star", "sides": [1.0, 1.0, 1.0]}}, "scale"),

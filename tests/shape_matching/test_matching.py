@@ -244,7 +244,7 @@ def test_what_it_does_not_know_is_refused(changes: dict[str, Any], word: str) ->
 
 
 def test_a_cloth_is_told_other_solvers() -> None:
-    with pytest.raises(SceneError, match="is for a grid"):
+    with pytest.raises(SceneError, match="applies to a grid"):
         load_scene("cloth-hanging").replace({"method.solver": "shape-matching"})
 
 

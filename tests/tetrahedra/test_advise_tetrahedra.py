@@ -108,7 +108,7 @@ def store(tmp_path: Path) -> Iterator[Store]:
 
 
 def test_an_answer_in_words(store: Store) -> None:
-    """A coarse bar, really timed: soonest first, what a scene lacks, and the basis of every number."""
+    """A coarse bar, really timed: fastest first, what a scene lacks, and the basis of every number."""
     scene = cantilever(1, 1e5, "xpbd", 20, 1)
     found = advise_tetrahedra(store, scene, 0.1, backends=["cpu"], precisions=["float64"])
     assert found.best is not None

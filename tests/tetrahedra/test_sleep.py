@@ -77,5 +77,5 @@ def test_threads_and_kernels_give_the_same_bits() -> None:
 
 
 def test_who_has_no_tetrahedra_is_refused() -> None:
-    with pytest.raises(SceneError, match="is for tetrahedral bodies"):
+    with pytest.raises(SceneError, match="applies to tetrahedral bodies"):
         load_scene("cloth-xpbd").replace({"method.sleeping_speed": 0.1})

@@ -144,7 +144,7 @@ def _bar(solver: str, substeps: int, seconds: float, rest: float, motion: float)
     return Bar(400, 1e7, solver, substeps, 1, "cpu", "float64", seconds, rest, motion, -1 / 3, False)
 
 
-def test_the_soonest_is_near_and_moves() -> None:
+def test_the_fastest_is_near_and_moves() -> None:
     """Descent that stands still where it was let go is no answer at rest; a rest that is not known is none either."""
     found = [
         _bar("vbd", 1, 1e-4, 0.0, -0.98),
@@ -222,5 +222,5 @@ def test_nothing_is_claimed_of_nothing(tmp_path: Any) -> None:
 
 
 def test_what_there_is_not_is_told(tmp_path: Any) -> None:
-    with Store(tmp_path / "none.sqlite") as opened, pytest.raises(SceneError, match="--backend"):
+    with Store(tmp_path / "none.sqlite") as opened, pytest.raises(SceneError, match="backend"):
         run_tetrahedra(opened, backends=["tpu"])

@@ -78,7 +78,7 @@ def test_bodies_that_have_no_such_voxels_are_refused(changes: dict[str, Any], wh
 
 @pytest.mark.parametrize("solver", ["vbd", "newton"])
 def test_solvers_that_do_not_know_them_are_refused(solver: str) -> None:
-    with pytest.raises(SceneError, match="xpbd alone"):
+    with pytest.raises(SceneError, match="xpbd only"):
         Scene({"body": FREE | {"volume": "voxels"}, "method": {"solver": solver, "dt": 0.01}})
 
 

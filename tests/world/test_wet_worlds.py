@@ -79,7 +79,7 @@ def test_momentum_is_kept(name: str) -> None:
         ("tetrahedra", {"block.origin": [0.13, 0.08, 0.12]}, r"water\.origin .* begin inside block: move one"),
         ("bodies", {"brick.particle_spacing": 2 * D}, r"brick\.particle_spacing .* at most, 1\.25 rest distances"),
         ("cloth", {"method.scheme": "averaged"}, r"method\.scheme .* must be macklin where a fluid meets solids"),
-        ("cloth", {"domain": {"size": [1.0, 1.0, 1.0]}}, r"domain\.kind .* does not go with solids"),
+        ("cloth", {"domain": {"size": [1.0, 1.0, 1.0]}}, r"domain\.kind .* is not supported together with solids"),
         (
             "cloth", {"water": {"kind": "fluid", "dimensions": 2, "size": [0.2, 0.2]}},
             r"water\.dimensions .* must be 3 where a fluid meets solids",

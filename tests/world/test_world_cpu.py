@@ -99,8 +99,8 @@ def test_tetrahedra_by_vertices_give_what_they_take() -> None:
 @pytest.mark.parametrize(
     "tables,why",
     [
-        ({"jelly": JELLY, "cloth": SHEET}, "of which here are none"),
-        ({"block": BLOCK, "jelly": JELLY, "cloth": SHEET}, "under xpbd alone"),
+        ({"jelly": JELLY, "cloth": SHEET}, "applies to tetrahedral bodies; this scene has none"),
+        ({"block": BLOCK, "jelly": JELLY, "cloth": SHEET}, "by xpbd only"),
     ],
 )
 def test_what_has_no_vertices_to_descend_is_refused(tables: dict[str, Any], why: str) -> None:

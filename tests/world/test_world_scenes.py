@@ -70,15 +70,15 @@ def test_only_members_of_different_families_meet() -> None:
         ({"method": METHOD | {"substeps": 0}}, r"method\.substeps = 0"),
         (
             {"grid": {"rows": 3, "columns": 3}},
-            r"grid\.kind = 'grid': does not go with a world of bodies and tetrahedra",
+            r"grid\.kind = 'grid': is not supported in a world of bodies and tetrahedra",
         ),
         ({"cloth": {"rows": 3, "columns": 3}}, r"cloth\.kind = 'cloth'.*kind = \"mesh\" with shape = \"sheet\""),
         ({"springs": {}}, r"springs\.kind"),
         ({"self_collision": {}}, r"self_collision\.kind"),
-        ({"wind": {}}, r"wind\.kind = 'wind': blows on a cloth alone"),
-        ({"external": {"magnitude": 1.0}}, r"external\.kind = 'external': does not go with bodies"),
-        ({"perturbation": {"amplitude": 0.1}}, r"perturbation\.kind = 'perturbation': does not go with a world"),
-        ({"jelly": JELLY | {"spare": 2}}, r"jelly\.spare = 2: bodies wait in scenes of bodies alone"),
+        ({"wind": {}}, r"wind\.kind = 'wind': applies to a cloth; add a table"),
+        ({"external": {"magnitude": 1.0}}, r"external\.kind = 'external': is not supported together with bodies"),
+        ({"perturbation": {"amplitude": 0.1}}, r"perturbation\.kind = 'perturbation': is not supported in a world"),
+        ({"jelly": JELLY | {"spare": 2}}, r"jelly\.spare = 2: spare copies are supported in scenes of bodies only"),
         ({"jelly": JELLY | {"particle_spacing": NAN}}, r"jelly\.particle_spacing"),
         ({"contact": {"distance": 0.0}}, r"contact\.distance = 0\.0"),
         ({"contact": {"sweeps": 0}}, r"contact\.sweeps = 0"),
@@ -93,10 +93,10 @@ def test_what_does_not_go_together(tables: dict[str, Any], told: str) -> None:
 
 
 def test_others_are_told_that_the_solver_is_for_worlds() -> None:
-    with pytest.raises(SceneError, match=r"method\.solver = 'world': is for parts of several families"):
+    with pytest.raises(SceneError, match=r"method\.solver = 'world': applies to parts of several families"):
         load_scene("lab-grid").replace({"method.solver": "world"})
     scene = world_scene("jelly on a block")
-    with pytest.raises(SceneError, match=r"--kernel = .*must be one of stages for a world on the cpu"):
+    with pytest.raises(SceneError, match=r"^kernel = .*must be one of stages for a world on the cpu"):
         open_simulation(scene, "cpu", kernel="fused")
 
 

@@ -121,7 +121,7 @@ def test_what_cannot_be_filled_is_refused() -> None:
     with pytest.raises(InputError, match=r"volume: needs a closed mesh; this one has 1 rim"):
         constraint_sets(Scene({"mesh": {"shape": "sheet", "rows": 3, "columns": 3}} | method))
     for sheet in ("cloth", "grid"):
-        with pytest.raises(SceneError, match=r"^volume\.kind = 'volume': is for a mesh"):
+        with pytest.raises(SceneError, match=r"^volume\.kind = 'volume': applies to a mesh"):
             Scene({sheet: {"rows": 3, "columns": 3}} | method)
     flat = triangle_mesh(
         np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0.2, 0.2, 1e-7]]),

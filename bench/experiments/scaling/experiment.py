@@ -99,7 +99,7 @@ def groups(
     from gpu_backend.domains.devices import devices_for
 
     if "gpu" not in backends:
-        raise SceneError("--gpus", list(gpus), "is for --backend gpu")
+        raise SceneError("--gpus", list(gpus), "applies to --backend gpu")
     for count in gpus:
         if count < 1:
             raise SceneError("--gpus", count, "must be at least 1")

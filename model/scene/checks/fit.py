@@ -32,14 +32,14 @@ def check_fit(scene: SceneParts) -> None:
     if scene.fluids:
         _check_fluids(scene)
         return
-    scene.refuse(("domain", "emitter", "sink", "foam", "wetting"), "is for fluids; leave it out")
+    scene.refuse(("domain", "emitter", "sink", "foam", "wetting"), "applies to fluids; leave it out")
     if scene.tetrahedra:
         check_tetrahedra(scene)
         return
     if scene.bodies:
         _check_bodies(scene)
         return
-    scene.refuse(("region", "attachment", "material"), "is for tetrahedral bodies; leave it out")
+    scene.refuse(("region", "attachment", "material"), "applies to tetrahedral bodies; leave it out")
     of_cloth = {*CLOTH_KINDS, *COLLIDER_KINDS, "self_collision"} - {"cloth", *OF_MESHES}
     scene.refuse(
         GRID_ONLY if scene.cloth else of_cloth,
@@ -59,13 +59,15 @@ def _check_world(scene: SceneParts) -> None:
         told = f"must be {OF_WORLDS} where {' and '.join(members_of(scene.kinds))} are in one scene"
         raise SceneError("method.solver", method.solver, told)
     elif method.tetrahedra != "xpbd" and "tetrahedra" not in members_of(scene.kinds):
-        raise SceneError("method.tetrahedra", method.tetrahedra, "is for tetrahedral bodies, of which here are none")
+        raise SceneError("method.tetrahedra", method.tetrahedra, "applies to tetrahedral bodies; this scene has none")
     elif wet:
         _take_untold(scene, method)
     for name, part in scene.all_of(*BODY_KINDS).items():
         if part.spare:
-            raise SceneError(f"{name}.spare", part.spare, "bodies wait in scenes of bodies alone; leave it out")
-    scene.refuse(("emitter", "sink"), "goes with fluids alone yet, without bodies; leave it out")
+            raise SceneError(
+                f"{name}.spare", part.spare, "spare copies are supported in scenes of bodies only; leave it out"
+            )
+    scene.refuse(("emitter", "sink"), "is not supported together with bodies; leave it out")
     take_resting_defaults(scene)
     members = scene.members  # built here, so that each is checked as a scene of its own
     if "fluid" in members:
@@ -74,7 +76,8 @@ def _check_world(scene: SceneParts) -> None:
 
 def _check_fluids(scene: SceneParts) -> None:
     """Raise SceneError for a part that is not (yet) supported together with fluids."""
-    scene.refuse(KINDS.keys() - WITH_FLUIDS, f"does not go with fluids yet, which have {', '.join(WITH_FLUIDS)}")
+    told = f"is not supported together with fluids, which take {', '.join(WITH_FLUIDS)}"
+    scene.refuse(KINDS.keys() - WITH_FLUIDS, told)
     check_fluids(scene.fluids, scene.domain, scene.name_of("domain"))
     method = scene.one("method")
     if method is None:
@@ -94,7 +97,7 @@ def _take_untold(scene: SceneParts, method: Method) -> None:
 
 def _check_bodies(scene: SceneParts) -> None:
     """Raise SceneError for a part that is not supported together with bodies."""
-    scene.refuse(KINDS.keys() - OF_BODIES, f"does not go with bodies, which have {', '.join(OF_BODIES)}")
+    scene.refuse(KINDS.keys() - OF_BODIES, f"is not supported together with bodies, which take {', '.join(OF_BODIES)}")
     _check_contact(scene)
     method = scene.one("method")
     if method is None:
@@ -109,7 +112,7 @@ def _check_contact(scene: SceneParts) -> None:
     if scene.contact is not None and len(scene.bodies) > MAX_KINDS:
         raise SceneError("contact", len(scene.bodies), f"at most {MAX_KINDS} kinds of bodies; use copies")
     if scene.contact is not None and scene.contact.distance is not None:
-        told = "is between tetrahedral bodies; particles have a radius"
+        told = "applies to tetrahedral bodies; particles have a radius"
         raise SceneError(f"{scene.name_of('contact')}.distance", scene.contact.distance, told)
     for name, body in scene.bodies.items():
         if scene.contact is None:

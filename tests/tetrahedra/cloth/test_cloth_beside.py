@@ -197,19 +197,19 @@ def test_a_plan_tells_of_the_cloth_and_of_what_is_launched() -> None:
     [
         (
             {"method": METHOD | {"solver": "vbd"}, "contact": None},
-            r"cloth.kind = 'mesh': goes with .* under xpbd alone",
+            r"cloth.kind = 'mesh': is supported beside .* by xpbd only",
         ),
         (
             {"method": {"solver": "newton"}, "contact": None},
-            "xpbd alone, and not under newton: --set method.solver=xpbd",
+            "xpbd only, not by newton: scene.replace",
         ),
-        ({"cloth": None}, r"structural.kind = 'structural': holds a cloth together: add one, a table \[mesh\]"),
+        ({"cloth": None}, r"structural.kind = 'structural': applies to a cloth; add a table \[mesh\]"),
         (
             {"cloth": None, "structural": None, "bending": None, "wind": {}},
-            "wind.kind = 'wind': blows on a cloth alone",
+            "wind.kind = 'wind': applies to a cloth; add a table",
         ),
-        ({"shear": {"stiffness": 1.0}}, "shear.kind = 'shear': does not go with tetrahedral bodies"),
-        ({"self_collision": {"thickness": 0.01}}, "does not go with tetrahedral bodies"),
+        ({"shear": {"stiffness": 1.0}}, "shear.kind = 'shear': is not supported together with tetrahedral bodies"),
+        ({"self_collision": {"thickness": 0.01}}, "is not supported together with tetrahedral bodies"),
         (
             {"tie": TIE | {"body": "sheet"}},
             "tie.body = 'sheet': must be a tetrahedral body or a cloth of the scene: box, cloth",

@@ -133,5 +133,5 @@ def test_threads_and_kernels_give_the_same_bits(name: str) -> None:
 
 
 def test_newton_knows_no_contacts_of_surfaces() -> None:
-    with pytest.raises(SceneError, match=r"is not known to the solver newton.*meet under xpbd or vbd"):
+    with pytest.raises(SceneError, match=r"is not supported by the solver newton.*meet under xpbd or vbd"):
         pair(method=METHOD | {"solver": "newton"})
