@@ -75,5 +75,5 @@ def test_a_grid_has_no_contacts_with_itself() -> None:
 
 
 def test_the_fused_kernel_is_refused() -> None:
-    with pytest.raises(SceneError, match="use stages"):
+    with pytest.raises(SceneError, match='use kernel="stages"'):
         end_state(folded(), 1, kernel="fused")

@@ -224,7 +224,7 @@ def test_a_plan_tells_of_the_cloth_and_of_what_is_launched() -> None:
             {"tie": TIE | {"body": "box", "vertices": "top", "to": "cloth"}},
             "a vertex of box lies 0.1.* m outside of it",
         ),
-        ({"contact": {"distance": 0.01, "restitution": 0.5}}, "is for bodies of particles"),
+        ({"contact": {"distance": 0.01, "restitution": 0.5}}, "applies to bodies of particles"),
     ],
 )
 def test_what_does_not_go_together_is_one_clear_line(parts: dict[str, Any], words: str) -> None:
