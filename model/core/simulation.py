@@ -82,10 +82,7 @@ class Simulation(Stepping):
         with suppress(Diverged):  # the run itself will detect and report it
             self.advance(steps)
             self.check()
-        for time, _ in self.scene.whole.phases:
-            if time > start.time:
-                self._enter(time)
-                self._run(steps)
+        self._run_released(start.time, steps)
         self.load(start)
 
     def _make_record(self, scene: Scene, poke: Sequence[float], clock: Clock) -> np.ndarray:

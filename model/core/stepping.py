@@ -72,11 +72,19 @@ class Releasing(Backend):
             self._enter(self.time)
             self.load(replace(state, inverse_mass=self.body.inverse_mass))
 
+    def _run_released(self, after: float, steps: int) -> None:
+        """Run `steps` steps, from its start state, of each scene that releases later than `after` [s] leave."""
+        for time, _ in self.scene.whole.phases:
+            if time > after:
+                self._enter(time)
+                self._run(steps)
+
     def _enter(self, time: float) -> None:
         """Become the simulation of the scene at `time` [s], in its start state, if its pins differ from the present ones."""
         scene = self.scene.at(time)
         if scene is self.scene or self._entering:
             return
+        self.require_open()
         from model.contact.shortfalls import lost, lost_so_far
 
         poke, count, before = (self._poke_particle, self._poke_force), self.kept, lost(self)

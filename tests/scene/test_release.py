@@ -140,6 +140,14 @@ def test_live_changes_and_the_poke_outlast_a_release() -> None:
         assert len(simulation.body.pinned) == 12 and simulation.scene.gravity.acceleration == 4.0
 
 
+def test_a_closed_simulation_stays_closed() -> None:
+    with open_simulation(release_scene("grid"), precision="float64") as simulation:
+        simulation.advance(LETS_GO)
+    with pytest.raises(InputError, match="this simulation is closed"):
+        simulation.reset()
+    assert simulation.closed
+
+
 def test_an_attachment_lets_go() -> None:
     """Of what is glued to the world: its other pins stay."""
     glue = {"kind": "attachment", "body": "beam", "vertices": "right"}
