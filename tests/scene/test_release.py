@@ -202,3 +202,20 @@ def test_sharing_live_targets_and_an_error_are_refused() -> None:
         open_simulation(release_scene("rows"), live=["targets"])
     error, reason = judge_run(scene, end_state(scene, "cpu"), None)
     assert error is None and "let go" in str(reason)
+
+
+def test_the_window_keeps_released_pins_free_until_a_restart(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also where a field is changed that opens the scene again; a scene that is saved has all its pins and the release."""
+    from app.window.demo import Demo
+    from app.window.keeping import save_scene
+
+    monkeypatch.chdir(tmp_path)
+    with Demo([release_scene("sheet")]) as demo:
+        demo.set_steps(5)
+        demo.frame()
+        assert demo.world.step == 5 and not len(demo.world.body.pinned)
+        assert demo.set_field("method.iterations", 3) and "state kept" in demo.message
+        assert demo.world.step == 5 and not len(demo.world.body.pinned)
+        assert load_scene(tmp_path / save_scene(demo, "kept.toml")).phases[0][0] == release_scene("sheet").phases[0][0]
+        demo.restart()
+        assert demo.world.step == 0 and len(demo.world.body.pinned) == 6
