@@ -81,7 +81,7 @@ class Release(Part):
     @classmethod
     def _pins_are_a_word_or_a_list(cls, value: object) -> object:
         if isinstance(value, str) and value not in ("", "none"):
-            return value
+            return checked_pins(value) if value.startswith("every:") else value
         if isinstance(value, list | tuple) and value:
             return list(value) if all(type(one) is int for one in value) else checked_pins(value)
         raise ValueError(

@@ -19,6 +19,9 @@ from model.core.errors import InputError, SceneError, UnstableTimeStep
 from model.core.families import stability_limit
 from model.scene.scene import Scene, load_scene
 
+FILE: dict[str, Any] = {
+    "mesh": {"file": "garment.obj", "density": 0.2, "pinned": [0, 1, 2]}, "structural": {}, "method": {"solver": "xpbd"},
+}  # fmt: skip
 FALLS = [name for name in TABLES if name != "implicit"]  # to which a substep's fall is that of semi-implicit Euler
 
 
@@ -148,6 +151,11 @@ def test_a_closed_simulation_stays_closed() -> None:
     assert simulation.closed
 
 
+def test_vertices_of_a_file_let_go_by_their_numbers() -> None:
+    scene = Scene(FILE | {"release": {"time": 1.0, "pins": [1]}, "rest": {"kind": "release", "time": 2.0}})
+    assert [scene.at(time).mesh.pinned for time in (0.0, 1.0, 2.0)] == [[0, 1, 2], [0, 2], "none"]  # type: ignore[union-attr]
+
+
 def test_an_attachment_lets_go() -> None:
     """Of what is glued to the world: its other pins stay."""
     glue = {"kind": "attachment", "body": "beam", "vertices": "right"}
@@ -176,6 +184,10 @@ def test_the_step_size_must_hold_without_the_pins() -> None:
         (GRID | {"release": {"time": 1.0, "pins": "bottom"}}, "release.pins = 'bottom': names no pin of grid"),
         (GRID | {"release": {"time": 1.0, "pins": [[0, 9]]}}, "release.pins = [0, 9]: lies outside the sheet"),
         (GRID | {"release": {"time": 1.0, "body": "gird"}}, "must be one of grid (did you mean grid?)"),
+        (GRID | {"release": {"time": 1.0, "pins": "every:0"}}, "release.pins = 'every:0': none, top, bottom"),
+        (GRID | {"release": {"time": 1.0, "pins": [3]}}, "release.pins = [3]: names no pin of grid"),
+        (FILE | {"release": {"time": 1.0, "pins": "left"}}, "release.pins = 'left': names no pin of mesh"),
+        (FILE | {"release": {"time": 1.0, "pins": [[0, 0]]}}, "names no pin of mesh"),
         (GRID | {"release": {"time": 1.0, "pins": []}}, "release.pins = []: must name pins: all"),
         (BEAM | {"release": {"time": 1.0, "pins": "right"}}, "release.pins = 'right': names no pin of beam"),
         (

@@ -68,7 +68,7 @@ def _free_masses(table: Table, part: Any, release: Release, name: str) -> bool:
         table["pinned"] = "none"
         return before not in ("none", [])
     if getattr(part, "file", None) is not None:
-        if not isinstance(before, list):
+        if not (isinstance(before, list) and isinstance(release.pins, list)):
             return False
         table["pinned"] = [vertex for vertex in before if vertex not in release.pins] or "none"
         return table["pinned"] != before
