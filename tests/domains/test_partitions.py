@@ -164,7 +164,7 @@ def test_a_bad_vertex_is_told_by_its_number_in_the_whole() -> None:
         (8, {}, "beyond its neighbours.*use at most 5"),
         (1000, {}, "use at most 5"),
         (2, {"method.iterations": 20}, "use at most 1"),
-        (2, {"method.solver": "newton"}, "method.solver=xpbd"),
+        (2, {"method.solver": "newton"}, 'scene.replace.*"method.solver": "xpbd"'),
         (2, {"external.magnitude": 1.0}, "a number for each vertex"),
     ],
 )

@@ -115,7 +115,7 @@ SPRING = {"kind": "attachment", "body": "hookean", "vertices": "left", "complian
     "more, said",
     [
         ({"contact": {}}, "lets bodies meet"),
-        ({"method": METHOD | {"solver": "newton"}}, "method.solver=xpbd"),
+        ({"method": METHOD | {"solver": "newton"}}, 'scene.replace.*"method.solver": "xpbd"'),
         ({"tie": SPRING | {"to": "six"}}, "ties what it holds"),
         ({"external": {"magnitude": 1.0}}, "a number for each vertex"),
         ({"mesh": CLOTH, "structural": {"stiffness": 10.0}}, "a cloth beside bodies"),
