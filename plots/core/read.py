@@ -22,6 +22,7 @@ from bench.store.results import Timing, machines, measures, open_readonly, timin
 from bench.store.schema import canonical
 from bench.store.versions import of_one_version, read_version
 from plots.core.data import Origin, Results, Run, Source
+from plots.core.older import older_peers, with_older
 
 SIMULATOR = "CUDA simulator"  # in a suspect mark: not a time of a GPU
 STAGES = (ACCURACY_STAGE, ENERGY_STAGE, FINDINGS)
@@ -119,9 +120,9 @@ def _sources(store: Store, own: bool) -> list[Source]:
                 machine, own, tuple(times), tuple(numbers), runs, scene, threading,
                 {timing.configuration: timing for timing in costs}, tuple(forced),
                 {timing.configuration: timing for timing in energies}, defaults, peers, tuple(findings),
-                sum(map(len, of_stages)) - sum(map(len, kept)) + len(dropped),
+                sum(map(len, of_stages)) - sum(map(len, kept)) + len(dropped), older_peers=older_peers(store, machine.key),
             )  # fmt: skip
-            result.append(source)
+            result.append(with_older(source))
     return sorted(result, key=lambda source: source.runs[-1].started if source.runs else "", reverse=True)
 
 

@@ -1,0 +1,225 @@
+"""Write the map of committed measurements that still hold: python -m bench.keys.carry [--check]
+
+Of every digest of sources in the data it looks for the commit, among those that the runs name, whose tree has it; opens each
+configuration under that commit and under the code as it is; and lists those whose kernels and arrays have one key. Where only
+the source differs, it compares the machine code. `--check` is quick: it asks of one configuration of each group whether its
+key still is what the map says, and keeps the groups of which that is true.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from bench.keys.carried import MAP, Carried, Group, read_map
+from bench.keys.probe import HERE
+from bench.store.database import Store
+from bench.store.transfer import load_text
+from bench.store.versions import BACKENDS, digest_of, read_version
+from model.core.digest import ROOT
+
+PROBE = HERE / "bench" / "keys" / "probe.py"
+Descriptions = dict[str, dict[str, Any]]  # by hash
+Key = tuple[str, str]  # of kernels, of arrays
+NO_KERNELS = ("SOFTLAB_PLAIN_PYTHON", "NUMBA_ENABLE_CUDASIM")  # with these set, nothing is compiled that has a digest
+DIGESTS = """
+import importlib.util as u, sys
+s = u.spec_from_file_location("digest", "model/core/digest.py"); m = u.module_from_spec(s); sys.modules["digest"] = m
+s.loader.exec_module(m); print(*(m.source_digest(*m.backend_sources(b)) for b in ("cpu", "gpu")))
+"""
+
+
+def measured(store: Store) -> dict[tuple[str, str], Descriptions]:
+    """(digest of the sources, backend) -> the configurations that were measured under it, but those of other programs."""
+    found: dict[tuple[str, str], Descriptions] = {}
+    for sources, name, text in store.query(
+        "SELECT DISTINCT sources, hash, description FROM (SELECT sources, configuration FROM sample UNION "
+        "SELECT sources, configuration FROM measure) JOIN configuration ON hash = configuration"
+    ):
+        description = json.loads(text)
+        if description["backend"] in BACKENDS and description.get("peer") is None:
+            found.setdefault((sources.partition("-")[0], description["backend"]), {})[name] = description
+    return found
+
+
+def commits_named(store: Store) -> list[str]:
+    """The commits that runs name, without the mark of changed files."""
+    named = (read_version(text).commit for (text,) in store.query("SELECT DISTINCT commit_hash FROM run"))
+    return sorted({commit.rstrip("+") for commit in named if commit})
+
+
+@contextmanager
+def checkout(commit: str) -> Iterator[Path]:
+    """A folder with the files of a commit."""
+    with tempfile.TemporaryDirectory(prefix="softlab-commit-") as folder:
+        archive = subprocess.run(["git", "-C", str(ROOT), "archive", commit], check=True, capture_output=True)
+        subprocess.run(["tar", "-x", "-C", folder], input=archive.stdout, check=True)
+        yield Path(folder)
+
+
+def digests_at(commit: str) -> dict[str, str]:
+    """The digest of each backend's sources at a commit, by that commit's own rule; empty where it has none."""
+    try:
+        with checkout(commit) as folder:
+            done = subprocess.run(
+                [sys.executable, "-c", DIGESTS], cwd=folder, check=True, capture_output=True, text=True
+            )
+    except subprocess.CalledProcessError:
+        return {}
+    return dict(zip(BACKENDS, done.stdout.split(), strict=True))
+
+
+def day_of(commit: str) -> str:
+    """The day of a commit, `2026-11-23`."""
+    told = ["git", "-C", str(ROOT), "show", "-s", "--format=%cs", commit]
+    return subprocess.run(told, check=True, capture_output=True, text=True).stdout.strip()
+
+
+def keys_at(folder: Path, descriptions: Descriptions, *how: str) -> dict[str, Key]:
+    """The keys of configurations under the code in a folder; those that it cannot open are left out.
+
+    Configurations that are opened alike are opened once.
+    """
+    names: dict[str, list[str]] = {}
+    for name, d in descriptions.items():
+        opening = json.dumps([d[part] for part in ("scene", "backend", "kernel", "precision", "math")], sort_keys=True)
+        names.setdefault(opening, []).append(name)
+    lines = "".join(json.dumps([same[0], descriptions[same[0]]]) + "\n" for same in names.values())
+    kept = {name: value for name, value in os.environ.items() if name not in NO_KERNELS}
+    done = subprocess.run(
+        [sys.executable, str(PROBE), str(folder), *how],
+        input=lines,
+        capture_output=True,
+        text=True,
+        cwd=folder,
+        env=kept,
+    )
+    if done.returncode:
+        raise RuntimeError(f"{folder}: the kernels of this code cannot be read: {done.stderr[-2000:]}")
+    same_as = {same[0]: same for same in names.values()}
+    answers = [json.loads(line) for line in done.stdout.splitlines()]
+    found = {name: (kernels, arrays) for first, kernels, arrays, _ in answers if kernels for name in same_as[first]}
+    if answers and not found:
+        raise RuntimeError(
+            f"{folder}: no configuration can be opened with this code, the first because of {answers[0][3]}"
+        )
+    return found
+
+
+# ---------------------------------------------------------------------- the map
+
+
+def groups_of(
+    sources: str, backend: str, before: dict[str, Key], now: dict[str, Key], proof: str = "source"
+) -> list[Group]:
+    """The configurations that have one key before and now, by that key."""
+    found: dict[Key, list[str]] = {}
+    for name in sorted(before):
+        if before[name] == now.get(name):
+            found.setdefault(before[name], []).append(name)
+    groups = {}
+    for (kernels, arrays), names in found.items():
+        groups.setdefault(kernels, (arrays, []))[1].extend(names)
+    return [
+        Group(sources, backend, kernels, arrays, proof, tuple(names)) for kernels, (arrays, names) in groups.items()
+    ]
+
+
+def by_machine_code(
+    folder: Path, sources: str, backend: str, told: Descriptions, before: dict[str, Key], now: dict[str, Key]
+) -> list[Group]:
+    """Groups of those whose kernels differ in source and are given the same arrays, but compile to the same code."""
+    pairs: dict[tuple[Key, Key], list[str]] = {}
+    for name, key in before.items():
+        if name in now and key[0] != now[name][0] and key[1] == now[name][1]:
+            pairs.setdefault((key, now[name]), []).append(name)
+    examples: dict[tuple[str, str], str] = {}
+    for (old, new), names in pairs.items():
+        examples.setdefault((old[0], new[0]), names[0])
+    asked = {name: told[name] for name in examples.values()}
+    old_code, new_code = keys_at(folder, asked, "code"), keys_at(ROOT, asked, "code")
+    same = {pair for pair, name in examples.items() if name in old_code and old_code[name] == new_code.get(name)}
+    found: dict[str, list[str]] = {}
+    for (old, new), names in pairs.items():
+        if (old[0], new[0]) in same:
+            found.setdefault(new[0], []).extend(names)
+    return [
+        Group(sources, backend, kernels, now[names[0]][1], "machine code", tuple(sorted(names)))
+        for kernels, names in found.items()
+    ]
+
+
+def make_map(store: Store, code: bool, progress: bool = True) -> Carried:
+    """The map of a store's measurements for the code as it is. `code`: compare machine code, too, which takes minutes."""
+    measurements = measured(store)
+    owners: dict[tuple[str, str], str] = {}
+    for commit in commits_named(store):
+        for backend, digest in digests_at(commit).items():
+            owners.setdefault((digest, backend), commit)
+    groups: list[Group] = []
+    for (sources, backend), told in sorted(measurements.items()):
+        commit = owners.get((sources, backend))
+        if commit is None:
+            continue
+        with checkout(commit) as folder:
+            before, now = keys_at(folder, told), keys_at(ROOT, told)
+            found = groups_of(sources, backend, before, now)
+            found += by_machine_code(folder, sources, backend, told, before, now) if code else []
+        groups += found
+        if progress:
+            carried = sum(len(group.configurations) for group in found)
+            print(
+                f"{sources} {backend}, commit {commit}: {carried} of {len(told)} configurations carried over",
+                flush=True,
+            )
+    commits = {
+        sources: (commit, day_of(commit)) for (sources, _), commit in owners.items() if (sources, _) in measurements
+    }
+    return Carried({backend: digest_of(backend) for backend in BACKENDS}, commits, tuple(groups))
+
+
+def checked(known: Carried, store: Store) -> Carried:
+    """The groups of a map whose first configuration still has the key that the map says, for the code as it is."""
+    told = {name: description for found in measured(store).values() for name, description in found.items()}
+    first = {group.configurations[0]: told[group.configurations[0]] for group in known.groups}
+    now = keys_at(ROOT, first)
+    good = [group for group in known.groups if now.get(group.configurations[0]) == (group.kernels, group.arrays)]
+    return replace(known, as_of={backend: digest_of(backend) for backend in BACKENDS}, groups=tuple(good))
+
+
+def summary(carried: Carried, store: Store) -> Iterator[str]:
+    """How many rows of each kind are carried over, and by which proof."""
+    proofs = {(g.sources, name): g.proof for g in carried.groups for name in g.configurations}
+    rows: Counter[tuple[str, str]] = Counter()
+    for table in ("sample", "measure"):
+        for sources, name, count in store.query(
+            f"SELECT sources, configuration, count(*) FROM {table} GROUP BY sources, configuration"
+        ):
+            rows[table, proofs.get((sources.partition("-")[0], name), "older")] += count
+    for (table, proof), count in sorted(rows.items()):
+        yield f"{table}: {count} {proof if proof == 'older' else f'carried over by {proof}'}"
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    parser = argparse.ArgumentParser(prog="python -m bench.keys.carry", description=__doc__)
+    parser.add_argument("--check", action="store_true", help="check the map that is there, in a minute")
+    parser.add_argument("--code", action="store_true", help="compare machine code where the source differs")
+    asked = parser.parse_args(arguments)
+    with load_text(sorted(MAP.parent.glob("*.csv.gz"))) as store:
+        carried = checked(read_map(), store) if asked.check else make_map(store, asked.code)
+        carried.write()
+        print("\n".join(summary(carried, store)))
+
+
+if __name__ == "__main__":
+    main()
