@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import subprocess
 import sys
 import tempfile
@@ -19,19 +18,14 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
+from bench.keys.ask import Descriptions, Key, keys_at
 from bench.keys.carried import MAP, Carried, Group, read_map
-from bench.keys.probe import HERE
 from bench.store.database import Store
 from bench.store.transfer import load_text
 from bench.store.versions import BACKENDS, digest_of, read_version
 from model.core.digest import ROOT
 
-PROBE = HERE / "bench" / "keys" / "probe.py"
-Descriptions = dict[str, dict[str, Any]]  # by hash
-Key = tuple[str, str]  # of kernels, of arrays
-NO_KERNELS = ("SOFTLAB_PLAIN_PYTHON", "NUMBA_ENABLE_CUDASIM")  # with these set, nothing is compiled that has a digest
 DIGESTS = """
 import importlib.util as u, sys
 s = u.spec_from_file_location("digest", "model/core/digest.py"); m = u.module_from_spec(s); sys.modules["digest"] = m
@@ -85,37 +79,6 @@ def day_of(commit: str) -> str:
     return subprocess.run(told, check=True, capture_output=True, text=True).stdout.strip()
 
 
-def keys_at(folder: Path, descriptions: Descriptions, *how: str) -> dict[str, Key]:
-    """The keys of configurations under the code in a folder; those that it cannot open are left out.
-
-    Configurations that are opened alike are opened once.
-    """
-    names: dict[str, list[str]] = {}
-    for name, d in descriptions.items():
-        opening = json.dumps([d[part] for part in ("scene", "backend", "kernel", "precision", "math")], sort_keys=True)
-        names.setdefault(opening, []).append(name)
-    lines = "".join(json.dumps([same[0], descriptions[same[0]]]) + "\n" for same in names.values())
-    kept = {name: value for name, value in os.environ.items() if name not in NO_KERNELS}
-    done = subprocess.run(
-        [sys.executable, str(PROBE), str(folder), *how],
-        input=lines,
-        capture_output=True,
-        text=True,
-        cwd=folder,
-        env=kept,
-    )
-    if done.returncode:
-        raise RuntimeError(f"{folder}: the kernels of this code cannot be read: {done.stderr[-2000:]}")
-    same_as = {same[0]: same for same in names.values()}
-    answers = [json.loads(line) for line in done.stdout.splitlines()]
-    found = {name: (kernels, arrays) for first, kernels, arrays, _ in answers if kernels for name in same_as[first]}
-    if answers and not found:
-        raise RuntimeError(
-            f"{folder}: no configuration can be opened with this code, the first because of {answers[0][3]}"
-        )
-    return found
-
-
 # ---------------------------------------------------------------------- the map
 
 
@@ -127,7 +90,7 @@ def groups_of(
     for name in sorted(before):
         if before[name] == now.get(name):
             found.setdefault(before[name], []).append(name)
-    groups = {}
+    groups: dict[str, tuple[str, list[str]]] = {}
     for (kernels, arrays), names in found.items():
         groups.setdefault(kernels, (arrays, []))[1].extend(names)
     return [
@@ -163,9 +126,9 @@ def make_map(store: Store, code: bool, progress: bool = True) -> Carried:
     """The map of a store's measurements for the code as it is. `code`: compare machine code, too, which takes minutes."""
     measurements = measured(store)
     owners: dict[tuple[str, str], str] = {}
-    for commit in commits_named(store):
-        for backend, digest in digests_at(commit).items():
-            owners.setdefault((digest, backend), commit)
+    for named in commits_named(store):
+        for backend, digest in digests_at(named).items():
+            owners.setdefault((digest, backend), named)
     groups: list[Group] = []
     for (sources, backend), told in sorted(measurements.items()):
         commit = owners.get((sources, backend))

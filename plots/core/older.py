@@ -6,15 +6,18 @@ that changes without such measurements is marked; the captions of figures say ho
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
-from bench.keys.carried import is_older, read_map
+from bench.keys.carried import DIGEST, is_older, read_map
+from bench.keys.enter import KEY
 from bench.peers.cases import peer_sources
 from bench.store.database import Store
-from bench.store.versions import sources_of
+from bench.store.results import Measure, Timing
+from bench.store.schema import SAME
+from bench.store.versions import digest_of, sources_of
 from plots.core.data import Results, Source
 
 UNKNOWN = "a commit that was not recorded"
@@ -22,14 +25,26 @@ UNKNOWN = "a commit that was not recorded"
 
 def older_items(source: Source) -> Iterator[Any]:
     """The timings and measures of a source that are older."""
+    same = same_kernels(source.measures)
     for item in _items(source):
-        if is_older(item, item.configuration):
+        if is_older(item, item.configuration) and not same(item):
             yield item
 
 
+def same_kernels(found: Iterable[Measure]) -> Callable[[Any], bool]:
+    """True for a timing or measure of other sources whose kernels a store says are today's."""
+    same = {
+        (m.reason.partition("-")[0], m.configuration)
+        for m in found
+        if m.name == SAME and m.reason and sources_of(m) == digest_of(m.backend)
+    }
+    return lambda item: (sources_of(item), item.configuration) in same
+
+
 def _items(source: Source) -> Iterator[Any]:
-    yield from (*source.timings, *source.kernels, *source.findings, *source.measures)
+    yield from (*source.timings, *source.kernels, *source.findings)
     yield from (*source.costs.values(), *source.energies.values())
+    yield from (measure for measure in source.measures if measure.name not in (KEY, SAME))
 
 
 def older_peers(store: Store, machine: str) -> frozenset[str]:
@@ -40,8 +55,8 @@ def older_peers(store: Store, machine: str) -> frozenset[str]:
         "AND json_extract(description, '$.peer') IS NOT NULL AND json_extract(description, '$.finding') IS NULL",
         (machine,),
     )
-    newest = {backend for backend, _ in found}
-    return frozenset(backend for backend in newest if (backend, peer_sources(backend)) not in found)
+    digests = {(backend, sources) for backend, sources in found if DIGEST.fullmatch(sources)}
+    return frozenset(backend for backend, _ in digests if (backend, peer_sources(backend)) not in digests)
 
 
 def with_older(source: Source) -> Source:
@@ -81,13 +96,16 @@ def _without(source: Source) -> Source:
     if not source.older:
         return source
     dropped = {id(item) for item in older_items(source)}
-    lists = {
-        name: tuple(item for item in getattr(source, name) if id(item) not in dropped)
-        for name in ("timings", "kernels", "findings", "measures")
-    }
-    tables = {
-        name: {key: item for key, item in getattr(source, name).items() if id(item) not in dropped}
-        for name in ("costs", "energies")
-    }
-    peers = tuple(ratio for ratio in source.peers if ratio.backend not in source.older_peers)
-    return replace(source, **lists, **tables, peers=peers, older="")
+
+    def kept(items: Iterable[Any]) -> tuple[Any, ...]:
+        return tuple(item for item in items if id(item) not in dropped)
+
+    def kept_of(table: dict[str, Timing]) -> dict[str, Timing]:
+        return {key: item for key, item in table.items() if id(item) not in dropped}
+
+    return replace(
+        source,
+        timings=kept(source.timings), kernels=kept(source.kernels), findings=kept(source.findings),
+        measures=kept(source.measures), costs=kept_of(source.costs), energies=kept_of(source.energies),
+        peers=tuple(ratio for ratio in source.peers if ratio.backend not in source.older_peers), older="",
+    )  # fmt: skip

@@ -22,7 +22,7 @@ from bench.store.results import Timing, machines, measures, open_readonly, timin
 from bench.store.schema import canonical
 from bench.store.versions import of_one_version, read_version
 from plots.core.data import Origin, Results, Run, Source
-from plots.core.older import older_peers, with_older
+from plots.core.older import older_peers, same_kernels, with_older
 
 SIMULATOR = "CUDA simulator"  # in a suspect mark: not a time of a GPU
 STAGES = (ACCURACY_STAGE, ENERGY_STAGE, FINDINGS)
@@ -107,10 +107,11 @@ def _sources(store: Store, own: bool) -> list[Source]:
             [t for t in timings(store, machine.key, stage) if not any(SIMULATOR in mark for mark in t.suspect)]
             for stage in STAGES
         ]
-        kept = [of_one_version(times, versions, own) for times in of_stages]
+        same = same_kernels(numbers)
+        kept = [of_one_version(times, versions, own, same) for times in of_stages]
         of_rates = [[m for m in numbers if m.name in names] for names in RATES]
         dropped = {id(m) for rates in of_rates for m in rates}
-        dropped -= {id(m) for rates in of_rates for m in of_one_version(rates, versions, own)}
+        dropped -= {id(m) for rates in of_rates for m in of_one_version(rates, versions, own, same)}
         numbers = [m for m in numbers if id(m) not in dropped]
         times, forced, costs, energies, findings = kept
         defaults = {m.configuration: bool(m.value) for m in numbers if m.name == "default"}

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from bench.keys.carry import keys_at
+from bench.keys.ask import keys_at
 from bench.store.results import configuration
 from model.core.digest import ROOT
 from model.scene.scene import load_scene
