@@ -122,33 +122,27 @@ def by_machine_code(
     ]
 
 
-def make_map(store: Store, code: bool, progress: bool = True) -> Carried:
-    """The map of a store's measurements for the code as it is. `code`: compare machine code, too, which takes minutes."""
+def maps(store: Store, code: bool) -> Iterator[tuple[Carried, str]]:
+    """The map of a store's measurements for the code as it is, as it grows digest by digest, and what was found last. `code`:
+    compare machine code, too, which takes minutes."""
     measurements = measured(store)
-    owners: dict[tuple[str, str], str] = {}
+    commits: dict[tuple[str, str], str] = {}
     for named in commits_named(store):
         for backend, digest in digests_at(named).items():
-            owners.setdefault((digest, backend), named)
-    groups: list[Group] = []
-    for (sources, backend), told in sorted(measurements.items()):
-        commit = owners.get((sources, backend))
+            commits.setdefault((digest, backend), named)
+    known = Carried({backend: digest_of(backend) for backend in BACKENDS})
+    for (sources, backend), told in sorted(measurements.items(), key=lambda item: len(item[1]), reverse=True):
+        commit = commits.get((sources, backend))
         if commit is None:
+            yield known, f"{sources} {backend}: no commit reproduces it, {len(told)} configurations are older"
             continue
         with checkout(commit) as folder:
             before, now = keys_at(folder, told), keys_at(ROOT, told)
             found = groups_of(sources, backend, before, now)
             found += by_machine_code(folder, sources, backend, told, before, now) if code else []
-        groups += found
-        if progress:
-            carried = sum(len(group.configurations) for group in found)
-            print(
-                f"{sources} {backend}, commit {commit}: {carried} of {len(told)} configurations carried over",
-                flush=True,
-            )
-    commits = {
-        sources: (commit, day_of(commit)) for (sources, _), commit in owners.items() if (sources, _) in measurements
-    }
-    return Carried({backend: digest_of(backend) for backend in BACKENDS}, commits, tuple(groups))
+        known = Carried(known.as_of, known.commits | {sources: (commit, day_of(commit))}, (*known.groups, *found))
+        carried = sum(len(group.configurations) for group in found)
+        yield known, f"{sources} {backend}, commit {commit}: {carried} of {len(told)} configurations carried over"
 
 
 def checked(known: Carried, store: Store) -> Carried:
@@ -179,8 +173,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--code", action="store_true", help="compare machine code where the source differs")
     asked = parser.parse_args(arguments)
     with load_text(sorted(MAP.parent.glob("*.csv.gz"))) as store:
-        carried = checked(read_map(), store) if asked.check else make_map(store, asked.code)
-        carried.write()
+        found = [(checked(read_map(), store), "checked")] if asked.check else maps(store, asked.code)
+        for carried, text in found:
+            carried.write()
+            print(text, flush=True)
         print("\n".join(summary(carried, store)))
 
 

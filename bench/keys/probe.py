@@ -57,9 +57,19 @@ def key(description: dict[str, Any], digests: Any) -> tuple[str, str]:
     return combined(digests.of(call.kernel) for call in calls), combined(map(array_hash, arrays_of(calls)))
 
 
+def limit_memory(fraction: float = 0.25) -> None:
+    """Let a configuration that needs more than this fraction of the main memory fail, not the machine."""
+    import os
+    import resource
+
+    most = int(fraction * os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
+    resource.setrlimit(resource.RLIMIT_DATA, (most, most))
+
+
 def main(checkout: str, code: str = "") -> None:
     """Answer every line of the input. `code`: "code" to write the key of the machine code in place of the kernels'."""
     sys.path[0] = checkout
+    limit_memory()
     load_tools()
     from bench.keys.machine_code import machine_code_key
     from bench.keys.record import absent_gpu
