@@ -26,6 +26,7 @@ def keys_at(folder: Path, descriptions: Descriptions, *how: str) -> dict[str, Ke
         names.setdefault(opening, []).append(name)
     lines = "".join(json.dumps([same[0], descriptions[same[0]]]) + "\n" for same in names.values())
     kept = {name: value for name, value in os.environ.items() if name not in NO_KERNELS}
+    kept["PYTHONHASHSEED"] = "0"  # numba writes some instructions in the order of sets
     done = subprocess.run(
         [sys.executable, str(PROBE), str(folder), *how],
         input=lines,

@@ -7,20 +7,30 @@ Works without a GPU where the packages nvidia-nvvm and nvidia-cuda-nvrtc are ins
 from __future__ import annotations
 
 import re
+import warnings
 from collections.abc import Iterable, Iterator
 from typing import Any
 
 from bench.keys.record import DeviceArray, Launch, combined
 
 COMPUTE_CAPABILITY = (9, 0)
-MANGLED = re.compile(r'@"[^"]*"|@[\w.$]+|%"[^"]*"|%[\w.$]+|\b_Z\w+|\b__cudapy_\w+|\b[A-Za-z_$][\w$]*\$\w*')
-NAMED = re.compile(r"^\s*(//.*|;.*|source_filename.*|target datalayout.*|\.file.*|\.loc.*)$", re.MULTILINE)
+LLVM_NAME = re.compile(r'[@%](?:"[^"]*"|[\w.$]+)')
+PTX_NAME = re.compile(r"\b(?:_Z|__cudapy_)\w+")  # of functions and their parameters; registers are numbered already
+ELSEWHERE = re.compile(r'^(?:declare\b[^@]*|\.extern\b.*?)(@"[^"]*"|@[\w.$]+|\b_Z\w+)', re.MULTILINE)
+DEFINED = re.compile(r'^define\b[^@]*(@"[^"]*"|@[\w.$]+)', re.MULTILINE)
+CONTENT = re.compile(
+    r'_[0-9a-f]{32}|(?<=!")_Z[^"]*'
+)  # of names in texts: what a kernel is made of; a scope of aliasing
+NAMED = re.compile(r"^\s*(//.*|;.*|source_filename.*|\.file.*|\.loc.*)$", re.MULTILINE)
 
 
 def without_names(text: str) -> str:
-    """The text with its symbols numbered in order of appearance, without comments and places in files."""
-    numbers: dict[str, str] = {}
-    return MANGLED.sub(lambda found: numbers.setdefault(found[0], f"@{len(numbers)}"), NAMED.sub("", text))
+    """The text with the names that it defines numbered in order of appearance, without comments and places in files.
+    Functions from elsewhere keep their names."""
+    text = CONTENT.sub("", NAMED.sub("", text))
+    kept = {name: name for name in set(ELSEWHERE.findall(text)) - set(DEFINED.findall(text))}
+    names = PTX_NAME if ".version" in text else LLVM_NAME
+    return names.sub(lambda found: kept.setdefault(found[0], f"@{len(kept)}"), text)
 
 
 def machine_code_key(calls: Iterable[Launch]) -> str:
@@ -55,8 +65,15 @@ def _code(kernel: Any, types: tuple[Any, ...]) -> str:
         fast = bool(kernel.targetoptions.get("fastmath"))
         text, _ = cuda.compile_ptx(kernel.py_func, types, cc=COMPUTE_CAPABILITY, fastmath=fast)
         return str(text)
-    kernel.compile(tuple(_folded(kernel, types)))
-    texts = [text for part in _inner(kernel) for text in part.inspect_llvm().values()]
+    from numba.core.caching import NullCache
+
+    parts = list(_inner(kernel))
+    for part in parts:
+        part._cache = NullCache()  # machine code from the disk has no text
+    with warnings.catch_warnings():
+        warnings.filterwarnings("error", "Inspection disabled")
+        kernel.compile(tuple(_folded(kernel, types)))
+        texts = [text for part in parts for text in part.inspect_llvm().values()]
     return "\n".join(sorted(texts, key=without_names))
 
 
