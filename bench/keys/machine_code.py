@@ -18,9 +18,9 @@ LLVM_NAME = re.compile(r'[@%](?:"[^"]*"|[\w.$]+)')
 PTX_NAME = re.compile(r"\b(?:_Z|__cudapy_)\w+")  # of functions and their parameters; registers are numbered already
 ELSEWHERE = re.compile(r'^(?:declare\b[^@]*|\.extern\b.*?)(@"[^"]*"|@[\w.$]+|\b_Z\w+)', re.MULTILINE)
 DEFINED = re.compile(r'^define\b[^@]*(@"[^"]*"|@[\w.$]+)', re.MULTILINE)
-CONTENT = re.compile(
-    r'_[0-9a-f]{32}|(?<=!")_Z[^"]*'
-)  # of names in texts: what a kernel is made of; a scope of aliasing
+CONTENT = re.compile(  # names in texts: of functions, and of what they are made of; scopes of aliasing
+    r"""\[\d+ x i8\] c"[^"]*(?:_Z|_[0-9a-f]{32})[^"]*"|_[0-9a-f]{32}|(?<=!")_Z[^"]*"""
+)
 NAMED = re.compile(r"^\s*(//.*|;.*|source_filename.*|\.file.*|\.loc.*)$", re.MULTILINE)
 
 
