@@ -43,7 +43,7 @@ def recorded_calls(description: dict[str, Any]) -> list[Any]:
             Scene(description["scene"]), description["backend"], threads=1, kernel=kernel, allow_unstable=True, **how
         ) as simulation,
     ):
-        simulation._run(1)
+        simulation.advance(1)
     return calls
 
 
