@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 HERE = Path(__file__).resolve().parents[2]
-TOOLS = ("model.core.syntax", "model.core.kernel_digest", "bench.keys", "bench.keys.record", "bench.keys.machine_code")
+TOOLS = tuple(f"bench.keys{name}" for name in ("", ".syntax", ".kernel_digest", ".record", ".machine_code"))
 
 
 def load_tools() -> None:
@@ -71,9 +71,9 @@ def main(checkout: str, code: str = "") -> None:
     sys.path[0] = checkout
     limit_memory()
     load_tools()
+    from bench.keys.kernel_digest import KernelDigests
     from bench.keys.machine_code import machine_code_key
     from bench.keys.record import absent_gpu
-    from model.core.kernel_digest import KernelDigests
 
     digests = KernelDigests()
     for line in sys.stdin:

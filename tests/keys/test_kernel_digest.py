@@ -13,8 +13,8 @@ import numba
 import numpy as np
 import pytest
 
+from bench.keys.kernel_digest import KernelDigests, SourceUnknown
 from model.core.digest import ROOT
-from model.core.kernel_digest import KernelDigests, SourceUnknown
 
 KERNEL = '''
 SCALE = 3.0
@@ -172,7 +172,7 @@ def other_pythons() -> list[Path]:
 SCRIPT = """
 import sys
 sys.path[:0] = sys.argv[1:3]
-from model.core.kernel_digest import KernelDigests
+from bench.keys.kernel_digest import KernelDigests
 import formula
 print(KernelDigests().of(formula.make(float, True)), KernelDigests().of(formula.more))
 """
