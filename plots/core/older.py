@@ -79,9 +79,13 @@ def _commits(source: Source, found: list[Any]) -> str:
         for digest in (run.version.cpu, run.version.gpu)
         if digest and run.version.commit
     }
-    words = [commit or runs.get(digest) for digest, commit in told.items()]
-    named = sorted({f"commit {word[0]} of {word[1]}" for word in words if word}, key=lambda text: text[-10:])
-    return ", ".join([*named, *([UNKNOWN] if not named or None in words else [])])
+    named: dict[str, str] = {}
+    for digest, commit in told.items():
+        if found_in := commit or runs.get(digest):
+            named[found_in[0]] = min(found_in[1], named.get(found_in[0], found_in[1]))
+    words = [f"commit {name} of {day}" for name, day in sorted(named.items(), key=lambda item: item[1])]
+    unknown = not named or any(not commit and digest not in runs for digest, commit in told.items())
+    return ", ".join([*words, *([UNKNOWN] if unknown else [])])
 
 
 @lru_cache(maxsize=8)
