@@ -67,6 +67,12 @@ def softlab(
     version: Annotated[
         bool, typer.Option("--version", callback=tell_version, is_eager=True, help="Print the version and exit.")
     ] = False,
+    allow_dirty: Annotated[
+        bool,
+        typer.Option(
+            "--allow-dirty", help="Measure though files differ from their commit; the runs are marked with +."
+        ),
+    ] = False,
 ) -> None:
     """Simulate soft bodies on CPU threads and on CUDA, and measure how fast and how accurate each run is."""
 

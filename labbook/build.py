@@ -13,6 +13,7 @@ import json
 import shutil
 import tempfile
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -49,6 +50,7 @@ from model.core.files import check_target, replacing
 from plots.core.data import Origin, Results, Source, is_suspect
 from plots.core.draw import FigureFiles, draw_figures
 from plots.core.files import without_footer
+from plots.core.older import without_older
 from plots.core.read import load
 
 FOLDER = Path(__file__).resolve().parent
@@ -82,6 +84,7 @@ CLAIMS = {  # every sentence made from the measurements, by name
 }  # fmt: skip
 TABLES = {"answer": answer_tables, "regions": region_tables, "rungs": rung_tables}
 TITLE = "Soft-body lab book"
+OLDER = "[older]"  # the mark of what rests on measurements of older code
 
 
 def committed_data() -> list[Path]:
@@ -156,17 +159,34 @@ def book_data(results: Results) -> dict[str, Any]:
 
 
 def told(results: Results, name: str) -> claim.Claim:
-    """Return a claim of the results, or of the committed measurements if the featured ones lack its data."""
-    made = CLAIMS[name](results)
-    if not made.numbers and results.committed:
-        committed = CLAIMS[name](results.committed)
-        made = committed if committed.numbers else made
+    """Return a claim of the results, or of the committed measurements if the featured ones lack its data. It is marked if
+    it would differ without measurements of older code."""
+    made, found = _featured(results, name)
+    current = without_older(found)
+    if made.numbers and current is not found and CLAIMS[name](current) != made:
+        return replace(made, sentence=f"{made.sentence} {OLDER}")
     return made
 
 
+def _featured(results: Results, name: str) -> tuple[claim.Claim, Results]:
+    """Return a claim, and the results that it was made from."""
+    made = CLAIMS[name](results)
+    if not made.numbers and results.committed:
+        committed = CLAIMS[name](results.committed)
+        if committed.numbers:
+            return committed, results.committed
+    return made, results
+
+
 def _tables(made: Callable[[Results], list[Table]], results: Results) -> list[Table]:
-    """Return tables, with the same fallback as `told`."""
-    return made(results) or (made(results.committed) if results.committed else [])
+    """Return tables, with the same fallback and mark as `told`."""
+    for found in (results, results.committed):
+        if found and (tables := made(found)):
+            current = without_older(found)
+            if current is not found and made(current) != tables:
+                return [one | {"title": f"{one['title']} {OLDER}"} for one in tables]
+            return tables
+    return []
 
 
 def notices(results: Results) -> list[str]:
@@ -185,6 +205,12 @@ def notices(results: Results) -> list[str]:
             f"The machine of these measurements has no GPU that could be timed. What is said about the GPU is from the "
             f"committed measurements, made on: {gpu.machine.label}; it is marked “committed”."
         )
+    for source in results.sources:
+        if source.older:
+            found.append(
+                f"On {source.machine.label}, {source.older}: their kernels are not proved to be those of the code that made "
+                f"this book. What rests on them is marked {OLDER}."
+            )
     for source in results.featured:
         if source.left_out:
             found.append(

@@ -62,12 +62,16 @@ def film(
 
 @telling.command(epilog="Example: softlab lab --quick")
 def lab(
+    context: typer.Context,
     quick: Annotated[
         bool, typer.Option("--quick", help="Small sizes: a minute or two on two cores, less once compiled.")
     ] = False,
     store: StorePath = DEFAULT_STORE,
 ) -> None:
     """Run everything: doctor, sweep, accuracy, stability, figures, lab book."""
+    from bench.measure.took import DIRTY
+    from bench.store.versions import refuse_changed_files
     from labbook.jobs import whole_lab
 
+    refuse_changed_files(bool(context.find_root().params.get(DIRTY)))
     whole_lab(out, quick=quick, store_path=store, command=typed())

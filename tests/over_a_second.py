@@ -64,10 +64,13 @@ test_distance_field_cloths.py test_nobody_enters_it?xpbd? test_nobody_enters_it?
 test_distance_field_scenes.py test_a_cloth_falls_on_it?cpu?
 test_docs.py test_the_errors_in_the_example_are_as_told
 test_drawing.py test_a_helper_draws_the_same
+test_entered_keys.py test_other_kernels_are_measured_anew?version? test_other_kernels_are_measured_anew?nothing*
 test_fields.py test_the_world_of_the_page_runs*
 test_figure_axes.py test_curves_are_what_the_axes_say?time-per-step?GPU?
 test_film.py test_a_film
 test_friction_in_place.py *distance_field? *mesh_collider?
+test_kernel_keys.py test_a_rename_across_a_package* test_a_start_state* test_a_colouring*
+test_machine_code.py test_machine_code_is_a_proof*
 test_mesh_collider_ptx.py test_friction_in_place*
 test_findings_costs.py test_a_wrong_answer_gets_no_ratio test_nothing_is_measured_twice
 test_finite_elements_newton.py test_elastica?2-1.0-corotated? test_elastica?2-1.0-fixed-corotated?

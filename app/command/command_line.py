@@ -10,7 +10,7 @@ import sys
 import threading
 import time
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Annotated, Any
@@ -233,5 +233,12 @@ def waiting_shown() -> Iterator[None]:
 
 
 def typed() -> str:
-    """Return the command as it was typed, for the store."""
-    return " ".join(["softlab", *sys.argv[1:]])
+    """Return the command as it was typed, for the store, without the store's path."""
+    return without_store(["softlab", *sys.argv[1:]])
+
+
+def without_store(words: Sequence[str]) -> str:
+    """Return the words of a command without --store and its path."""
+    before = ("", *words)
+    kept = (word for last, word in zip(before, words, strict=False) if "--store" not in (last, word))
+    return " ".join(word for word in kept if not word.startswith("--store="))

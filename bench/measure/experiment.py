@@ -15,6 +15,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any, Self, TypeVar
 
+from bench.keys.enter import enter_keys, same_kernels
 from bench.measure.compile_ahead import compile_ahead
 from bench.measure.gpu import gpu_or_reason, gpu_simulated
 from bench.measure.machine import enter_machine
@@ -23,6 +24,7 @@ from bench.measure.share import share
 from bench.measure.timing import MEASUREMENT
 from bench.store.database import Store
 from bench.store.results import configuration
+from bench.store.schema import SAME, configuration_hash
 from bench.store.versions import code_version, digest_of
 from cpu_backend.core.threads import thread_count, threading_layer, wait_policy
 from model.core.errors import BackendUnavailable, SceneError
@@ -169,6 +171,8 @@ def resume(
 
     with ending_cleanly(summary):
         missing = [lacking(group) for group in groups]
+        if _take_same(store, summary, [case for group in missing for case in group], command):
+            missing = [lacking(group) for group in groups]
         summary.held = sum(map(len, groups)) - sum(map(len, missing))
         named = {group_name(k, group): k for k, group in enumerate(groups) if missing[k]}
         worths = {name: sum(worth(case) for case in missing[k]) for name, k in named.items()}
@@ -182,7 +186,29 @@ def resume(
                     if group:
                         summary.run = summary.run or store.start_run(summary.machine, command, summary.version)
                         measure(group, lambda text, done: bar.update(task, description=text, advance=done))
+        if summary.run:
+            enter_keys(store, summary.run, summary.name)
     return summary
+
+
+def _take_same(store: Store, summary: Summary, cases: Sequence[Any], command: str) -> bool:
+    """Enter which of the cases were measured with other sources of the same kernels; True if any was."""
+    told = [(one, case.sources) for case in cases if hasattr(case, "sources") for one in _descriptions(case)]
+    same = same_kernels(store, summary.machine, told, summary.name)
+    if not same:
+        return False
+    run = store.start_run(summary.machine, command, summary.version)
+    with store.transaction():
+        for description, sources in told:
+            name = configuration_hash(description)
+            if same.get(name, ("",))[0] == sources:
+                store.add_measure(run, description, sources, SAME, None, "", same[name][1])
+    return True
+
+
+def _descriptions(case: Any) -> Sequence[Mapping[str, Any]]:
+    """The configurations of a case, or of a group that is measured as one."""
+    return getattr(case, "descriptions", None) or [case.description]
 
 
 # ---------------------------------------------------------------------- what goes into the store

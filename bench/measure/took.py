@@ -17,19 +17,22 @@ from typer.core import TyperCommand
 from app.command.command_line import errors
 from bench.store.database import Store
 from bench.store.schema import canonical
+from bench.store.versions import refuse_changed_files
 from model.core.errors import SoftlabError
 
 TABLE = """CREATE TABLE IF NOT EXISTS took (
     machine TEXT NOT NULL, command TEXT NOT NULL, seconds REAL NOT NULL, configurations INTEGER NOT NULL,
     PRIMARY KEY (machine, command))"""
 INTERRUPTED = 130  # exit status
+DIRTY = "allow_dirty"  # a parameter of softlab itself
 
 
 class Timed(TyperCommand):
     """A command with an option `store` that says first how long it took last time. What was stopped, or found everything
-    measured, is not kept."""
+    measured, is not kept. Without `softlab --allow-dirty` it measures no code that differs from its commit."""
 
     def invoke(self, ctx: Any) -> Any:
+        refuse_changed_files(bool(ctx.find_root().params.get(DIRTY)))
         usual = {parameter.name: parameter.default for parameter in self.params}
         options = {name: str(value) for name, value in ctx.params.items() if value != usual[name] and name != "store"}
         path, command = Path(ctx.params["store"]), canonical(options | {"command": self.name})

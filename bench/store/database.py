@@ -17,6 +17,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from bench.store import schema
 from bench.store.machine_records import gained
 from bench.store.schema import SCHEMA, SCHEMA_VERSION, canonical, check_rows, configuration_hash
 from model.core.errors import InputError
@@ -283,8 +284,8 @@ class Store:
         """How many samples the store holds of this configuration, on this machine, of these sources."""
         return self.query(
             "SELECT count(*) FROM sample JOIN run ON run.key = sample.run "
-            "WHERE configuration = ? AND machine = ? AND sources = ? AND stage = ?",
-            (configuration_hash(description), machine, sources, stage),
+            f"WHERE configuration = :configuration AND machine = :machine AND {schema.SOURCES} AND stage = :stage",
+            schema.measured_as(description, machine, sources) | {"stage": stage},
         )[0][0]
 
     def has_measure(self, description: Mapping[str, Any], machine: str, sources: str, name: str) -> bool:
@@ -292,7 +293,7 @@ class Store:
         return bool(
             self.query(
                 "SELECT 1 FROM measure JOIN run ON run.key = measure.run "
-                "WHERE configuration = ? AND machine = ? AND sources = ? AND name = ? LIMIT 1",
-                (configuration_hash(description), machine, sources, name),
+                f"WHERE configuration = :configuration AND machine = :machine AND {schema.SOURCES} AND name = :name LIMIT 1",
+                schema.measured_as(description, machine, sources) | {"name": name},
             )
         )

@@ -8,7 +8,8 @@
     schema_version version
 
 `sources` is a hash of the code that was measured: configuration + machine + sources is the key by which a sweep
-resumes. `steps` are the steps in one sample, so that the time of a step is a query; 0 for a stage without (compile).
+resumes, or the sources that a measure `same_kernels` names beside them. `steps` are the steps in one sample, so that the
+time of a step is a query; 0 for a stage without (compile).
 """
 
 from __future__ import annotations
@@ -39,6 +40,11 @@ COLUMNS = {  # table -> column -> its declaration, in the order of the text expo
 }  # fmt: skip
 KEYS = {"sample": "configuration, run, sources, stage, repeat", "measure": "configuration, run, sources, name"}
 TABLES = {table: tuple(columns) for table, columns in COLUMNS.items()}
+SAME = "same_kernels"  # a measure: its reason is other sources under which a configuration counts as measured
+SOURCES = (  # those asked for, or others of the same kernels
+    "(sources = :sources OR sources IN (SELECT reason FROM measure AS same WHERE same.configuration = :configuration "
+    "AND same.sources = :sources AND same.name = :same))"
+)
 STORED = {"TEXT": ("text",), "INTEGER": ("integer",), "REAL": ("real", "integer")}  # as SQLite names what lies in them
 
 
@@ -68,6 +74,11 @@ def tables_by_kind(scene: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
 def configuration_hash(description: Mapping[str, Any]) -> str:
     """The 16 hexadecimal digits that name a configuration."""
     return hashlib.sha256(canonical(description).encode()).hexdigest()[:16]
+
+
+def measured_as(description: Mapping[str, Any], machine: str, sources: str) -> dict[str, str]:
+    """Arguments of a query with SOURCES."""
+    return {"configuration": configuration_hash(description), "machine": machine, "sources": sources, "same": SAME}
 
 
 def check_rows(connection: sqlite3.Connection, path: str) -> None:

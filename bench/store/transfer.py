@@ -8,6 +8,7 @@ import sqlite3
 from collections.abc import Iterable
 from pathlib import Path
 
+from app.command.command_line import without_store
 from bench.store.database import Store
 from bench.store.schema import TABLES, checked_record
 from bench.store.text import TEXTS, Rows, as_text, is_text, is_text_export, read_text
@@ -17,7 +18,7 @@ from model.core.files import check_target, replacing
 
 def export(store: Store, path: str | Path, machine: str | None = None, after: int = 0) -> Path:
     """Write the store (or one machine's part of it, by key) to a .csv, .csv.gz or .sqlite file; the path. `after`: only runs
-    that were entered after so many (`last_run`).
+    that were entered after so many (`last_run`). Commands are written without --store and its path.
 
     An earlier text export is replaced, at once and whole; any other existing file is not. Raises InputError.
     """
@@ -25,7 +26,7 @@ def export(store: Store, path: str | Path, machine: str | None = None, after: in
     check_target(file, (*TEXTS, ".sqlite"), "an export")
     if file.exists() and not (is_text(file) and is_text_export(file)):
         raise InputError(f"{file} exists and would be overwritten; delete it first, or give another path")
-    rows = _rows_of(store, machine, after)
+    rows = _without_paths(_rows_of(store, machine, after))
     with replacing(file) as temporary:
         if is_text(file):
             text = as_text(rows).encode()
@@ -87,6 +88,13 @@ def _rows_of(store: Store, machine: str | None = None, after: int = 0) -> Rows:
         table: store.query(f"SELECT {', '.join(columns)} FROM {table} {conditions[table]}", wanted)
         for table, columns in TABLES.items()
     }
+
+
+def _without_paths(rows: Rows) -> Rows:
+    """Rows in which no run's command says where a store lay."""
+    command = TABLES["run"].index("command")
+    runs = [(*run[:command], without_store(run[command].split(" ")), *run[command + 1 :]) for run in rows["run"]]
+    return rows | {"run": runs}
 
 
 def _insert(store: Store, rows: Rows, origin: str | Path) -> dict[str, int]:

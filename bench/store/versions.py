@@ -10,14 +10,18 @@ from __future__ import annotations
 import os
 import subprocess
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Protocol, TypeVar
 
 from model.core.digest import ROOT, backend_sources, source_digest
+from model.core.errors import InputError
 
 BACKENDS = ("cpu", "gpu")
+MEASURING = (  # files that decide what a measurement is
+    "app", "bench", "cpu_backend", "gpu_backend", "model", "pyproject.toml", "softlab.py",
+)  # fmt: skip
 COMMIT = "SOFTLAB_COMMIT"  # environment variable: the revision of a copy that has no history of its own
 
 
@@ -68,16 +72,28 @@ def _revision() -> str | None:
             return done.stdout.strip() if done.returncode == 0 else ""
 
         revision = git("rev-parse", "--short=12", "HEAD")
-        return revision + ("+" if git("status", "--porcelain") else "") if revision else None
+        changed = git("status", "--porcelain", "--", *MEASURING) if revision else ""
+        return revision + "+" * bool(changed) if revision else None
     except (OSError, subprocess.SubprocessError):
         return None
+
+
+def refuse_changed_files(allowed: bool) -> None:
+    """Raise InputError where the lab's files differ from their commit, unless that is `allowed`: nobody could read the code
+    of such a measurement again."""
+    revision = _revision() or ""
+    if revision.endswith("+") and not allowed:
+        raise InputError(
+            f"the lab's files differ from commit {revision.rstrip('+')}, so that these measurements could not be traced to "
+            "their code; commit the changes, or measure with softlab --allow-dirty COMMAND, which marks every run"
+        )
 
 
 # ---------------------------------------------------------------------- what may be compared
 
 
 class Dated(Protocol):
-    """A timing, or a measure of a speed."""
+    """A timing, or a measure."""
 
     @property
     def backend(self) -> str: ...
@@ -93,16 +109,25 @@ def sources_of(item: Dated) -> str:
     return item.sources.partition("-")[0]
 
 
-def of_one_version(items: Sequence[Item], versions: Sequence[Version], here: bool) -> list[Item]:
+def of_one_version(
+    items: Sequence[Item],
+    versions: Sequence[Version],
+    here: bool,
+    same: Callable[[Item], bool] = lambda item: False,
+) -> list[Item]:
     """Those that are of one version of the code, and so may be compared, in their order.
 
     Of each backend those of the version that most are of, or with `here` of the code that runs now, if any are; of several
     the one measured last (`versions` are in order of time). CPU and GPU stay together only if some run names the sources
-    of both; else the one that was measured last stays.
+    of both; else the one that was measured last stays. `same`: an item is of the kernels of the code that runs now.
     """
+
+    def digest(item: Item) -> str:
+        return digest_of(item.backend) if same(item) else sources_of(item)
+
     chosen, when = {}, {}
     for backend in BACKENDS:
-        count = Counter(sources_of(item) for item in items if item.backend == backend)
+        count = Counter(digest(item) for item in items if item.backend == backend)
         places = {getattr(version, backend): place for place, version in enumerate(versions)}
         now = digest_of(backend) if here and count else None
         if count:
@@ -110,7 +135,7 @@ def of_one_version(items: Sequence[Item], versions: Sequence[Version], here: boo
             chosen[backend], when[backend] = best, (places.get(best, -1), count[best])
     if len(chosen) == len(BACKENDS) and not _side_by_side(chosen, versions):
         del chosen[min(BACKENDS, key=lambda backend: when[backend])]
-    return [item for item in items if chosen.get(item.backend) == sources_of(item)]
+    return [item for item in items if chosen.get(item.backend) == digest(item)]
 
 
 def _side_by_side(digests: dict[str, str], versions: Sequence[Version]) -> bool:

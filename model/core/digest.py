@@ -1,8 +1,8 @@
 """Digests: what was compiled or measured from other sources is compiled or measured anew.
 
 Machine code is keyed by what it is made of (`content_digest`): the bytecode of a function, the numbers in its closure, and
-the same of every function that it calls. A measurement is keyed by the sources of its backend (`source_digest`): all of
-them, since its set-up counts too.
+the same of every function that it calls. A measurement names the text of its backend's sources (`source_digest`); when that
+changes, the keys of its kernels (bench/keys) tell whether it still holds.
 """
 
 from __future__ import annotations

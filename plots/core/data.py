@@ -46,7 +46,9 @@ class Source:
     `energies`: samples with joules, by configuration; `defaults`: whether the backend would have chosen the forced
     kernel, by configuration. `peers`: timings with peers. `findings`: timings of single findings
     (bench/experiments/findings/experiment.py), small grids first. The timings of a stage are of one version of the code
-    (bench/store/versions.py); `left_out`: number of those of other versions. `alone`: committed, without any machine of
+    (bench/store/versions.py); `left_out`: number of those of other versions.
+    `older`: description of the numbers whose kernels are not proved to be those of this code; `older_peers`: backends
+    whose peers were timed beside older code. `alone`: committed, without any machine of
     the user's from which it must be distinguished.
     """
 
@@ -65,6 +67,8 @@ class Source:
     findings: tuple[Timing, ...] = ()
     left_out: int = 0
     alone: bool = False
+    older: str = ""
+    older_peers: frozenset[str] = frozenset()
 
     @property
     def processor(self) -> str:
@@ -117,7 +121,7 @@ class Source:
     def provenance(self) -> str:
         """Machine, commit and date in one line, for captions."""
         committed = "" if self.own else "Committed measurements: "
-        return f"{committed}{self.machine.label}; {self.code}, measured {self.date}"
+        return f"{committed}{self.machine.label}; {self.code}, measured {self.date}{self.older and '; '}{self.older}"
 
     @property
     def place(self) -> str:

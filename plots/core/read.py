@@ -22,6 +22,7 @@ from bench.store.results import Timing, machines, measures, open_readonly, timin
 from bench.store.schema import canonical
 from bench.store.versions import of_one_version, read_version
 from plots.core.data import Origin, Results, Run, Source
+from plots.core.older import older_peers, same_kernels, with_older
 
 SIMULATOR = "CUDA simulator"  # in a suspect mark: not a time of a GPU
 STAGES = (ACCURACY_STAGE, ENERGY_STAGE, FINDINGS)
@@ -106,10 +107,11 @@ def _sources(store: Store, own: bool) -> list[Source]:
             [t for t in timings(store, machine.key, stage) if not any(SIMULATOR in mark for mark in t.suspect)]
             for stage in STAGES
         ]
-        kept = [of_one_version(times, versions, own) for times in of_stages]
+        same = same_kernels(numbers)
+        kept = [of_one_version(times, versions, own, same) for times in of_stages]
         of_rates = [[m for m in numbers if m.name in names] for names in RATES]
         dropped = {id(m) for rates in of_rates for m in rates}
-        dropped -= {id(m) for rates in of_rates for m in of_one_version(rates, versions, own)}
+        dropped -= {id(m) for rates in of_rates for m in of_one_version(rates, versions, own, same)}
         numbers = [m for m in numbers if id(m) not in dropped]
         times, forced, costs, energies, findings = kept
         defaults = {m.configuration: bool(m.value) for m in numbers if m.name == "default"}
@@ -119,9 +121,9 @@ def _sources(store: Store, own: bool) -> list[Source]:
                 machine, own, tuple(times), tuple(numbers), runs, scene, threading,
                 {timing.configuration: timing for timing in costs}, tuple(forced),
                 {timing.configuration: timing for timing in energies}, defaults, peers, tuple(findings),
-                sum(map(len, of_stages)) - sum(map(len, kept)) + len(dropped),
+                sum(map(len, of_stages)) - sum(map(len, kept)) + len(dropped), older_peers=older_peers(store, machine.key),
             )  # fmt: skip
-            result.append(source)
+            result.append(with_older(source))
     return sorted(result, key=lambda source: source.runs[-1].started if source.runs else "", reverse=True)
 
 

@@ -1,0 +1,47 @@
+"""Ask a process of its own for the kernel keys of configurations, under the code of this checkout or of any other."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+PROBE = Path(__file__).with_name("probe.py")
+NO_KERNELS = ("SOFTLAB_PLAIN_PYTHON", "NUMBA_ENABLE_CUDASIM")  # with these set, nothing is compiled that has a digest
+Descriptions = dict[str, dict[str, Any]]  # by hash
+Key = tuple[str, str]  # of kernels, of arrays
+
+
+def keys_at(folder: Path, descriptions: Descriptions, *how: str) -> dict[str, Key]:
+    """The keys of configurations under the code in a folder; those that it cannot open are left out.
+
+    Configurations that are opened alike are opened once.
+    """
+    names: dict[str, list[str]] = {}
+    for name, d in descriptions.items():
+        opening = json.dumps([d[part] for part in ("scene", "backend", "kernel", "precision", "math")], sort_keys=True)
+        names.setdefault(opening, []).append(name)
+    lines = "".join(json.dumps([same[0], descriptions[same[0]]]) + "\n" for same in names.values())
+    kept = {name: value for name, value in os.environ.items() if name not in NO_KERNELS}
+    kept["PYTHONHASHSEED"] = "0"  # numba writes some instructions in the order of sets
+    done = subprocess.run(
+        [sys.executable, str(PROBE), str(folder), *how],
+        input=lines,
+        capture_output=True,
+        text=True,
+        cwd=folder,
+        env=kept,
+    )
+    if done.returncode:
+        raise RuntimeError(f"{folder}: the kernels of this code cannot be read: {done.stderr[-2000:]}")
+    same_as = {same[0]: same for same in names.values()}
+    answers = [json.loads(line) for line in done.stdout.splitlines()]
+    found = {name: (kernels, arrays) for first, kernels, arrays, _ in answers if kernels for name in same_as[first]}
+    if answers and not found:
+        raise RuntimeError(
+            f"{folder}: no configuration can be opened with this code, the first because of {answers[0][3]}"
+        )
+    return found

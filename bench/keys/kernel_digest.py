@@ -1,0 +1,198 @@
+"""Kernel digests: a hash of what a compiled function computes, whatever its names and whichever Python runs.
+
+Measurements are keyed by it (bench/store/keys.py). Machine code is not: two kernels of one digest may have other symbols, so
+the cache of machine code uses `content_digest`. Nothing here imports the lab, so that the same file can be loaded beside the
+code of an older commit.
+"""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+import sys
+import types
+from collections.abc import Iterable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from bench.keys.syntax import UNKNOWN, normal_form, parameters_of
+
+FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda)
+FOREIGN = frozenset({"numba", "numba_cuda", "numpy", "llvmlite", *sys.stdlib_module_names})
+# Options of numba that change how a function is called or kept, but not the code of its body
+NOT_IN_CODE = frozenset({"nogil", "no_cpython_wrapper", "no_cfunc_wrapper", "_nrt", "debug", "lineinfo", "cache"})
+
+
+class SourceUnknown(LookupError):
+    """The source of a function cannot be found, so that nothing can be said of it."""
+
+
+@cache
+def _functions_in(path: str) -> dict[str, list[tuple[int, int, Any]]]:
+    """Name -> (first line, first line of the outermost function around it, node) of every function in a file."""
+    found: dict[str, list[tuple[int, int, Any]]] = {}
+
+    def visit(node: ast.AST, outermost: int) -> None:
+        for child in ast.iter_child_nodes(node):
+            if isinstance(child, FUNCTIONS):
+                first = min([child.lineno, *(d.lineno for d in getattr(child, "decorator_list", ()))])
+                name = getattr(child, "name", "<lambda>")
+                found.setdefault(name, []).append((first, outermost or first, child))
+                visit(child, outermost or first)
+            else:
+                visit(child, outermost)
+
+    visit(ast.parse(Path(path).read_text(encoding="utf-8")), 0)
+    return found
+
+
+def tree_of(code: types.CodeType) -> Any:
+    """The syntax tree of a function's code, a function definition or a lambda. Raises SourceUnknown.
+
+    Code that was compiled from a rewritten copy of a module-level function counts its lines from that function's first.
+    """
+    try:
+        known = _functions_in(code.co_filename).get(code.co_name, [])
+    except (OSError, SyntaxError, UnicodeDecodeError) as error:
+        raise SourceUnknown(f"{code.co_filename}: the source of {code.co_name} cannot be read: {error}") from None
+    here = [node for first, _, node in known if first == code.co_firstlineno]
+    here = here or [node for first, outer, node in known if first - outer + 1 == code.co_firstlineno]
+    wanted = code.co_varnames[: code.co_argcount + code.co_kwonlyargcount]
+    here = [node for node in here if tuple(parameters_of(node.args)[0]) == wanted]
+    if len({ast.dump(node) for node in here}) != 1:
+        raise SourceUnknown(
+            f"{code.co_filename}:{code.co_firstlineno}: {len(here)} functions {code.co_name} are there, not one; "
+            "restart, if the file has changed since it was imported"
+        )
+    return here[0]
+
+
+class KernelDigests:
+    """Digests of functions and values; each function's is computed once."""
+
+    def __init__(self) -> None:
+        self._known: dict[int, tuple[Any, str]] = {}  # by identity, with the object, so that no other takes its place
+        self._entered: dict[int, int] = {}
+
+    def of(self, kernel: Any) -> str:
+        """The digest (16 hexadecimal digits) of a compiled or plain function. Raises SourceUnknown."""
+        return _hash(self.describe(kernel))
+
+    def describe(self, value: Any) -> str:
+        """The text that stands for a value: its content, never its name."""
+        if isinstance(value, float):
+            return f"float {value.hex()}"
+        if value is None or value is Ellipsis or isinstance(value, bool | int | str | bytes | complex):
+            return f"{type(value).__name__} {value!r}"
+        if isinstance(value, tuple | list):
+            return f"tuple({','.join(map(self.describe, value))})"
+        if isinstance(value, set | frozenset):
+            return f"set({','.join(sorted(map(self.describe, value)))})"
+        if isinstance(value, dict):
+            return f"dict({','.join(sorted(f'{self.describe(k)}:{self.describe(v)}' for k, v in value.items()))})"
+        if isinstance(value, types.FunctionType) or hasattr(value, "py_func") or hasattr(value, "_defn"):
+            return self._once(value)
+        if isinstance(value, types.SimpleNamespace):
+            return f"space({','.join(sorted(map(self.describe, vars(value).values())))})"
+        if isinstance(value, types.ModuleType):
+            return f"module {value.__name__}" if _is_foreign(value.__name__) else "module"
+        if isinstance(value, type):
+            return self._of_class(value)
+        return self._of_object(value)
+
+    def _of_object(self, value: Any) -> str:
+        if hasattr(value, "dtype") and hasattr(value, "tobytes"):
+            return f"{value.dtype.str} {getattr(value, 'shape', ())} {_hash(value.tobytes())}"
+        if (
+            callable(value)
+            and hasattr(value, "__name__")
+            and _is_foreign(getattr(value, "__module__", "") or "builtins")
+        ):
+            return f"{value.__module__}.{getattr(value, '__qualname__', value.__name__)}"
+        if _is_foreign(type(value).__module__):
+            return f"{type(value).__module__}.{type(value).__name__} {_without_address(repr(value))}"
+        raise TypeError(
+            f"a kernel uses {value!r}, of {type(value).__module__}.{type(value).__name__}, which has no digest; "
+            "give it numbers, arrays, functions or tuples of them"
+        )
+
+    def _of_class(self, value: type) -> str:
+        if _is_foreign(value.__module__):
+            return f"{value.__module__}.{value.__qualname__}"
+        methods = sorted(self.describe(one) for one in vars(value).values() if isinstance(one, types.FunctionType))
+        fields = getattr(value, "_fields", ())
+        return f"class({','.join(fields)};{'' if fields else ','.join(methods)})"
+
+    # ------------------------------------------------------------------ functions
+
+    def _once(self, value: Any) -> str:
+        known = self._known.get(id(value))
+        if known is None:
+            known = self._known[id(value)] = (value, _hash(self._of_callable(value)))
+        return f"function {known[1]}"
+
+    def _of_callable(self, value: Any) -> str:
+        if hasattr(value, "py_func"):  # what numba compiles
+            options = getattr(value, "targetoptions", None) or {}
+            told = {name: one for name, one in options.items() if name not in NOT_IN_CODE and one not in (None, False)}
+            pipeline = getattr(getattr(value, "_compiler", None), "pipeline_class", None)
+            how = "" if pipeline is None else self._of_class(pipeline)
+            return f"compiled {self._options(told)} {how} {self.describe(value.py_func)}"
+        if hasattr(value, "_defn"):  # an intrinsic: the function that writes its code
+            return f"intrinsic {self.describe(value._defn)}"
+        if _is_foreign(value.__module__ or ""):
+            return f"{value.__module__}.{value.__qualname__}"
+        if id(value) in self._entered:
+            return f"entered {len(self._entered) - self._entered[id(value)]}"
+        self._entered[id(value)] = len(self._entered)
+        try:
+            return self._of_function(value)
+        finally:
+            del self._entered[id(value)]
+
+    def _options(self, options: dict[str, Any]) -> str:
+        return ",".join(f"{name}={self.describe(options[name])}" for name in sorted(options))
+
+    def _of_function(self, function: types.FunctionType) -> str:
+        cells = dict(zip(function.__code__.co_freevars, function.__closure__ or (), strict=True))
+
+        def resolve(name: str) -> Any:
+            if name in cells:
+                try:
+                    return cells[name].cell_contents
+                except ValueError:
+                    return UNKNOWN
+            if name in function.__globals__:
+                return function.__globals__[name]
+            return vars(__import__("builtins"))[name]
+
+        tree = tree_of(function.__code__)
+        seen = {name for name in _identifiers(tree)}
+        added = [
+            self.describe(function.__globals__[name])  # what a rewritten copy of the source calls besides
+            for name in sorted(set(function.__code__.co_names) - seen)
+            if name in function.__globals__
+        ]
+        defaults = self.describe((function.__defaults__, function.__kwdefaults__))
+        return f"{normal_form(tree, resolve, self.describe)} {defaults} {','.join(sorted(added))}"
+
+
+def _identifiers(tree: Any) -> Iterable[str]:
+    for node in ast.walk(tree):
+        for name in ("id", "attr", "arg", "name"):
+            found = getattr(node, name, None)
+            if isinstance(found, str):
+                yield found
+
+
+def _is_foreign(module: str) -> bool:
+    return module.split(".")[0] in FOREIGN
+
+
+def _without_address(text: str) -> str:
+    return text.partition(" at 0x")[0]
+
+
+def _hash(content: str | bytes) -> str:
+    return hashlib.sha256(content if isinstance(content, bytes) else content.encode()).hexdigest()[:16]

@@ -1,0 +1,108 @@
+"""The text of what recorded kernels compile to, up to names: PTX of CUDA kernels, LLVM IR of CPU kernels.
+
+Two commits whose kernels differ in source may still compile to the same code; then their measurements are of one program.
+Works without a GPU where the packages nvidia-nvvm and nvidia-cuda-nvrtc are installed.
+"""
+
+from __future__ import annotations
+
+import re
+import warnings
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+from bench.keys.record import DeviceArray, Launch, combined
+
+COMPUTE_CAPABILITY = (9, 0)
+LLVM_NAME = re.compile(r'[@%](?:"[^"]*"|[\w.$]+)')
+PTX_NAME = re.compile(r"\b(?:_Z|__cudapy_)\w+")  # of functions and their parameters; registers are numbered already
+ELSEWHERE = re.compile(r'^(?:declare\b[^@]*|\.extern\b.*?)(@"[^"]*"|@[\w.$]+|\b_Z\w+)', re.MULTILINE)
+DEFINED = re.compile(r'^define\b[^@]*(@"[^"]*"|@[\w.$]+)', re.MULTILINE)
+CONTENT = re.compile(  # names in texts: of functions, and of what they are made of; scopes of aliasing
+    r"""\[\d+ x i8\] c"[^"]*(?:_Z|_[0-9a-f]{32})[^"]*"|_[0-9a-f]{32}|(?<=!")_Z[^"]*"""
+)
+NAMED = re.compile(r"^\s*(//.*|;.*|source_filename.*|\.file.*|\.loc.*)$", re.MULTILINE)
+
+
+def without_names(text: str) -> str:
+    """The text with the names that it defines numbered in order of appearance, without comments and places in files.
+    Functions from elsewhere keep their names."""
+    text = CONTENT.sub("", NAMED.sub("", text))
+    kept = {name: name for name in set(ELSEWHERE.findall(text)) - set(DEFINED.findall(text))}
+    names = PTX_NAME if ".version" in text else LLVM_NAME
+    return names.sub(lambda found: kept.setdefault(found[0], f"@{len(kept)}"), text)
+
+
+def machine_code_key(calls: Iterable[Launch]) -> str:
+    """One hash of the code of all kernels among the launches, each for the types of its arguments."""
+    texts: dict[tuple[Any, ...], str] = {}
+    for call in calls:
+        types = tuple(map(_type_of, call.arguments))
+        if (id(call.kernel), types) not in texts:
+            texts[id(call.kernel), types] = without_names(_code(call.kernel, types))
+    return combined(map(_hash, texts.values()))
+
+
+def _hash(text: str) -> str:
+    import hashlib
+
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def _type_of(argument: Any) -> Any:
+    from numba import typeof, types
+    from numba.np.numpy_support import from_dtype
+
+    if isinstance(argument, DeviceArray):
+        return types.Array(from_dtype(argument.array.dtype), argument.array.ndim, "C")
+    return typeof(argument)
+
+
+def _code(kernel: Any, types: tuple[Any, ...]) -> str:
+    if type(kernel).__name__ == "CUDADispatcher":
+        from numba import cuda
+
+        fast = bool(kernel.targetoptions.get("fastmath"))
+        text, _ = cuda.compile_ptx(kernel.py_func, types, cc=COMPUTE_CAPABILITY, fastmath=fast)
+        return str(text)
+    from numba.core.caching import NullCache
+
+    parts = list(_inner(kernel))
+    for part in parts:
+        part._cache = NullCache()  # machine code from the disk has no text
+    with warnings.catch_warnings():
+        warnings.filterwarnings("error", "Inspection disabled")
+        kernel.compile(tuple(_folded(kernel, types)))
+        texts = [text for part in parts for text in part.inspect_llvm().values()]
+    return "\n".join(sorted(texts, key=without_names))
+
+
+def _folded(kernel: Any, given: tuple[Any, ...]) -> Iterator[Any]:
+    """The types of the arguments by parameter, those of `*arguments` as one tuple."""
+    from numba import types
+
+    parameters = list(kernel._compiler.pysig.parameters.values())
+    for k, parameter in enumerate(parameters):
+        if parameter.kind is parameter.VAR_POSITIONAL:
+            yield types.StarArgTuple(given[k:])
+        else:
+            yield given[k]
+
+
+def _inner(kernel: Any) -> Iterator[Any]:
+    """A compiled function and those that it calls, bodies of parallel kernels among them, which it enters by address."""
+    seen: dict[int, Any] = {}
+    waiting = [kernel]
+    while waiting:
+        value = waiting.pop()
+        if id(value) in seen:
+            continue
+        seen[id(value)] = value
+        if hasattr(value, "py_func"):
+            yield value
+            value = value.py_func
+        if hasattr(value, "__closure__"):
+            names = [value.__globals__.get(name) for name in value.__code__.co_names]
+            waiting += [
+                one for one in (*(c.cell_contents for c in value.__closure__ or ()), *names) if hasattr(one, "py_func")
+            ]

@@ -1,0 +1,93 @@
+"""Kernel keys of configurations under the code of any commit: python probe.py CHECKOUT < descriptions > keys
+
+Reads a JSON line [name, description] for each configuration and writes [name, key of its kernels, key of its arrays, error].
+Run this file by its path: the lab is imported from CHECKOUT, the digests from beside this file, so that the code of two
+commits is read with one tool.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import sys
+from contextlib import nullcontext
+from pathlib import Path
+from typing import Any
+
+HERE = Path(__file__).resolve().parents[2]
+TOOLS = tuple(f"bench.keys{name}" for name in ("", ".syntax", ".kernel_digest", ".record", ".machine_code"))
+
+
+def load_tools() -> None:
+    """Import the digests from this checkout under their names, whichever checkout the lab is imported from."""
+    for name in TOOLS:
+        path = HERE / name.replace(".", "/")
+        path = path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
+        spec = importlib.util.spec_from_file_location(name, path)
+        assert spec and spec.loader
+        sys.modules[name] = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(sys.modules[name])
+
+
+def recorded_calls(description: dict[str, Any]) -> list[Any]:
+    """The launches of a configuration's opening and first step, recorded and not run. Raises what the lab raises."""
+    from app.driver import open_simulation
+    from bench.keys.record import recorded
+    from model.scene.scene import Scene
+
+    kernel = None if description["kernel"] == "auto" else description["kernel"]
+    how = {name: description[name] for name in ("precision", "math")}
+    with (
+        recorded() as calls,
+        open_simulation(
+            Scene(description["scene"]), description["backend"], threads=1, kernel=kernel, allow_unstable=True, **how
+        ) as simulation,
+    ):
+        simulation.advance(1)
+    return calls
+
+
+def key(description: dict[str, Any], digests: Any) -> tuple[str, str]:
+    """(key of the kernels, key of the arrays) of a configuration."""
+    from bench.keys.record import array_hash, arrays_of, combined
+
+    calls = recorded_calls(description)
+    if not calls:
+        raise LookupError("no kernel was launched")
+    return combined(digests.of(call.kernel) for call in calls), combined(map(array_hash, arrays_of(calls)))
+
+
+def limit_memory(fraction: float = 0.25) -> None:
+    """Let a configuration that needs more than this fraction of the main memory fail, not the machine."""
+    import os
+    import resource
+
+    most = int(fraction * os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
+    resource.setrlimit(resource.RLIMIT_DATA, (most, most))
+
+
+def main(checkout: str, code: str = "") -> None:
+    """Answer every line of the input. `code`: "code" to write the key of the machine code in place of the kernels'."""
+    sys.path[0] = checkout
+    limit_memory()
+    load_tools()
+    from bench.keys.kernel_digest import KernelDigests
+    from bench.keys.machine_code import machine_code_key
+    from bench.keys.record import absent_gpu
+
+    digests = KernelDigests()
+    for line in sys.stdin:
+        name, description = json.loads(line)
+        try:
+            with absent_gpu() if description["backend"] == "gpu" else nullcontext():
+                if code:
+                    answer = [name, machine_code_key(recorded_calls(description)), None, None]
+                else:
+                    answer = [name, *key(description, digests), None]
+        except Exception as error:  # whatever old code raises for a scene that it does not know
+            answer = [name, None, None, f"{type(error).__name__}: {error}"[:300]]
+        print(json.dumps(answer), flush=True)
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

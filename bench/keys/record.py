@@ -1,0 +1,183 @@
+"""Record the kernels that a simulation launches, and with which arguments, without running them.
+
+Inside `recorded`, every call of a compiled kernel is noted and nothing is computed: no compilation, no change of a state.
+`absent_gpu` stands in for the driver of a GPU, so that simulations of the GPU open on a machine without one. Nothing here
+imports the lab, so that this file can be loaded beside the code of an older commit.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Any
+from unittest.mock import patch
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Launch:
+    """A kernel (a dispatcher of numba) and the arguments of one of its calls."""
+
+    kernel: Any
+    arguments: tuple[Any, ...]
+
+
+@contextmanager
+def recorded() -> Iterator[list[Launch]]:
+    """Inside, calls of compiled CPU functions and launches of CUDA kernels are noted instead of done."""
+    from numba.core.registry import CPUDispatcher
+
+    calls: list[Launch] = []
+
+    def note(kernel: Any, *arguments: Any) -> None:
+        calls.append(Launch(kernel, arguments))
+
+    with ExitStack() as stack:
+        stack.enter_context(patch.object(CPUDispatcher, "__call__", note, create=True))
+        with suppress(ImportError):
+            from numba.cuda.dispatcher import CUDADispatcher
+
+            def launcher(kernel: Any, configuration: Any) -> Any:
+                return lambda *arguments: note(kernel, *arguments)
+
+            stack.enter_context(patch.object(CUDADispatcher, "__getitem__", launcher))
+        yield calls
+
+
+def arrays_of(calls: list[Launch]) -> Iterator[np.ndarray | np.void]:
+    """Every array and record that the calls were given, each once; of device arrays the host's copy."""
+    seen: dict[int, Any] = {}
+    waiting: list[Any] = [argument for call in calls for argument in call.arguments]
+    while waiting:
+        value = waiting.pop()
+        if isinstance(value, tuple | list):
+            waiting.extend(value)
+        elif isinstance(value, DeviceArray):
+            waiting.append(value.array)
+        elif isinstance(value, np.ndarray | np.void) and id(value) not in seen:
+            seen[id(value)] = value
+            yield value
+
+
+def array_hash(array: np.ndarray | np.void) -> str | None:
+    """A hash of an array's numbers in their order, or of a record's values but zeros in any order (fields have names alone);
+    None for an array of a single value, such as scratch memory."""
+    if array.dtype.names is not None:
+        values = [np.asarray(array[name]) for name in array.dtype.names]
+        known = sorted(f"{value.dtype.str} {value.tobytes().hex()}" for value in values if value.any())
+        return hashlib.sha256("|".join(known).encode()).hexdigest()[:16]
+    flat = np.ascontiguousarray(array).reshape(-1)
+    if (
+        flat.size == 0
+        or flat.dtype == object
+        or (flat.view(np.uint8).reshape(flat.size, -1) == flat[:1].view(np.uint8)).all()
+    ):
+        return None
+    return hashlib.sha256(flat.dtype.str.encode() + flat.tobytes()).hexdigest()[:16]
+
+
+def combined(digests: Iterable[str | None]) -> str:
+    """One hash (16 hexadecimal digits) of a set of hashes, in any order."""
+    return hashlib.sha256(" ".join(sorted(filter(None, set(digests)))).encode()).hexdigest()[:16]
+
+
+# ---------------------------------------------------------------------- a GPU that is not there
+
+
+class DeviceArray:
+    """The host's copy of what would lie on the device."""
+
+    def __init__(self, array: np.ndarray):
+        self.array = array
+        self.gpu_data = SimpleNamespace(memset=lambda *_, **__: None)
+
+    def copy_to_device(self, other: Any, stream: Any = 0) -> None:
+        source = other.array if isinstance(other, DeviceArray) else np.asarray(other)
+        self.array.reshape(-1)[...] = source.reshape(-1).view(self.array.dtype)
+
+    def copy_to_host(self, ary: Any = None, stream: Any = 0) -> np.ndarray:
+        if ary is None:
+            return self.array.copy()
+        ary[...] = self.array
+        return ary
+
+    def __getitem__(self, place: Any) -> DeviceArray:
+        return DeviceArray(self.array[place])
+
+    def __setitem__(self, place: Any, value: Any) -> None:
+        self.array[place] = value.array if isinstance(value, DeviceArray) else value
+
+    def __len__(self) -> int:
+        return len(self.array)
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("__"):
+            raise AttributeError(name)
+        found = getattr(self.array, name)
+        if callable(found):
+            return lambda *given, **how: DeviceArray(found(*given, **{k: v for k, v in how.items() if k != "stream"}))
+        return found
+
+
+class _Stream:
+    handle = 0
+
+    def synchronize(self) -> None:
+        """Nothing to wait for."""
+
+
+class _Compiled:
+    """Stands for a compiled kernel whose machine code nobody asks for."""
+
+    cooperative = False
+
+    def __init__(self, multiprocessors: int):
+        function = SimpleNamespace(handle=0, device=SimpleNamespace(id=0))
+        self._codelibrary = SimpleNamespace(get_cufunc=lambda: function)
+        self._multiprocessors = multiprocessors
+
+    def max_cooperative_grid_blocks(self, threads: int, *_: Any) -> int:
+        return self._multiprocessors * max(1, 1024 // max(1, int(threads)))
+
+
+H200 = {"MULTIPROCESSOR_COUNT": 132, "MAX_SHARED_MEMORY_PER_BLOCK_OPTIN": 232448, "compute_capability": (9, 0)}
+
+
+@contextmanager
+def absent_gpu(**attributes: Any) -> Iterator[None]:
+    """Inside, numba.cuda answers as if it had a GPU with these attributes (those of an H200 by default): arrays lie in main
+    memory, graphs are empty. Launch nothing inside but under `recorded`."""
+    from cuda.bindings import runtime
+    from numba import cuda
+    from numba.cuda import dispatcher
+    from numba.cuda.cudadrv import driver
+
+    device = SimpleNamespace(name="no GPU", id=0, **(H200 | attributes))
+    context = SimpleNamespace(get_memory_info=lambda: (1 << 37, 1 << 37), device=device)
+    stands_in = {
+        "is_available": lambda: True,
+        "get_current_device": lambda: device,
+        "current_context": lambda *_: context,
+        "stream": _Stream,
+        "synchronize": lambda: None,
+        "to_device": lambda array, stream=0, copy=True, to=None: DeviceArray(np.array(array)),
+        "device_array": lambda shape, dtype=np.float64, stream=0, **_: DeviceArray(np.zeros(shape, dtype)),
+        "as_cuda_array": lambda array, sync=True: array,
+    }
+    graph: dict[str, Any] = {name: lambda *_: (0, 0) for name in ("cudaStreamEndCapture", "cudaGraphInstantiate")}
+    for name in ("cudaStreamBeginCapture", "cudaGraphDestroy", "cudaGraphLaunch", "cudaGraphExecDestroy"):
+        graph[name] = lambda *_: (0,)
+    with ExitStack() as stack:
+        for module, names in ((cuda, stands_in), (runtime, graph)):
+            for name, value in names.items():
+                stack.enter_context(patch.object(module, name, value))
+        kernels = {"compile": lambda *_: _Compiled(device.MULTIPROCESSOR_COUNT), "typeof_pyval": lambda *_: None}
+        for name, value in kernels.items():
+            stack.enter_context(patch.object(dispatcher.CUDADispatcher, name, value))
+        stack.enter_context(patch.object(dispatcher, "get_current_device", lambda: device))
+        stack.enter_context(patch.dict(vars(driver.driver), cuKernelSetAttribute=lambda *_: None))
+        yield

@@ -1,0 +1,57 @@
+"""Where kernels differ in source, their machine code decides whether measurements are carried over."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from test_kernel_keys import backend, changed, tree  # noqa: F401
+
+from bench.keys.ask import keys_at
+from bench.keys.carry import by_machine_code, groups_of
+from bench.keys.machine_code import without_names
+from bench.store.results import configuration
+from model.core.digest import ROOT
+from model.scene.scene import load_scene
+
+LLVM = """define double @f(double %x) {
+  %y = call double @llvm.sin.f64(double %x)
+  ret double %y
+}
+declare double @llvm.sin.f64(double)
+"""
+PTX = """.version 8.0
+.visible .entry _Z6kernelf(.param .f32 _Z6kernelf_param_0)
+{
+  mov.u32 %r1, %tid.x;
+  ld.param.f32 %f1, [_Z6kernelf_param_0];
+}
+"""
+SPRINGS = "model/formulas/springs.py"
+LINE = "        scale = stiffness - stiffness_rest * inverse_length(squared_length(dx, dy))\n"
+NAMED = """        square = squared_length(dx, dy)
+        scale = stiffness - stiffness_rest * inverse_length(square)
+"""
+
+
+def test_only_names_that_a_text_defines_do_not_count() -> None:
+    renamed = LLVM.replace("@f", "@g").replace("%y", "%z")
+    assert without_names(LLVM) == without_names(renamed)
+    assert without_names(LLVM) != without_names(LLVM.replace("sin", "cos"))
+    assert without_names(LLVM) != without_names(LLVM.replace("ret double %y", "ret double %x"))
+    assert without_names(PTX) == without_names(PTX.replace("kernel", "other1"))
+    assert without_names(PTX) != without_names(PTX.replace("tid", "ctaid"))
+    assert without_names(PTX) != without_names(PTX.replace("%f1,", "%f2,"))
+
+
+@pytest.mark.parametrize("old,new,same", [(LINE, NAMED, True), ("scale * dx", "scale * (dx + dx)", False)])
+def test_machine_code_is_a_proof(tree: Path, backend: str, old: str, new: str, same: bool) -> None:  # noqa: F811
+    scene = load_scene("lab-grid").replace({"grid.rows": 8, "grid.columns": 8})
+    told = {"grid": configuration(scene, backend=backend, kernel="launch" if backend == "gpu" else "fused")}
+    changed(tree, SPRINGS, old, new)
+    before, now = keys_at(tree, told), keys_at(ROOT, told)
+    assert before["grid"][0] != now["grid"][0] and before["grid"][1] == now["grid"][1]
+    assert not groups_of("sources", backend, before, now)
+    found = by_machine_code(tree, "sources", backend, told, before, now)
+    assert [group.configurations for group in found] == ([("grid",)] if same else [])
+    assert all((group.proof, group.kernels) == ("machine code", now["grid"][0]) for group in found)
