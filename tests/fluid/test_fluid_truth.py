@@ -150,7 +150,7 @@ def test_the_slope_of_drops_pressures_is_the_surface_tension(axes: int) -> None:
 
 
 def test_fluids_that_have_changed_places_and_that_have_not() -> None:
-    """In the scene they begin side by side: half of each is in the other's half, but for a layer on each side of the level."""
+    """In the scene they begin side by side: half of each is in the other's half, but for layers at the level."""
     scene = load_scene("two-fluids")
     found = scene.fluid_set
     changed, still = np.empty_like(found.position), np.zeros_like(found.position)
