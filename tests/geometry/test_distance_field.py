@@ -18,6 +18,7 @@ from surface_touch import check_compiled, check_formulas, fall_by, touch_by
 
 from bench.reference import cloth as judge
 from bench.reference.contact.mesh_collider import nearest_point
+from cpu_backend.contact import distances
 from model.formulas import distance_field as formulas
 from model.formulas.distance_field import SETTLED
 from model.geometry import signed_distance
@@ -60,6 +61,17 @@ def test_samples_are_the_distances_to_the_nearest_triangle() -> None:
     np.testing.assert_allclose(np.abs(distance).ravel(), away, rtol=0, atol=16 * 2.0**-53)
     assert np.array_equal(distance.ravel() < 0, winding_numbers(points, position, triangles) > 0.5)
     assert overlaps and not signed_distances(*ball(0.5), low, counts, spacing)[1]
+
+
+def test_samples_do_not_depend_on_threads_or_batches(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Bit by bit: the least of the same numbers, from whichever triangle the walk begins."""
+    position, triangles = both(ball(0.5), box((0.4, 0.3, 1.4), (0.3, 0.1, 0.05)))
+    given = position, triangles, np.array([-0.63, -0.61, -0.79]), np.array([11, 10, 13]), 0.13
+    found, _ = signed_distances(*given)
+    for threads, batch in ((1, 1 << 14), (3, 1), (2, 40)):
+        monkeypatch.setattr(distances, "core_count", lambda threads=threads: threads)
+        monkeypatch.setattr(signed_distance, "BATCH", batch)
+        assert np.array_equal(signed_distances(*given)[0], found), (threads, batch)
 
 
 def test_a_block_is_sampled_as_the_closed_form_has_it() -> None:
