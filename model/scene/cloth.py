@@ -103,7 +103,7 @@ class Collider(Part):
     the collider is removed, and Coulomb friction acts against the rest, relative to the collider's own velocity. The
     fraction `restitution` of the removed velocity is returned outward where it is more than gravity adds within two
     steps. The default `thickness` for bodies is the depth of their outermost particles below their skin, so that they
-    rest on it (of several bodies the largest depth; at least 1 % of the spacing)."""
+    rest on it (of several bodies the depth that suits most; at least 1 % of the spacing)."""
 
     velocity: Vector = ZERO  # m/s, constant
     thickness: NotNegative = 0.01  # m

@@ -1,5 +1,5 @@
 """Defaults of a scene with bodies: substeps in which bodies do not sink into colliders, and thicknesses of colliders at
-which bodies rest on their skins."""
+which bodies rest on their skins; and notes on bodies that do not."""
 
 from __future__ import annotations
 
@@ -22,18 +22,31 @@ from model.scene.tetrahedra import TETRAHEDRAL_KINDS
 SINKING = 0.01  # of the spacing: how far a resting body may sink in a substep
 MIN_THICKNESS = 0.01  # of the spacing, of a collider: rounding does not put a resting particle inside
 MAX_SUBSTEPS = 100
+TOLERANCE = 0.02  # of a body's longest side: a skin this near to a collider rests on it
 TENTH = 1e-9  # of a substep: a number this little over an integer is rounded down
 WITH_SUBSTEPS = {"xpbd": SUBSTEPS, "world": SUBSTEPS, "shape-matching": 1, "vbd": 1, "newton": 1}  # at least
 
 
 @dataclass(frozen=True)
 class _Size:
-    """Lengths of a body [m]: the `spacing` of its particles or vertices, its longest side `extent`, and the `depth` of
-    its outermost particles below its skin, the mean over the six sides of the box around it."""
+    """Lengths of each of the `copies` of a body [m]: the `spacing` of its particles or vertices, its longest side `extent`,
+    and the `depth` of its outermost particles below its skin, the mean over the six sides of the box around it."""
 
+    name: str
+    copies: int
     spacing: float
     extent: float
     depth: float
+
+    @property
+    def thickness(self) -> float:
+        """Thickness of colliders [m] at which the body rests on its skin."""
+        return max(self.depth, MIN_THICKNESS * self.spacing)
+
+    def height(self, thickness: float) -> float:
+        """Return how far [m] the skin rests above colliders of this `thickness`; 0 within TOLERANCE."""
+        above = thickness - self.thickness
+        return above if abs(above) > TOLERANCE * self.extent else 0.0
 
     def longest_substep(self, gravity: float) -> float:
         """Return the longest substep h [s] in which the body sinks by at most SINKING spacings.
@@ -67,23 +80,46 @@ def take_resting_defaults(scene: SceneParts) -> None:
 
 
 def resting_notes(scene: SceneParts) -> list[str]:
-    """Return a run's notes on these defaults: more substeps than usual, or fewer than needed."""
+    """Return a run's notes on these defaults: more substeps than usual, or fewer than needed, and bodies whose skins do not
+    rest on the colliders."""
+    notes = [note for member in scene.members.values() for note in _height_notes(member)] + _height_notes(scene)
     name = scene.name_of("method")
     if "substeps" not in scene.derived.get(name, ()):
-        return []
+        return notes
     method, needed = scene.method, _needed(scene)
     if needed > MAX_SUBSTEPS:
-        return [
+        notes.append(
             f"{name}.substeps = {MAX_SUBSTEPS}, the most that is chosen: with fewer than {needed} bodies sink into colliders "
             f"by more than {100 * SINKING:g} % of their spacing; state {name}.substeps, a smaller {name}.dt or a larger "
             "spacing"
-        ]
-    if method.substeps > WITH_SUBSTEPS[method.solver]:
-        return [
+        )
+    elif method.substeps > WITH_SUBSTEPS[method.solver]:
+        notes.append(
             f"{name}.substeps = {method.substeps}, so that no body sinks into a collider by more than {100 * SINKING:g} % of "
             f"its spacing; state {name}.substeps to choose"
-        ]
-    return []
+        )
+    return notes
+
+
+def _height_notes(scene: SceneParts) -> list[str]:
+    """Return a note for each body whose skin rests above or below colliders of derived thickness; none for a world."""
+    derived = [name for name in scene.all_of(*COLLIDER_KINDS) if "thickness" in scene.derived.get(name, ())]
+    if scene.is_world or not derived:
+        return []
+    thickness: float = scene.parts[derived[0]].thickness  # type: ignore[attr-defined]
+    colliders = ", ".join(derived)
+    notes = []
+    for size in _sizes(scene):
+        height = size.height(thickness)
+        if height:
+            side, advice = ("above", "smaller") if height > 0 else ("below", "larger")
+            percent = 100 * abs(height) / size.extent
+            notes.append(
+                f"{size.name}: its skin rests about {abs(height):.2g} m ({percent:.0f} % of its size) {side} {colliders}, "
+                f"whose thickness of {thickness:.2g} m suits other bodies; give it particles as deep below its skin "
+                f"(particle_spacing, surface_sampling), or {colliders} a {advice} thickness"
+            )
+    return notes
 
 
 def _needed(scene: SceneParts) -> int:
@@ -96,8 +132,13 @@ def _needed(scene: SceneParts) -> int:
 
 
 def _thickness(scene: SceneParts) -> float:
-    """Return the depth [m] of the bodies' outermost particles below their skin, the largest of several bodies."""
-    return max(max(size.depth, MIN_THICKNESS * size.spacing) for size in _sizes(scene))
+    """Return the thickness [m] at which most bodies, copies counted, rest on their skins; of several such the largest."""
+    sizes = list(_sizes(scene))
+
+    def suited(thickness: float) -> int:
+        return sum(size.copies for size in sizes if not size.height(thickness))
+
+    return max((size.thickness for size in sizes), key=lambda thickness: (suited(thickness), thickness))
 
 
 def _sizes(scene: SceneParts) -> Iterator[_Size]:
@@ -105,19 +146,19 @@ def _sizes(scene: SceneParts) -> Iterator[_Size]:
     for name, part in scene.all_of(*BODY_KINDS, *TETRAHEDRAL_KINDS).items():
         try:
             if scene.kinds[name] in BODY_KINDS:
-                yield _size_of_particles(part.baked)
+                yield _size_of_particles(name, part.count + part.spare, part.baked)
             else:
                 mesh = part.cooked.mesh
                 spacing = float(power(6 * mean(mesh.volumes), 1 / 3))
-                yield _Size(spacing, float(np.ptp(mesh.position, axis=0).max()), 0.0)
+                yield _Size(name, 1, spacing, float(np.ptp(mesh.position, axis=0).max()), 0.0)
         except SceneError as error:
             raise SceneError(f"{name}.{error.field}", error.value, error.allowed) from None
         except InputError as error:
             raise InputError(f"{name}: {error}") from None
 
 
-def _size_of_particles(body: BakedBody) -> _Size:
+def _size_of_particles(name: str, copies: int, body: BakedBody) -> _Size:
     skin, particles = body.skin.position, body.position
     gaps = [particles.min(axis=0) - skin.min(axis=0), skin.max(axis=0) - particles.max(axis=0)]
     depth = float(np.clip(mean(np.concatenate(gaps)), 0.0, body.spacing))
-    return _Size(body.spacing, float(np.ptp(skin, axis=0).max()), depth)
+    return _Size(name, copies, body.spacing, float(np.ptp(skin, axis=0).max()), depth)
