@@ -13,6 +13,7 @@ from model.core.families import family_of
 from model.core.family import named
 from model.core.simulation import Options, Simulation, State
 from model.core.stability.diagnosis import refusal
+from model.core.waiting import work
 from model.scene.motion import RELEASE
 from model.scene.scene import Scene, load_scene
 
@@ -91,5 +92,6 @@ def _open(scene: Scene, backend: str, options: Options, threads: str | int) -> S
         raise SceneError(
             "--backend", backend, f"does not support scenes of the kind {family.name}; use {', '.join(family.solvers)}"
         )
-    solver = named(family.solvers[backend])
-    return solver(scene, options, threads) if backend == "cpu" else solver(scene, options)
+    with work("preparing the solver"):
+        solver = named(family.solvers[backend])
+        return solver(scene, options, threads) if backend == "cpu" else solver(scene, options)

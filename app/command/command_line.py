@@ -8,7 +8,6 @@ import os
 import signal
 import sys
 import threading
-import time
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
@@ -51,16 +50,17 @@ Threads = Annotated[
 Precision = Annotated[str, typer.Option(help="float32 or float64.")]
 Math = Annotated[str, typer.Option(help="fast, or exact (the same bits on every backend and thread count).")]
 StorePath = Annotated[Path, typer.Option("--store", help="Database file of the measurements (SQLite).")]
-SHOWN_AFTER = 0.5  # s: longer work gets a bar
 DEFAULT_STORE = Path("softlab-results") / "results.sqlite"
 
 
 def scene_of(name: str, settings: list[str] | None) -> Any:
     """Return the scene of that name or file, with the fields of --set. Raises SceneError."""
+    from app.command.waiting import waiting_shown
+    from model.core.waiting import work
     from model.scene.reader import parse_settings
     from model.scene.scene import load_scene
 
-    with waiting_shown():
+    with waiting_shown(), work(f"reading {name}"):
         return load_scene(name).replace(parse_settings(settings))
 
 
@@ -181,6 +181,7 @@ def drop_output() -> None:
 @contextmanager
 def compilations_told(console: Console = errors) -> Iterator[None]:
     """Within it, print on a terminal each kernel that is compiled, and how long that took last time on this machine."""
+    from app.command.waiting import waiting_shown
     from model.core.kernel_cache import watched
 
     def tell(label: str, seconds: float | None) -> None:
@@ -190,46 +191,6 @@ def compilations_told(console: Console = errors) -> Iterator[None]:
 
     with watched(tell), waiting_shown():
         yield
-
-
-@contextmanager
-def waiting_shown() -> Iterator[None]:
-    """Within it, show a bar on a terminal for work of the model that takes longer than a second: distance fields,
-    meshes."""
-    from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
-
-    from app.output.bar import Bar
-    from model.core.waiting import waiting_watched
-
-    bar: Bar | None = None
-    begun: dict[str, float] = {}
-    tasks: dict[str, Any] = {}
-
-    def watch(label: str, fraction: float) -> None:
-        nonlocal bar
-        now = time.monotonic()
-        if fraction >= 1:
-            begun.pop(label, None)
-            if bar is not None and label in tasks:
-                bar.remove_task(tasks.pop(label))
-            if bar is not None and not tasks:
-                bar.stop()
-                bar = None
-            return
-        if bar is None and now - begun.setdefault(label, now) > SHOWN_AFTER:
-            bar = Bar(TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
-            bar.start()
-        if bar is not None:
-            if label not in tasks:
-                tasks[label] = bar.add_task(label, total=1.0)
-            bar.update(tasks[label], completed=fraction)
-
-    try:
-        with waiting_watched(watch):
-            yield
-    finally:
-        if bar is not None:
-            bar.stop()
 
 
 def typed() -> str:

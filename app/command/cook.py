@@ -7,10 +7,12 @@ from typing import Literal
 
 from rich.console import Console
 
+from app.command.waiting import waiting_shown
 from model.assets.cooked import cooked, save
 from model.assets.tetrahedral_body import DENSITY
 from model.core.errors import SceneError
 from model.core.files import check_target
+from model.core.waiting import work
 from model.geometry.tetrahedra.voxels import PerVoxel
 
 CHOICES: dict[str, PerVoxel | Literal["conforming"]] = {"5": 5, "6": 6, "conforming": "conforming"}
@@ -20,7 +22,6 @@ def cook_body(
     source: str,
     target: Path,
     out: Console,
-    errors: Console,
     *,
     edge: float | None = None,
     voxels: int | None = None,
@@ -36,16 +37,11 @@ def cook_body(
     check_target(target, (".npz",), "a body")
     if tetrahedra not in CHOICES:
         raise SceneError("--tetrahedra", tetrahedra, "must be 5 or 6 (per voxel), or conforming")
-    with errors.status(f"cooking {source}") as status:
-
-        def tell(what: str) -> None:
-            status.update(f"{source}: {what}")
-
+    with waiting_shown(), work(f"cooking {source}"):
         body = cooked(
             source, edge=edge, voxels=voxels, per_voxel=CHOICES[tetrahedra], unite=unite, simplify=simplify,
-            fill_holes=fill_holes, scale=scale, density=density, tell=tell,
+            fill_holes=fill_holes, scale=scale, density=density,
         )  # fmt: skip
-        status.update(f"{source}: writing {target}")
         save(target, body)
     for line in body.report.lines():
         out.print(line, markup=False, soft_wrap=True)

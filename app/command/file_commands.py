@@ -7,7 +7,8 @@ from typing import Annotated
 
 import typer
 
-from app.command.command_line import errors, out, waiting_shown
+from app.command.command_line import out
+from app.command.waiting import waiting_shown
 
 filing = typer.Typer()
 
@@ -48,7 +49,7 @@ def cook(
     from app.command.cook import cook_body
 
     cook_body(
-        source, target, out, errors, edge=edge, voxels=voxels, tetrahedra=tetrahedra, unite=unite, simplify=simplify,
+        source, target, out, edge=edge, voxels=voxels, tetrahedra=tetrahedra, unite=unite, simplify=simplify,
         fill_holes=fill_holes, scale=scale, density=density,
     )  # fmt: skip
 

@@ -32,6 +32,7 @@ from model.core.simulation import Simulation, State
 from model.core.stability.damping import damping_lines
 from model.core.stability.divergence import MIN_INTERVAL
 from model.core.stability.resolution import resolution_line
+from model.core.waiting import work
 from model.domains.launched import launched_ranks
 from model.fluid.foam import FoamPoints
 from model.fluid.speeds import speed_lines
@@ -145,10 +146,10 @@ def run_scene(scene: Scene, request: Request, *, progress: bool = True) -> Resul
     result."""
     built = mesh_lines, rest_lines, body_lines, resting_notes, collider_lines
     lines = *built, overlap_lines, limit_notes, damping_lines, speed_lines
-    notes = [line for told in lines for line in told(scene)]
-    coarse = (
-        resolution_line(scene, request.precision) if request.precision in PRECISIONS else None
-    )  # else refused below
+    with work("checking the scene"):
+        notes = [line for told in lines for line in told(scene)]
+        known = request.precision in PRECISIONS  # else refused below
+        coarse = resolution_line(scene, request.precision) if known else None
     notes += [coarse] if coarse else []
     steps = step_count(scene, request.steps, request.time, notes)
     target = check_targets(scene, request, steps, notes)
@@ -174,12 +175,10 @@ def run_scene(scene: Scene, request: Request, *, progress: bool = True) -> Resul
             seconds, diverged = _advance(simulation, steps, keepers, progress and simulation.rank == 0)
         except KeyboardInterrupt:
             raise KeyboardInterrupt(*([exporter.stopped] if exporter else [])) from None
-        state = simulation.state()
-        result = Result(
-            run_report(simulation, state, steps, seconds, compile_seconds, diverged) | {"resolution": coarse}, state,
-            simulation.scene,
-            notes=notes, diverged=diverged, rank=simulation.rank,
-        )  # fmt: skip
+        with work("measuring the end"):
+            state = simulation.state()
+            report = run_report(simulation, state, steps, seconds, compile_seconds, diverged) | {"resolution": coarse}
+        result = Result(report, state, simulation.scene, notes=notes, diverged=diverged, rank=simulation.rank)
         if result.report["outcome"] == INCOMPLETE and not request.allow_incomplete:
             result.incomplete = Incomplete(fault_words(result.report))
         if result.rank != 0:
@@ -241,7 +240,8 @@ def _advance(
     from app.output.bar import Bar
 
     columns = (TextColumn("stepping"), BarColumn(), MofNCompleteColumn(), TextColumn("steps"), TimeRemainingColumn())
-    done, seconds, batch = 0, 0.0, MIN_INTERVAL
+    done, seconds = 0, 0.0
+    batch = 1 if simulation.backend == "cpu" else MIN_INTERVAL  # Ctrl-C acts between two
     shown = None
     try:
         while done < steps:

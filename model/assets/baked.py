@@ -21,6 +21,7 @@ from model.assets.soft_sheet import SoftSheet
 from model.core.digest import ROOT, source_digest
 from model.core.disk_cache import cache_folder, kept
 from model.core.errors import InputError, SoftlabError
+from model.core.waiting import work
 from model.geometry.mesh import mesh_bytes, read_mesh
 from model.geometry.shapes import Shape
 from model.shape_matching.clusters import Clusters
@@ -42,11 +43,17 @@ def baked(
     `keep` False: neither read nor written. Raises what `read_mesh` and `from_mesh` raise.
     """
     inside = not isinstance(parameters, SoftSheet)  # which is a cloth
+
+    def make() -> BakedBody:
+        read = _mesh(mesh, scale, inside)
+        with work("making a body of the mesh"):
+            return parameters.bake(read)
+
     if not keep:
-        return parameters.with_material(parameters.bake(_mesh(mesh, scale, inside)))
+        return parameters.with_material(make())
     key = body_key(parameters, mesh, scale)
     file = (folder or cache_folder("bodies")) / f"body-{key}.npz"
-    found = kept(file, key, _unpacked, lambda: parameters.bake(_mesh(mesh, scale, inside)), _packed)
+    found = kept(file, key, _unpacked, make, _packed)
     return parameters.with_material(found)
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable
 from dataclasses import asdict
 from functools import cache
 from math import inf
@@ -28,6 +27,7 @@ from model.core.digest import ROOT, source_digest
 from model.core.disk_cache import cache_folder, kept
 from model.core.errors import InputError, SceneError, SoftlabError
 from model.core.files import check_source, is_there, read_archive
+from model.core.waiting import work
 from model.geometry.mesh import TriangleMesh, mesh_bytes, read_mesh, triangle_mesh
 from model.geometry.mesh_files import FORMATS, read_arrays
 from model.geometry.repair import simplified, united
@@ -67,7 +67,6 @@ def cooked(
     density: float = DENSITY,
     folder: Path | None = None,
     keep: bool = True,
-    tell: Callable[[str], None] | None = None,
 ) -> CookedBody:
     """The tetrahedral body of a closed mesh (`voxel_mesh` tells `edge`, `voxels`, `per_voxel`; "conforming": tetrahedra of
     that edge which follow the surface, closed or not, by `conforming_mesh`): one of the lab's shapes, by name or as a Shape,
@@ -78,7 +77,7 @@ def cooked(
     `folder` (the user's cache) where it was made before, else made and put there: the same bits (which of "conforming" ones
     nobody makes twice).
 
-    `keep` False: neither read nor written. `tell` is called with what is about to be made. Raises SceneError (a parameter)
+    `keep` False: neither read nor written. Raises SceneError (a parameter)
     and InputError (the mesh, the file), each with what would do.
     """
     check_density(density)
@@ -95,9 +94,6 @@ def cooked(
         )
 
     def make() -> CookedBody:
-        if tell:
-            filling = "filling the surface, which can take minutes" if per_voxel == "conforming" else ""
-            tell("reading the tetrahedra" if settled else filling or "cutting the body into voxels")
         if settled:
             return _body_of_file(Path(source), scale)  # type: ignore[arg-type]
         mesh = _triangles(source, scale, raw=unite or (per_voxel == "conforming" and not prepared))
@@ -107,8 +103,10 @@ def cooked(
             if fill_holes:
                 mesh = filled(as_mesh(mesh, inside=True), inf)
             if per_voxel == "conforming":
-                return body_of_surface(mesh, edge, voxels)
-            return body_of_voxels(mesh, edge, voxels, per_voxel)
+                with work("filling the surface with tetrahedra, which can take minutes"):
+                    return body_of_surface(mesh, edge, voxels)
+            with work("cutting the body into voxels"):
+                return body_of_voxels(mesh, edge, voxels, per_voxel)
         except InputError as error:
             raise InputError(f"{source}: {error}" if isinstance(source, str | Path) else str(error)) from None
 

@@ -30,8 +30,19 @@ class Watchers(list[Callable[..., None]]):
 
 
 _of_work = Watchers()
-waiting_watched = _of_work.watched  # its watcher(label, fraction): the work, and its fraction done, 1 at its end
+# its watcher(label, fraction): the work, and its fraction done, None if that is unknown, 1 at its end
+waiting_watched = _of_work.watched
 report = _of_work.tell
+
+
+@contextmanager
+def work(label: str) -> Iterator[None]:
+    """Report the block as work of unknown length; also a decorator of a function."""
+    report(label, None)
+    try:
+        yield
+    finally:
+        report(label, 1.0)
 
 
 def steps(items: Iterable[Item], count: int, label: str) -> Iterator[Item]:

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from model.core.errors import InputError
+from model.core.waiting import work
 from model.geometry.edges import MeshEdges, edge_uses, mesh_edges
 from model.geometry.mending.hull import bounding
 from model.geometry.mending.welding import many, tell, turned, welded
@@ -72,6 +73,7 @@ def read_mesh(path: str | Path, scale: float = 1.0, inside: bool = False) -> Tri
         raise type(error)(f"{path}: {error}") from None
 
 
+@work("mending the mesh")
 def triangle_mesh(
     position: np.ndarray, triangles: np.ndarray, repairs: list[str] | None = None, inside: bool = False
 ) -> TriangleMesh:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from model.core.errors import InputError, SceneError
+from model.core.waiting import work
 from model.geometry.formats.faces import Faces
 from model.geometry.formats.gltf import read_gltf
 from model.geometry.formats.gmsh import read_gmsh
@@ -84,7 +85,7 @@ def read_arrays(path: str | Path, scale: float = 1.0) -> MeshArrays:
     if not data.strip():
         raise InputError(f"{path} is empty: it holds no triangle; export the mesh again")
     try:
-        with warnings.catch_warnings():
+        with work(f"reading {path.name}"), warnings.catch_warnings():
             warnings.filterwarnings("ignore", category=RuntimeWarning)  # numbers beyond float32 are refused below
             faces = READERS[suffix](data, path)
             return _checked(faces, scale)

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from model.core.errors import InputError
+from model.core.waiting import work
 from model.geometry.arithmetic.ordered import dot, mean, total
 from model.geometry.edges import MeshEdges, NonManifold, components
 from model.geometry.measures import triangle_areas
@@ -41,6 +42,7 @@ CLOTH = 'a cloth: kind = "soft_sheet" or "mesh", or a mesh_collider'  # what a m
 OTHERWISE = "set fill_holes = true (softlab cook: --fill-holes), or close it in the program that made it"
 
 
+@work("closing the surface")
 def solid(mesh: TriangleMesh, widest: float, instead: str = CLOTH, fill_holes: bool = False) -> Solid:
     """Return the body of a mesh. Holes up to `widest` [m] across are filled: no particle lies nearer to another; with
     `fill_holes` all of them. `instead`: what to make of a mesh that is none.

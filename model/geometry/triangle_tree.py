@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from model.core.waiting import work
 from model.formulas.triangle_tree import CORNERS, NODE
 from model.geometry.lists import offsets_of, ranges
 
@@ -29,6 +30,7 @@ def parts_of(count: int) -> list[np.ndarray]:
         levels.append(below.reshape(-1, 3))
 
 
+@work("sorting triangles")
 def order_of(corners: np.ndarray) -> np.ndarray:
     """(n,) int64: the order in which triangles `corners` (n, 3, 3) stand in the tree."""
     middles, order = corners.mean(axis=1), np.arange(len(corners))

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from model.core.errors import SceneError
+from model.core.waiting import work
 from model.geometry.lists import offsets_of
 
 MAX_COLOURS = 1024  # each is a launch or a barrier: a vertex with more constraints needs another solver
@@ -38,6 +39,7 @@ class Colouring:
         return len(self.starts) - 1
 
 
+@work("colouring constraints")
 def colour(constraints: np.ndarray, vertex_count: int, seed: int = 0) -> Colouring:
     """Return colours for `constraints` (n, k): the k different vertices 0 ... vertex_count - 1 of each.
 

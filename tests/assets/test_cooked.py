@@ -14,6 +14,7 @@ from model.assets import tetrahedral_body
 from model.assets.cooked import cooked, load, save
 from model.assets.tetrahedral_body import CookedBody
 from model.core.errors import InputError, SceneError
+from model.core.waiting import waiting_watched
 from model.geometry.shapes import Shape
 from model.geometry.tetrahedra.files import write_arrays
 from model.geometry.tetrahedra.mesh import TetrahedralMesh
@@ -33,12 +34,13 @@ SOURCES = {"name": "torus", "shape": Shape(name="box", sides=(1, 0.5, 0.25)), "a
 
 @pytest.mark.parametrize("source", SOURCES.values(), ids=SOURCES)
 def test_a_body_is_made_once_and_loaded_with_the_same_bits(tmp_path, monkeypatch, source):
-    told = []
-    body = cooked(source, voxels=6, folder=tmp_path, tell=told.append)
-    assert told == ["cutting the body into voxels"] and len(list(tmp_path.iterdir())) == 1
+    told: list[str] = []
+    with waiting_watched(lambda label, fraction: told.append(label) if fraction is None else None):
+        body = cooked(source, voxels=6, folder=tmp_path)
+    assert "cutting the body into voxels" in told and len(list(tmp_path.iterdir())) == 1
     monkeypatch.setattr(tetrahedral_body, "voxel_mesh", None)  # nothing is made again
-    again = cooked(source, voxels=6, folder=tmp_path, tell=told.append, density=7.0)
-    assert same(body.with_density(7.0), again) and len(told) == 1
+    again = cooked(source, voxels=6, folder=tmp_path, density=7.0)
+    assert same(body.with_density(7.0), again)
     assert again.report.mass == pytest.approx(7 * body.report.volume)
     assert np.abs(carried(body) - body.hull_position).max() < 1e-14
     save(tmp_path / "body.npz", body)

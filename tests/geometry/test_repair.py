@@ -92,5 +92,5 @@ def test_tetrahedra_of_a_file_have_no_use_for_it(tmp_path: Path) -> None:
 
     (tmp_path / "one.msh").write_text("nothing")
     with pytest.raises(SceneError, match="does not apply to a file of tetrahedra"):
-        cook_body(str(tmp_path / "one.msh"), tmp_path / "body.npz", Console(), Console(), unite=True)
+        cook_body(str(tmp_path / "one.msh"), tmp_path / "body.npz", Console(), unite=True)
     assert not (tmp_path / "body.npz").exists()

@@ -12,7 +12,7 @@ from meshes import sheet
 from test_cli import command, refused  # noqa: F401
 from test_mesh import binary_stl, obj, write
 
-from app.command.command_line import waiting_shown
+from app.command.waiting import waiting_shown
 from model.assets.inspection import BODIES, SURFACE_ROLES, guessed_unit, inspected
 from model.assets.soft_body import RigidBody
 from model.core.errors import InputError
@@ -194,7 +194,7 @@ def test_long_work_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
         seen.clear()
         position, triangles = ball()
         squared_distances(position[triangles], np.full(3, -1.0), np.array([21, 21, 21]), 0.1)
-        assert {label for label, _ in seen} == {"distance field"}
+        assert {label for label, _ in seen} == {"sorting triangles", "distance field"}
 
 
 def test_ctrl_c_ends_long_work(monkeypatch: pytest.MonkeyPatch) -> None:
