@@ -10,6 +10,9 @@ from model.geometry.normals import mesh_normals, vertex_normals
 from model.geometry.sheets import sheet_triangles
 from model.geometry.topology import mesh_of
 from model.scene.scene import Scene
+from model.xpbd.colouring import RINGS
+
+MANY_EDGES = 256  # at a vertex: each is a barrier of threads or a launch, a sweep
 
 
 def triangles_of(scene: Scene) -> np.ndarray:
@@ -27,14 +30,27 @@ def mesh_lines(scene: Scene) -> list[str]:
     """Return the lines on a mesh from a file: sizes, and all repairs."""
     if scene.mesh is None or scene.mesh.file is None:
         return []
-    return [f"{Path(scene.mesh.file).name}: {line}" for line in mesh_of(scene.mesh).lines()]
+    mesh = mesh_of(scene.mesh)
+    lines = mesh.lines()
+    meeting = np.bincount(mesh.edges.edges.ravel())
+    if meeting.max() > MANY_EDGES:
+        hub = int(meeting.argmax())
+        x, y, z = (f"{coordinate:.4g}" for coordinate in mesh.position[hub])
+        lines.append(
+            f"{meeting[hub]} edges meet at vertex {hub} (counted from 0, at ({x}, {y}, {z})): each is projected after the "
+            f"other, which is slow on a GPU and on several threads; {RINGS}"
+        )
+    return [f"{Path(scene.mesh.file).name}: {line}" for line in lines]
 
 
 def rest_lines(scene: Scene) -> list[str]:
     """Return a line on a grid whose springs start far from their rest length, or from a rest length that the scene does
     not state."""
-    springs, spacing = scene.springs, scene.grid.spacing
-    if springs is None or springs.rest_length in (0, spacing):
+    springs = scene.springs
+    if springs is None:
+        return []
+    spacing = scene.grid.spacing
+    if springs.rest_length in (0, spacing):
         return []
     if "rest_length" in springs.model_fields_set and 0.5 <= spacing / springs.rest_length <= 2:
         return []

@@ -18,7 +18,8 @@ from model.core.errors import SceneError
 from model.core.waiting import work
 from model.geometry.lists import offsets_of
 
-MAX_COLOURS = 1024  # each is a launch or a barrier: a vertex with more constraints needs another solver
+MAX_COLOURS = 1 << 14  # each is a launch or a barrier per sweep
+RINGS = "to avoid it, divide the triangles around it into rings, so that fewer edges end there"
 PASSES = 32  # of repeated colouring; later ones did not save any colour in tests
 WORD = 63  # colours in one signed word of used colours
 
@@ -52,8 +53,7 @@ def colour(constraints: np.ndarray, vertex_count: int, seed: int = 0) -> Colouri
         raise SceneError(
             "constraints",
             least,
-            f"meet at vertex {int(np.argmax(valence))} (counted from 0), and at most {MAX_COLOURS} can: divide the triangles "
-            "around it into rings, so that fewer edges end there",
+            f"meet at vertex {int(np.argmax(valence))} (counted from 0), and at most {MAX_COLOURS} can; {RINGS}",
         )
     generator = np.random.default_rng(seed)
     given = _greedy(vertices, vertex_count, generator.permutation(len(vertices)))
@@ -88,7 +88,15 @@ def _greedy(vertices: np.ndarray, vertex_count: int, priority: np.ndarray) -> np
             able = able[~blocked[at].any(axis=1)]
         waiting = waiting[given[waiting] < 0]
         number += 1
+        if len(waiting) and (vertices[waiting] == _hub(vertices[waiting])).any(axis=1).all():
+            given[waiting[np.argsort(priority[waiting])]] = number + np.arange(len(waiting))
+            break
     return given
+
+
+def _hub(vertices: np.ndarray) -> int:
+    """Return the vertex at which most of the constraints meet."""
+    return int(np.bincount(vertices.ravel()).argmax())
 
 
 def _again(vertices: np.ndarray, vertex_count: int, given: np.ndarray, order: np.ndarray) -> np.ndarray:
