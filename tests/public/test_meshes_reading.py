@@ -464,7 +464,7 @@ def test_long_texts_are_read_in_blocks_that_are_reported(
     monkeypatch.setattr(waiting, "INTERVAL", -1.0)
     with waiting.waiting_watched(lambda label, _: seen.append(label)):
         again = read_arrays(file)
-    assert set(seen) == {"reading the mesh"}
+    assert set(seen) == {f"reading {name}", "reading the mesh"}
     assert np.array_equal(whole.position, again.position) and np.array_equal(whole.triangles, again.triangles)
     corners = whole.position[whole.triangles]
     assert len(corners) == 3 and set(map(tuple, corners.reshape(-1, 3))) == set(map(tuple, position))

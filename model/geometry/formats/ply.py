@@ -6,44 +6,16 @@ Other elements and properties are skipped.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
 
 import numpy as np
 
 from model.core.errors import InputError
 from model.core.waiting import steps
 from model.geometry.formats.faces import Faces
+from model.geometry.formats.ply_header import Element, coordinates, header_of, list_of, refused
 from model.geometry.formats.source import READING, NotANumber, plain, polygon_table, reals, table, wholes
 
-TYPES = {
-    "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4", "float": "f4", "double": "f8",
-    "int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2", "int32": "i4", "uint32": "u4", "int64": "i8",
-    "uint64": "u8", "float32": "f4", "float64": "f8",
-}  # fmt: skip
-LISTS = ("vertex_indices", "vertex_index")
-END = re.compile(rb"^end_header[ \t]*(\r\n|\n|\r)", re.MULTILINE)
-
-
 _Lists = tuple[str, np.ndarray, np.ndarray]  # name of an element, vertices of its lists (sum of sizes,), sizes (rows,)
-
-
-@dataclass
-class _Property:
-    name: str
-    kind: str
-    count: str = ""  # type of a list's length; empty: one number
-
-
-@dataclass
-class _Element:
-    name: str
-    length: int
-    properties: list[_Property] = field(default_factory=list)
-
-    def at(self, names: tuple[str, ...]) -> list[int]:
-        """Return the places of the properties of these names, in the order of `names`."""
-        known = {one.name.lower(): place for place, one in enumerate(self.properties)}
-        return [known[name] for name in names if name in known]
 
 
 def read_ply(data: bytes) -> Faces:
@@ -54,49 +26,18 @@ def read_ply(data: bytes) -> Faces:
     else:
         end = re.search(rb"\nend_header[ \t]*(?:\r\n|\n)", head)
     if not data.startswith(b"ply") or end is None:
-        raise InputError("it cannot be read as PLY: it has no header from `ply` to `end_header`; export it again")
+        raise refused("it has no header from `ply` to `end_header`")
     lines = plain(data[: end.end()]).decode("latin-1").splitlines()
-    form, elements = _header(lines)
+    form, elements = header_of(lines)
     if form == "ascii":
         return _text(plain(data[end.end() :]), elements, len(lines))
     return _binary(data[end.end() :], elements, "<" if form == "binary_little_endian" else ">")
 
 
-def _header(lines: list[str]) -> tuple[str, list[_Element]]:
-    form, elements = "", list[_Element]()
-    for number, line in enumerate(lines, 1):
-        words = line.split()
-        try:
-            if words[:1] == ["format"]:
-                form = words[1]
-            elif words[:1] == ["element"]:
-                elements.append(_Element(words[1], int(words[2])))
-            elif words[:2] == ["property", "list"]:
-                elements[-1].properties.append(_Property(words[4], TYPES[words[3]], TYPES[words[2]]))
-            elif words[:1] == ["property"]:
-                elements[-1].properties.append(_Property(words[2], TYPES[words[1]]))
-        except (IndexError, KeyError, ValueError):
-            raise InputError(
-                f"it cannot be read as PLY: line {number} is no line of a header; export it again"
-            ) from None
-    if form not in ("ascii", "binary_little_endian", "binary_big_endian"):
-        raise InputError(f"it cannot be read as PLY: its format is {form or 'not given'}; export it again")
-    if any(element.length < 0 for element in elements):
-        raise InputError("it cannot be read as PLY: an element has a negative length; export it again")
-    return form, elements
-
-
-def _coordinates(element: _Element) -> list[int]:
-    places = element.at(("x", "y", "z"))
-    if len(places) < 3 or any(element.properties[place].count for place in places):
-        raise InputError("it cannot be read as PLY: its vertices have no x, y and z; export it again")
-    return places
-
-
 # ---------------------------------------------------------------------- text
 
 
-def _text(body: bytes, elements: list[_Element], header: int) -> Faces:
+def _text(body: bytes, elements: list[Element], header: int) -> Faces:
     """Every row is a line; empty lines are skipped."""
     lines = body.split(b"\n")
     filled = [number for number, line in enumerate(lines) if line.strip()]
@@ -123,10 +64,8 @@ def _text(body: bytes, elements: list[_Element], header: int) -> Faces:
     )
 
 
-def _text_vertices(element: _Element, lines: list[bytes], numbers: list[int], header: int) -> np.ndarray:
-    places = _coordinates(element)
-    if any(one.count for one in element.properties):
-        raise InputError("it cannot be read as PLY: its vertices hold lists; export it without them")
+def _text_vertices(element: Element, lines: list[bytes], numbers: list[int], header: int) -> np.ndarray:
+    places = coordinates(element)
     wanted = len(element.properties)
     found = table([lines[number] for number in numbers], wanted)
     if found is not None:
@@ -142,12 +81,12 @@ def _text_vertices(element: _Element, lines: list[bytes], numbers: list[int], he
         return reals([row[place] for row in rows for place in places], 3 * len(rows)).reshape(-1, 3)
     except NotANumber as error:
         where = header + numbers[error.number // 3] + 1
-        raise InputError(f"it cannot be read as PLY: {error.message} (line {where}); export it again") from None
+        raise refused(f"{error.message} (line {where})") from None
 
 
-def _text_lists(element: _Element, lines: list[bytes], numbers: list[int], header: int) -> _Lists:
+def _text_lists(element: Element, lines: list[bytes], numbers: list[int], header: int) -> _Lists:
     """Return the lists of vertices of an element's rows."""
-    place = _list_of(element)
+    place = list_of(element)
     if place == 0 and len(numbers) == element.length:
         same = polygon_table([lines[number] for number in numbers])
         if same is not None:
@@ -175,42 +114,32 @@ def _text_lists(element: _Element, lines: list[bytes], numbers: list[int], heade
     except NotANumber as error:
         row = int(np.searchsorted(np.cumsum(sizes), error.number, "right"))
         where = header + numbers[row] + 1
-        raise InputError(f"it cannot be read as PLY: {error.message} (line {where}); export it again") from None
+        raise refused(f"{error.message} (line {where})") from None
     return element.name, flat, sizes
 
 
-def _short(element: _Element, found: int) -> str:
+def _short(element: Element, found: int) -> str:
     return (
         f"{element.length} faces, of which {found} can be read: it is cut short, or has faces of fewer than three corners; "
         "export it again"
     )
 
 
-def _list_of(element: _Element) -> int:
-    place = next((k for k, one in enumerate(element.properties) if one.count and one.name in LISTS), None)
-    if place is None:
-        place = next((k for k, one in enumerate(element.properties) if one.count), None)
-    if place is None and element.length:
-        raise InputError("it cannot be read as PLY: its faces have no list of vertices; export it again")
-    return -1 if place is None else place
-
-
 # ---------------------------------------------------------------------- binary
 
 
-def _binary(body: bytes, elements: list[_Element], order: str) -> Faces:
+def _binary(body: bytes, elements: list[Element], order: str) -> Faces:
     position, parts, at = np.zeros((0, 3)), [], 0
     for element in elements:
-        if not any(one.count for one in element.properties):
+        if element.name == "vertex" or not any(one.count for one in element.properties):
+            columns = coordinates(element) if element.name == "vertex" else []
             row = np.dtype([(f"p{k}", order + one.kind) for k, one in enumerate(element.properties)])
             _check_rest(element, body, at, row.itemsize * element.length)
             if element.name == "vertex":
                 rows = np.frombuffer(body, row, element.length, at)
-                position = np.stack([rows[f"p{k}"].astype(np.float64) for k in _coordinates(element)], axis=1)
+                position = np.stack([rows[f"p{k}"].astype(np.float64) for k in columns], axis=1)
             at += row.itemsize * element.length
             continue
-        if element.name == "vertex":
-            raise InputError("it cannot be read as PLY: its vertices hold lists; export it without them")
         lists, at = _binary_lists(element, body, at, order)
         if element.name in ("face", "tristrips"):
             parts.append(lists)
@@ -218,7 +147,7 @@ def _binary(body: bytes, elements: list[_Element], order: str) -> Faces:
     return Faces(position, corners, sizes)
 
 
-def _check_rest(element: _Element, body: bytes, at: int, needed: int) -> None:
+def _check_rest(element: Element, body: bytes, at: int, needed: int) -> None:
     if at + needed > len(body):
         raise InputError(
             f"it cannot be read as PLY: {element.length} rows of `{element.name}` take {needed} bytes, and {len(body) - at} "
@@ -226,9 +155,9 @@ def _check_rest(element: _Element, body: bytes, at: int, needed: int) -> None:
         )
 
 
-def _binary_lists(element: _Element, body: bytes, at: int, order: str) -> tuple[_Lists, int]:
+def _binary_lists(element: Element, body: bytes, at: int, order: str) -> tuple[_Lists, int]:
     """Return (lists of vertices of the element's rows, where the next element begins). Rows of one length at once."""
-    wanted = _list_of(element)
+    wanted = list_of(element)
     if element.length:
         row = _row_like_the_first(element, body, at, order)
         if row is not None and at + row.itemsize * element.length <= len(body):
@@ -242,7 +171,7 @@ def _binary_lists(element: _Element, body: bytes, at: int, order: str) -> tuple[
     kinds = [
         (np.dtype(order + one.kind), np.dtype(order + one.count) if one.count else None) for one in element.properties
     ]
-    for _ in range(element.length):
+    for _ in steps(range(element.length), element.length, READING):
         for k, (kind, count) in enumerate(kinds):
             length = 1
             if count is not None:
@@ -250,7 +179,7 @@ def _binary_lists(element: _Element, body: bytes, at: int, order: str) -> tuple[
                 length = int(np.frombuffer(body, count, 1, at)[0])
                 at += count.itemsize
             if length < 0:
-                raise InputError("it cannot be read as PLY: a list has a negative length: damaged; export it again")
+                raise refused("a list has a negative length: damaged")
             _check_rest(element, body, at, kind.itemsize * length)
             if k == wanted:
                 found.append(np.frombuffer(body, kind, length, at).astype(np.int64))
@@ -259,7 +188,7 @@ def _binary_lists(element: _Element, body: bytes, at: int, order: str) -> tuple[
     return (element.name, np.concatenate([np.zeros(0, np.int64), *found]), sizes), at
 
 
-def _row_like_the_first(element: _Element, body: bytes, at: int, order: str) -> np.dtype | None:
+def _row_like_the_first(element: Element, body: bytes, at: int, order: str) -> np.dtype | None:
     fields: list[tuple] = []
     for k, one in enumerate(element.properties):
         if not one.count:
