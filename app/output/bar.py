@@ -27,6 +27,7 @@ class Bar(Progress):
         super().update(task_id, **fields)
         if self._lines and monotonic() >= self._next_line:
             task = self._tasks[task_id]
+            done = f": {task.completed:g}" if task.completed or task.total is not None else ""
             total = "" if task.total is None else f" of {task.total:g}"
-            print(f"{task.description}: {task.completed:g}{total}", file=sys.stderr, flush=True)
+            print(f"{task.description}{done}{total}", file=sys.stderr, flush=True)
             self._next_line = monotonic() + LINE_SECONDS

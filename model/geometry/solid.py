@@ -53,7 +53,8 @@ def solid(mesh: TriangleMesh, widest: float, instead: str = CLOTH, fill_holes: b
     told = list(mesh.repairs)
     triangles, pieces = _outwards(mesh.position, mesh.triangles, mesh.edges, told)
     volume = total(_volumes(mesh.position, triangles))
-    box = float(np.prod(np.ptp(mesh.position, axis=0)))
+    finest = float(np.finfo(np.float32).eps) * float(np.abs(mesh.position).max())
+    box = float(np.prod(np.maximum(np.ptp(mesh.position, axis=0), finest)))
     if volume <= EMPTY * box:
         raise InputError(
             f"the mesh holds no volume ({volume:.3g} m^3): a flat sheet, or folded flat; give it a "

@@ -8,10 +8,11 @@ import numpy as np
 
 from model.geometry.normals import mesh_normals, vertex_normals
 from model.geometry.sheets import sheet_triangles
-from model.geometry.topology import mesh_of
+from model.geometry.topology import mesh_of, pinned_vertices
 from model.scene.scene import Scene
 from model.xpbd.colouring import RINGS
 
+FEW_PINS = 3  # about which a cloth swings
 MANY_EDGES = 256  # at a vertex: each is a barrier of threads or a launch, a sweep
 
 
@@ -32,6 +33,10 @@ def mesh_lines(scene: Scene) -> list[str]:
         return []
     mesh = mesh_of(scene.mesh)
     lines = mesh.lines()
+    if scene.mesh.pinned == "top":
+        pins = len(pinned_vertices(scene.mesh))
+        hangs = "; list vertices to hold more" if pins < FEW_PINS else ""
+        lines.append(f'pinned = "top" holds {pins} of {len(mesh.position)} vertices, the highest{hangs}')
     meeting = np.bincount(mesh.edges.edges.ravel())
     if meeting.max() > MANY_EDGES:
         hub = int(meeting.argmax())

@@ -66,8 +66,11 @@ def test_a_scan_with_a_hole_fits_bodies_with_fill_holes(tmp_path: Path) -> None:
     )
 
 
-def test_a_flat_sheet_is_not_told_to_fill_its_holes(tmp_path: Path) -> None:
-    found = inspected(write(tmp_path, "sheet.obj", obj(*sheet(3, 5, 0.5))))
+@pytest.mark.parametrize("height", [0.0, 0.1, 1 / 3])
+def test_a_flat_sheet_is_not_told_to_fill_its_holes(height: float, tmp_path: Path) -> None:
+    """At 0.1 m its cap lies 1e-17 m beside it, and holds as much of the box around both as a body does."""
+    position, triangles = sheet(3, 5, 0.5)
+    found = inspected(write(tmp_path, "sheet.obj", obj(position @ np.diag([1, 1, 0]) + [0, 0, height], triangles)))
     assert found.filled_volume is None
     for name in BODIES:
         assert "the mesh holds no volume" in found.roles[name] and "fill_holes" not in found.roles[name]
