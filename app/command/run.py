@@ -148,7 +148,7 @@ def run_scene(scene: Scene, request: Request, *, progress: bool = True) -> Resul
     lines = *built, overlap_lines, limit_notes, damping_lines, speed_lines
     with work("checking the scene"):
         notes = [line for told in lines for line in told(scene)]
-        known = request.precision in PRECISIONS  # else refused below
+        known = request.precision in PRECISIONS  # others are refused below
         coarse = resolution_line(scene, request.precision) if known else None
     notes += [coarse] if coarse else []
     steps = step_count(scene, request.steps, request.time, notes)
@@ -241,7 +241,7 @@ def _advance(
 
     columns = (TextColumn("stepping"), BarColumn(), MofNCompleteColumn(), TextColumn("steps"), TimeRemainingColumn())
     done, seconds = 0, 0.0
-    batch = 1 if simulation.backend == "cpu" else MIN_INTERVAL  # Ctrl-C acts between two
+    batch = 1 if simulation.backend == "cpu" else MIN_INTERVAL  # Ctrl-C takes effect between batches
     shown = None
     try:
         while done < steps:

@@ -1,4 +1,4 @@
-"""A bar for work of the model that takes longer than a moment: reading meshes, cutting bodies, sampling fields."""
+"""A progress bar for long work of the model: reading meshes, cutting bodies, sampling fields."""
 
 from __future__ import annotations
 
@@ -11,20 +11,21 @@ from rich.progress import BarColumn, TextColumn, TimeElapsedColumn, TimeRemainin
 from app.output.bar import Bar
 from model.core.waiting import waiting_watched
 
-SHOWN_AFTER = 0.5  # s: work that goes on for longer gets a bar
+SHOWN_AFTER = 0.5  # s: longer work gets a bar
 
 
 class _Waiting:
-    """What is under way, outermost first, and the bar of the innermost; from SHOWN_AFTER on, whether or not it reports."""
+    """The active work, outermost first, and a bar that shows the innermost. A timer starts the bar, so that work which
+    reports nothing has one, too."""
 
     def __init__(self) -> None:
         self.active: dict[str, float | None] = {}
-        self.lock = threading.RLock()  # of the timer's thread and the one that works
+        self.lock = threading.RLock()  # shared by the timer's thread and the working one
         self.timer: threading.Timer | None = None
         self.bar: Bar | None = None
 
     def watch(self, label: str, fraction: float | None) -> None:
-        """See model/core/waiting.py."""
+        """Take a report of model/core/waiting.py."""
         with self.lock:
             if fraction is not None and fraction >= 1:
                 self.active.pop(label, None)
@@ -40,7 +41,7 @@ class _Waiting:
                 self.timer.start()
 
     def stop(self) -> None:
-        """Remove the bar, or let none appear."""
+        """Remove the bar, or cancel its timer."""
         with self.lock:
             if self.timer is not None:
                 self.timer.cancel()
@@ -69,7 +70,7 @@ _outermost: _Waiting | None = None
 
 @contextmanager
 def waiting_shown() -> Iterator[None]:
-    """Within it, a terminal shows a bar for work of the model that takes longer than a moment; nested, the outer one does."""
+    """Show a bar on a terminal for long work of the model within the block; a nested block leaves that to the outer one."""
     global _outermost
     if _outermost is not None:
         yield

@@ -1,8 +1,7 @@
-"""Distances from the points of a grid to the nearest of many triangles, on all cores: what model/geometry/signed_distance.py
-samples fields with.
+"""Squared distances from the points of a grid to the nearest triangle, on all cores, for model/geometry/signed_distance.py.
 
-The tree of boxes is walked as colliders walk it (model/formulas/triangle_tree.py); the triangle nearest to the point before
-bounds the search. The least of the same numbers, whatever the order: the bits do not depend on the bands.
+Each point walks the tree of boxes as colliders do (model/formulas/triangle_tree.py). The triangle nearest to the previous
+point bounds its search. A minimum does not depend on the order of its terms, so the bits do not depend on the bands.
 """
 
 from __future__ import annotations
@@ -22,8 +21,8 @@ from model.formulas.triangle_tree import CORNERS, NODE
 def squared_distances(
     numbers: np.ndarray, low: np.ndarray, counts: np.ndarray, spacing: float, rows: slice
 ) -> np.ndarray:
-    """(rows, counts[2]) float64 [m^2]: from the points low + (i, j, k) `spacing` [m] of the rows i counts[1] + j in `rows` to
-    the nearest triangle of the tree `numbers` (tree_numbers, float64)."""
+    """Return the squared distances (rows, counts[2]) float64 [m^2] of the points low + (i, j, k) `spacing` [m], for the rows
+    i counts[1] + j in `rows`, to the nearest triangle of the tree `numbers` (tree_numbers in float64)."""
     squared = np.empty((rows.stop - rows.start, counts[2]))
     place = float(low[0]), float(low[1]), float(low[2]), float(spacing)
     kernel = _kernel()
@@ -43,7 +42,7 @@ def _kernel() -> Any:
 
     @compiled
     def from_edge(x, y, z, ex, ey, ez):
-        """Squared, of a point from an edge e from whose start it lies at (x, y, z)."""
+        """Return the squared distance to an edge e of a point at (x, y, z) from the start of e."""
         length = dot(ex, ey, ez, ex, ey, ez)
         part = min(max(dot(x, y, z, ex, ey, ez) / (length if length > 0 else 1.0), 0.0), 1.0)
         wx, wy, wz = x - part * ex, y - part * ey, z - part * ez
@@ -51,7 +50,8 @@ def _kernel() -> Any:
 
     @compiled
     def from_triangle(numbers, t, px, py, pz):
-        """Squared: along the normal where the point lies above the triangle at place t, else from the nearest edge."""
+        """Return the squared distance to the triangle at place t: along its normal if the point lies above it, else to
+        its nearest edge."""
         ax, ay, az = numbers[t], numbers[t + 1], numbers[t + 2]
         bx, by, bz = numbers[t + 3], numbers[t + 4], numbers[t + 5]
         cx, cy, cz = numbers[t + 6], numbers[t + 7], numbers[t + 8]
@@ -79,12 +79,12 @@ def _kernel() -> Any:
 
     @compiled
     def outside(low, x, high):
-        """How far x lies outside an interval."""
+        """Return how far x lies outside an interval."""
         return max(max(low - x, x - high), 0.0)
 
     @compiled
     def nearest(numbers, guess, x, y, z):
-        """(squared distance, place of the triangle); `guess`: the place of one that is near."""
+        """Return (squared distance, place) of the nearest triangle; `guess`: the place of a near one."""
         count, node = np.int64(numbers[6]), np.int64(0)
         best, place = from_triangle(numbers, guess, x, y, z), guess
         while node < count:

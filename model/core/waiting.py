@@ -37,7 +37,7 @@ report = _of_work.tell
 
 @contextmanager
 def work(label: str) -> Iterator[None]:
-    """Report the block as work of unknown length; also a decorator of a function."""
+    """Report the block as work of unknown length. Usable as a decorator."""
     report(label, None)
     try:
         yield

@@ -22,7 +22,7 @@ from model.geometry.triangle_tree import order_of, tree_numbers
 from model.geometry.voxels import runs_inside
 
 KERNEL = "cpu_backend.contact.distances"
-BATCH = 1 << 14  # points between two reports of progress, at which Ctrl-C acts
+BATCH = 1 << 14  # points between two reports of progress; Ctrl-C takes effect there
 VERSION = 1  # of the files
 WORTH_KEEPING = 1.0  # s: what takes longer is kept on disk
 

@@ -12,8 +12,8 @@ from model.geometry.topology import mesh_of, pinned_vertices
 from model.scene.scene import Scene
 from model.xpbd.colouring import RINGS
 
-FEW_PINS = 3  # about which a cloth swings
-MANY_EDGES = 256  # at a vertex: each is a barrier of threads or a launch, a sweep
+FEW_PINS = 3  # a cloth held at fewer vertices swings about them
+MANY_EDGES = 256  # at a vertex: each costs a barrier of threads or a launch per sweep
 
 
 def triangles_of(scene: Scene) -> np.ndarray:

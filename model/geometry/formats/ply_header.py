@@ -16,7 +16,7 @@ LISTS = ("vertex_indices", "vertex_index")
 
 @dataclass
 class Property:
-    """Numbers of one type, or lists of them."""
+    """A column of an element: numbers of one type, or lists of them."""
 
     name: str
     kind: str
@@ -25,7 +25,7 @@ class Property:
 
 @dataclass
 class Element:
-    """`length` rows of `properties`."""
+    """A table of `length` rows with the columns `properties`."""
 
     name: str
     length: int
@@ -38,7 +38,7 @@ class Element:
 
 
 def refused(reason: str) -> InputError:
-    """The error that the file is no PLY for that reason."""
+    """Return the error for a file that is not PLY, with the reason."""
     return InputError(f"it cannot be read as PLY: {reason}; export it again")
 
 
@@ -76,7 +76,7 @@ def coordinates(element: Element) -> list[int]:
 
 
 def list_of(element: Element) -> int:
-    """Return the place of the list of vertices among the properties of faces, -1 of none. Raises InputError."""
+    """Return the place of the list of vertices among the properties of faces, -1 if there is none. Raises InputError."""
     place = next((k for k, one in enumerate(element.properties) if one.count and one.name in LISTS), None)
     if place is None:
         place = next((k for k, one in enumerate(element.properties) if one.count), None)

@@ -18,4 +18,4 @@ def test_solvers_rest_where_the_finite_elements_of_the_cut_mesh_do(method: dict[
 
 def test_the_tables_of_the_page_are_the_measured_ones() -> None:
     text = voxel_accuracy.PAGE.read_text(encoding="utf-8")
-    assert text == voxel_accuracy.page(), "stale: python -m tests.tetrahedra.voxel_accuracy"
+    assert text == voxel_accuracy.page(), "stale: python -m tests.geometry.tetrahedra.voxel_accuracy"

@@ -1,5 +1,5 @@
 """Bodies of voxels whose surface the lattice does not fit, against the mesh and against the exact beam; and the tables of
-docs/method.md: python -m tests.tetrahedra.voxel_accuracy writes them (from the repository's root)."""
+docs/method.md: python -m tests.geometry.tetrahedra.voxel_accuracy writes them (from the repository's root)."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 sys.path[:0] = [folder for folder in (str(ROOT), str(ROOT / "tests" / "tools")) if folder not in sys.path]
 
 from closed_meshes import box, rotation  # noqa: E402  # tools of the tests, found by the line above
