@@ -211,6 +211,7 @@ test_voxel_mesh.py test_whole_voxels_are_found_whatever_rounding_makes_of_them
 test_voxel_pieces.py test_pieces_and_what_joins_them_are_those_that_counting_finds?0?
     test_pieces_and_what_joins_them_are_those_that_counting_finds?2?
     test_pieces_and_what_joins_them_are_those_that_counting_finds?3?
+test_resting_skins.py test_rigid_bodies* test_bodies_of_voxels* test_of_a_soft_body* test_the_named_body*
 test_voxel_accuracy.py *
 test_wet_worlds.py test_states_are_the_references?cloth? test_states_are_the_references?tetrahedra?
     test_states_are_the_references?bodies?that?meet? test_states_are_the_references?bodies?
