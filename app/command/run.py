@@ -163,7 +163,8 @@ def run_scene(scene: Scene, request: Request, *, progress: bool = True) -> Resul
     with simulation, ExitStack() as opened:
         start = simulation.state()
         if steps > 0:
-            simulation.warm_up(min(steps, WARM_UP_STEPS) if simulation.kernel in ("graph", "tiles") else 1)
+            with work("warming up"):
+                simulation.warm_up(min(steps, WARM_UP_STEPS) if simulation.kernel in ("graph", "tiles") else 1)
         compile_seconds = time.perf_counter() - begin
         clip = request.draws_clip
         recorder = _Recorder(start, request.record_every if request.record else 0)
