@@ -34,11 +34,12 @@ COLUMNS = [(spacing, viscosity) for spacing in sorted(SPACINGS, reverse=True) fo
 UNITS = {TANK: (100, "%"), BOX: (1e6, "1e-6")}  # what a speed is told in
 INTRODUCTION = " ".join((
     f"Water of 0.4 x {DEPTH:g} x 0.4 m between five planes must lie still: gain no more energy than {ENERGY_BOUND:g} g H",
-    f"over the start's, and move at no more than {SPEED_BOUND:.0%} of sqrt(g H) (rms) from {SETTLED} s on. So must a box of",
-    f"{ACROSS}³ particles that it fills, whose sides repeat and whose particles begin {DISTURBANCE:g} m off their lattice.",
-    f"Without viscosity and with {100 * SPACINGS[0]:g} cm between particles both were watched for {WHOLE} s, all others for",
-    f"{SHORT} s, with 10 iterations a substep, in float32. `softlab fluids --rest --peers` measures this; the rows are in",
-    f"`labbook/data/{DATA.name}`.",
+    f"over the start's, and move at no more than {100 * SPEED_BOUND:g} % of sqrt(g H) (rms) from {SETTLED} s on. So must a",
+    f"box of {ACROSS}³ particles that it fills, whose sides repeat and whose particles begin {1e6 * DISTURBANCE:g} µm off",
+    f"their lattice. Without viscosity and with {100 * SPACINGS[0]:g} cm between particles both were watched for {WHOLE} s,",
+    f"all others for {SHORT} s, with 10 iterations a substep, in float32. In the box that is mostly rounding: in float64",
+    "2.5e-7 of sqrt(g H) is exceeded by no scheme after 1.5 s (tests/public/test_still_water.py). `softlab fluids --rest",
+    f"--peers` measures this; the rows are in `labbook/data/{DATA.name}`.",
 ))  # fmt: skip
 
 
@@ -72,7 +73,7 @@ def lines() -> list[str]:
     told += [f"Not at rest: {'; '.join(map(_failure, wild)) or 'none'}.", ""]
     for row in (row for row in found if row.peer and row.speed):
         told.append(
-            f"{row.note}, DFSPH with its own steps, in the tank with {100 * row.spacing:g} cm between particles and without "
+            f"{row.note}, DFSPH with its own steps, in the tank with {100 * row.spacing:.3g} cm between particles, without "
             f"viscosity: {100 * row.late:.2g} % from {SETTLED} s on ({max(row.speed):g} s watched), "
             f"{100 * row.speed[max(row.speed)]:.2g} % in the last span; its gain of energy is {row.gain:.2g} g H at most."
         )
@@ -82,7 +83,7 @@ def lines() -> list[str]:
 def _failure(row: Still) -> str:
     gained = f", {row.gain:.2g} g H gained" if row.gain > ENERGY_BOUND else ""
     return (
-        f"{row.who} with {row.substeps} substep{'s' * (row.substeps > 1)} in the {row.kind} at {100 * row.spacing:g} cm and "
+        f"{row.who} with {row.substeps} substep{'s' * (row.substeps > 1)} in the {row.kind} at {100 * row.spacing:.3g} cm, "
         f"{row.viscosity:g} Pa s ({100 * row.late:.2g} %{gained})"
     )
 
@@ -91,7 +92,7 @@ def _table(kind: str, found: list[Still]) -> list[str]:
     """A row for each scheme and number of substeps, a column for each spacing and viscosity."""
     factor, unit = UNITS[kind]
     cells = {(row.who, row.substeps, row.spacing, row.viscosity): row for row in found if row.speed and not row.peer}
-    heads = [f"{100 * spacing:g} cm, {viscosity:g} Pa s" for spacing, viscosity in COLUMNS]
+    heads = [f"{100 * spacing:.3g} cm, {viscosity:g} Pa s" for spacing, viscosity in COLUMNS]
     told = [
         f"Largest rms speed from {SETTLED} s on in the {kind}, {unit} of sqrt(g H); bold: not at rest; -: not measured.",
         "",
@@ -101,7 +102,7 @@ def _table(kind: str, found: list[Still]) -> list[str]:
         values = []
         for column in COLUMNS:
             row = cells.get((who, substeps, *column))
-            text = "-" if row is None else f"{factor * row.late:.2g}"
+            text = "-" if row is None else f"{float(f'{factor * row.late:.2g}'):g}"
             values.append(text if row is None or row.rests else f"**{text}**")
         told.append(f"| {who}, {substeps} | {' | '.join(values)} |")
     return [*told, ""]

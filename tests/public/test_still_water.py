@@ -1,6 +1,6 @@
 """Water at rest gains energy (SPlisHSPlasH, issue 179): the correction did not follow the gradient of its constraint.
 
-Bounds: kinetic and potential energy per mass stay below the start plus 1e-3 g H, and the rms speed below 2 % of sqrt(g H).
+Kinetic and potential energy per mass stay below the start plus 1e-3 g H, and speeds below 1.5 times what was measured.
 Viscosity is 0. A substep of 1/60 s is too coarse for `averaged` and `divergence-free` (a note of the run says so).
 """
 
@@ -15,6 +15,7 @@ from bench.experiments.fluid_rest import (
     SPEED,
     disturb,
     repeating_box,
+    rms,
     still_tank,
     watched,
 )
@@ -22,16 +23,20 @@ from bench.experiments.fluid_truth.scenes import SCHEMES
 from bench.experiments.fluids import FRAME
 from model.fluid.family import fluid_note
 
-# of sqrt(g H), rms, in the last span: 1.5 times the largest from 6 s on in docs/limits.md (5 cm, 2 to 16 substeps)
-SLOW = {"macklin": 0.009, "averaged": 0.009, "divergence-free": 0.0195}
+# by seconds: rms speed over sqrt(g H) in the last span; 1.5 times the largest measured, with 2 to 16 substeps (macklin: 1)
+SLOW = {
+    "macklin": {4: 0.018, 8: 0.006},
+    "averaged": {4: 0.024, 8: 0.006},
+    "divergence-free": {4: 0.026, 8: 0.018},
+}
 
 
-def check(scheme: str, substeps: int, seconds: float) -> None:
+def check(scheme: str, substeps: int, seconds: int) -> None:
     with open_simulation(still_tank(scheme, substeps)) as simulation:
         found = watched(simulation, GRAVITY, seconds)
     largest = {name: value for name, (value, _, _) in found.items()}
     assert max(value for name, value in largest.items() if not name.startswith(SPEED)) <= ENERGY_BOUND
-    assert largest[f"{SPEED}{seconds:g}"] < SLOW[scheme]
+    assert largest[f"{SPEED}{seconds}"] < SLOW[scheme][seconds]
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
@@ -54,15 +59,19 @@ def test_macklin_stays_at_rest_in_one_substep() -> None:
 @pytest.mark.parametrize("substeps", [1, 4, 16])
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_a_disturbed_lattice_does_not_boil(scheme: str, substeps: int) -> None:
-    """A filled repeating box whose particles are off by 1e-6 m: speeds stay of that size over a substep."""
+    """A filled repeating box whose particles are off by 1e-6 m: they come back at no more than 1.2 times that over a substep
+    (0.79 measured), and from half a second on at no more than a tenth (0.064 measured); in the end at 2.5e-7 of the tank's
+    sqrt(g H), rms (1.6e-7 measured)."""
     shift = 1e-6
     with open_simulation(repeating_box(scheme, substeps), precision="float64", math="exact") as simulation:
         disturb(simulation, shift)
-        fastest = 0.0
+        speeds = []
         for _ in range(90):
             simulation.advance(1)
-            fastest = max(fastest, float(abs(simulation.read("velocity")).max()))
-    assert 0 < fastest < 10 * shift * substeps / FRAME
+            speeds.append(float(abs(simulation.read("velocity")).max()) / (shift * substeps / FRAME))
+        assert rms(simulation.read("velocity")) < 2.5e-7
+    assert 0 < max(speeds) < 1.2
+    assert max(speeds[30:]) < 0.1
 
 
 def test_a_substep_too_coarse_for_rest_is_noted() -> None:

@@ -51,8 +51,8 @@ LABELS: dict[str, list[tuple[str, str]]] = {  # figure -> (x, y) of each panel, 
     ],
     "fluids-phases": [("nanoseconds a particle", "")] * 2,
     "fluids-rest": [
-        ("", "rms speed / √(g H)"), *[("", "")] * 2, ("", "energy gained / g H"), *[("", "")] * 2,
-        ("time / s", "rms speed in the box / √(g H)"), *[("time / s", "")] * 2,
+        ("", "tank: rms / √(g H)"), *[("", "")] * 2, ("", "tank: gain / g H"), *[("", "")] * 2,
+        ("time / s", "box: rms / √(g H)"), *[("time / s", "")] * 2,
     ],
     "hard-states": [],  # pictures
     "hard-verdicts": [],

@@ -27,12 +27,13 @@ from plots.core.style import Drawing, legend_below, new_grid, plain_ticks
 TITLE = "Fluids at rest"
 MISSING = "fluids at rest were not watched: softlab fluids --rest"
 COLOURS = dict(zip(SUBSTEPS, (BLUE, GREEN, ORANGE, VERMILLION, PURPLE), strict=True))
-LABELS = (("", "rms speed / √(g H)"), ("", "energy gained / g H"), ("time / s", "rms speed in the box / √(g H)"))
+LABELS = (("", "tank: rms / √(g H)"), ("", "tank: gain / g H"), ("time / s", "box: rms / √(g H)"))
 CAPTION = (
-    f"Water {DEPTH:g} m deep between five planes (upper two rows), and a repeating box whose particles begin "
-    f"{DISTURBANCE:g} m off their lattice; {100 * SPACINGS[0]:g} cm between particles, no viscosity, by substeps of a frame "
-    "of 1/60 s with 10 iterations each. A point is the largest value since the one before. Dotted: what is allowed, "
-    f"{SPEED_BOUND:.0%} and {ENERGY_BOUND:g}; black: DFSPH of SPlisHSPlasH in the same tank, by its own steps."
+    f"Rms speed and gain of energy of water {DEPTH:g} m deep between five planes (tank), and rms speed in a repeating box "
+    f"whose particles begin {1e6 * DISTURBANCE:g} µm off their lattice; {100 * SPACINGS[0]:g} cm between particles, no "
+    "viscosity, by substeps of a frame of 1/60 s with 10 iterations each. A point is the largest value since the one before. "
+    f"Dotted: what is allowed, {100 * SPEED_BOUND:g} % and {ENERGY_BOUND:g}; black: DFSPH of SPlisHSPlasH in the same tank, "
+    "by its own steps."
 )
 
 
