@@ -10,6 +10,7 @@ from bench.experiments.fluid_rest import (
     DEPTH,
     DISTURBANCE,
     ENERGY_BOUND,
+    GRAVITY,
     SCENES,
     SETTLED,
     SHORT,
@@ -21,7 +22,9 @@ from bench.experiments.fluid_rest import (
     Still,
     rows,
 )
+from bench.experiments.fluids import FRAME
 from labbook.build import COMMITTED
+from model.fluid.family import RESTS
 from plots.core.data import Results
 from plots.core.files import save
 from plots.core.read import load
@@ -48,6 +51,11 @@ def results() -> Results:
     return load(None, [DATA])
 
 
+def committed() -> list[Still]:
+    """Return the committed rows."""
+    return [row for source in results().sources for row in rows(source.measures)]
+
+
 def drawing() -> Drawing:
     """Return the figure of the committed rows."""
     with settings():
@@ -65,12 +73,12 @@ def write_picture() -> None:
 
 def lines() -> list[str]:
     """Return the section of the page."""
-    found = [row for source in results().sources for row in rows(source.measures)]
+    found = committed()
     told = ["## Fluids at rest", "", INTRODUCTION, "", f"![{TITLE}](images/{PICTURE.name})", "", drawing().caption, ""]
     for kind in SCENES:
         told += _table(kind, [row for row in found if row.kind == kind])
     wild = [row for row in found if row.speed and not row.rests and not row.peer]
-    told += [f"Not at rest: {'; '.join(map(_failure, wild)) or 'none'}.", ""]
+    told += [f"Not at rest: {'; '.join(map(_failure, wild)) or 'none'}. {_boundary(found)}", ""]
     for row in (row for row in found if row.peer and row.speed):
         told.append(
             f"{row.note}, DFSPH with its own steps, in the tank with {100 * row.spacing:.3g} cm between particles, without "
@@ -78,6 +86,21 @@ def lines() -> list[str]:
             f"{100 * row.speed[max(row.speed)]:.2g} % in the last span; its gain of energy is {row.gain:.2g} g H at most."
         )
     return told
+
+
+def shift(row: Still) -> float:
+    """Distance that gravity moves a particle by in a substep [rest distances]."""
+    return GRAVITY * (FRAME / row.substeps) ** 2 / row.spacing
+
+
+def _boundary(found: list[Still]) -> str:
+    """Return up to which substep every tank is at rest, and from which on one is not."""
+    tanks = [row for row in found if row.kind == TANK and row.speed and not row.peer and row.who != "macklin"]
+    still, wild = ([shift(row) for row in tanks if row.rests is rests] for rests in (True, False))
+    return (
+        f"The largest g h² / d at which `averaged` and `divergence-free` rest is {max(still):.2g}, the smallest at which "
+        f"they do not is {min(wild):.2g}; a run notes more than {RESTS:g}, and `advise` leaves it out."
+    )
 
 
 def _failure(row: Still) -> str:
@@ -96,8 +119,9 @@ def _table(kind: str, found: list[Still]) -> list[str]:
     told = [
         f"Largest rms speed from {SETTLED} s on in the {kind}, {unit} of sqrt(g H); bold: not at rest; -: not measured.",
         "",
+        f"| scheme, substeps of 1/60 s | {' | '.join(heads)} |",
+        "| --- |" + " --- |" * len(heads),
     ]
-    told += ["", f"| scheme, substeps of 1/60 s | {' | '.join(heads)} |", "| --- |" + " --- |" * len(heads)]
     for who, substeps in dict.fromkeys((row.who, row.substeps) for row in found if not row.peer):
         values = []
         for column in COLUMNS:
