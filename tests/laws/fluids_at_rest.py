@@ -95,11 +95,12 @@ def shift(row: Still) -> float:
 
 def _boundary(found: list[Still]) -> str:
     """Return up to which substep every tank is at rest, and from which on one is not."""
-    tanks = [row for row in found if row.kind == TANK and row.speed and not row.peer and row.who != "macklin"]
+    bare = [row for row in found if row.kind == TANK and row.speed and not row.peer and row.viscosity == 0]
+    tanks = [row for row in bare if row.who != "macklin"]
     still, wild = ([shift(row) for row in tanks if row.rests is rests] for rests in (True, False))
     return (
-        f"The largest g h² / d at which `averaged` and `divergence-free` rest is {max(still):.2g}, the smallest at which "
-        f"they do not is {min(wild):.2g}; a run notes more than {RESTS:g}, and `advise` leaves it out."
+        f"Without viscosity the largest g h² / d at which `averaged` and `divergence-free` rest is {max(still):.2g}, the "
+        f"smallest at which they do not is {min(wild):.2g}; a run notes more than {RESTS:g}, and `advise` leaves it out."
     )
 
 
