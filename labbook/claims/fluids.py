@@ -197,7 +197,8 @@ def rest(results: Results) -> Claim:
         if still:
             numbers[who] = max(r.late for r in still)
             few = f"{min(r.substeps for r in still)} to {max(r.substeps for r in still)} substeps"
-            kept = f"{'all' if len(still) == len(mine) else few} (rms speed at most {_share(numbers[who])})"
+            every = f"each of {len(mine)} numbers of substeps"
+            kept = f"{every if len(still) == len(mine) else few} (rms speed at most {_share(numbers[who])})"
         parts.append(f"{who} with {kept}")
     text = (
         f"Water {DEPTH:g} m deep and without viscosity should stay at rest in its tank: gain no energy over "

@@ -80,12 +80,13 @@ def lines() -> list[str]:
     wild = [row for row in found if row.speed and not row.rests and not row.peer]
     told += [f"Not at rest: {'; '.join(map(_failure, wild)) or 'none'}. {_boundary(found)}", ""]
     for row in (row for row in found if row.peer and row.speed):
-        told.append(
+        speeds = ", ".join(f"{100 * speed:.2g} % at {end:g} s" for end, speed in row.speed.items() if end > SETTLED)
+        told += [
             f"{row.note}, DFSPH with its own steps, in the tank with {100 * row.spacing:.3g} cm between particles, without "
-            f"viscosity: {100 * row.late:.2g} % from {SETTLED} s on ({max(row.speed):g} s watched), "
-            f"{100 * row.speed[max(row.speed)]:.2g} % in the last span; its gain of energy is {row.gain:.2g} g H at most."
-        )
-    return told
+            f"viscosity, rms, the largest since the time before: {speeds}; its gain of energy is {row.gain:.2g} g H at most.",
+            "",
+        ]
+    return told[:-1]
 
 
 def shift(row: Still) -> float:
