@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from bench.experiments.fluid_rest import (
@@ -57,11 +58,14 @@ def committed() -> list[Still]:
 
 
 def drawing() -> Drawing:
-    """Return the figure of the committed rows."""
+    """Return the figure of the committed rows, captioned by what is committed alone: not by what the code has become."""
+    found = results()
     with settings():
-        made = draw(results())
+        made = draw(found)
     assert isinstance(made, Drawing), made
-    return made
+    (source,) = found.sources
+    where = f"Measured on {source.machine.label} with {source.code}, {source.date}."
+    return replace(made, text=f"{made.text} {where}", sources=())
 
 
 def write_picture() -> None:
