@@ -70,7 +70,10 @@ MAIN = (
 )
 OWN_PAGE = ("answer", "gpu-design")  # these begin on a new page
 NOT_PRINTED = ("hard-states", "fluids-phases")  # figures for those who run the hard cases, or tune a fluid
-OPTIONAL = ("fluids-rate", "hard-tetrahedra")  # claims whose paragraph is only printed if they were measured
+OPTIONAL = (  # claims whose paragraph is only printed if they were measured
+    "fluids-column", "fluids-fastest", "fluids-dam", "fluids-viscosity", "fluids-drop", "fluids-peers", "fluids-rate",
+    "hard-tetrahedra",
+)  # fmt: skip
 FLUSHED = ("references",)  # these begin when every figure before them is placed
 APPENDIX = ("rungs", "threads", "gpus", "findings", "cloth", "bodies")
 CHAPTERS = (*MAIN, *APPENDIX)

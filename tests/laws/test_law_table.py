@@ -8,17 +8,20 @@ from pathlib import Path
 from typing import get_args
 
 import pytest
+from fluids_at_rest import PICTURE, committed, drawing
 from law import LAWS, limit_of
 from limits_page import PAGE, page
+from PIL import Image
 from rows import ALL, BENDINGS, BODIES, MATERIALS, ORDERINGS, REFUSED, ROWS, SCHEMES, Row, tetrahedra
 from slices import asked, by_default
 
 from app.command.run import Request, run_scene
+from bench.experiments.fluid_rest import TANK, still_tank
 from model.core.errors import SceneError
 from model.core.families import FAMILIES
 from model.core.integrators import IMPLICIT, INTEGRATORS
 from model.core.limits import LIMITS, limit_notes
-from model.fluid.family import FLUID
+from model.fluid.family import FLUID, comes_to_rest
 from model.mass_spring.family import CLOTH, GRID
 from model.scene.method import FIELDS_OF_SOLVER, Method
 from model.scene.scene import Scene
@@ -114,6 +117,21 @@ def test_the_default_slice_asks_every_law_of_every_family_and_every_row() -> Non
 def test_the_page_of_limits_is_current() -> None:
     """docs/limits.md is written by python -m tests.laws.limits_page."""
     assert PAGE.read_text(encoding="utf-8") == page(), "stale: python -m tests.laws.limits_page"
+
+
+def test_a_run_notes_the_tanks_that_do_not_come_to_rest_and_no_others() -> None:
+    """By every committed row: where `comes_to_rest` says so water is at rest; without viscosity nowhere else."""
+    found = [row for row in committed() if row.kind == TANK and row.speed and not row.peer]
+    said = {id(row): comes_to_rest(still_tank(row.who, row.substeps, row.spacing)) for row in found}
+    assert all(row.rests for row in found if said[id(row)])
+    assert not any(row.rests for row in found if not said[id(row)] and row.viscosity == 0)
+    assert {row.rests for row in found} == {True, False}
+
+
+def test_the_picture_of_fluids_at_rest_is_of_the_committed_rows() -> None:
+    """Its file names the machine, the commit and the day of what it shows, as the page does."""
+    with Image.open(PICTURE) as picture:
+        assert picture.info["Description"] == drawing().caption, "stale: python -m tests.laws.limits_page"
 
 
 @pytest.mark.parametrize(

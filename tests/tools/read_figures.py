@@ -50,6 +50,10 @@ LABELS: dict[str, list[tuple[str, str]]] = {  # figure -> (x, y) of each panel, 
         ("rest distance / m", "viscosity by itself / (m²/s)"),
     ],
     "fluids-phases": [("nanoseconds a particle", "")] * 2,
+    "fluids-rest": [
+        ("", "tank: rms / √(g H)"), *[("", "")] * 2, ("", "tank: gain / g H"), *[("", "")] * 2,
+        ("time / s", "box: rms / √(g H)"), *[("time / s", "")] * 2,
+    ],
     "hard-states": [],  # pictures
     "hard-verdicts": [],
     "hard-bodies": [("measured over its bound", "")],
