@@ -1,7 +1,7 @@
-"""The gallery: every scene of the catalogue with its picture and the command that shows it.
+"""Writer of docs/gallery.md: every scene of the catalogue with its picture and the command that draws it.
 
-`python docs/gallery.py` writes docs/gallery.md; `python docs/gallery.py --render [SCENE ...]` draws the pictures first, those
-of all scenes or of the named ones, through `softlab run --render` (a few minutes for all of them).
+`python docs/gallery.py` writes the page. `python docs/gallery.py --render [SCENE ...]` first draws the pictures of the named
+scenes, or of all (a few minutes), with `softlab run --render`.
 """
 
 from __future__ import annotations
@@ -44,8 +44,8 @@ SECTIONS = {
 OTHER = "More"
 HEAD = """# Gallery
 
-Every scene that comes with the lab. `softlab demo SCENE` shows it in a window, `softlab run SCENE --render scene.mp4` makes a
-clip; add `--backend gpu` where there is one. This page is written by `python docs/gallery.py`.
+All scenes that come with softlab. `softlab demo SCENE` shows a scene in a window, `softlab run SCENE --render scene.mp4`
+writes a clip; add `--backend gpu` to use a GPU. `python docs/gallery.py` writes this page.
 """
 
 
