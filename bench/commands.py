@@ -184,16 +184,33 @@ def fluids(
         bool,
         typer.Option("--truth", help="Measure errors against known solutions, and the time per frame, instead."),
     ] = False,
+    rest: Annotated[
+        bool,
+        typer.Option(
+            "--rest",
+            help="Measure energy and rms speed of water at rest over 60 s (--quick: one spacing, 10 s) instead.",
+        ),
+    ] = False,
     peers: Annotated[
-        bool, typer.Option("--peers", help="With --truth: also measure other programs (SPlisHSPlasH).")
+        bool, typer.Option("--peers", help="With --truth or --rest: also measure other programs (SPlisHSPlasH).")
     ] = False,
     backend: Backends = None,
     precision: RatePrecisions = None,
     store: StorePath = DEFAULT_STORE,
 ) -> None:
-    """Measure particles per second of fluids and the time of each stage, or (--truth) their errors."""
-    if peers and not truth:
-        raise SceneError("--peers", True, "applies to --truth; add --truth")
+    """Measure particles per second of fluids and the time of each stage, or (--truth) their errors, or (--rest) how still
+    they stay."""
+    if peers and not (truth or rest):
+        raise SceneError("--peers", True, "applies to --truth and --rest; add one of them")
+    if truth and rest:
+        raise SceneError("--rest", True, "cannot be combined with --truth; leave one out")
+    if precision and (truth or rest):
+        raise SceneError("--precision", precision[0], "applies to speeds; leave out --truth and --rest")
+    if rest:
+        from bench.experiments.fluid_rest import print_rest, run_rest
+
+        measure(store, run_rest, print_rest, quick=quick, backends=backend, peers=peers)
+        return
     if truth:
         from bench.experiments.fluid_truth.experiment import run_truth
         from bench.experiments.fluid_truth.rows import print_truth

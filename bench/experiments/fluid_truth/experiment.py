@@ -40,16 +40,17 @@ PEERS: dict[str, tuple[Peer, ...]] = {  # by kind; its PBF takes seconds a frame
 
 @dataclass(frozen=True)
 class Way:
-    """A setting by the lab (`peer` None) or by another program."""
+    """A setting by the lab (`peer` None) or by another program, on so many CPU `threads`."""
 
     setting: Setting
     backend: str
     peer: Peer | None = None
+    threads: str | int = "1x"
 
     @property
     def description(self) -> dict[str, Any]:
         name = None if self.peer is None else self.peer.name
-        told = configuration(self.setting.scene, backend=self.backend, peer=name, **host_of(self.backend))
+        told = configuration(self.setting.scene, backend=self.backend, peer=name, **host_of(self.backend, self.threads))
         return told | {"finding": FINDING + self.setting.kind}
 
 
@@ -81,7 +82,7 @@ def _measured(ways: Sequence[Way], told: Sequence[dict[str, Any]], effort: Effor
         for number, (way, one) in enumerate(zip(ways, told, strict=True)):
             scene = way.setting.scene
             try:
-                simulation = stack.enter_context(_opened(way, stack))
+                simulation = stack.enter_context(opened(way, stack))
                 found[number] |= judged(simulation, scene, way.setting.kind)
                 subject = Subject(simulation, one, start=_state(simulation, scene))
                 ready.append((number, prepare(subject, effort.seconds, effort.most)))
@@ -93,18 +94,18 @@ def _measured(ways: Sequence[Way], told: Sequence[dict[str, Any]], effort: Effor
     return found
 
 
-def _opened(way: Way, stack: ExitStack) -> Any:
-    """A context manager. Raises SoftlabError, PeerError."""
+def opened(way: Way, stack: ExitStack) -> Any:
+    """Return a simulation as a context manager. Raises SoftlabError, PeerError."""
     scene = way.setting.scene
     if way.peer is None:
-        return open_simulation(scene, way.backend)
+        return open_simulation(scene, way.backend, threads=way.threads)
     here, reason = way.peer.available()
     refusal = way.peer.refusal(scene) if here else reason
     if refusal:
         raise PeerError(f"{way.peer.label}: {refusal}")
-    threads = host_of("cpu")["threads"]
-    opened = stack.enter_context(way.peer.open(scene, "float32", threads))
-    return _Entered(way.peer, opened, build(scene))
+    threads = host_of("cpu", way.threads)["threads"]
+    simulation = stack.enter_context(way.peer.open(scene, "float32", threads))
+    return _Entered(way.peer, simulation, build(scene))
 
 
 class _Entered(Beside):
