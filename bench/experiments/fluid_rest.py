@@ -1,8 +1,8 @@
 """How still water at rest stays over a minute: `softlab fluids --rest`.
 
 Two scenes, at several spacings, viscosities and substeps, by every scheme: a tank, and a box that repeats, which the water
-fills and whose particles are off their lattice by DISTURBANCE. `--peers` adds DFSPH of SPlisHSPlasH in the same tank, with
-its own steps. Stored are the largest gain of energy and the largest rms speed in each span of time.
+fills and whose particles are off their lattice by DISTURBANCE. `--peers` adds DFSPH of SPlisHSPlasH in the same tank, without
+viscosity, with its own steps. Stored are the largest gain of energy and the largest rms speed in each span of time.
 """
 
 from __future__ import annotations
@@ -144,13 +144,14 @@ def settings(quick: bool) -> Iterator[tuple[Setting, float]]:
         for kind, make in SCENES.items():
             for scheme in SCHEMES:
                 for substeps in SUBSTEPS:
-                    beside = kind == TANK and (scheme, substeps) == (SCHEMES[0], SUBSTEPS[0])
+                    beside = (kind, scheme, substeps, viscosity) == (TANK, SCHEMES[0], SUBSTEPS[0], 0.0)
                     yield Setting(kind, make(scheme, substeps, spacing, viscosity), beside), seconds
 
 
 def experiments(store: Store, backends: Sequence[str], quick: bool, peers: bool = False) -> list[Experiment]:
-    """Return an experiment for each setting, on one thread: no state depends on how many there are. Raises
-    BackendUnavailable for a peer that is not here."""
+    """Return an experiment for each setting, the peer's last, on one thread: no state depends on how many there are.
+
+    Raises BackendUnavailable for a peer that is not here."""
     here, reason = PEER.available()
     if peers and not here:
         missing, _, remedy = reason.partition("; ")
@@ -158,15 +159,15 @@ def experiments(store: Store, backends: Sequence[str], quick: bool, peers: bool 
     found = []
     for backend in backends:
         sources = f"{source_hash(backend)}-{source_digest(Path(__file__))}"
-        for setting, seconds in settings(quick):
-            ways = [Way(setting, backend, threads=1)]
-            if peers and setting.beside and PEER.backend == backend:
-                ways.append(Way(setting, backend, PEER, threads=1))
-            worth = setting.scene.fluid_set.particle_count * setting.scene.method.substeps * round(seconds)
-            found += [
-                Experiment(f"{SPEED}{seconds:g}", way.description, sources, partial(_measured, way, seconds), worth)
-                for way in ways
-            ]
+        every = list(settings(quick))
+        ways = [(Way(setting, backend, threads=1), seconds) for setting, seconds in every]
+        if peers and PEER.backend == backend:
+            ways += [(Way(one, backend, PEER, threads=1), seconds) for one, seconds in every if one.beside]
+        for way, seconds in ways:
+            scene = way.setting.scene
+            worth = scene.fluid_set.particle_count * scene.method.substeps * round(seconds)
+            measure = partial(_measured, way, seconds)
+            found.append(Experiment(f"{SPEED}{seconds:g}", way.description, sources, measure, worth))
     return found
 
 
