@@ -34,7 +34,7 @@ from model.scene.parts import Gravity
 from model.scene.scene import Scene
 
 TANK, BOX = "still tank", "repeating box"
-SPACINGS = (0.05, 0.1, 0.025)  # m; the first one is watched for the whole minute
+SPACINGS = (0.05, 0.1, 0.025)  # m; the first one without viscosity is watched for the whole minute
 VISCOSITIES = (0.0, 1.0, 10.0)  # Pa s
 SUBSTEPS = (1, 2, 4, 8, 16)  # of a step of FRAME
 ITERATIONS = 10
@@ -138,9 +138,10 @@ def _measured(way: Way, seconds: float) -> Measures:
 def settings(quick: bool) -> Iterator[tuple[Setting, float]]:
     """Yield what is watched, with the seconds: the first spacing without viscosity, then all others, those that take least
     first; `quick`: only the former, shorter."""
-    every = [(d, v, SHORT if quick or d != SPACINGS[0] else WHOLE) for d in SPACINGS for v in VISCOSITIES]
-    others = sorted(every[1:], key=lambda one: one[2] / one[0] ** 3)
-    for spacing, viscosity, seconds in every[:1] if quick else [*every[:1], *others]:
+    every = [(spacing, viscosity) for spacing in SPACINGS for viscosity in VISCOSITIES]
+    others = sorted(every[1:], key=lambda one: -one[0])
+    for spacing, viscosity in every[:1] if quick else [*every[:1], *others]:
+        seconds = WHOLE if (spacing, viscosity) == every[0] and not quick else SHORT
         for kind, make in SCENES.items():
             for scheme in SCHEMES:
                 for substeps in SUBSTEPS:
