@@ -68,7 +68,10 @@ MAIN = (
 )
 OWN_PAGE = ("answer", "gpu-design")  # begin on a new one
 NOT_PRINTED = ("hard-states", "fluids-phases")  # figures for who runs the hard cases, or tunes a fluid
-OPTIONAL = ("fluids-rate", "hard-tetrahedra")  # claims whose paragraph stands only where they were measured
+OPTIONAL = (  # claims whose paragraph stands only where they were measured
+    "fluids-column", "fluids-soonest", "fluids-dam", "fluids-viscosity", "fluids-drop", "fluids-peers", "fluids-rate",
+    "hard-tetrahedra",
+)  # fmt: skip
 FLUSHED = ("references",)  # begin when every figure before them is placed
 APPENDIX = ("rungs", "threads", "gpus", "findings", "cloth", "bodies")
 CHAPTERS = (*MAIN, *APPENDIX)

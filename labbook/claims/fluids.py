@@ -1,7 +1,9 @@
-"""What the lab book may say of fluids (`softlab fluids`, `softlab fluids --truth`); labbook/claims/claim.py has the rules."""
+"""What the lab book may say of fluids (`softlab fluids`, --truth, --rest); labbook/claims/claim.py has the rules."""
 
 from __future__ import annotations
 
+from bench.experiments.fluid_rest import DEPTH, ENERGY_BOUND, SETTLED, SPEED_BOUND
+from bench.experiments.fluid_rest import TANK as STILL_TANK
 from bench.experiments.fluid_truth import laws
 from bench.experiments.fluid_truth.laws import start_off
 from bench.experiments.fluid_truth.rows import Judged
@@ -11,6 +13,7 @@ from labbook.claims.claim import SUSPECT, Claim, Claims, where
 from plots.core.backends import on_backends
 from plots.core.data import Results, Source
 from plots.figures.fluids import phases, truth
+from plots.figures.fluids import rest as rest_figure
 
 BOUNDS = {laws.MEAN: 0.01, laws.LARGEST: 0.03, laws.HEIGHT: 0.01, laws.SPEED: 0.01, laws.PRESSURE: 0.03}  # all at once
 FEWEST = (2, 3)  # substeps, iterations: those of the particle libraries
@@ -176,6 +179,36 @@ def peers(results: Results) -> Claim:
     )
 
 
+def rest(results: Results) -> Claim:
+    """Which schemes and substeps leave a still tank at rest, beside another program."""
+    held = on_backends(results, rest_figure.on)
+    if not held:
+        return Claim("How still water at rest stays was not measured.")
+    backend, source, found = held[0]
+    tanks = [r for r in found if r.kind == STILL_TANK]
+    numbers: dict[str, float] = {}
+    parts: list[str] = []
+    for who in dict.fromkeys(r.who for r in tanks if not r.peer):
+        mine = [r for r in tanks if r.who == who]
+        still = [r for r in mine if r.rests]
+        numbers[f"{who} still"] = len(still)
+        kept = "none of the numbers of substeps that were tried"
+        if still:
+            numbers[who] = max(r.late for r in still)
+            few = f"{min(r.substeps for r in still)} to {max(r.substeps for r in still)} substeps"
+            kept = f"{'all' if len(still) == len(mine) else few} (rms speed at most {_share(numbers[who])})"
+        parts.append(f"{who} with {kept}")
+    text = (
+        f"Water {DEPTH:g} m deep and without viscosity should stay at rest in its tank: gain no energy over "
+        f"{ENERGY_BOUND:g} g H, and be slower than {_share(SPEED_BOUND)} of √(g H) from {SETTLED} s on. On "
+        f"{where(backend, source)} it does by {words.listed(parts)}"
+    )
+    for other in (r for r in tanks if r.peer):
+        numbers[other.who] = other.late
+        text += f"; {other.who}, by its own steps, comes to {_share(other.late)}"
+    return Claim(f"{text}.", numbers, any(r.rests for r in tanks if not r.peer))
+
+
 def rate(results: Results) -> Claim:
     """Particle-iterations a second at the largest pool, and which stage takes most."""
     parts: list[str] = []
@@ -211,4 +244,5 @@ CLAIMS: Claims = {
     "fluids-drop": drop,
     "fluids-peers": peers,
     "fluids-rate": rate,
+    "fluids-rest": rest,
 }

@@ -46,6 +46,7 @@ from plots.figures import (
     work_precision,
 )
 from plots.figures.fluids import phases as fluid_phases
+from plots.figures.fluids import rest as fluid_rest
 from plots.figures.fluids import truth as fluid_truth
 from plots.figures.scaling import gpus, threads
 from plots.findings import determinism as findings_determinism
@@ -83,6 +84,7 @@ DRAWN: dict[str, tuple[str, Callable[[Results], Drawing | str]]] = {  # name -> 
     "bar-costs": (bar_costs.TITLE, bar_costs.draw),
     "fluids-truth": (fluid_truth.TITLE, fluid_truth.draw),
     "fluids-phases": (fluid_phases.TITLE, fluid_phases.draw),
+    "fluids-rest": (fluid_rest.TITLE, fluid_rest.draw),
     "bar-clusters": (bar.CLUSTERS_TITLE, bar.draw_clusters),
 }
 FIGURES = {name: draw for name, (_, draw) in DRAWN.items()}

@@ -38,6 +38,9 @@ RUN = "run lab-grid --steps 0 --no-judge"
         (f"{RUN} --link nccl", "add --gpus or --ranks"),
         ("advise lab-grid --error -1", "must be a finite number of spacings"),
         ("sweep --kernel fused", "applies to --kernels; add --kernels"),
+        ("fluids --peers", "--peers = True: applies to --truth and --rest; add one of them"),
+        ("fluids --rest --truth", "--rest = True: cannot be combined with --truth; leave one out"),
+        ("fluids --rest --precision float64", "applies to speeds; leave out --truth and --rest"),
     ],
 )
 def test_it_says_what_was_given_and_what_to_do(

@@ -47,7 +47,7 @@ ELSEWHERE = {  # figure -> the file whose test holds its labels to the table
     "hard-bodies": "test_hard_bodies.py",
     **dict.fromkeys(["bar-solvers", "bar-clusters"], "test_bar_told.py"),
     "bar-costs": "test_bar_costs.py",
-    **dict.fromkeys(["fluids-truth", "fluids-phases"], "test_fluid_figures.py"),
+    **dict.fromkeys(["fluids-truth", "fluids-phases", "fluids-rest"], "test_fluid_figures.py"),
     "gpus": "test_gpu_figure.py",
 }
 LARGE = (*SIZES, 1024, 2048, 4096)

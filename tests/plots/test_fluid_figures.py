@@ -6,6 +6,7 @@ import pytest
 from read_figures import LABELS, labels
 from synthetic_store import GPU_RECORD, Maker
 
+from bench.experiments import fluid_rest
 from bench.experiments.fluid_truth import laws
 from bench.experiments.fluid_truth.experiment import PEERS, Way
 from bench.experiments.fluid_truth.laws import start_off
@@ -40,7 +41,7 @@ from model.fluid.plan import neighbours_at_rest
 from plots.core.data import Results
 from plots.core.read import load
 from plots.core.style import settings as drawing_settings
-from plots.figures.fluids import phases, truth
+from plots.figures.fluids import phases, rest, truth
 
 TAKEN = 1e-9  # s a particle of the first stage, twice that of the second ...
 
@@ -61,6 +62,15 @@ def numbers_of(one: Setting) -> dict[str, float]:
     return {laws.INSIDE: 50.0, laws.ASPECT: 1.01} if one.kind == DROP else {}
 
 
+def still_numbers(one: Setting, seconds: float, peer: bool) -> dict[str, float]:
+    """Speeds of a hundredth, of `divergence-free` in one substep a tenth; energies that fall by the time."""
+    method = one.scene.method
+    boils = (method.scheme, method.substeps) == ("divergence-free", 1)
+    times = [time for time in fluid_rest.TIMES if time <= seconds]
+    speeds = {f"{fluid_rest.SPEED}{time:g}": 0.1 if boils else 0.005 if peer else 0.01 for time in times}
+    return speeds | {f"{fluid_rest.ENERGY}{time:g}": -1e-3 * time for time in times}
+
+
 @pytest.fixture(scope="module")
 def results() -> Results:
     store = Store(":memory:")
@@ -75,6 +85,11 @@ def results() -> Results:
             numbers = {**numbers_of(one), SECONDS: frame * method.dt / FRAME}
             for name, value in numbers.items():
                 store.add_measure(maker.run, told, "s", name, value, "", "of 9 pairs")
+    for one, seconds in fluid_rest.settings(quick=False):
+        for peer in (None, fluid_rest.PEER) if one.beside else (None,):
+            for name, value in still_numbers(one, seconds, peer is not None).items():
+                told = Way(one, "cpu", peer, threads=1).description
+                store.add_measure(maker.run, told, "s", name, value, "", "2.19.0" if peer else None)
     scene = pool(1000)
     for backend in ("cpu", "gpu"):
         case = make_case(scene, backend, "float32", "1000 particles")
@@ -123,6 +138,20 @@ def test_stages_stand_beside_their_limits(results: Results) -> None:
             assert least == pytest.approx(1e9 * max(moved, done))
 
 
+def test_speeds_and_energies_stand_over_their_times(results: Results) -> None:
+    with drawing_settings():
+        drawing = rest.draw(results)
+    assert not isinstance(drawing, str) and labels(drawing.figure) == LABELS["fluids-rest"]
+    speed, energy, box = (drawing.figure.axes[3 * row + SCHEMES.index("divergence-free")] for row in range(3))
+    for ax, height in ((speed, 0.1), (energy, None), (box, 0.1)):
+        (one,) = (line for line in ax.lines if line.get_color() == rest.COLOURS[1] and len(line.get_xdata()) > 2)
+        assert list(one.get_xdata()) == list(fluid_rest.TIMES)
+        assert list(one.get_ydata()) == [-1e-3 * time if height is None else height for time in fluid_rest.TIMES]
+    curves = [line for line in speed.lines if len(line.get_xdata()) > 2]
+    assert len(curves) == len(fluid_rest.SUBSTEPS) + 1, "a curve each, and the other program's"
+    assert [line.get_ydata()[0] for line in curves if line.get_color() == rest.BLACK] == [0.005]
+
+
 def test_sentences_say_what_was_measured(results: Results) -> None:
     made = {name: claim(results) for name, claim in CLAIMS.items()}
     assert not [name for name, claim in made.items() if not claim.supported]
@@ -137,9 +166,13 @@ def test_sentences_say_what_was_measured(results: Results) -> None:
     assert made["fluids-drop"].numbers["law"] == pytest.approx(2 / 3)
     assert made["fluids-peers"].numbers["SPlisHSPlasH DFSPH"] == pytest.approx(2)
     assert made["fluids-rate"].numbers["gpu"] == pytest.approx(6e6)
+    still = made["fluids-rest"].numbers
+    assert (still["macklin still"], still["divergence-free still"]) == (5, 4)
+    assert still["macklin"] == 0.01 and still[fluid_rest.PEER.label] == 0.005
+    assert "divergence-free with 2 to 16 substeps" in made["fluids-rest"].sentence
 
 
 def test_nothing_is_told_of_nothing() -> None:
     nothing = load(None)
-    assert isinstance(truth.draw(nothing), str) and isinstance(phases.draw(nothing), str)
+    assert all(isinstance(draw(nothing), str) for draw in (truth.draw, phases.draw, rest.draw))
     assert not any(claim(nothing).supported for claim in CLAIMS.values())

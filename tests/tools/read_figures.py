@@ -50,6 +50,10 @@ LABELS: dict[str, list[tuple[str, str]]] = {  # figure -> (x, y) of each panel, 
         ("rest distance / m", "viscosity by itself / (m²/s)"),
     ],
     "fluids-phases": [("nanoseconds a particle", "")] * 2,
+    "fluids-rest": [
+        ("", "rms speed / √(g H)"), *[("", "")] * 2, ("", "energy gained / g H"), *[("", "")] * 2,
+        ("time / s", "rms speed in the box / √(g H)"), *[("time / s", "")] * 2,
+    ],
     "hard-states": [],  # pictures
     "hard-verdicts": [],
     "hard-bodies": [("measured over its bound", "")],
