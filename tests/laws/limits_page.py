@@ -9,7 +9,8 @@ from pathlib import Path
 ROOT = Path(__file__).parents[2]
 sys.path[:0] = [folder for folder in (str(ROOT), str(ROOT / "tests" / "laws")) if folder not in sys.path]
 
-from faults import FAULTS, Fault  # noqa: E402  # tools of the tests, found by the line above
+import fluids_at_rest  # noqa: E402  # tools of the tests, found by the line above
+from faults import FAULTS, Fault  # noqa: E402
 from lab import Lab  # noqa: E402
 from law import LAWS, Law, limit_of  # noqa: E402
 from remarks import REMARKS  # noqa: E402
@@ -75,6 +76,7 @@ def page() -> str:
         lines.append(in_cells(str(number), limit.law, f"{limit.name}: {limit.bound}", limit.source))
     lines += ["", "## Measured beside the laws", "", "| of | measured or derived | source |", "| --- | --- | --- |"]
     lines += [in_cells(one.subject, one.text, one.source) for one in REMARKS]
+    lines += ["", *fluids_at_rest.lines()]
     lines += ["", "## Not applicable", "", *(f"- **{letter}**: {reason}." for reason, letter in reasons.items())]
     refused = [f"{one} {two}" for one, two in REFUSED]
     lines += ["", f"Combinations that a scene refuses, so that they have no row: {', '.join(refused)}."]
@@ -85,4 +87,5 @@ def page() -> str:
 
 if __name__ == "__main__":
     PAGE.write_text(page(), encoding="utf-8")
-    print(f"wrote {PAGE}")
+    fluids_at_rest.write_picture()
+    print(f"wrote {PAGE} and {fluids_at_rest.PICTURE}")

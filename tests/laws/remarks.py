@@ -123,11 +123,4 @@ REMARKS: tuple[Remark, ...] = (
         "differ by rounding",
         "the order of operations of NumPy's products and eigenvalues is the processor's; tests/machines",
     ),
-    Remark(
-        "fluid, averaged and divergence-free: rest",
-        "water in a tank comes to rest where gravity moves a particle by 0.03 rest distances in a substep at most "
-        "(g h^2 / d); a run notes a longer substep. With one of 1/60 s at 5 cm (0.054) divergence-free keeps an rms speed of "
-        "0.16 sqrt(g H), and averaged sinks by half",
-        "tests/public/test_still_water.py; model/fluid/family.py, comes_to_rest",
-    ),
 )  # fmt: skip
