@@ -34,7 +34,7 @@ from model.scene.parts import Gravity
 from model.scene.scene import Scene
 
 TANK, BOX = "still tank", "repeating box"
-SPACINGS = (0.05, 0.1, 0.025)  # m; the first one without viscosity is watched for the whole minute
+SPACINGS = (0.05, 0.1, 1 / 30)  # m; the first one without viscosity is watched for the whole minute
 VISCOSITIES = (0.0, 1.0, 10.0)  # Pa s
 SUBSTEPS = (1, 2, 4, 8, 16)  # of a step of FRAME
 ITERATIONS = 10

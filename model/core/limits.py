@@ -11,6 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from math import pi
 
+from model.fluid.family import RESTS
 from model.scene.scene import Scene
 
 
@@ -190,6 +191,13 @@ LIMITS: tuple[Limit, ...] = (
         "a substep changes it by h sum m |v| |dv| at most: a body that turns loses w^2 h of its spin a second "
         "(0.93 to 1 of that measured; taylor half, rk4 none)",
         "forces act where particles are within the substep, h v from where it ends: sum (x - x*) cross m dv; NUMERICS A8",
+    ),
+    Limit(
+        "pressure anew in each substep", "rest",
+        lambda scene: bool(scene.fluids) and scene.method.scheme != "macklin",
+        "keeps its lattice without weight; with it water comes to rest where gravity moves a particle by at most "
+        f"{RESTS:g} rest distances in a substep (g h^2 / d); a run notes longer ones, and advise leaves them out",
+        "docs/limits.md, fluids at rest; model/fluid/family.py, comes_to_rest",
     ),
 )  # fmt: skip
 

@@ -59,7 +59,7 @@ def without_colliders(row: Row) -> str:
 def unsteady(row: Row) -> str:
     """Why it does not lie on a collider."""
     if row.bare.fluids or (row.bare.is_world and row.bare.members.get("fluid")):
-        return "a fluid spreads on an open floor; its rest in a vessel is case F1 (tests/fluid/test_fluid_physics.py)"
+        return "a fluid spreads on an open floor; its rest in a tank is measured below"
     if row.bare.method.order == 2 and row.solver == "newton":
         return "the scheme refuses colliders"
     return without_colliders(row)

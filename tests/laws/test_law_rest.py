@@ -60,7 +60,8 @@ def sag(row: Row) -> float:
 @of("rest")
 def test_rest_stays_at_rest(row: Row, case: str, lab: Lab) -> None:
     """Unloaded, no force is more than rounding: each of n substeps changes velocities by `noise` at most,
-    `iterations` times, so that after t nothing has moved by more than n * iterations * noise * t.
+    `iterations` times, so that after t nothing has moved by more than n * iterations * noise * t. A fluid on its lattice has
+    no constraint to correct: all substeps together make one rounding at most (0.06 of one is the largest measured).
 
     What lies on a collider under gravity, with friction, has a weight that comes all at once: an undamped body goes
     down by twice its sag at most (a step load), and comes up no higher than it lay. Below the edges of a body that is
@@ -75,10 +76,11 @@ def test_rest_stays_at_rest(row: Row, case: str, lab: Lab) -> None:
     h, n = row.h, STEPS * scene.method.substeps
     time = h * n
     moved = np.asarray(state.position, np.float64) - begin.position
-    bound = n * (1 + scene.method.iterations) * lab.noise(scene, begin, state) * time
+    roundings = 1 if scene.fluids else n * (1 + scene.method.iterations)
+    bound = roundings * lab.noise(scene, begin, state) * time
     if case == "unloaded":
         assert farthest(moved) <= bound
-        assert farthest(state.velocity) <= n * (1 + scene.method.iterations) * lab.noise(scene, begin, state)
+        assert farthest(state.velocity) <= roundings * lab.noise(scene, begin, state)
         return
     wide = float(np.ptp(begin.position, axis=0)[::2].max()) / 2
     gap = 2 * wide**2 / ROUND if case in ("sphere", "capsule") else 0.0

@@ -8,8 +8,10 @@ from pathlib import Path
 from typing import get_args
 
 import pytest
+from fluids_at_rest import PICTURE, drawing
 from law import LAWS, limit_of
 from limits_page import PAGE, page
+from PIL import Image
 from rows import ALL, BENDINGS, BODIES, MATERIALS, ORDERINGS, REFUSED, ROWS, SCHEMES, Row, tetrahedra
 from slices import asked, by_default
 
@@ -114,6 +116,12 @@ def test_the_default_slice_asks_every_law_of_every_family_and_every_row() -> Non
 def test_the_page_of_limits_is_current() -> None:
     """docs/limits.md is written by python -m tests.laws.limits_page."""
     assert PAGE.read_text(encoding="utf-8") == page(), "stale: python -m tests.laws.limits_page"
+
+
+def test_the_picture_of_fluids_at_rest_is_of_the_committed_rows() -> None:
+    """Its file names the machine, the commit and the day of what it shows, as the page does."""
+    with Image.open(PICTURE) as picture:
+        assert picture.info["Description"] == drawing().caption, "stale: python -m tests.laws.limits_page"
 
 
 @pytest.mark.parametrize(

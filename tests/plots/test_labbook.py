@@ -17,6 +17,7 @@ from matplotlib.image import imread
 from synthetic_store import CPU_RECORD, GPU_RECORD, SIZES, Maker, cpu_store, gpu_store
 
 from bench.store.database import Store
+from bench.store.results import open_readonly
 from bench.store.transfer import export
 from labbook import words
 from labbook.build import (
@@ -373,6 +374,19 @@ def test_hand_written_claims_hold_for_the_committed_measurements() -> None:
     if not paths:
         pytest.skip("labbook/data holds no measurements yet")
     assert failures(paths) == []
+
+
+def test_no_committed_number_of_a_fluid_is_of_the_former_kernel() -> None:
+    """Corrections follow the gradient of their constraint since then; what was measured before is of other motions."""
+    since = "2026-11-26T20:35"
+    for path in committed_data():
+        with open_readonly(path) as store:
+            found = store.query(
+                "SELECT DISTINCT run.key, started FROM run JOIN (SELECT run, configuration FROM measure UNION "
+                "SELECT run, configuration FROM sample) AS numbers ON run.key = numbers.run "
+                """JOIN configuration ON hash = numbers.configuration WHERE description LIKE '%"kind":"fluid"%'"""
+            )
+        assert all(started > since for _, started in found), path.name
 
 
 def test_the_book_of_the_committed_measurements_keeps_its_length(tmp_path: Path) -> None:
