@@ -239,7 +239,7 @@ BAD = [
     ("sweep", "--link peer", ["--link", "add --gpus"]),
     ("sweep", "--exchange-every 3", ["--exchange-every", "add --gpus"]),
     ("sweep", "--gpus 0", ["--gpus", "at least 1"]),
-    ("fluids", "--peers", ["--peers", "add --truth"]),
+    ("fluids", "--peers", ["--peers", "applies to --truth and --rest"]),
     ("advise lab-curtain", "--error 0.1 --force", ["--force", "add --write"]),
     ("scale", "--exchange-every 0", ["--exchange-every"]),
     ("scale", "--exchange-every 100000", ["--exchange-every", "use at most"]),

@@ -262,6 +262,6 @@ def test_a_fluid_is_the_same_with_and_without() -> None:
 
 
 def test_foam_is_for_fluids() -> None:
-    with pytest.raises(SceneError, match="for fluids"):
+    with pytest.raises(SceneError, match="applies to fluids"):
         Scene({"grid": {"rows": 2, "columns": 2}, "foam": {}})
     assert full_count(water(3)) == pytest.approx(4 / 3 * np.pi * 0.55**-3)

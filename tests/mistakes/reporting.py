@@ -118,8 +118,8 @@ RESULTS: tuple[Mistake, ...] = (
     *in_file(
         "bench/store/database.py", "test_results.py",
         {
-            "another machine's measure is held": ('"WHERE configuration = ? AND machine = ? AND sources = ? AND name = ? LIMIT 1",\n                (configuration_hash(description), machine, sources, name),', '"WHERE configuration = ? AND sources = ? AND name = ? LIMIT 1",\n                (configuration_hash(description), sources, name),'),
-            "another stage's samples are held": ('"WHERE configuration = ? AND machine = ? AND sources = ? AND stage = ?",\n            (configuration_hash(description), machine, sources, stage),', '"WHERE configuration = ? AND machine = ? AND sources = ?",\n            (configuration_hash(description), machine, sources),'),
+            "another machine's measure is held": ("AND machine = :machine AND {schema.SOURCES} AND name = :name LIMIT 1", "AND {schema.SOURCES} AND name = :name LIMIT 1"),
+            "another stage's samples are held": ("AND {schema.SOURCES} AND stage = :stage", "AND {schema.SOURCES}"),
         },
     ),
     *in_file(
