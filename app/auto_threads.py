@@ -11,8 +11,8 @@ import statistics
 import time
 from collections.abc import Callable, Mapping, Sequence
 
-from model.core.errors import Diverged
-from model.core.simulation import Simulation
+from softlab.model.core.errors import Diverged
+from softlab.model.core.simulation import Simulation
 
 AUTO = "auto"
 GAIN = 1.1  # more threads must be that much quicker: they keep cores from others

@@ -5,17 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
-from app.auto_threads import AUTO, open_quickest
-from app.shared import USUAL_LINK, open_shared
-from model.contact.shortfalls import lost_so_far
-from model.core.errors import SceneError
-from model.core.families import family_of
-from model.core.family import named
-from model.core.simulation import Options, Simulation, State
-from model.core.stability.diagnosis import refusal
-from model.core.waiting import work
-from model.scene.motion import RELEASE
-from model.scene.scene import Scene, load_scene
+from softlab.app.auto_threads import AUTO, open_quickest
+from softlab.app.shared import USUAL_LINK, open_shared
+from softlab.model.contact.shortfalls import lost_so_far
+from softlab.model.core.errors import SceneError
+from softlab.model.core.families import family_of
+from softlab.model.core.family import named
+from softlab.model.core.simulation import Options, Simulation, State
+from softlab.model.core.stability.diagnosis import refusal
+from softlab.model.core.waiting import work
+from softlab.model.scene.motion import RELEASE
+from softlab.model.scene.scene import Scene, load_scene
 
 BACKENDS = ("cpu", "gpu")
 
@@ -36,24 +36,58 @@ def open_simulation(
     exchange_every: int | None = None,
     link: str = USUAL_LINK,
 ) -> Simulation:
-    """Open a scene on a backend; use it as a context manager.
+    """Open a scene on a backend; use the simulation as a context manager.
 
-    `scene`: a Scene, a catalogue name or a TOML file. `threads` (cpu): `1x`, `2x`, `4x` the cores, a number, or `auto`: as
-    many as cores or one, whichever is quicker now (`threads_reason` says why). `live`:
-    what may change while running, of gravity, poke, dt, stiffness, damping; only those parts are compiled to be
-    changeable. `initial`: start from a state. `gpus`: that share the sheet, by its rows, bodies that never meet, or the
-    meshes of tetrahedral ones;
-    `ranks`: processes of MPI on CPUs that do, of which this is one; every `exchange_every` steps those of a sheet tell each
-    other of their borders (None: as suits).
-    `link`: how GPUs do, `flags` (into each other's memory, kernels wait for kernels), `peer` (from it) or `nccl` (also where
-    this is one of several processes of MPI, with a GPU each).
+    Parameters
+    ----------
+    scene : Scene, str or Path
+        A scene, the name of a catalogue scene, or a TOML file.
+    backend : {"cpu", "gpu"}
+        CPU threads (numba) or CUDA (numba.cuda).
+    threads : str or int
+        CPU threads: "1x", "2x" or "4x" as many as cores, a number, or "auto": one thread per core or a single one, whichever
+        is faster now (`threads_reason` says why).
+    precision : {"float32", "float64"}
+        Type of positions and velocities.
+    math : {"fast", "exact"}
+        "exact" gives the same bits on every backend and thread count; "fast" is faster.
+    kernel : str, optional
+        Kernel to use; by default the fastest one measured for the scene.
+    live : iterable of str
+        What may change while running: gravity, poke, dt, stiffness, damping. Only these parts are compiled to be changeable.
+    initial : State, optional
+        State to start from.
+    allow_unstable : bool
+        Accept a step size over the stability limit.
+    gpus : int
+        Number of GPUs that share the scene: rows of a sheet, bodies that never meet, or meshes of tetrahedra.
+    ranks : int
+        Number of MPI processes that share the scene on CPUs; this process is one of them.
+    exchange_every : int, optional
+        Steps between two exchanges of a shared sheet's borders; by default chosen from its size.
+    link : {"flags", "peer", "nccl"}
+        How GPUs exchange data: kernels write into each other's memory and wait for each other, copies between devices, or
+        NCCL (also between MPI processes with one GPU each).
 
-    Raises SceneError or InputError (bad input), UnstableTimeStep (dt over the limit, unless `allow_unstable`),
-    BackendUnavailable (no GPU).
+    Returns
+    -------
+    Simulation
+        At the scene's start, or at `initial`.
 
-        with open_simulation("lab-grid") as simulation:
-            simulation.advance(100)
-            position = simulation.read("position")
+    Raises
+    ------
+    SceneError, InputError
+        Bad input.
+    UnstableTimeStep
+        The step size exceeds the stability limit.
+    BackendUnavailable
+        There is no usable GPU, or another component is missing.
+
+    Examples
+    --------
+    >>> with open_simulation("lab-grid") as simulation:
+    ...     simulation.advance(100)
+    ...     position = simulation.read("position")
     """
     if not isinstance(scene, Scene):
         scene = load_scene(scene)
@@ -70,7 +104,7 @@ def open_simulation(
     if gpus != 1 or ranks != 1:
         simulation = open_shared(scene, backend, options, threads, gpus, ranks, exchange_every, link)
     elif backend == "cpu" and threads == AUTO:
-        from cpu_backend.core.threads import core_count
+        from softlab.cpu_backend.core.threads import core_count
 
         simulation = open_quickest(lambda count: _open(scene, backend, options, count), core_count())
     else:

@@ -5,28 +5,28 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from model.core.errors import SceneError
-from model.core.family import named
-from model.core.options import Options
-from model.core.simulation import Simulation
-from model.domains.launched import launched_ranks
-from model.domains.partitioned import PartitionedBodies, is_partitioned, partitions
-from model.domains.shared_bodies import SharedBodies, bodies_of, division, is_apart
-from model.domains.shared_fluid import SharedFluid
-from model.domains.simulation import DecomposedSimulation, cut, reach_of
-from model.domains.slabs import fluid_halo_of, is_in_slabs, slabs_at_start
-from model.scene.motion import RELEASE
-from model.scene.scene import Scene
+from softlab.model.core.errors import SceneError
+from softlab.model.core.family import named
+from softlab.model.core.options import Options
+from softlab.model.core.simulation import Simulation
+from softlab.model.domains.launched import launched_ranks
+from softlab.model.domains.partitioned import PartitionedBodies, is_partitioned, partitions
+from softlab.model.domains.shared_bodies import SharedBodies, bodies_of, division, is_apart
+from softlab.model.domains.shared_fluid import SharedFluid
+from softlab.model.domains.simulation import DecomposedSimulation, cut, reach_of
+from softlab.model.domains.slabs import fluid_halo_of, is_in_slabs, slabs_at_start
+from softlab.model.scene.motion import RELEASE
+from softlab.model.scene.scene import Scene
 
 LINKS = {  # of GPUs: the class that opens a sheet which they share
-    "flags": "gpu_backend.domains.flags:FlagSimulation",
-    "peer": "gpu_backend.domains.peers:PeerSimulation",
-    "nccl": "gpu_backend.domains.nccl:NcclSimulation",
+    "flags": "softlab.gpu_backend.domains.flags:FlagSimulation",
+    "peer": "softlab.gpu_backend.domains.peers:PeerSimulation",
+    "nccl": "softlab.gpu_backend.domains.nccl:NcclSimulation",
 }
 USUAL_LINK = "flags"
-BODIES = "gpu_backend.domains.bodies:GpuBodies"
-PARTITIONS = "gpu_backend.domains.partitions:GpuPartitions"
-FLUID = "gpu_backend.domains.fluid:GpuFluid"
+BODIES = "softlab.gpu_backend.domains.bodies:GpuBodies"
+PARTITIONS = "softlab.gpu_backend.domains.partitions:GpuPartitions"
+FLUID = "softlab.gpu_backend.domains.fluid:GpuFluid"
 NO_LINK = {  # of those that are shared in one way alone
     BODIES: "bodies send nothing",
     PARTITIONS: "partitions of a mesh are read from the neighbours' memory",
@@ -118,8 +118,8 @@ def open_shared(
     check_sharing(backend, gpus, ranks, link)
     _refuse_releases(scene)
     if backend == "cpu":
-        from cpu_backend.domains.mpi import MpiRanks
-        from cpu_backend.domains.ranks import on_ranks
+        from softlab.cpu_backend.domains.mpi import MpiRanks
+        from softlab.cpu_backend.domains.ranks import on_ranks
 
         return on_ranks(scene, options, MpiRanks(ranks), threads, exchange_every)
     way = _way(scene, gpus)

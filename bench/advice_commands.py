@@ -1,4 +1,4 @@
-"""The commands that measure to give advice, one function a sub-command; softlab.py takes them among its own."""
+"""The commands that measure to give advice, one function a sub-command; softlab/cli.py takes them among its own."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from typing import Annotated
 
 import typer
 
-from app.command.command_line import DEFAULT_STORE, SceneName, Settings, StorePath, out, scene_of, typed
-from bench.measure.took import Timed
-from bench.options import Backends, Precisions, Time, measure, precisions_of
-from model.core.errors import SceneError
+from softlab.app.command.command_line import DEFAULT_STORE, SceneName, Settings, StorePath, out, scene_of, typed
+from softlab.bench.measure.took import Timed
+from softlab.bench.options import Backends, Precisions, Time, measure, precisions_of
+from softlab.model.core.errors import SceneError
 
 advising = typer.Typer()
 
@@ -38,9 +38,9 @@ def advise(
     store: StorePath = DEFAULT_STORE,
 ) -> None:
     """Measure which method, step size, precision and backend reaches an error fastest on this machine."""
-    from app.command.scene_file import check_scene_target, write_scene
-    from bench.experiments.advise.answer import answer, checked
-    from bench.store.database import Store
+    from softlab.app.command.scene_file import check_scene_target, write_scene
+    from softlab.bench.experiments.advise.answer import answer, checked
+    from softlab.bench.store.database import Store
 
     if force and write is None:
         raise SceneError("--force", True, "replaces the file of --write; add --write FILE.toml")
@@ -71,12 +71,12 @@ def ablate(
     store: StorePath = DEFAULT_STORE,
 ) -> None:
     """Leave out one part of a scene at a time: measure the time it saves and the error it causes."""
-    from bench.experiments.advise.ablate import ablate as find
-    from bench.experiments.advise.ablation_results import print_ablation
+    from softlab.bench.experiments.advise.ablate import ablate as find
+    from softlab.bench.experiments.advise.ablation_results import print_ablation
 
     asked = scene_of(scene, settings)
     if asked.fluids:
-        from bench.experiments.advise.fluids_ablation import ablate_fluids, print_fluid_ablation
+        from softlab.bench.experiments.advise.fluids_ablation import ablate_fluids, print_fluid_ablation
 
         measure(store, ablate_fluids, tell=print_fluid_ablation, scene=asked, backends=backend, time=time)
         return

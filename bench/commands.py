@@ -1,4 +1,4 @@
-"""The commands that measure, into the store, one function a sub-command; softlab.py takes them among its own."""
+"""The commands that measure, into the store, one function a sub-command; softlab/cli.py takes them among its own."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ from typing import Annotated, Any
 
 import typer
 
-from app.command.command_line import DEFAULT_STORE, StorePath
-from bench.measure.took import Timed
-from bench.options import (
+from softlab.app.command.command_line import DEFAULT_STORE, StorePath
+from softlab.bench.measure.took import Timed
+from softlab.bench.options import (
     Backends,
     Cluster,
     Integrators,
@@ -21,7 +21,7 @@ from bench.options import (
     precisions_of,
     where_asked,
 )
-from model.core.errors import SceneError
+from softlab.model.core.errors import SceneError
 
 measuring = typer.Typer()
 
@@ -54,11 +54,11 @@ def accuracy(
     store: StorePath = DEFAULT_STORE,
 ) -> None:
     """Measure error and speed of every method, step size and precision of grids and cloth (bodies: softlab bar)."""
-    from bench.experiments.accuracy.experiment import run_accuracy
-    from bench.experiments.accuracy.points import labels_of
-    from bench.experiments.convergence import run_convergence
-    from bench.experiments.findings.costs import run_costs
-    from bench.experiments.findings.experiment import run_findings
+    from softlab.bench.experiments.accuracy.experiment import run_accuracy
+    from softlab.bench.experiments.accuracy.points import labels_of
+    from softlab.bench.experiments.convergence import run_convergence
+    from softlab.bench.experiments.findings.costs import run_costs
+    from softlab.bench.experiments.findings.experiment import run_findings
 
     scenes = labels_of([*(names or []), *(scene or [])]) or None
     if findings is None:
@@ -80,7 +80,7 @@ def stability(
     store: StorePath = DEFAULT_STORE,
 ) -> None:
     """Measure the stability limit of every integrator over step size, stiffness and damping."""
-    from bench.experiments.stability.experiment import run_stability
+    from softlab.bench.experiments.stability.experiment import run_stability
 
     where = where_asked(cluster, workers, sbatch)
     measure(store, run_stability, where=where, timed=False, quick=quick, integrators=integrator, backends=backend)
@@ -106,9 +106,9 @@ def hard(
 ) -> None:
     """Run the hard cases (collapsed, flipped, far away, squashed, stacked ...): each passes, fails, or is refused with a
     diagnosis."""
-    from bench.stress.experiment import run_hard
-    from bench.stress.results import failed
-    from bench.stress.told import print_hard
+    from softlab.bench.stress.experiment import run_hard
+    from softlab.bench.stress.results import failed
+    from softlab.bench.stress.told import print_hard
 
     summary = measure(
         store, run_hard, tell=print_hard, quick=quick, cases=case, integrators=integrator, backends=backend,
@@ -140,8 +140,8 @@ def projections(
     store: StorePath = DEFAULT_STORE,
 ) -> None:
     """Measure how many constraints per second the position-based solvers project, beside published cloth."""
-    from bench.experiments.element_projections import print_element_projections, run_element_projections
-    from bench.experiments.projections import print_projections, run_projections
+    from softlab.bench.experiments.element_projections import print_element_projections, run_element_projections
+    from softlab.bench.experiments.projections import print_projections, run_projections
 
     chosen = precisions_of(precision, "float32")
     if tetrahedra:
@@ -169,7 +169,7 @@ def throughput(
     store: StorePath = DEFAULT_STORE,
 ) -> None:
     """Measure particles per second of soft bodies, rigid bodies, colliding heaps and lattices."""
-    from bench.experiments.throughput import print_throughput, run_throughput
+    from softlab.bench.experiments.throughput import print_throughput, run_throughput
 
     chosen = precisions_of(precision, "float32")
     measure(store, run_throughput, print_throughput, quick=quick, backends=backend, kinds=kind, precisions=chosen)
@@ -207,17 +207,17 @@ def fluids(
     if precision and (truth or rest):
         raise SceneError("--precision", precision[0], "applies to speeds; leave out --truth and --rest")
     if rest:
-        from bench.experiments.fluid_rest import print_rest, run_rest
+        from softlab.bench.experiments.fluid_rest import print_rest, run_rest
 
         measure(store, run_rest, print_rest, quick=quick, backends=backend, peers=peers)
         return
     if truth:
-        from bench.experiments.fluid_truth.experiment import run_truth
-        from bench.experiments.fluid_truth.rows import print_truth
+        from softlab.bench.experiments.fluid_truth.experiment import run_truth
+        from softlab.bench.experiments.fluid_truth.rows import print_truth
 
         measure(store, run_truth, print_truth, quick=quick, backends=backend, peers=peers)
         return
-    from bench.experiments.fluids import print_fluids, run_fluids
+    from softlab.bench.experiments.fluids import print_fluids, run_fluids
 
     chosen = precisions_of(precision, "float32")
     measure(store, run_fluids, print_fluids, quick=quick, backends=backend, precisions=chosen)
@@ -230,7 +230,7 @@ def busy(
     store: StorePath = DEFAULT_STORE,
 ) -> None:
     """Measure what another program on the machine costs CPU threads."""
-    from bench.experiments.busy import print_busy, run_busy
+    from softlab.bench.experiments.busy import print_busy, run_busy
 
     measure(store, run_busy, print_busy, quick=quick, scenes=scene or ())
 
@@ -260,9 +260,9 @@ def tetrahedra(
     store: StorePath = DEFAULT_STORE,
 ) -> None:
     """Measure the solver error and the mesh error of a bar of tetrahedra, and the fastest solver within 1 %."""
-    from bench.experiments.tetrahedra import run_tetrahedra
-    from bench.experiments.tetrahedral.decides import print_tetrahedra
-    from bench.experiments.tetrahedral.meshes import print_meshes, run_meshes
+    from softlab.bench.experiments.tetrahedra import run_tetrahedra
+    from softlab.bench.experiments.tetrahedral.decides import print_tetrahedra
+    from softlab.bench.experiments.tetrahedral.meshes import print_meshes, run_meshes
 
     chosen = precisions_of(precision, "float32")
     picked: dict[str, Any] = {
@@ -286,9 +286,9 @@ def bar(
     store: StorePath = DEFAULT_STORE,
 ) -> None:
     """Compare sag, frequency and shear of one bar under every method with the theory of its material; also the cost."""
-    from bench.experiments.bar import run_bar
-    from bench.experiments.bar_costs import print_bar_costs, run_bar_costs
-    from bench.experiments.bar_rows import print_bar
+    from softlab.bench.experiments.bar import run_bar
+    from softlab.bench.experiments.bar_costs import print_bar_costs, run_bar_costs
+    from softlab.bench.experiments.bar_rows import print_bar
 
     measure(store, run_bar, print_bar, quick=quick, backends=backend)
     measure(store, run_bar_costs, print_bar_costs, quick=quick, backends=backend)

@@ -9,8 +9,8 @@ from typing import Annotated, Any
 import typer
 from rich.console import Console
 
-from app.command.command_line import out, typed
-from model.core.errors import SceneError
+from softlab.app.command.command_line import out, typed
+from softlab.model.core.errors import SceneError
 
 Backends = Annotated[list[str] | None, typer.Option(help="Only this backend. Repeatable.")]
 Integrators = Annotated[list[str] | None, typer.Option(help="Only this integrator. Repeatable.")]
@@ -43,7 +43,7 @@ Time = Annotated[float | None, typer.Option(help="Simulated seconds until the er
 
 def precisions_of(chosen: list[str] | None, *usual: str) -> tuple[str, ...]:
     """Those that were chosen, each once, else the `usual`, else all. Raises SceneError."""
-    from model.core.simulation import PRECISIONS, Options
+    from softlab.model.core.simulation import PRECISIONS, Options
 
     return tuple(dict.fromkeys(Options(name).precision for name in chosen or usual or PRECISIONS))
 
@@ -65,11 +65,11 @@ def measure(
     """Run an experiment into the store, then tell what the store says of this machine (`show`) and what was done (`tell`);
     the summary. `where`: in workers, each with its machine to itself if something is `timed`. The exit status of Ctrl-C, if
     that ended it; 1 if something was given up."""
-    from bench.store.database import Store
+    from softlab.bench.store.database import Store
 
     with Store(path) as store:
         if where is not None:
-            from bench.cluster.start import on_cluster
+            from softlab.bench.cluster.start import on_cluster
 
             summary = on_cluster(store, run, where, timed=timed, command=typed(), **how)
         else:
@@ -79,7 +79,7 @@ def measure(
                 show(out, store, machine)
         tell(out, summary)
         if where is not None:
-            from bench.cluster.summary import print_workers
+            from softlab.bench.cluster.summary import print_workers
 
             print_workers(out, summary)
     if summary.interrupted:
@@ -91,7 +91,7 @@ def measure(
 
 def where_asked(cluster: str | None, workers: int | None, sbatch: list[str] | None) -> Any:
     """Where an experiment is to be measured; None: in this process. Raises SceneError."""
-    from bench.cluster.pools import where_of
+    from softlab.bench.cluster.pools import where_of
 
     if cluster is None:
         for name, value in (("--workers", workers), ("--sbatch", sbatch)):

@@ -6,8 +6,8 @@ from typing import Annotated
 
 import typer
 
-from app.command.command_line import DEFAULT_STORE, StorePath, out
-from model.core.errors import SceneError
+from softlab.app.command.command_line import DEFAULT_STORE, StorePath, out
+from softlab.model.core.errors import SceneError
 
 scaling = typer.Typer()
 
@@ -31,9 +31,9 @@ def scale(
     store: StorePath = DEFAULT_STORE,
 ) -> None:
     """Predict strong and weak scaling of a grid on many GPUs, and compare the model with measurements."""
-    from bench.experiments.scaling.model import Cluster
-    from bench.experiments.scaling.told import MOST, print_checked, print_predicted
-    from model.domains.link import Link
+    from softlab.bench.experiments.scaling.model import Cluster
+    from softlab.bench.experiments.scaling.told import MOST, print_checked, print_predicted
+    from softlab.model.domains.link import Link
 
     for option, value, least, most in (
         ("--gpus", gpus, 1, MOST),

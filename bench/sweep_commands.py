@@ -1,4 +1,4 @@
-"""`softlab sweep`, into the store; softlab.py takes it among its own."""
+"""`softlab sweep`, into the store; softlab/cli.py takes it among its own."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from typing import Annotated, Any
 
 import typer
 
-from app.command.command_line import DEFAULT_STORE, StorePath
-from bench.measure.took import Timed
-from bench.options import Backends, Cluster, Precisions, Sbatch, Workers, measure, precisions_of, where_asked
-from model.core.errors import SceneError
+from softlab.app.command.command_line import DEFAULT_STORE, StorePath
+from softlab.bench.measure.took import Timed
+from softlab.bench.options import Backends, Cluster, Precisions, Sbatch, Workers, measure, precisions_of, where_asked
+from softlab.model.core.errors import SceneError
 
 sweeping = typer.Typer()
 
@@ -74,8 +74,8 @@ def sweep(
     store: StorePath = DEFAULT_STORE,
 ) -> None:
     """Time grid sizes, backends, threads and precisions, with and without graphics. Resumes where it stopped."""
-    from bench.experiments.sweep import THREADS, check_positive, run_sweep
-    from bench.store.tables import print_kernels, print_sweep
+    from softlab.bench.experiments.sweep import THREADS, check_positive, run_sweep
+    from softlab.bench.store.tables import print_kernels, print_sweep
 
     check_together(peers, kernels, kernel, threads, scene, gpus, cluster, {
         "--weak": weak, "--link": link, "--exchange-every": exchange_every,
@@ -83,7 +83,7 @@ def sweep(
     check_positive("--min-ms", min_ms)
     where = where_asked(cluster, workers, sbatch)
     if gpus:
-        from bench.experiments.scaling.experiment import print_scaling, run_scaling
+        from softlab.bench.experiments.scaling.experiment import print_scaling, run_scaling
 
         shared: dict[str, Any] = {"gpus": gpus, "sizes": size, "exchange_every": exchange_every, "weak": weak}
         shared |= {"links": link} if link else {}
@@ -100,13 +100,13 @@ def sweep(
         "tell": print_sweep,
     }  # fmt: skip
     if kernels:
-        from bench.experiments.kernel_sweep import run_kernel_sweep
+        from softlab.bench.experiments.kernel_sweep import run_kernel_sweep
 
         how |= {"kernels": kernel, "energy": energy, "starts": starts, "again": again}
         measure(store, run_kernel_sweep, print_kernels, where=where, **how)
     elif peers:
-        from bench.peers.results import print_peers
-        from bench.peers.sweep import run_peers
+        from softlab.bench.peers.results import print_peers
+        from softlab.bench.peers.sweep import run_peers
 
         measure(store, run_peers, print_peers, scenes=scene, **how)
     else:

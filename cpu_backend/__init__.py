@@ -1,3 +1,3 @@
 """The CPU backend: numba kernels, parallel over bands of rows."""
 
-from cpu_backend.core import threads as threads  # first: it sets what numba reads when it is imported
+from softlab.cpu_backend.core import threads as threads  # first: it sets what numba reads when it is imported

@@ -16,7 +16,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
-from model.scene.reader import catalogue  # noqa: E402
+from softlab.model.scene.reader import catalogue  # noqa: E402
 
 PAGE, PICTURES = ROOT / "docs" / "gallery.md", ROOT / "docs" / "images" / "gallery"
 WIDTH, QUALITY = 640, 72  # pixels, of WebP
@@ -103,7 +103,7 @@ def draw(name: str) -> None:
         changes = [word for change in SMALLER.get(name, ()) for word in ("--set", change)]
         subprocess.run(
             [
-                sys.executable, str(ROOT / "softlab.py"), "run", name, "--time", str(WHEN.get(name, SECONDS)), *changes,
+                sys.executable, "-m", "softlab", "run", name, "--time", str(WHEN.get(name, SECONDS)), *changes,
                 "--no-judge", "--render", str(drawn),
             ],
             check=True, stdout=subprocess.DEVNULL,

@@ -1,10 +1,25 @@
-"""What the site's builder does to pages: links to files beside docs/, which the sources have and the site has not, become
-their paths."""
+"""What the site's builder does: it finds the layers as packages of `softlab`, and links to files beside docs/, which the
+site does not have, become their paths."""
 
 from __future__ import annotations
 
 import re
+import shutil
+from pathlib import Path
 from typing import Any
+
+ROOT = Path(__file__).resolve().parents[1]
+LAYERS = ("model", "cpu_backend", "gpu_backend", "app", "bench", "plots", "labbook")
+
+
+def on_config(config: Any) -> Any:
+    """Lay out the sources as they are installed, in build/api: the builder reads them and imports nothing."""
+    package = ROOT / "build" / "api" / "softlab"
+    shutil.rmtree(package, ignore_errors=True)
+    for source in [ROOT / "softlab", *(ROOT / layer for layer in LAYERS)]:
+        target = package if source.name == "softlab" else package / source.name
+        shutil.copytree(source, target, ignore=shutil.ignore_patterns("__pycache__", "data"), dirs_exist_ok=True)
+    return config
 
 
 def on_page_markdown(markdown: str, **_: Any) -> str:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from bench.experiments.accuracy.points import CLOTHS, SCENES, SIZES, SUSPECT_NOTE, method_words
-from labbook import words
-from labbook.tables import DASH, Table, table
-from labbook.words import number, seconds
-from model.scene.scene import load_scene
-from plots.core.accuracy_points import Point, points, reaching
-from plots.core.data import Results, Source
+from softlab.bench.experiments.accuracy.points import CLOTHS, SCENES, SIZES, SUSPECT_NOTE, method_words
+from softlab.labbook import words
+from softlab.labbook.tables import DASH, Table, table
+from softlab.labbook.words import number, seconds
+from softlab.model.scene.scene import load_scene
+from softlab.plots.core.accuracy_points import Point, points, reaching
+from softlab.plots.core.data import Results, Source
 
 TARGETS = (1e-1, 1e-2, 1e-3)  # spacings
 # small grids first, then stiff ones and ones with contacts

@@ -1,6 +1,6 @@
 """Builds the lab book: measurements -> figures, claims and tables -> typst -> one PDF.
 
->>> from labbook.build import build
+>>> from softlab.labbook.build import build
 >>> build("softlab-results/results.sqlite", "labbook.pdf")
 
 A chapter is a file in entries/ and its name in CHAPTERS. Entries contain only text: numbers of the design come from
@@ -17,9 +17,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from bench.stress.results import rows_of
-from labbook.answer import answer_tables
-from labbook.claims import (
+from softlab.bench.stress.results import rows_of
+from softlab.labbook.answer import answer_tables
+from softlab.labbook.claims import (
     ablation,
     accuracy,
     bar_costs,
@@ -42,16 +42,16 @@ from labbook.claims import (
     tetrahedra,
     throughput,
 )
-from labbook.facts import facts
-from labbook.rungs import rung_tables
-from labbook.tables import Table, machine_table, region_tables, scene_table
-from model.core.errors import BackendUnavailable, InputError
-from model.core.files import check_target, replacing
-from plots.core.data import Origin, Results, Source, is_suspect
-from plots.core.draw import FigureFiles, draw_figures
-from plots.core.files import without_footer
-from plots.core.older import without_older
-from plots.core.read import load
+from softlab.labbook.facts import facts
+from softlab.labbook.rungs import rung_tables
+from softlab.labbook.tables import Table, machine_table, region_tables, scene_table
+from softlab.model.core.errors import BackendUnavailable, InputError
+from softlab.model.core.files import check_target, replacing
+from softlab.plots.core.data import Origin, Results, Source, is_suspect
+from softlab.plots.core.draw import FigureFiles, draw_figures
+from softlab.plots.core.files import without_footer
+from softlab.plots.core.older import without_older
+from softlab.plots.core.read import load
 
 FOLDER = Path(__file__).resolve().parent
 COMMITTED = FOLDER / "data"

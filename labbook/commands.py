@@ -1,4 +1,4 @@
-"""Commands that report the contents of the store: figures, lab book, film, the whole lab; used by softlab.py."""
+"""Commands that report the contents of the store: figures, lab book, film, the whole lab; used by softlab/cli.py."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from app.command.command_line import DEFAULT_STORE, StorePath, compilations_told, out, tell_of_no_store, typed
+from softlab.app.command.command_line import DEFAULT_STORE, StorePath, compilations_told, out, tell_of_no_store, typed
 
 telling = typer.Typer()
 
@@ -26,7 +26,7 @@ def figures(
     ] = None,
 ) -> None:
     """Draw every figure from the measurements of this machine and those that come with the lab."""
-    from labbook.jobs import make_figures
+    from softlab.labbook.jobs import make_figures
 
     for path in make_figures(store, folder, energies):
         out.print(str(path), markup=False)
@@ -37,7 +37,7 @@ def labbook(
     store: StorePath = DEFAULT_STORE, pdf: Annotated[Path, typer.Option("--out", help="The PDF file.")] = DEFAULT_BOOK
 ) -> None:
     """Write the lab book (PDF) from the measurements."""
-    from labbook.jobs import make_labbook
+    from softlab.labbook.jobs import make_labbook
 
     tell_of_no_store(store, "the lab book")
     out.print(str(make_labbook(store, pdf)), markup=False)
@@ -53,7 +53,7 @@ def film(
     quick: Annotated[bool, typer.Option("--quick", help="A film of half a minute in 640 x 360 pixels.")] = False,
 ) -> None:
     """Make a film of two minutes: both backends side by side, with times and errors."""
-    from labbook.jobs import make_film
+    from softlab.labbook.jobs import make_film
 
     tell_of_no_store(store, "the film")
     with compilations_told():
@@ -69,9 +69,9 @@ def lab(
     store: StorePath = DEFAULT_STORE,
 ) -> None:
     """Run everything: doctor, sweep, accuracy, stability, figures, lab book."""
-    from bench.measure.took import DIRTY
-    from bench.store.versions import refuse_changed_files
-    from labbook.jobs import whole_lab
+    from softlab.bench.measure.took import DIRTY
+    from softlab.bench.store.versions import refuse_changed_files
+    from softlab.labbook.jobs import whole_lab
 
     refuse_changed_files(bool(context.find_root().params.get(DIRTY)))
     whole_lab(out, quick=quick, store_path=store, command=typed())

@@ -10,24 +10,24 @@ from typing import Any
 
 import numpy as np
 
-from bench.experiments.accuracy.cases import STEP_SIZES
-from bench.experiments.accuracy.judgement import RESOLVED
-from bench.experiments.accuracy.points import END
-from bench.experiments.checks import CHECK_COLUMNS, CHECK_ROWS, CHECK_STEPS
-from bench.experiments.stability.experiment import LINKS
-from bench.experiments.stability.experiment import ROWS as STABILITY_ROWS
-from bench.experiments.stability.runs import END as STABILITY_END
-from bench.experiments.stability.runs import TOLERANCE as STABILITY_TOLERANCE
-from bench.experiments.sweep import FULL, QUICK
-from bench.measure.timing import DRAW_EVERY, SHORTEST_SAMPLE
-from bench.store.results import SPREAD_LIMIT
-from cpu_backend.core.threads import MULTIPLES
-from gpu_backend.core.sheet import BLOCK
-from labbook.words import percent, seconds
-from model.core.digest import ROOT
-from model.mass_spring.plan import mass_spring_plan
-from model.scene.scene import load_scene
-from plots.core.apart import SMALL
+from softlab.bench.experiments.accuracy.cases import STEP_SIZES
+from softlab.bench.experiments.accuracy.judgement import RESOLVED
+from softlab.bench.experiments.accuracy.points import END
+from softlab.bench.experiments.checks import CHECK_COLUMNS, CHECK_ROWS, CHECK_STEPS
+from softlab.bench.experiments.stability.experiment import LINKS
+from softlab.bench.experiments.stability.experiment import ROWS as STABILITY_ROWS
+from softlab.bench.experiments.stability.runs import END as STABILITY_END
+from softlab.bench.experiments.stability.runs import TOLERANCE as STABILITY_TOLERANCE
+from softlab.bench.experiments.sweep import FULL, QUICK
+from softlab.bench.measure.timing import DRAW_EVERY, SHORTEST_SAMPLE
+from softlab.bench.store.results import SPREAD_LIMIT
+from softlab.cpu_backend.core.threads import MULTIPLES
+from softlab.gpu_backend.core.sheet import BLOCK
+from softlab.labbook.words import percent, seconds
+from softlab.model.core.digest import ROOT
+from softlab.model.mass_spring.plan import mass_spring_plan
+from softlab.model.scene.scene import load_scene
+from softlab.plots.core.apart import SMALL
 
 
 def constant(module: str, name: str) -> Any:

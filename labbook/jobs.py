@@ -10,15 +10,15 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from bench.measure.progress import Whole, keep_seconds, last_seconds, progress_bar
-from bench.store.database import DEFAULT_PATH
-from labbook.build import build, committed_data, write_book
-from model.core.errors import InputError, SoftlabError
-from model.core.files import check_target
-from plots.core.data import Results
-from plots.core.draw import FIGURES, FigureFiles, draw_figures, figures_folder
-from plots.core.read import load
-from plots.figures.energies import draw_energies, read_energies
+from softlab.bench.measure.progress import Whole, keep_seconds, last_seconds, progress_bar
+from softlab.bench.store.database import DEFAULT_PATH
+from softlab.labbook.build import build, committed_data, write_book
+from softlab.model.core.errors import InputError, SoftlabError
+from softlab.model.core.files import check_target
+from softlab.plots.core.data import Results
+from softlab.plots.core.draw import FIGURES, FigureFiles, draw_figures, figures_folder
+from softlab.plots.core.read import load
+from softlab.plots.figures.energies import draw_energies, read_energies
 
 ABLATED = ("lab-curtain", "lab-hammock")  # scenes of `softlab lab` for `softlab ablate`
 
@@ -73,9 +73,9 @@ def make_film(console: Console, store: Path, path: Path, *, quick: bool, voice: 
 
     Raises InputError (a store that was requested by name and does not exist, the file), BackendUnavailable.
     """
-    from app.output.video import CLIP
-    from labbook.film.canvas import FULL, QUICK
-    from labbook.film.film import write_film
+    from softlab.app.output.video import CLIP
+    from softlab.labbook.film.canvas import FULL, QUICK
+    from softlab.labbook.film.film import write_film
 
     if not store.exists() and store != DEFAULT_PATH:
         raise InputError(f"{store}: no such store; measure first (softlab lab --quick), or give another path")
@@ -99,11 +99,11 @@ def whole_lab(console: Console, *, quick: bool, store_path: Path, command: str) 
     The parts are doctor, sweep, accuracy, stability, hard cases (unless quick), figures and lab book. What the machine
     lacks is skipped with its reason. Raises InputError (the store, the folders).
     """
-    from app.command.doctor import examine
-    from app.command.tables import print_findings
-    from bench.measure.machine import enter_machine
-    from bench.store.database import Store
-    from bench.store.tables import print_fastest
+    from softlab.app.command.doctor import examine
+    from softlab.app.command.tables import print_findings
+    from softlab.bench.measure.machine import enter_machine
+    from softlab.bench.store.database import Store
+    from softlab.bench.store.tables import print_fastest
 
     kind = "lab --quick" if quick else "lab"
     last = last_seconds(kind)
@@ -142,25 +142,25 @@ def whole_lab(console: Console, *, quick: bool, store_path: Path, command: str) 
 
 def _measurements(console: Console, store: Any, quick: bool, command: str) -> dict[str, Callable[[], Any]]:
     """Return the measurements of `softlab lab` by name, in order; each prints its results."""
-    from bench.experiments.accuracy.experiment import run_accuracy
-    from bench.experiments.advise.ablate import ablate
-    from bench.experiments.advise.ablation_results import print_ablation
-    from bench.experiments.bar import run_bar
-    from bench.experiments.bar_costs import run_bar_costs
-    from bench.experiments.busy import run_busy
-    from bench.experiments.convergence import run_convergence
-    from bench.experiments.findings.costs import run_costs
-    from bench.experiments.findings.experiment import run_findings
-    from bench.experiments.projections import run_projections
-    from bench.experiments.stability.experiment import run_stability
-    from bench.experiments.sweep import run_sweep
-    from bench.experiments.tetrahedra import run_tetrahedra
-    from bench.experiments.tetrahedral.meshes import run_meshes
-    from bench.experiments.throughput import run_throughput
-    from bench.store.tables import print_sweep
-    from bench.stress.experiment import run_hard
-    from bench.stress.told import print_hard
-    from model.scene.scene import load_scene
+    from softlab.bench.experiments.accuracy.experiment import run_accuracy
+    from softlab.bench.experiments.advise.ablate import ablate
+    from softlab.bench.experiments.advise.ablation_results import print_ablation
+    from softlab.bench.experiments.bar import run_bar
+    from softlab.bench.experiments.bar_costs import run_bar_costs
+    from softlab.bench.experiments.busy import run_busy
+    from softlab.bench.experiments.convergence import run_convergence
+    from softlab.bench.experiments.findings.costs import run_costs
+    from softlab.bench.experiments.findings.experiment import run_findings
+    from softlab.bench.experiments.projections import run_projections
+    from softlab.bench.experiments.stability.experiment import run_stability
+    from softlab.bench.experiments.sweep import run_sweep
+    from softlab.bench.experiments.tetrahedra import run_tetrahedra
+    from softlab.bench.experiments.tetrahedral.meshes import run_meshes
+    from softlab.bench.experiments.throughput import run_throughput
+    from softlab.bench.store.tables import print_sweep
+    from softlab.bench.stress.experiment import run_hard
+    from softlab.bench.stress.told import print_hard
+    from softlab.model.scene.scene import load_scene
 
     def told(
         run: Callable[..., Any], show: Callable[[Console, Any], None] | None = None, **how: Any

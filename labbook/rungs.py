@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from bench.store.results import Timing
-from labbook import words
-from labbook.claims.claim import trusted
-from labbook.tables import DASH, Table, table
-from plots.core.apart import apart
-from plots.core.data import Results, sound
-from plots.core.ladder import fastest, machine_of
-from plots.core.pairs import at_one_size
+from softlab.bench.store.results import Timing
+from softlab.labbook import words
+from softlab.labbook.claims.claim import trusted
+from softlab.labbook.tables import DASH, Table, table
+from softlab.plots.core.apart import apart
+from softlab.plots.core.data import Results, sound
+from softlab.plots.core.ladder import fastest, machine_of
+from softlab.plots.core.pairs import at_one_size
 
 BELOW = {  # kernel -> backend, the kernel it is compared with
     "launch": ("gpu", "stages"),

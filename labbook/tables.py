@@ -6,10 +6,10 @@ import re
 from collections.abc import Sequence
 from typing import Any
 
-from bench.store.machine_records import DISTURBED
-from labbook import words
-from labbook.words import number
-from plots.core.data import Results, Source
+from softlab.bench.store.machine_records import DISTURBED
+from softlab.labbook import words
+from softlab.labbook.words import number
+from softlab.plots.core.data import Results, Source
 
 Table = dict[str, Any]  # title, head: list of str, rows: list of list of str, left: number of columns that align left
 DASH = "\N{EN DASH}"

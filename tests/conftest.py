@@ -22,7 +22,7 @@ from over_a_second import OVER_A_SECOND
 from tiers import COMPILED, ONLY_THOROUGH, THINNED
 from variants import covering
 
-from cpu_backend.core.threads import core_count  # before numba: it asks for four times the cores
+from softlab.cpu_backend.core.threads import core_count  # before numba: it asks for four times the cores
 
 MAX_WORKERS = 8  # each may take a gigabyte
 DEAR = ("test_cuda_simulator.py", "test_compiled.py")  # files that workers begin with and share
@@ -48,7 +48,7 @@ def precision(request: pytest.FixtureRequest) -> str:
 @pytest.fixture
 def opened(backend: str) -> Callable[..., Any]:
     """opened(scene, kernel=..., precision=..., ...) -> a simulation on `backend`; dt over the limit is allowed."""
-    from app.driver import open_simulation
+    from softlab.app.driver import open_simulation
 
     def open_it(
         scene: Any, *, kernel: str = "fused", precision: str = "float64", math: str = "exact", **options: Any
@@ -81,8 +81,8 @@ def start_at() -> Callable[..., Any]:
     """start_at(scene, position, velocity=0) -> a State at time 0 to open the scene with."""
     import numpy as np
 
-    from model.core.build import build
-    from model.core.simulation import State
+    from softlab.model.core.build import build
+    from softlab.model.core.simulation import State
 
     def state(scene: Any, position: Any, velocity: Any = None) -> State:
         position = np.asarray(position, dtype=np.float64).reshape(-1, 2)
@@ -131,12 +131,12 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
     plain = item.stash[in_plain_python]
     os.environ["SOFTLAB_PLAIN_PYTHON"] = str(int(plain))  # for the first import, and for processes that tests start
     os.environ["SOFTLAB_PLAIN_PYTHON_SECONDS"] = str(PLAIN_SECONDS)
-    if "cpu_backend.core.plain" in sys.modules:
-        sys.modules["cpu_backend.core.plain"].plain_python(plain, PLAIN_SECONDS)
+    if "softlab.cpu_backend.core.plain" in sys.modules:
+        sys.modules["softlab.cpu_backend.core.plain"].plain_python(plain, PLAIN_SECONDS)
     if item.get_closest_marker("gpu") and no_gpu():
         pytest.skip(no_gpu())
-    if "bench.measure.machine" in sys.modules:
-        measured_once(sys.modules["bench.measure.machine"])
+    if "softlab.bench.measure.machine" in sys.modules:
+        measured_once(sys.modules["softlab.bench.measure.machine"])
 
 
 def measured_once(machine: Any) -> None:
@@ -149,7 +149,7 @@ def measured_once(machine: Any) -> None:
 @cache
 def no_gpu() -> str:
     """Why what is marked `gpu` cannot be tested here, or ""."""
-    from gpu_backend.core.device import gpu_available, simulated
+    from softlab.gpu_backend.core.device import gpu_available, simulated
 
     works, reason = gpu_available()
     if works and simulated():

@@ -1,4 +1,4 @@
-"""Common parts of the commands of softlab.py and bench/commands.py: options of several of them, consoles, and error
+"""Common parts of the commands of softlab/cli.py and bench/commands.py: options of several of them, consoles, and error
 messages."""
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ import typer
 from rich.console import Console
 from typer.core import TyperGroup
 
-from app.command.console import Output
-from model.core.errors import SoftlabError, on_command_line, shown
-from model.domains.launched import launched_rank
+from softlab.app.command.console import Output
+from softlab.model.core.errors import SoftlabError, on_command_line, shown
+from softlab.model.domains.launched import launched_rank
 
 errors = Console(stderr=True, highlight=False, soft_wrap=True)
 out = Output(highlight=False)
@@ -55,10 +55,10 @@ DEFAULT_STORE = Path("softlab-results") / "results.sqlite"
 
 def scene_of(name: str, settings: list[str] | None) -> Any:
     """Return the scene of that name or file, with the fields of --set. Raises SceneError."""
-    from app.command.waiting import waiting_shown
-    from model.core.waiting import work
-    from model.scene.reader import parse_settings
-    from model.scene.scene import load_scene
+    from softlab.app.command.waiting import waiting_shown
+    from softlab.model.core.waiting import work
+    from softlab.model.scene.reader import parse_settings
+    from softlab.model.scene.scene import load_scene
 
     with waiting_shown(), work(f"reading {name}"):
         return load_scene(name).replace(parse_settings(settings))
@@ -181,8 +181,8 @@ def drop_output() -> None:
 @contextmanager
 def compilations_told(console: Console = errors) -> Iterator[None]:
     """Within it, print on a terminal each kernel that is compiled, and how long that took last time on this machine."""
-    from app.command.waiting import waiting_shown
-    from model.core.kernel_cache import watched
+    from softlab.app.command.waiting import waiting_shown
+    from softlab.model.core.kernel_cache import watched
 
     def tell(label: str, seconds: float | None) -> None:
         if console.is_terminal and (seconds is None or seconds >= 1.0):

@@ -7,13 +7,13 @@ from typing import Literal
 
 from rich.console import Console
 
-from app.command.waiting import waiting_shown
-from model.assets.cooked import cooked, save
-from model.assets.tetrahedral_body import DENSITY
-from model.core.errors import SceneError
-from model.core.files import check_target
-from model.core.waiting import work
-from model.geometry.tetrahedra.voxels import PerVoxel
+from softlab.app.command.waiting import waiting_shown
+from softlab.model.assets.cooked import cooked, save
+from softlab.model.assets.tetrahedral_body import DENSITY
+from softlab.model.core.errors import SceneError
+from softlab.model.core.files import check_target
+from softlab.model.core.waiting import work
+from softlab.model.geometry.tetrahedra.voxels import PerVoxel
 
 CHOICES: dict[str, PerVoxel | Literal["conforming"]] = {"5": 5, "6": 6, "conforming": "conforming"}
 

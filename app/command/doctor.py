@@ -7,8 +7,8 @@ import platform
 from collections.abc import Callable
 from pathlib import Path
 
-from app.command.doctor_shared import gpus_by_nccl, gpus_together, ranks_of_mpi
-from app.command.findings import Finding
+from softlab.app.command.doctor_shared import gpus_by_nccl, gpus_together, ranks_of_mpi
+from softlab.app.command.findings import Finding
 
 
 def _missing(name: str, text: str) -> Finding:
@@ -31,8 +31,8 @@ def _versions() -> Finding:
 
 
 def _cpu() -> Finding:
-    from cpu_backend.core.processor import processor_name
-    from cpu_backend.core.threads import core_count, thread_count, threading_layer, wait_policy
+    from softlab.cpu_backend.core.processor import processor_name
+    from softlab.cpu_backend.core.threads import core_count, thread_count, threading_layer, wait_policy
 
     try:
         thread_count("4x")
@@ -47,7 +47,7 @@ def _cpu() -> Finding:
 
 
 def _cache() -> Finding:
-    from model.core.kernel_cache import folder
+    from softlab.model.core.kernel_cache import folder
 
     if folder() is not None:
         return Finding("compile cache", True, f"compiled kernels are kept between runs in {folder()}")
@@ -60,7 +60,7 @@ def _cache() -> Finding:
 
 
 def _gpu() -> Finding:
-    from gpu_backend.core.device import gpu_available, simulated
+    from softlab.gpu_backend.core.device import gpu_available, simulated
 
     works, text = gpu_available()
     if not works:
@@ -69,9 +69,9 @@ def _gpu() -> Finding:
         return Finding(
             "gpu", True, f"{text}: for tests only, very slow", "unset NUMBA_ENABLE_CUDASIM to use a real GPU"
         )
-    from app.driver import open_simulation
-    from model.core.errors import SoftlabError
-    from model.scene.scene import load_scene
+    from softlab.app.driver import open_simulation
+    from softlab.model.core.errors import SoftlabError
+    from softlab.model.scene.scene import load_scene
 
     try:
         with open_simulation(load_scene("lab-grid"), "gpu") as simulation:
@@ -90,7 +90,7 @@ def _gpu() -> Finding:
 
 
 def _opengl() -> Finding:
-    from app.output.offscreen import opengl_available
+    from softlab.app.output.offscreen import opengl_available
 
     works, text = opengl_available()
     if works:
@@ -107,7 +107,7 @@ def _display() -> Finding:
 
 
 def _panel() -> Finding:
-    from app.command.dear_imgui import REMEDY, panel_available
+    from softlab.app.command.dear_imgui import REMEDY, panel_available
 
     works, told = panel_available()
     return Finding("panel of the window", works, told, "" if works else f"{REMEDY}; all keys work without it")
@@ -125,8 +125,8 @@ def _fonts() -> Finding:
 
 
 def _ffmpeg() -> Finding:
-    from app.output.video import ffmpeg_path
-    from model.core.errors import SoftlabError
+    from softlab.app.output.video import ffmpeg_path
+    from softlab.model.core.errors import SoftlabError
 
     try:
         return Finding("ffmpeg", True, Path(ffmpeg_path()).name)
@@ -135,7 +135,7 @@ def _ffmpeg() -> Finding:
 
 
 def _voice() -> Finding:
-    from app.output.voice import REMEDY, voice_available
+    from softlab.app.output.voice import REMEDY, voice_available
 
     speaks, told = voice_available()
     if speaks:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from importlib.util import find_spec
 
-from app.command.findings import Finding
-from model.core.errors import BackendUnavailable
-from model.domains.processes import INSTALL, mpi_installed, mpiexec
+from softlab.app.command.findings import Finding
+from softlab.model.core.errors import BackendUnavailable
+from softlab.model.domains.processes import INSTALL, mpi_installed, mpiexec
 
 
 def gpus_together() -> Finding:
     """Return how GPUs are linked, for `--gpus N`."""
-    from gpu_backend.core.device import gpu_available, simulated
+    from softlab.gpu_backend.core.device import gpu_available, simulated
 
     name, share = "several gpus", "SOFTLAB_SHARE_GPU=1 lets windows take turns on one, to try --gpus 2"
     works, _ = gpu_available()
@@ -20,7 +20,7 @@ def gpus_together() -> Finding:
     if simulated():
         return Finding(name, True, "the simulator lets windows take turns on its one device")
     try:
-        from gpu_backend.domains.links import find_links
+        from softlab.gpu_backend.domains.links import find_links
 
         found = find_links()
     except ImportError:

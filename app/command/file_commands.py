@@ -1,4 +1,4 @@
-"""The commands on files of bodies, one function per sub-command; softlab.py adds them to its own."""
+"""The commands on files of bodies, one function per sub-command; softlab/cli.py adds them to its own."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
-from app.command.command_line import out
-from app.command.waiting import waiting_shown
+from softlab.app.command.command_line import out
+from softlab.app.command.waiting import waiting_shown
 
 filing = typer.Typer()
 
@@ -46,7 +46,7 @@ def cook(
     density: Annotated[float, typer.Option(help="Density in kg/m^3, for the reported mass.")] = 1000.0,
 ) -> None:
     """Cut a mesh into tetrahedra, report their quality, and write them to a file."""
-    from app.command.cook import cook_body
+    from softlab.app.command.cook import cook_body
 
     cook_body(
         source, target, out, edge=edge, voxels=voxels, tetrahedra=tetrahedra, unite=unite, simplify=simplify,
@@ -61,7 +61,7 @@ def inspect(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
     """Say what a mesh file holds: size, area, volume, pieces, rims, repairs, its unit, and what it can be used as."""
-    from app.command.inspect import inspect_file
+    from softlab.app.command.inspect import inspect_file
 
     with waiting_shown():
         inspect_file(file, out, scale=scale, as_json=as_json)

@@ -5,10 +5,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from model.core.simulation import Simulation
-from model.fluid.foam import FoamPoints
-from model.scene.fluid import Foam
-from model.scene.scene import Scene
+from softlab.model.core.simulation import Simulation
+from softlab.model.fluid.foam import FoamPoints
+from softlab.model.scene.fluid import Foam
+from softlab.model.scene.scene import Scene
 
 FRAME = 1 / 60  # s
 

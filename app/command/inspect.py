@@ -7,7 +7,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from model.assets.inspection import inspected
+from softlab.model.assets.inspection import inspected
 
 
 def inspect_file(file: Path, out: Console, *, scale: float = 1.0, as_json: bool = False) -> None:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from app.command.foaming import FRAME, frame_steps
-from app.output.offscreen import MAX_SIZE, MIN_SIZE, Fitted, OffscreenRenderer
-from app.output.video import Picture, true_rate
-from model.core.errors import SceneError
-from model.core.simulation import Simulation
-from model.scene.scene import Scene
+from softlab.app.command.foaming import FRAME, frame_steps
+from softlab.app.output.offscreen import MAX_SIZE, MIN_SIZE, Fitted, OffscreenRenderer
+from softlab.app.output.video import Picture, true_rate
+from softlab.model.core.errors import SceneError
+from softlab.model.core.simulation import Simulation
+from softlab.model.scene.scene import Scene
 
 USUAL_RATE, MAX_RATE = 1 / FRAME, 240.0  # frames/s
 

@@ -10,13 +10,13 @@ from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from app.command.run import Request
-from app.command.run_length import step_count
-from app.shared import check_asked, check_cut, check_shareable, check_shared
-from model.core.errors import BackendUnavailable, SceneError
-from model.domains.launched import STATUS_FILE, launched_rank, launched_ranks
-from model.domains.processes import abort, mpi_installed, mpiexec
-from model.scene.scene import Scene
+from softlab.app.command.run import Request
+from softlab.app.command.run_length import step_count
+from softlab.app.shared import check_asked, check_cut, check_shareable, check_shared
+from softlab.model.core.errors import BackendUnavailable, SceneError
+from softlab.model.domains.launched import STATUS_FILE, launched_rank, launched_ranks
+from softlab.model.domains.processes import abort, mpi_installed, mpiexec
+from softlab.model.scene.scene import Scene
 
 
 def among_ranks(scene: Scene, request: Request) -> tuple[Request, int]:

@@ -11,35 +11,35 @@ from typing import Any, Protocol
 
 import psutil
 
-from app.command.foaming import Foaming, shows_foam
-from app.command.pictures import USUAL_RATE, ClipView, check_rate, parse_size
-from app.command.run_length import step_count
-from app.command.run_parts import body_lines, collider_lines, fluid_notes, newton_notes
-from app.command.run_report import run_report
-from app.driver import open_simulation
-from app.outcome import INCOMPLETE, fault_lines, fault_words
-from app.output.export import Exporter, Target, check_export
-from app.output.files import check_state_target, read_state, write_state, write_trajectory
-from app.output.video import CLIP, Picture, check_render, render
-from app.render.views import check_look
-from app.shared import USUAL_LINK, check_asked, check_cut, check_shared
-from cpu_backend.core.threads import core_count, wait_policy
-from model.core.errors import Diverged, Incomplete, InputError, SceneError
-from model.core.limits import limit_notes
-from model.core.memory import available_bytes, require
-from model.core.options import PRECISIONS
-from model.core.simulation import Simulation, State
-from model.core.stability.damping import damping_lines
-from model.core.stability.divergence import MIN_INTERVAL
-from model.core.stability.resolution import resolution_line
-from model.core.waiting import work
-from model.domains.launched import launched_ranks
-from model.fluid.foam import FoamPoints
-from model.fluid.speeds import speed_lines
-from model.geometry.overlaps import overlap_lines
-from model.scene.resting import resting_notes
-from model.scene.scene import Scene
-from model.scene.sheets import mesh_lines, rest_lines
+from softlab.app.command.foaming import Foaming, shows_foam
+from softlab.app.command.pictures import USUAL_RATE, ClipView, check_rate, parse_size
+from softlab.app.command.run_length import step_count
+from softlab.app.command.run_parts import body_lines, collider_lines, fluid_notes, newton_notes
+from softlab.app.command.run_report import run_report
+from softlab.app.driver import open_simulation
+from softlab.app.outcome import INCOMPLETE, fault_lines, fault_words
+from softlab.app.output.export import Exporter, Target, check_export
+from softlab.app.output.files import check_state_target, read_state, write_state, write_trajectory
+from softlab.app.output.video import CLIP, Picture, check_render, render
+from softlab.app.render.views import check_look
+from softlab.app.shared import USUAL_LINK, check_asked, check_cut, check_shared
+from softlab.cpu_backend.core.threads import core_count, wait_policy
+from softlab.model.core.errors import Diverged, Incomplete, InputError, SceneError
+from softlab.model.core.limits import limit_notes
+from softlab.model.core.memory import available_bytes, require
+from softlab.model.core.options import PRECISIONS
+from softlab.model.core.simulation import Simulation, State
+from softlab.model.core.stability.damping import damping_lines
+from softlab.model.core.stability.divergence import MIN_INTERVAL
+from softlab.model.core.stability.resolution import resolution_line
+from softlab.model.core.waiting import work
+from softlab.model.domains.launched import launched_ranks
+from softlab.model.fluid.foam import FoamPoints
+from softlab.model.fluid.speeds import speed_lines
+from softlab.model.geometry.overlaps import overlap_lines
+from softlab.model.scene.resting import resting_notes
+from softlab.model.scene.scene import Scene
+from softlab.model.scene.sheets import mesh_lines, rest_lines
 
 WARM_UP_STEPS = 512  # on a real GPU: enough to capture every graph that a long run replays
 PROGRESS_SECONDS = 0.2  # interval of the progress bar
@@ -238,7 +238,7 @@ def _advance(
     record states during the run."""
     from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
-    from app.output.bar import Bar
+    from softlab.app.output.bar import Bar
 
     columns = (TextColumn("stepping"), BarColumn(), MofNCompleteColumn(), TextColumn("steps"), TimeRemainingColumn())
     done, seconds = 0, 0.0

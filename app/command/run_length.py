@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
-from model.core.errors import SceneError
-from model.scene.scene import Scene
+from softlab.model.core.errors import SceneError
+from softlab.model.scene.scene import Scene
 
 MAX_STEPS = 10**15  # more would take years
 

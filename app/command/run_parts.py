@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from model.contact.surface_collider import SurfaceCollider, naming
-from model.core.simulation import Simulation, State
-from model.fluid.measure import compression, height
-from model.fluid.parameters import speed_limit
-from model.scene.scene import Scene
-from model.shape_matching.spare import counts
+from softlab.model.contact.surface_collider import SurfaceCollider, naming
+from softlab.model.core.simulation import Simulation, State
+from softlab.model.fluid.measure import compression, height
+from softlab.model.fluid.parameters import speed_limit
+from softlab.model.scene.scene import Scene
+from softlab.model.shape_matching.spare import counts
 
 
 def body_lines(scene: Scene) -> list[str]:
@@ -158,7 +158,7 @@ def contact_report(simulation: Simulation, state: State) -> dict[str, Any]:
     scene = simulation.scene
     if scene.self_collision is None:
         return {}
-    from model.contact.penetration import measure
+    from softlab.model.contact.penetration import measure
 
     grid = scene.grid
     found = measure(grid.rows, grid.columns, grid.spacing, state.position, scene.self_collision.thickness)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from app.command.run_parts import (
+from softlab.app.command.run_parts import (
     bodies_report,
     built_report,
     contact_report,
@@ -15,13 +15,13 @@ from app.command.run_parts import (
     newton_report,
     speed_report,
 )  # fmt: skip
-from app.outcome import outcome_of
-from app.shared import shares
-from model.contact.shortfalls import shortfalls
-from model.core.energy import energies, spring_strain
-from model.core.errors import Diverged
-from model.core.simulation import Simulation, State
-from model.shape_matching.spare import counts
+from softlab.app.outcome import outcome_of
+from softlab.app.shared import shares
+from softlab.model.contact.shortfalls import shortfalls
+from softlab.model.core.energy import energies, spring_strain
+from softlab.model.core.errors import Diverged
+from softlab.model.core.simulation import Simulation, State
+from softlab.model.shape_matching.spare import counts
 
 
 def run_report(

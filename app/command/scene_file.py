@@ -7,9 +7,9 @@ import re
 from pathlib import Path
 from typing import Any
 
-from model.core.errors import InputError
-from model.core.files import check_target, replacing
-from model.scene.scene import Scene
+from softlab.model.core.errors import InputError
+from softlab.model.core.files import check_target, replacing
+from softlab.model.scene.scene import Scene
 
 SUFFIX = ".toml"
 BARE = re.compile(r"[A-Za-z0-9_-]+")  # a TOML key that needs no quotes

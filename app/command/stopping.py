@@ -1,6 +1,6 @@
 """Ctrl-C while the lab is still being imported: one line and status 130, as later on.
 
-softlab.py imports it before all else. `exit_status` (command_line.py) takes over when the command begins.
+softlab/cli.py imports it before all else. `exit_status` (command_line.py) takes over when the command begins.
 """
 
 from __future__ import annotations
@@ -20,7 +20,9 @@ def _leave(_signal: int, _frame: FrameType | None) -> None:
 
 
 def answer_at_once() -> None:
-    """Install the handler in a process that was started as `softlab`; others that import this module keep theirs."""
-    started = os.path.splitext(os.path.basename(sys.argv[0]))[0] == "softlab"
-    if started and threading.current_thread() is threading.main_thread():
+    """Install the handler in a process that was started as `softlab` or `python -m softlab`; others that import this module
+    keep theirs."""
+    folder, name = os.path.split(os.path.splitext(sys.argv[0])[0])
+    module = name == "__main__" and os.path.basename(folder) == "softlab"
+    if (name == "softlab" or module) and threading.current_thread() is threading.main_thread():
         signal.signal(signal.SIGINT, _leave)

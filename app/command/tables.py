@@ -9,11 +9,11 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Column, Table
 
-from app.command.findings import Finding
-from model.scene.fields import about, rows_of
-from model.scene.reader import catalogue
-from model.scene.scene import load_scene
-from model.shape_matching.spare import counts
+from softlab.app.command.findings import Finding
+from softlab.model.scene.fields import about, rows_of
+from softlab.model.scene.reader import catalogue
+from softlab.model.scene.scene import load_scene
+from softlab.model.shape_matching.spare import counts
 
 UNITS = {
     "dt": "s",

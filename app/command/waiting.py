@@ -8,8 +8,8 @@ from contextlib import contextmanager
 
 from rich.progress import BarColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from app.output.bar import Bar
-from model.core.waiting import waiting_watched
+from softlab.app.output.bar import Bar
+from softlab.model.core.waiting import waiting_watched
 
 SHOWN_AFTER = 0.5  # s: longer work gets a bar
 

@@ -15,12 +15,12 @@ from typing import Any
 
 import numpy as np
 
-from app.output.pieces import Piece, collider_pieces, pieces_of
-from app.render.bodies.skinning import ClusterFrames
-from model.core.errors import InputError, SceneError
-from model.core.files import check_target, replacing
-from model.core.simulation import Simulation
-from model.shape_matching.spare import present
+from softlab.app.output.pieces import Piece, collider_pieces, pieces_of
+from softlab.app.render.bodies.skinning import ClusterFrames
+from softlab.model.core.errors import InputError, SceneError
+from softlab.model.core.files import check_target, replacing
+from softlab.model.core.simulation import Simulation
+from softlab.model.shape_matching.spare import present
 
 PLY, GLB = ".ply", ".glb"
 FRAME = 1 / 60  # s of simulated time between two frames, as in a clip

@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from model.core.build import build
-from model.core.clock import START, Clock
-from model.core.errors import InputError
-from model.core.files import check_target, read_archive, replacing
-from model.core.state import State, checked_arrays
-from model.scene.scene import Scene
+from softlab.model.core.build import build
+from softlab.model.core.clock import START, Clock
+from softlab.model.core.errors import InputError
+from softlab.model.core.files import check_target, read_archive, replacing
+from softlab.model.core.state import State, checked_arrays
+from softlab.model.scene.scene import Scene
 
 STATE = ".npz"
 

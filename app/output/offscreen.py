@@ -12,21 +12,21 @@ from typing import Any
 
 import numpy as np
 
-from app.output.pictures import write_png
-from app.render import colours
-from app.render.camera import finite_bounds
-from app.render.drawn_springs import drawn_strain
-from app.render.fluid.framing import main_part, with_fluids
-from app.render.framing import seen_points, seen_radius
-from app.render.opengl import OFFSCREEN_REMEDY, drawing_text, open_window, renderer_name
-from app.render.views import camera_of, check_look, view_of
-from model.core.build import rest_positions
-from model.core.errors import InputError, SoftlabError
-from model.core.files import check_target
-from model.core.simulation import Simulation
-from model.fluid.foam import FoamPoints
-from model.scene.scene import Scene
-from model.shape_matching.spare import present
+from softlab.app.output.pictures import write_png
+from softlab.app.render import colours
+from softlab.app.render.camera import finite_bounds
+from softlab.app.render.drawn_springs import drawn_strain
+from softlab.app.render.fluid.framing import main_part, with_fluids
+from softlab.app.render.framing import seen_points, seen_radius
+from softlab.app.render.opengl import OFFSCREEN_REMEDY, drawing_text, open_window, renderer_name
+from softlab.app.render.views import camera_of, check_look, view_of
+from softlab.model.core.build import rest_positions
+from softlab.model.core.errors import InputError, SoftlabError
+from softlab.model.core.files import check_target
+from softlab.model.core.simulation import Simulation
+from softlab.model.fluid.foam import FoamPoints
+from softlab.model.scene.scene import Scene
+from softlab.model.shape_matching.spare import present
 
 MARGINS = (40.0, 110.0, 40.0, 50.0)  # pixels at the left, bottom (legend), right, top (caption)
 MIN_SIZE, MAX_SIZE = 16, 16384  # pixels
@@ -54,8 +54,8 @@ class OffscreenRenderer:
         self, scene: Scene, width: int = 1280, height: int = 960, *, legend: bool = True, lines: bool = False,
         look: Sequence[str] = (),
     ):  # fmt: skip
-        from app.render.legends import Legends
-        from app.render.panels import Panel, Style
+        from softlab.app.render.legends import Legends
+        from softlab.app.render.panels import Panel, Style
 
         for name, value in (("width", width), ("height", height)):
             if not MIN_SIZE <= value <= MAX_SIZE:
@@ -257,7 +257,7 @@ def opengl_available(text: bool = True) -> tuple[bool, str]:
     `text` False: pictures without a legend, which need no fonts. Tried in a separate process, because a process that
     has used pyglet with EGL cannot open a window any more.
     """
-    code = f"from app.output.offscreen import probe; probe({text})"
+    code = f"from softlab.app.output.offscreen import probe; probe({text})"
     try:
         done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False)
     except (OSError, subprocess.TimeoutExpired) as error:

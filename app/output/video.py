@@ -17,13 +17,13 @@ from typing import Any
 
 import numpy as np
 
-from app.output.offscreen import Fitted, OffscreenRenderer, render_frame
-from app.render.fluid.framing import with_fluids
-from model.core.errors import BackendUnavailable, InputError
-from model.core.files import check_target, replacing
-from model.core.simulation import Simulation
-from model.fluid.foam import FoamPoints
-from model.scene.scene import Scene
+from softlab.app.output.offscreen import Fitted, OffscreenRenderer, render_frame
+from softlab.app.render.fluid.framing import with_fluids
+from softlab.model.core.errors import BackendUnavailable, InputError
+from softlab.model.core.files import check_target, replacing
+from softlab.model.core.simulation import Simulation
+from softlab.model.fluid.foam import FoamPoints
+from softlab.model.scene.scene import Scene
 
 FRAME, CLIP = ".png", ".mp4"
 PROGRESS_AFTER = 1.0  # s
@@ -243,7 +243,7 @@ def _write_clip(
 def _progress_bar(name: str, total: int) -> tuple[Any, Any]:
     from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
-    from app.output.bar import Bar
+    from softlab.app.output.bar import Bar
 
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("frames"))
     bar = Bar(*columns, TimeRemainingColumn())

@@ -3,11 +3,11 @@ its passes."""
 
 from __future__ import annotations
 
-from app.plan.passes import BackendPlan, Pass, cpu_plan, fused_passes, gpu_device, merged_passes
-from model.core.plan import Plan
-from model.core.simulation import PRECISIONS
-from model.mass_spring.cloth_plan import PRODUCT_STAGE, kicks_meet
-from model.scene.scene import Scene
+from softlab.app.plan.passes import BackendPlan, Pass, cpu_plan, fused_passes, gpu_device, merged_passes
+from softlab.model.core.plan import Plan
+from softlab.model.core.simulation import PRECISIONS
+from softlab.model.mass_spring.cloth_plan import PRODUCT_STAGE, kicks_meet
+from softlab.model.scene.scene import Scene
 
 
 def cloth_passes(plan: Plan, precision: str, way: float, note: str) -> tuple[Pass, ...]:
@@ -37,7 +37,7 @@ def implicit_passes(plan: Plan, precision: str, way: float, note: str) -> tuple[
 
 def cloth_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
     """Return the plan on a CPU: each spring and each triangle once, along a walk down the rows."""
-    from cpu_backend.mass_spring.cloth.solver import choose_kernel
+    from softlab.cpu_backend.mass_spring.cloth.solver import choose_kernel
 
     passes = cloth_passes(plan, precision, 1.0, "along rows, a band of rows a thread")
     why = "repeats until residuals are small" if plan.has(PRODUCT_STAGE) else "one pass over the sheet per force"
@@ -46,7 +46,7 @@ def cloth_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
 
 def cloth_on_gpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
     """Return the plan on a GPU. Works without a GPU, then for the one that the choice was measured on."""
-    from gpu_backend.mass_spring.cloth.choice import choose_cloth
+    from softlab.gpu_backend.mass_spring.cloth.choice import choose_cloth
 
     device, limits = gpu_device("that the choice was measured on")
     kernel, tile, why = choose_cloth(scene, PRECISIONS[precision], plan.parts, limits)

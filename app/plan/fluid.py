@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from app.plan.passes import BackendPlan, cpu_plan, merged_passes, stages_of
-from model.core.plan import Plan
-from model.fluid.flow import fluid_of, rates
-from model.fluid.parameters import MAX_NEIGHBOURS, smoothing, speed_limit
-from model.fluid.plan import neighbours_at_rest
-from model.scene.scene import Scene
-from model.scene.words import notes_of
+from softlab.app.plan.passes import BackendPlan, cpu_plan, merged_passes, stages_of
+from softlab.model.core.plan import Plan
+from softlab.model.fluid.flow import fluid_of, rates
+from softlab.model.fluid.parameters import MAX_NEIGHBOURS, smoothing, speed_limit
+from softlab.model.fluid.plan import neighbours_at_rest
+from softlab.model.scene.scene import Scene
+from softlab.model.scene.words import notes_of
 
 
 def fluid_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from app.plan.passes import BackendPlan, gpu_device, merged_passes, stages_of
-from model.core.plan import Plan, Stage
-from model.scene.scene import Scene
+from softlab.app.plan.passes import BackendPlan, gpu_device, merged_passes, stages_of
+from softlab.model.core.plan import Plan, Stage
+from softlab.model.scene.scene import Scene
 
 ALONE = ("sort into cells", "density", "correct", "normals and vorticity")
 

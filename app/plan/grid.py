@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from app.plan.passes import BackendPlan, cpu_plan, fused_passes, gpu_device
-from model.core.own_forces import own_forces
-from model.core.plan import Plan
-from model.core.simulation import PRECISIONS
-from model.formulas.springs import OPERATIONS_SPRING_2D
-from model.scene.scene import Scene
+from softlab.app.plan.passes import BackendPlan, cpu_plan, fused_passes, gpu_device
+from softlab.model.core.own_forces import own_forces
+from softlab.model.core.plan import Plan
+from softlab.model.core.simulation import PRECISIONS
+from softlab.model.formulas.springs import OPERATIONS_SPRING_2D
+from softlab.model.scene.scene import Scene
 
 EACH_ONCE = 2.0  # springs per mass, each computed once: inner masses have one to the right and one below
 SPRINGS_OF_A_MASS = 4.0
@@ -15,7 +15,7 @@ SPRINGS_OF_A_MASS = 4.0
 
 def grid_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
     """Return the plan of a step of the lab's grid of springs on a CPU."""
-    from cpu_backend.mass_spring.grid.choice import LEVELS, default_kernel
+    from softlab.cpu_backend.mass_spring.grid.choice import LEVELS, default_kernel
 
     kernel, why = default_kernel(scene, PRECISIONS[precision])
     sums = scene.method.integrator == "rk4" or own_forces(plan.parts) or plan.parts & {"manufactured", "alternating"}
@@ -28,13 +28,13 @@ def grid_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
 
 def grid_on_gpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
     """Return the plan on a GPU; without one, for the GPU that the table of kernels was measured on."""
-    from gpu_backend.mass_spring.grid.choice import default_kernel
+    from softlab.gpu_backend.mass_spring.grid.choice import default_kernel
 
     device, limits = gpu_device("of the table")
     kernel, tile, why = default_kernel(scene, PRECISIONS[precision], limits)
     springs, way, note = SPRINGS_OF_A_MASS, 1.0, "one thread per mass"
     if tile is not None:
-        from gpu_backend.mass_spring.grid.tile_launch import blocks_of
+        from softlab.gpu_backend.mass_spring.grid.tile_launch import blocks_of
 
         across, down = blocks_of(scene.grid.rows, scene.grid.columns, tile)
         springs = 3 + 1 / tile.strip

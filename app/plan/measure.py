@@ -16,11 +16,11 @@ from math import inf
 from statistics import median
 from typing import Any
 
-from app.driver import open_simulation
-from model.core.errors import BackendUnavailable, SceneError
-from model.core.plan import Moment, Stage, StageRun
-from model.core.simulation import Simulation
-from model.scene.scene import Scene
+from softlab.app.driver import open_simulation
+from softlab.model.core.errors import BackendUnavailable, SceneError
+from softlab.model.core.plan import Moment, Stage, StageRun
+from softlab.model.core.simulation import Simulation
+from softlab.model.scene.scene import Scene
 
 SECONDS = 1.0  # of measuring a backend
 MIN_STEPS, MAX_STEPS = 3, 20000
@@ -88,10 +88,10 @@ def _stage_times(simulation: Simulation) -> StageTimes:
     stages = list(simulation.plan.moments(0))
     runs = simulation.stages
     if simulation.backend == "gpu":
-        from gpu_backend.core.device import simulated
+        from softlab.gpu_backend.core.device import simulated
 
         return (_in_turn if simulated() else _replayed)(simulation, stages, runs)
-    from cpu_backend.core.compile import start_threads
+    from softlab.cpu_backend.core.compile import start_threads
 
     runs = {**runs, EMPTY: lambda moment: start_threads()}
     *seconds, empty = _in_turn(simulation, [*stages, (Stage(EMPTY, 0, 0, 0), Moment())], runs).seconds
@@ -126,7 +126,7 @@ def _in_turn(simulation: Simulation, stages: Moments, runs: Runs) -> StageTimes:
 
 def _replayed(simulation: Any, stages: Moments, runs: Runs) -> StageTimes:
     """Time each stage separately, for its fraction of a second."""
-    from gpu_backend.core.launch import Graphs
+    from softlab.gpu_backend.core.launch import Graphs
 
     _warm_up(simulation, stages, runs)
     found = []

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from app.plan.passes import BackendPlan, Pass, cpu_plan, gpu_device, merged_passes, stages_of
-from model.core.options import PRECISIONS
-from model.core.plan import Plan
-from model.scene.scene import Scene
-from model.tetrahedra.constraints import SLEEP, SLEEPING
+from softlab.app.plan.passes import BackendPlan, Pass, cpu_plan, gpu_device, merged_passes, stages_of
+from softlab.model.core.options import PRECISIONS
+from softlab.model.core.plan import Plan
+from softlab.model.scene.scene import Scene
+from softlab.model.tetrahedra.constraints import SLEEP, SLEEPING
 
 ONE_KERNEL = "all substeps of a call in one kernel"
 
@@ -22,7 +22,7 @@ def _passes(plan: Plan, precision: str, note: str) -> tuple[Pass, ...]:
 
 def mesh_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
     """Return the plan on a CPU: constraints in index arrays, one parallel loop per colour."""
-    from cpu_backend.xpbd.mesh import choose_kernel
+    from softlab.cpu_backend.xpbd.mesh import choose_kernel
 
     why = "index arrays sorted by colour, " + ONE_KERNEL
     if scene.contact is not None:
@@ -34,7 +34,7 @@ def mesh_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
 
 def vertices_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
     """Return the plan on a CPU: vertices with lists of their tetrahedra, one parallel loop per colour."""
-    from cpu_backend.xpbd.mesh import choose_kernel
+    from softlab.cpu_backend.xpbd.mesh import choose_kernel
 
     why = "vertices sorted by colour, each with its tetrahedra, " + ONE_KERNEL
     if scene.contact is not None:
@@ -58,7 +58,7 @@ def mesh_on_gpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
 
 def tetrahedra_on_gpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
     """Return the plan of tetrahedra on a GPU. Works without a GPU."""
-    from gpu_backend.tetrahedra.resident_launch import default_slabs, launched_only
+    from softlab.gpu_backend.tetrahedra.resident_launch import default_slabs, launched_only
 
     if launched_only(scene, plan.parts):
         return mesh_on_gpu(scene, precision, plan)

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from model.core.own_forces import own_forces
-from model.core.plan import Node, Plan, Stage
-from model.core.simulation import PRECISIONS
+from softlab.model.core.own_forces import own_forces
+from softlab.model.core.plan import Node, Plan, Stage
+from softlab.model.core.simulation import PRECISIONS
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class BackendPlan:
 
 def cpu_plan(kernel: str, why: str, passes: tuple[Pass, ...]) -> BackendPlan:
     """Return the plan on this machine's processor."""
-    from cpu_backend.core.processor import processor_name
+    from softlab.cpu_backend.core.processor import processor_name
 
     return BackendPlan("cpu", processor_name(), kernel, None, why, passes)
 
@@ -70,12 +70,12 @@ def gpu_device(choice: str = "") -> tuple[str, tuple[int, int] | None]:
 
     Without a GPU, and with a `choice` (in words): the GPU on which that was measured.
     """
-    from gpu_backend.core.device import gpu_available, simulated
+    from softlab.gpu_backend.core.device import gpu_available, simulated
 
     available, device = gpu_available()
     if not choice:
         return (device if available else "none on this machine"), None
-    from gpu_backend.mass_spring.grid.choice import MEASURED_LIMITS, MEASURED_ON
+    from softlab.gpu_backend.mass_spring.grid.choice import MEASURED_LIMITS, MEASURED_ON
 
     if not available:
         device = f"none on this machine; choice for the {MEASURED_ON} {choice}"

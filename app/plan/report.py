@@ -14,16 +14,16 @@ from typing import Any
 
 import numpy as np
 
-from app.driver import BACKENDS
-from app.plan.passes import BackendPlan
-from app.plan.shared import BodiesPlan, PartitionsPlan, SharedPlan, SlabsPlan
-from model.core.errors import SceneError
-from model.core.families import family_of, stability_limit
-from model.core.family import named
-from model.core.plan import Node, Plan, Stage
-from model.core.simulation import PRECISIONS
-from model.core.stability.limit import frequency_lines
-from model.scene.scene import Scene
+from softlab.app.driver import BACKENDS
+from softlab.app.plan.passes import BackendPlan
+from softlab.app.plan.shared import BodiesPlan, PartitionsPlan, SharedPlan, SlabsPlan
+from softlab.model.core.errors import SceneError
+from softlab.model.core.families import family_of, stability_limit
+from softlab.model.core.family import named
+from softlab.model.core.plan import Node, Plan, Stage
+from softlab.model.core.simulation import PRECISIONS
+from softlab.model.core.stability.limit import frequency_lines
+from softlab.model.scene.scene import Scene
 
 
 @dataclass(frozen=True)
@@ -186,7 +186,7 @@ def plan_report(
         except ImportError as error:
             unknown[name] = f"no CUDA support is installed ({error})"
     if measure:
-        from app.plan.measure import measure_stages
+        from softlab.app.plan.measure import measure_stages
 
         for place, one in enumerate(found):
             times = measure_stages(scene, one.name, precision, required=len(backends) == 1)

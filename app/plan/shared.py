@@ -7,18 +7,18 @@ from typing import Any
 
 import numpy as np
 
-from app.command.tables import number
-from model.core.memory import readable
-from model.domains.bodies import Division
-from model.domains.decomposition import Decomposition
-from model.domains.link import NVLINK, Link
-from model.domains.partitioned import is_partitioned, partitions
-from model.domains.partitions import Partitions
-from model.domains.shared_bodies import division, is_apart
-from model.domains.shared_fluid import bytes_each
-from model.domains.simulation import cut
-from model.domains.slabs import Slabs, is_in_slabs, slabs_at_start
-from model.scene.scene import Scene
+from softlab.app.command.tables import number
+from softlab.model.core.memory import readable
+from softlab.model.domains.bodies import Division
+from softlab.model.domains.decomposition import Decomposition
+from softlab.model.domains.link import NVLINK, Link
+from softlab.model.domains.partitioned import is_partitioned, partitions
+from softlab.model.domains.partitions import Partitions
+from softlab.model.domains.shared_bodies import division, is_apart
+from softlab.model.domains.shared_fluid import bytes_each
+from softlab.model.domains.simulation import cut
+from softlab.model.domains.slabs import Slabs, is_in_slabs, slabs_at_start
+from softlab.model.scene.scene import Scene
 
 LINES = 16  # of domains that are listed
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 from rich.console import Console
 from rich.table import Column, Table
 
-from app.command.tables import number
-from app.plan.fluid import fluid_lines
-from app.plan.passes import BackendPlan
-from app.plan.report import PlanReport, Row, limit_line, share
-from model.core.families import family_of
-from model.core.stability.limit import frequency_lines
-from model.scene.scene import Scene
-from model.shape_matching.spare import counts
+from softlab.app.command.tables import number
+from softlab.app.plan.fluid import fluid_lines
+from softlab.app.plan.passes import BackendPlan
+from softlab.app.plan.report import PlanReport, Row, limit_line, share
+from softlab.model.core.families import family_of
+from softlab.model.core.stability.limit import frequency_lines
+from softlab.model.scene.scene import Scene
+from softlab.model.shape_matching.spare import counts
 
 
 def _percent(part: float, whole: float) -> str:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from app.plan.passes import BackendPlan, cpu_plan, gpu_device, merged_passes, stages_of
-from model.core.plan import Plan
-from model.scene.scene import Scene
+from softlab.app.plan.passes import BackendPlan, cpu_plan, gpu_device, merged_passes, stages_of
+from softlab.model.core.plan import Plan
+from softlab.model.scene.scene import Scene
 
 
 def world_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:

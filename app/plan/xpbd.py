@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from app.plan.passes import BackendPlan, Pass, cpu_plan, gpu_device, item_bytes, merged_passes, stages_of
-from model.core.plan import Plan
-from model.core.simulation import PRECISIONS
-from model.scene.scene import Scene
+from softlab.app.plan.passes import BackendPlan, Pass, cpu_plan, gpu_device, item_bytes, merged_passes, stages_of
+from softlab.model.core.plan import Plan
+from softlab.model.core.simulation import PRECISIONS
+from softlab.model.scene.scene import Scene
 
 
 def _substep(plan: Plan, precision: str, note: str, way: float = 1.0) -> tuple[Pass, ...]:
@@ -21,7 +21,7 @@ def _substep(plan: Plan, precision: str, note: str, way: float = 1.0) -> tuple[P
 def xpbd_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
     """Return the plan on a CPU: constraints without index arrays, colours one after another along a walk down the
     rows."""
-    from cpu_backend.xpbd.solver import choose_kernel
+    from softlab.cpu_backend.xpbd.solver import choose_kernel
 
     why = "colours, iterations and prediction in one pass over the rows"
     if scene.method.matches_shapes:
@@ -40,7 +40,7 @@ def bodies_passes(plan: Plan, precision: str, note: str) -> tuple[Pass, ...]:
 
 def bodies_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
     """Return the plan on a CPU: clusters in compressed form, whole bodies per thread if there are enough of them."""
-    from cpu_backend.shape_matching.solver import choose_kernel
+    from softlab.cpu_backend.shape_matching.solver import choose_kernel
 
     why = "index arrays, all substeps of a call in one kernel; a thread computes whole bodies where they divide evenly"
     passes = bodies_passes(plan, precision, "a loop over blocks of particles or clusters")
@@ -56,7 +56,7 @@ def bodies_on_gpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
 
 def xpbd_on_gpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
     """Return the plan on a GPU. Works without a GPU, then for the one that the choice was measured on."""
-    from gpu_backend.xpbd.choice import default_xpbd_kernel
+    from softlab.gpu_backend.xpbd.choice import default_xpbd_kernel
 
     device, limits = gpu_device("that the choice was measured on")
     kernel, why = default_xpbd_kernel(scene, PRECISIONS[precision], plan.parts, limits)

@@ -11,7 +11,7 @@ from math import acos, atan2, cos, hypot, pi, sin, tan
 
 import numpy as np
 
-from app.render.camera import Camera, Margins
+from softlab.app.render.camera import Camera, Margins
 
 FIELD_OF_VIEW = 0.56  # rad, from the bottom to the top of the window
 START_YAW, START_PITCH = 0.45, 0.28  # rad: from the right and from above, so that depth is seen at once

@@ -15,9 +15,9 @@ from typing import Any
 
 import numpy as np
 
-from app.render.vertices import HostVertices
-from model.core.simulation import Simulation
-from model.scene.scene import Scene
+from softlab.app.render.vertices import HostVertices
+from softlab.model.core.simulation import Simulation
+from softlab.model.scene.scene import Scene
 
 STRAIGHT = "straight from the solver's GPU memory"
 FEW_BYTES = (
@@ -134,7 +134,7 @@ class CudaVertices(HostVertices):
 
 def load_runtime() -> Any:
     """CUDA's runtime as a module. Raises NotShared."""
-    from gpu_backend.core.device import simulated
+    from softlab.gpu_backend.core.device import simulated
 
     if simulated():
         raise NotShared("the CUDA simulator has no GPU memory")

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from model.core.energy import spring_strain
-from model.mass_spring.cloth_parameters import REACH
-from model.mass_spring.energy import spring_ends
-from model.scene.scene import Scene
-from model.xpbd.mesh_constraints import edges_of
+from softlab.model.core.energy import spring_strain
+from softlab.model.mass_spring.cloth_parameters import REACH
+from softlab.model.mass_spring.energy import spring_ends
+from softlab.model.scene.scene import Scene
+from softlab.model.xpbd.mesh_constraints import edges_of
 
 ALIKE = 0.01  # of a rest length: strains are drawn as true as that
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from app.render.camera import finite_bounds
-from app.render.camera3d import box_corners
-from app.render.collider_shapes import collider_boxes
-from app.render.fluid.framing import main_part, with_tank
-from model.scene.cloth import Plane
-from model.scene.scene import Scene
+from softlab.app.render.camera import finite_bounds
+from softlab.app.render.camera3d import box_corners
+from softlab.app.render.collider_shapes import collider_boxes
+from softlab.app.render.fluid.framing import main_part, with_tank
+from softlab.model.scene.cloth import Plane
+from softlab.model.scene.scene import Scene
 
 MIN_SLOPE = 0.2  # of a plane's unit normal upward: a steeper one is a wall, which nothing falls onto
 

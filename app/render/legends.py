@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from app.render import colours
-from app.render.panels import FONTS, rgba
-from model.core.build import pinned_indices
-from model.scene.scene import Scene
+from softlab.app.render import colours
+from softlab.app.render.panels import FONTS, rgba
+from softlab.model.core.build import pinned_indices
+from softlab.model.scene.scene import Scene
 
 MINUS = "\N{MINUS SIGN}"
 STRAIN_TITLE = f"strain of a spring: (length {MINUS} rest) / rest"

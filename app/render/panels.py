@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from app.render import colours
+from softlab.app.render import colours
 
 FONTS = ["DejaVu Sans", "Helvetica Neue", "Segoe UI", "Arial"]
 MONOSPACED = ["DejaVu Sans Mono", "Menlo", "Consolas", "Courier New"]

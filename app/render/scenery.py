@@ -7,14 +7,21 @@ from typing import Any
 
 import numpy as np
 
-from app.render import colours, shaders3d
-from app.render.camera3d import Camera3D
-from app.render.collider_shapes import Ground, Mesh, collider_mesh, grounds, line_distance, shadow_matrix
-from app.render.fluid.tank_frame import tank_frame
-from app.render.opengl import shader_program
-from app.render.vertex_arrays import delete_all, draw_elements, refill, static_buffer, uniform_matrix, vertex_array
-from model.scene.cloth import Plane
-from model.scene.scene import Scene
+from softlab.app.render import colours, shaders3d
+from softlab.app.render.camera3d import Camera3D
+from softlab.app.render.collider_shapes import Ground, Mesh, collider_mesh, grounds, line_distance, shadow_matrix
+from softlab.app.render.fluid.tank_frame import tank_frame
+from softlab.app.render.opengl import shader_program
+from softlab.app.render.vertex_arrays import (
+    delete_all,
+    draw_elements,
+    refill,
+    static_buffer,
+    uniform_matrix,
+    vertex_array,
+)
+from softlab.model.scene.cloth import Plane
+from softlab.model.scene.scene import Scene
 
 KEY = np.array([-0.45, 0.95, 0.60]) / np.linalg.norm([-0.45, 0.95, 0.60])  # toward the light that throws shadows
 GROUND_REACH = 2.6  # times the scene's size, to where nothing is left of the ground

@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from app.render import colours, shaders
-from app.render.camera3d import Camera3D
-from app.render.detail import FINE, Detail
-from app.render.drawn_springs import drawn_lines
-from app.render.opengl import shader_program
-from app.render.scenery import Drawn
-from app.render.vertex_arrays import (
+from softlab.app.render import colours, shaders
+from softlab.app.render.camera3d import Camera3D
+from softlab.app.render.detail import FINE, Detail
+from softlab.app.render.drawn_springs import drawn_lines
+from softlab.app.render.opengl import shader_program
+from softlab.app.render.scenery import Drawn
+from softlab.app.render.vertex_arrays import (
     delete_all,
     draw_elements,
     refill,
@@ -23,10 +23,10 @@ from app.render.vertex_arrays import (
     uniform_matrix,
     vertex_array,
 )
-from app.render.view import View
-from model.core.build import pinned_indices
-from model.scene.scene import Scene
-from model.scene.sheets import triangles_of
+from softlab.app.render.view import View
+from softlab.model.core.build import pinned_indices
+from softlab.model.scene.scene import Scene
+from softlab.model.scene.sheets import triangles_of
 
 WIDE_UP_TO = 200_000  # springs: beyond it, plain lines, which software drivers draw much faster
 POINTS_FROM = 14.0  # pixels between neighbours from which on the masses are drawn as points

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from app.render.bodies import shaders as body_shaders
-from app.render.camera3d import Camera3D
-from app.render.opengl import shader_program
-from app.render.scenery import KEY, Lit, Scenery
-from app.render.vertex_arrays import draw_squares, uniform_matrix
+from softlab.app.render.bodies import shaders as body_shaders
+from softlab.app.render.camera3d import Camera3D
+from softlab.app.render.opengl import shader_program
+from softlab.app.render.scenery import KEY, Lit, Scenery
+from softlab.app.render.vertex_arrays import draw_squares, uniform_matrix
 
 SHINE = 0.10
 Balls = tuple[Any, int, float]  # an array of `square_array`, how many, what is drawn of each one's radius

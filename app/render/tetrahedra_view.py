@@ -9,21 +9,21 @@ from typing import Any
 
 import numpy as np
 
-from app.render import colours, shaders3d
-from app.render.camera3d import Camera3D
-from app.render.detail import FINE, Detail
-from app.render.particle_colours import of_numbers
-from app.render.scenery import Drawn, Lit
-from app.render.sheet_view import SheetView
-from app.render.vertex_arrays import delete_all, draw_elements, refill, static_buffer, vertex_array
-from model.core.build import pinned_indices
-from model.core.errors import InputError
-from model.core.simulation import Simulation
-from model.geometry.normals import mesh_normals
-from model.scene.scene import Scene
-from model.tetrahedra.body_set import TetrahedraSet
-from model.tetrahedra.material import at_particles, largest_strain, von_mises
-from model.tetrahedra.skin import Skin, plain_skin
+from softlab.app.render import colours, shaders3d
+from softlab.app.render.camera3d import Camera3D
+from softlab.app.render.detail import FINE, Detail
+from softlab.app.render.particle_colours import of_numbers
+from softlab.app.render.scenery import Drawn, Lit
+from softlab.app.render.sheet_view import SheetView
+from softlab.app.render.vertex_arrays import delete_all, draw_elements, refill, static_buffer, vertex_array
+from softlab.model.core.build import pinned_indices
+from softlab.model.core.errors import InputError
+from softlab.model.core.simulation import Simulation
+from softlab.model.geometry.normals import mesh_normals
+from softlab.model.scene.scene import Scene
+from softlab.model.tetrahedra.body_set import TetrahedraSet
+from softlab.model.tetrahedra.material import at_particles, largest_strain, von_mises
+from softlab.model.tetrahedra.skin import Skin, plain_skin
 
 SHINE = 0.12
 TOLD = 0.6  # of a colour that is a number: what light and shade leave alone

@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from model.core.errors import InputError
-from model.core.simulation import Simulation
-from model.scene.scene import Scene
-from model.scene.sheets import scene_normals
+from softlab.model.core.errors import InputError
+from softlab.model.core.simulation import Simulation
+from softlab.model.scene.scene import Scene
+from softlab.model.scene.sheets import scene_normals
 
 
 class HostVertices:

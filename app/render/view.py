@@ -17,19 +17,19 @@ from typing import Any
 
 import numpy as np
 
-from app.render import colours, shaders
-from app.render.camera3d import Camera3D
-from app.render.collider_shapes import Ground, grounds
-from app.render.cuda_vertices import CudaVertices
-from app.render.detail import FINE, Detail
-from app.render.opengl import shader_program
-from app.render.scenery import Lit, Scenery
-from app.render.smooth_target import SmoothTarget
-from app.render.vertex_arrays import uniform_matrix
-from model.core.build import rest_positions
-from model.core.simulation import Simulation
-from model.scene.scene import Scene
-from model.shape_matching.spare import present
+from softlab.app.render import colours, shaders
+from softlab.app.render.camera3d import Camera3D
+from softlab.app.render.collider_shapes import Ground, grounds
+from softlab.app.render.cuda_vertices import CudaVertices
+from softlab.app.render.detail import FINE, Detail
+from softlab.app.render.opengl import shader_program
+from softlab.app.render.scenery import Lit, Scenery
+from softlab.app.render.smooth_target import SmoothTarget
+from softlab.app.render.vertex_arrays import uniform_matrix
+from softlab.model.core.build import rest_positions
+from softlab.model.core.simulation import Simulation
+from softlab.model.scene.scene import Scene
+from softlab.model.shape_matching.spare import present
 
 RING = 22.0  # pixels
 

@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from math import radians
 from typing import Any
 
-from app.render.camera import Camera2D
-from app.render.camera3d import Camera3D
-from app.render.detail import FINE, Detail, usual_detail
-from app.render.opengl import renderer_name
-from model.core.errors import InputError
-from model.scene.scene import Scene
+from softlab.app.render.camera import Camera2D
+from softlab.app.render.camera3d import Camera3D
+from softlab.app.render.detail import FINE, Detail, usual_detail
+from softlab.app.render.opengl import renderer_name
+from softlab.model.core.errors import InputError
+from softlab.model.scene.scene import Scene
 
 
 def view_of(scene: Scene, quick: bool = False) -> Any:
@@ -20,7 +20,7 @@ def view_of(scene: Scene, quick: bool = False) -> Any:
 
     `quick`: frames matter more than edges and shadows, which are left out where a processor does the drawing.
     """
-    from app.render.world_view import WorldView
+    from softlab.app.render.world_view import WorldView
 
     detail = usual_detail(renderer_name()) if quick else FINE
 
@@ -32,10 +32,10 @@ def view_of(scene: Scene, quick: bool = False) -> Any:
 
 def _view_of_family(scene: Scene, detail: Detail, quick: bool, first_colour: int) -> Any:
     """Of particles of one family."""
-    from app.render.bodies.view import BodiesView
-    from app.render.fluid.view import FluidView
-    from app.render.sheet_view import SheetView
-    from app.render.tetrahedra_view import TetrahedraView
+    from softlab.app.render.bodies.view import BodiesView
+    from softlab.app.render.fluid.view import FluidView
+    from softlab.app.render.sheet_view import SheetView
+    from softlab.app.render.tetrahedra_view import TetrahedraView
 
     if scene.fluids:
         return FluidView(scene, detail, shaped=not quick)
@@ -59,8 +59,8 @@ def camera_of(scene: Scene, width: int, height: int) -> Any:
 
 def check_look(scene: Scene, look: Sequence[str]) -> None:
     """Raise InputError for a look that scenes of this kind, or all scenes, lack."""
-    from app.render.fluid.view import LOOKS as OF_FLUIDS
-    from app.render.tetrahedra_view import LOOKS as OF_TETRAHEDRA
+    from softlab.app.render.fluid.view import LOOKS as OF_FLUIDS
+    from softlab.app.render.tetrahedra_view import LOOKS as OF_TETRAHEDRA
 
     known = OF_TETRAHEDRA if scene.tetrahedra else OF_FLUIDS if scene.fluids else ()
     for name in look:

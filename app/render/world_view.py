@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from app.render.camera3d import Camera3D
-from app.render.detail import FINE, Detail
-from app.render.view import View
-from model.core.simulation import Simulation
-from model.scene.scene import Scene
+from softlab.app.render.camera3d import Camera3D
+from softlab.app.render.detail import FINE, Detail
+from softlab.app.render.view import View
+from softlab.model.core.simulation import Simulation
+from softlab.model.scene.scene import Scene
 
 Parts = Callable[[Scene, Detail, int], Any]  # its scene, the detail, the first of its colours
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from time import perf_counter
 
-from app.window.steering import Steering
+from softlab.app.window.steering import Steering
 
 
 class Compiling:

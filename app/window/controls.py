@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 
-from app.window.mouse import Mouse
-from app.window.shown import Shown
+from softlab.app.window.mouse import Mouse
+from softlab.app.window.shown import Shown
 
 
 class Controls:

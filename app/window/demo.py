@@ -10,11 +10,11 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from app.window.live import live_fields, stiffness_paths
-from app.window.materials import material_at, material_changes, material_text
-from app.window.spare_bodies import counts_text, drop, next_spare
-from app.window.steering import Steering
-from app.window.worlds import STEPS_PER_FRAME
+from softlab.app.window.live import live_fields, stiffness_paths
+from softlab.app.window.materials import material_at, material_changes, material_text
+from softlab.app.window.spare_bodies import counts_text, drop, next_spare
+from softlab.app.window.steering import Steering
+from softlab.app.window.worlds import STEPS_PER_FRAME
 
 THREAD_WORDS = ("1x", "2x", "4x")
 NO_BODIES = "this scene has no bodies"

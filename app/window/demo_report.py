@@ -9,15 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from app.render.camera import Camera
-from app.window.demo import Demo
-from app.window.live import stiffness_paths
-from app.window.panes import Pane
-from model.core.families import family_of
-from model.core.files import replacing
-from model.core.simulation import Simulation
-from model.scene.scene import Scene
-from model.shape_matching.spare import counts, present
+from softlab.app.render.camera import Camera
+from softlab.app.window.demo import Demo
+from softlab.app.window.live import stiffness_paths
+from softlab.app.window.panes import Pane
+from softlab.model.core.families import family_of
+from softlab.model.core.files import replacing
+from softlab.model.core.simulation import Simulation
+from softlab.model.scene.scene import Scene
+from softlab.model.shape_matching.spare import counts, present
 
 FAR = 100  # steps: a limit beyond so many tells nothing of this step
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from app.render.camera import Margins, joined_bounds
-from app.render.collider_shapes import with_colliders
-from app.render.fluid.framing import main_part, with_fluids, with_tank
-from app.window.panes import IN_A_ROW
-from app.window.shown import Shown
+from softlab.app.render.camera import Margins, joined_bounds
+from softlab.app.render.collider_shapes import with_colliders
+from softlab.app.render.fluid.framing import main_part, with_fluids, with_tank
+from softlab.app.window.panes import IN_A_ROW
+from softlab.app.window.shown import Shown
 
 MARGINS = (50.0, 130.0, 50.0, 130.0)  # pixels left, bottom (legend), right, top (numbers)
 TITLE = 80.0  # of a pane, instead of the numbers

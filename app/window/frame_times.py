@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from app.render import colours
+from softlab.app.render import colours
 
 FRAMES = 120  # that are shown
 BAR, HEIGHT = 2, 64  # pixels
@@ -52,7 +52,7 @@ class FrameGraph:
     def __init__(self) -> None:
         import pyglet
 
-        from app.render.panels import FONTS, rgba
+        from softlab.app.render.panels import FONTS, rgba
 
         self._batch = pyglet.graphics.Batch()
         behind, before = pyglet.graphics.Group(0), pyglet.graphics.Group(1)

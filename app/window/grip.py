@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from model.core.simulation import Simulation
+from softlab.model.core.simulation import Simulation
 
 HAND = 10.0  # 1/s: the angular frequency at which a body follows the pointer, where nothing below asks for less
 REACH = 0.5  # of the body's longest side, to where a pull is shared

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from app.window.grip import Grip
-from model.core.simulation import Simulation
+from softlab.app.window.grip import Grip
+from softlab.model.core.simulation import Simulation
 
 NO_POKE: tuple[None, tuple[float, ...]] = (None, ())
 

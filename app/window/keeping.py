@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from app.command.scene_file import write_scene
-from app.output.files import read_state, write_state
-from app.window.demo import Demo
-from app.window.shots import free_path
-from model.core.errors import InputError
+from softlab.app.command.scene_file import write_scene
+from softlab.app.output.files import read_state, write_state
+from softlab.app.window.demo import Demo
+from softlab.app.window.shots import free_path
+from softlab.model.core.errors import InputError
 
 LOADED = "the state was loaded from a file"
 

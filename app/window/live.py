@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from model.core.options import LIVE_PATHS
-from model.scene.parts import Gravity
-from model.scene.scene import Scene
+from softlab.model.core.options import LIVE_PATHS
+from softlab.model.scene.parts import Gravity
+from softlab.model.scene.scene import Scene
 
 
 def stiffness_paths(scene: Scene) -> dict[str, float]:

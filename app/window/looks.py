@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from app.render.detail import Detail, next_detail
-from app.window.demo import NO_BODIES, Demo
+from softlab.app.render.detail import Detail, next_detail
+from softlab.app.window.demo import NO_BODIES, Demo
 
 OF_PLANE = "a scene in a plane is always drawn in the same way"
 

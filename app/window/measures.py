@@ -7,18 +7,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from app.outcome import fault_words
-from app.render.camera import finite_bounds, joined_bounds
-from app.render.colours import strain_range
-from app.render.drawn_springs import drawn_strain
-from app.render.fluid.framing import main_part, with_fluids
-from model.contact.shortfalls import inverted_elements, lost
-from model.core.build import masses
-from model.core.energy import energies
-from model.core.simulation import Simulation
-from model.fluid.measure import compression
-from model.scene.scene import Scene
-from model.shape_matching.spare import absent, present
+from softlab.app.outcome import fault_words
+from softlab.app.render.camera import finite_bounds, joined_bounds
+from softlab.app.render.colours import strain_range
+from softlab.app.render.drawn_springs import drawn_strain
+from softlab.app.render.fluid.framing import main_part, with_fluids
+from softlab.model.contact.shortfalls import inverted_elements, lost
+from softlab.model.core.build import masses
+from softlab.model.core.energy import energies
+from softlab.model.core.simulation import Simulation
+from softlab.model.fluid.measure import compression
+from softlab.model.scene.scene import Scene
+from softlab.model.shape_matching.spare import absent, present
 
 ASKED = 30_000  # particles of a fluid whose densities are asked for in passing: a tenth of a second
 KEEP_RANGE = 2.6  # times the wanted range of colours: a legend that flickers between two ranges cannot be read

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from app.render.camera import pick
-from app.window.shown import Shown
+from softlab.app.render.camera import pick
+from softlab.app.window.shown import Shown
 
 REACH = 22.0  # pixels from the pointer within which a mass of a plane is taken
 SPACE_REACH = 10.0  # in space, where beside the masses is what turns the view

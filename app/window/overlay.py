@@ -7,14 +7,14 @@ from time import perf_counter
 
 import numpy as np
 
-from app.render import colours
-from app.render.legends import Legends
-from app.render.opengl import drawing_text
-from app.render.panels import Arrow, Panel, Style
-from app.window.demo_report import numbers_text, title_text
-from app.window.frame_times import FrameGraph, FrameTimes
-from app.window.keys import hint, keys_text
-from app.window.shown import Shown
+from softlab.app.render import colours
+from softlab.app.render.legends import Legends
+from softlab.app.render.opengl import drawing_text
+from softlab.app.render.panels import Arrow, Panel, Style
+from softlab.app.window.demo_report import numbers_text, title_text
+from softlab.app.window.frame_times import FrameGraph, FrameTimes
+from softlab.app.window.keys import hint, keys_text
+from softlab.app.window.shown import Shown
 
 NUMBERS = Style(13, bold=True), Style(10), Style(9, colour=colours.FAINT)  # the first line matters most
 TITLE = Style(11, bold=True), Style(10)

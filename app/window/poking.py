@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from app.window.hand import Poke, neighbour
-from app.window.worlds import Worlds
+from softlab.app.window.hand import Poke, neighbour
+from softlab.app.window.worlds import Worlds
 
 PULLED = "a mass was pulled"
 

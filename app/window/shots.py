@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from app.output.offscreen import read_pixels
-from app.output.pictures import write_png
-from app.output.video import VideoWriter
-from app.window.demo import Demo
-from model.core.errors import SoftlabError
+from softlab.app.output.offscreen import read_pixels
+from softlab.app.output.pictures import write_png
+from softlab.app.output.video import VideoWriter
+from softlab.app.window.demo import Demo
+from softlab.model.core.errors import SoftlabError
 
 FPS = 60
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, Protocol
 
-from app.window.demo import Demo
-from app.window.frame_times import FrameTimes
-from app.window.looks import Looks
-from app.window.panes import Pane
-from app.window.shots import Shots
-from model.core.errors import Diverged
-from model.core.simulation import State
-from model.scene.scene import Scene
+from softlab.app.window.demo import Demo
+from softlab.app.window.frame_times import FrameTimes
+from softlab.app.window.looks import Looks
+from softlab.app.window.panes import Pane
+from softlab.app.window.shots import Shots
+from softlab.model.core.errors import Diverged
+from softlab.model.core.simulation import State
+from softlab.model.scene.scene import Scene
 
 Judge = Callable[[Scene, State, Diverged | None], tuple[float | None, str | None]]
 

@@ -10,14 +10,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from app.window.hand import Hand
-from app.window.live import stiffness_paths
-from app.window.poking import Poking
-from app.window.worlds import STEPS_PER_FRAME
-from model.core.errors import SoftlabError
-from model.core.options import LIVE_PATHS
-from model.core.simulation import Simulation, State
-from model.scene.scene import Scene
+from softlab.app.window.hand import Hand
+from softlab.app.window.live import stiffness_paths
+from softlab.app.window.poking import Poking
+from softlab.app.window.worlds import STEPS_PER_FRAME
+from softlab.model.core.errors import SoftlabError
+from softlab.model.core.options import LIVE_PATHS
+from softlab.model.core.simulation import Simulation, State
+from softlab.model.scene.scene import Scene
 
 CHANGED = "a setting was changed while it ran"
 
@@ -254,7 +254,7 @@ def field_of(world: Simulation, path: str) -> Any:
 
 def _same_masses(scene: Scene, other: Scene) -> bool:
     """Whether a state of the one is one of the other: as many masses, with the same weights and pins."""
-    from model.core.build import build
+    from softlab.model.core.build import build
 
     one, two = build(scene.whole), build(other.whole)
     return one.position.shape == two.position.shape and bool(

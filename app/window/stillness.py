@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from app.window.overlay import MESSAGE_SECONDS
-from app.window.shown import Shown
+from softlab.app.window.overlay import MESSAGE_SECONDS
+from softlab.app.window.shown import Shown
 
 SETTLE = (
     60  # frames that are drawn after a touch: for a camera on its way, a tip that appears, a number that is renewed

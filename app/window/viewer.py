@@ -11,24 +11,24 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-from app.render import colours
-from app.render.detail import by_software
-from app.render.opengl import load_pyglet, open_window, renderer_name
-from app.render.panels import EDGE
-from app.render.views import camera_of, view_of
-from app.window.compiling import Compiling
-from app.window.controls import Controls
-from app.window.demo import Demo
-from app.window.demo_report import demo_state, write_state
-from app.window.following import Following
-from app.window.looks import Looks
-from app.window.overlay import Overlay
-from app.window.panel.panel import Panel
-from app.window.panes import GAP, Pane, check_alike, panes
-from app.window.shots import Shots
-from app.window.shown import Judge
-from app.window.stillness import Stillness
-from model.scene.scene import Scene
+from softlab.app.render import colours
+from softlab.app.render.detail import by_software
+from softlab.app.render.opengl import load_pyglet, open_window, renderer_name
+from softlab.app.render.panels import EDGE
+from softlab.app.render.views import camera_of, view_of
+from softlab.app.window.compiling import Compiling
+from softlab.app.window.controls import Controls
+from softlab.app.window.demo import Demo
+from softlab.app.window.demo_report import demo_state, write_state
+from softlab.app.window.following import Following
+from softlab.app.window.looks import Looks
+from softlab.app.window.overlay import Overlay
+from softlab.app.window.panel.panel import Panel
+from softlab.app.window.panes import GAP, Pane, check_alike, panes
+from softlab.app.window.shots import Shots
+from softlab.app.window.shown import Judge
+from softlab.app.window.stillness import Stillness
+from softlab.model.scene.scene import Scene
 
 WIDTH, HEIGHT = 1200, 900
 FOLLOW_SHARE = 0.12  # of the way to the view that shows everything, per frame

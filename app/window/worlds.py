@@ -11,15 +11,15 @@ from typing import Self
 
 import numpy as np
 
-from app.driver import open_simulation
-from app.render.camera import finite_bounds
-from app.window.hand import Hand
-from app.window.live import live_parts
-from app.window.measures import Statistics, measure, measure_picture
-from app.window.panes import check_alike, titles_of
-from model.core.errors import Diverged, SoftlabError
-from model.core.simulation import Simulation, State
-from model.scene.scene import Scene
+from softlab.app.driver import open_simulation
+from softlab.app.render.camera import finite_bounds
+from softlab.app.window.hand import Hand
+from softlab.app.window.live import live_parts
+from softlab.app.window.measures import Statistics, measure, measure_picture
+from softlab.app.window.panes import check_alike, titles_of
+from softlab.model.core.errors import Diverged, SoftlabError
+from softlab.model.core.simulation import Simulation, State
+from softlab.model.scene.scene import Scene
 
 ALWAYS_KEPT = 50_000  # masses: up to here the last picture that fits is kept in every frame, beyond it when dt is over
 WATCHABLE = 3.0  # times the scene's size: what still fits the window, and is shown of a state that diverged

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Mapping
 from typing import Any
 
-from bench.cluster.folder import Status
-from bench.measure.progress import progress_bar
+from softlab.bench.cluster.folder import Status
+from softlab.bench.measure.progress import progress_bar
 
 
 def groups(count: int) -> str:

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from bench.cluster.pools import EXTRA, Job, Where, command, exit_words
-from model.core.errors import BackendUnavailable
+from softlab.bench.cluster.pools import EXTRA, Job, Where, command, exit_words
+from softlab.model.core.errors import BackendUnavailable
 
 DASK_SECONDS = 5.0  # time in which a scheduler must answer, and in which it restarts what died
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
-from bench.cluster.folder import Folder
-from bench.store.database import Store
-from bench.store.transfer import merge
-from model.core.errors import InputError
+from softlab.bench.cluster.folder import Folder
+from softlab.bench.store.database import Store
+from softlab.bench.store.transfer import merge
+from softlab.model.core.errors import InputError
 
 
 class Intake:

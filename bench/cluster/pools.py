@@ -17,16 +17,21 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
 
-from cpu_backend.core.threads import core_count
-from model.core.digest import ROOT
-from model.core.errors import BackendUnavailable, SceneError, shortened
+from softlab.cpu_backend.core.threads import core_count
+from softlab.model.core.errors import BackendUnavailable, SceneError, shortened
 
 WEEK_MINUTES = 7 * 24 * 60
 SLURM_WORKERS, SLURM_MINUTES = 4, 8 * 60  # defaults
 CODE = (
-    "import sys; sys.path.insert(0, sys.argv[1]); from bench.cluster.worker import main; sys.exit(main(*sys.argv[2:]))"
+    "import sys; sys.path.insert(0, sys.argv[1])\n"
+    "from softlab.bench.cluster.worker import main; sys.exit(main(*sys.argv[2:]))"
 )
 EXTRA = 'pip install -e ".[cluster]"'
+
+
+def _import_folder() -> str:
+    """The folder from which a worker imports the package: the checkout, or where it is installed."""
+    return str(Path(str(sys.modules["softlab"].__file__)).parents[1])
 
 
 @dataclass(frozen=True)
@@ -87,7 +92,7 @@ class Pool(Protocol):
 
 def command(folder: Path, name: str) -> list[str]:
     """Return the command that starts a worker, in any folder and environment."""
-    return [sys.executable, "-c", CODE, str(ROOT), str(folder), name]
+    return [sys.executable, "-c", CODE, _import_folder(), str(folder), name]
 
 
 def exit_words(status: int) -> str:
@@ -184,6 +189,6 @@ def _devices(backends: Sequence[str] | None) -> list[str | None]:
     told = os.environ.get("CUDA_VISIBLE_DEVICES")
     if told:
         return list(told.split(","))
-    from bench.measure.gpu import gpu_facts
+    from softlab.bench.measure.gpu import gpu_facts
 
     return [str(k) for k in range(gpu_facts()["gpu_count"] or 1)]

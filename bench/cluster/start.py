@@ -10,17 +10,17 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from bench.cluster.dask_pool import DaskPool
-from bench.cluster.folder import Folder, Order
-from bench.cluster.intake import Intake
-from bench.cluster.pools import Pool, SubmititPool, Where
-from bench.cluster.summary import ClusterSummary
-from bench.cluster.sweep import STILL_BEATS, Sweep
-from bench.cluster.turns import try_lock
-from bench.cluster.worker import code_digests
-from bench.store.database import Store
-from model.core.errors import InputError
-from model.core.files import why
+from softlab.bench.cluster.dask_pool import DaskPool
+from softlab.bench.cluster.folder import Folder, Order
+from softlab.bench.cluster.intake import Intake
+from softlab.bench.cluster.pools import Pool, SubmititPool, Where
+from softlab.bench.cluster.summary import ClusterSummary
+from softlab.bench.cluster.sweep import STILL_BEATS, Sweep
+from softlab.bench.cluster.turns import try_lock
+from softlab.bench.cluster.worker import code_digests
+from softlab.bench.store.database import Store
+from softlab.model.core.errors import InputError
+from softlab.model.core.files import why
 
 FOLDER = ".workers"  # replaces the store's suffix
 

@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 
 from rich.console import Console
 
-from bench.cluster.bar import groups
-from bench.cluster.folder import Status
-from bench.measure.cases import SweepSummary
-from bench.store.database import Store
+from softlab.bench.cluster.bar import groups
+from softlab.bench.cluster.folder import Status
+from softlab.bench.measure.cases import SweepSummary
+from softlab.bench.store.database import Store
 
 
 @dataclass

@@ -14,15 +14,15 @@ import time
 from contextlib import suppress
 from dataclasses import dataclass
 
-from bench.cluster.bar import WorkerBars
-from bench.cluster.folder import DONE, GIVEN_UP, REFUSED, Folder, Order, Status
-from bench.cluster.intake import Intake
-from bench.cluster.pools import Job, Pool
-from bench.cluster.summary import ClusterSummary, count
-from bench.cluster.turns import host_name
-from bench.store.database import Store
-from bench.store.transfer import export, last_run
-from model.core.errors import BackendUnavailable, InputError
+from softlab.bench.cluster.bar import WorkerBars
+from softlab.bench.cluster.folder import DONE, GIVEN_UP, REFUSED, Folder, Order, Status
+from softlab.bench.cluster.intake import Intake
+from softlab.bench.cluster.pools import Job, Pool
+from softlab.bench.cluster.summary import ClusterSummary, count
+from softlab.bench.cluster.turns import host_name
+from softlab.bench.store.database import Store
+from softlab.bench.store.transfer import export, last_run
+from softlab.model.core.errors import BackendUnavailable, InputError
 
 DEATHS = 3  # number of deaths after which a group, or a slot, is given up
 STILL_BEATS = 3  # number of beats without a sign of life after which a worker whose job has ended is lost

@@ -18,13 +18,13 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from bench.cluster.folder import BROKEN, DONE, REFUSED, STOPPED, Folder, Order, Status
-from bench.cluster.turns import Turn, host_name
-from bench.measure.share import sharing
-from bench.store.database import Store
-from bench.store.transfer import export, last_run, merge
-from bench.store.versions import BACKENDS, digest_of
-from model.core.errors import BackendUnavailable, SoftlabError, on_command_line
+from softlab.bench.cluster.folder import BROKEN, DONE, REFUSED, STOPPED, Folder, Order, Status
+from softlab.bench.cluster.turns import Turn, host_name
+from softlab.bench.measure.share import sharing
+from softlab.bench.store.database import Store
+from softlab.bench.store.transfer import export, last_run, merge
+from softlab.bench.store.versions import BACKENDS, digest_of
+from softlab.model.core.errors import BackendUnavailable, SoftlabError, on_command_line
 
 COUNTS = ("measured", "held", "samples", "suspect", "compile_seconds")  # fields of a summary, as far as it has them
 
@@ -169,7 +169,7 @@ def _backends(order: Order) -> Sequence[str]:
     """Return the backends that are timed here, with the machine reserved."""
     if order.backends is not None and not order.backends:
         return ()
-    from bench.measure.experiment import backends_here
+    from softlab.bench.measure.experiment import backends_here
 
     return backends_here(order.backends)
 
@@ -178,7 +178,7 @@ def _device(backends: Sequence[str]) -> str | None:
     """Return the identifier of the GPU, if it is the only thing that is timed."""
     if list(backends) != ["gpu"]:
         return None
-    from bench.measure.gpu import gpu_simulated
+    from softlab.bench.measure.gpu import gpu_simulated
 
     if gpu_simulated():
         return "simulated"

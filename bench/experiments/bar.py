@@ -13,16 +13,16 @@ from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 
-from bench.experiments import bar_body, bar_strip, body_laws
-from bench.experiments.bar_body import bar, measured_tetrahedra, stand, sway, tetrahedra
-from bench.experiments.bar_strip import ACROSS, FREQUENCY, SAG, bend, hang, method_of, strip, swing
-from bench.experiments.body_laws import DROP, ENERGY, FLIGHT, KEPT, SPIN, hold, law_scene
-from bench.measure.costs_timing import Measures
-from bench.measure.experiment import described, source_hash
-from bench.measure.items import Experiment, Items
-from bench.store.database import Store
-from model.core.digest import source_digest
-from model.scene.scene import Scene
+from softlab.bench.experiments import bar_body, bar_strip, body_laws
+from softlab.bench.experiments.bar_body import bar, measured_tetrahedra, stand, sway, tetrahedra
+from softlab.bench.experiments.bar_strip import ACROSS, FREQUENCY, SAG, bend, hang, method_of, strip, swing
+from softlab.bench.experiments.body_laws import DROP, ENERGY, FLIGHT, KEPT, SPIN, hold, law_scene
+from softlab.bench.measure.costs_timing import Measures
+from softlab.bench.measure.experiment import described, source_hash
+from softlab.bench.measure.items import Experiment, Items
+from softlab.bench.store.database import Store
+from softlab.model.core.digest import source_digest
+from softlab.model.scene.scene import Scene
 
 VERSION = 1  # part of every resume key: raise it when an experiment changes
 STRIP, BODY, LAW, ELEMENTS = "bar: strip", "bar: body", "bar: law", "bar: tetrahedra"  # values of `finding`

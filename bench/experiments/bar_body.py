@@ -19,8 +19,8 @@ from typing import Any
 
 import numpy as np
 
-from app.driver import open_simulation
-from bench.experiments.bar_strip import (
+from softlab.app.driver import open_simulation
+from softlab.bench.experiments.bar_strip import (
     ACROSS,
     DECAY,
     FRAME,
@@ -44,12 +44,12 @@ from bench.experiments.bar_strip import (
     swing_of,
     told,
 )
-from bench.measure.costs_timing import Measures
-from model.assets.soft_body import DENSITY, SoftBody
-from model.core.build import build
-from model.core.simulation import State
-from model.geometry.shapes import Shape
-from model.scene.scene import Scene
+from softlab.bench.measure.costs_timing import Measures
+from softlab.model.assets.soft_body import DENSITY, SoftBody
+from softlab.model.core.build import build
+from softlab.model.core.simulation import State
+from softlab.model.geometry.shapes import Shape
+from softlab.model.scene.scene import Scene
 
 REACH = "bar_reach"  # m: the root of <x^2>; times w it is the speed of waves
 CLUSTERS = "bar_clusters"  # mean number of clusters per particle

@@ -14,8 +14,8 @@ from typing import Any
 
 from rich.console import Console
 
-from app.driver import open_simulation
-from bench.experiments.bar import (
+from softlab.app.driver import open_simulation
+from softlab.bench.experiments.bar import (
     LAW_SUBSTEPS,
     SOLVERS,
     SOME_LAYERS,
@@ -25,20 +25,20 @@ from bench.experiments.bar import (
     SUBSTEPS,
     TETRAHEDRA,
 )
-from bench.experiments.bar_body import bar, tetrahedra
-from bench.experiments.bar_rows import JELLY, Bar, is_bar, rows
-from bench.experiments.bar_strip import FRAME, FREQUENCY, OPTIONS, SAG, method_of, strip
-from bench.measure import costs_timing
-from bench.measure.costs_timing import RATIO, SECONDS, Effort, Measures, Record, in_turn
-from bench.measure.experiment import described
-from bench.measure.items import Group, Items, cost_sources
-from bench.measure.timing import Subject, prepare
-from bench.store.database import Store
-from bench.store.results import Measure, by_configuration, measures
-from bench.store.schema import tables_by_kind
-from bench.store.tables import columns, print_table
-from model.core.errors import SoftlabError
-from model.scene.scene import Scene
+from softlab.bench.experiments.bar_body import bar, tetrahedra
+from softlab.bench.experiments.bar_rows import JELLY, Bar, is_bar, rows
+from softlab.bench.experiments.bar_strip import FRAME, FREQUENCY, OPTIONS, SAG, method_of, strip
+from softlab.bench.measure import costs_timing
+from softlab.bench.measure.costs_timing import RATIO, SECONDS, Effort, Measures, Record, in_turn
+from softlab.bench.measure.experiment import described
+from softlab.bench.measure.items import Group, Items, cost_sources
+from softlab.bench.measure.timing import Subject, prepare
+from softlab.bench.store.database import Store
+from softlab.bench.store.results import Measure, by_configuration, measures
+from softlab.bench.store.schema import tables_by_kind
+from softlab.bench.store.tables import columns, print_table
+from softlab.model.core.errors import SoftlabError
+from softlab.model.scene.scene import Scene
 
 COST = "bar: cost"  # value of `finding`
 CLOSE = 0.1  # relative error of sag and frequency below which a method reproduces the rod

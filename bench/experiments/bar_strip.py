@@ -22,13 +22,13 @@ from typing import Any
 
 import numpy as np
 
-from app.driver import open_simulation
-from bench.measure.costs_timing import Measures
-from model.core.build import build, rest_positions
-from model.core.errors import BackendUnavailable, Diverged, UnstableTimeStep
-from model.core.simulation import Simulation, State
-from model.scene.scene import Scene
-from model.shape_matching.matching import lattice_clusters, matching_stiffness
+from softlab.app.driver import open_simulation
+from softlab.bench.measure.costs_timing import Measures
+from softlab.model.core.build import build, rest_positions
+from softlab.model.core.errors import BackendUnavailable, Diverged, UnstableTimeStep
+from softlab.model.core.simulation import Simulation, State
+from softlab.model.scene.scene import Scene
+from softlab.model.shape_matching.matching import lattice_clusters, matching_stiffness
 
 LENGTH, WIDTH = 1.0, 0.25  # m
 SPEED = 8.0  # m/s, c

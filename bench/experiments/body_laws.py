@@ -15,10 +15,10 @@ from typing import Any
 
 import numpy as np
 
-from app.driver import open_simulation
-from bench.experiments.bar_strip import FRAME, OPTIONS, SHARED, told
-from bench.measure.costs_timing import Measures
-from model.scene.scene import Scene
+from softlab.app.driver import open_simulation
+from softlab.bench.experiments.bar_strip import FRAME, OPTIONS, SHARED, told
+from softlab.bench.measure.costs_timing import Measures
+from softlab.model.scene.scene import Scene
 
 SPIN, FLIGHT, DROP = "spin", "flight", "drop"
 KEPT, SPIN_LAW, MOMENTUM, ENERGY = "body_spin_kept", "body_spin_law", "body_momentum", "body_energy"

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from model.core.simulation import State
-from model.scene.scene import Scene
+from softlab.model.core.simulation import State
+from softlab.model.scene.scene import Scene
 
 GRAVITY = 9.81  # m/s^2
 AWAY = {"point": [0.0, -1e5, 0.0], "normal": [0.0, 1.0, 0.0], "static_friction": 0.5, "dynamic_friction": 0.4}

@@ -18,18 +18,18 @@ from typing import Any
 
 from rich.console import Console
 
-from app.driver import open_simulation
-from bench.measure.costs_timing import FULL, RATIO, SECONDS, Effort, Measures, Record, in_turn
-from bench.measure.costs_timing import QUICK as SHORT
-from bench.measure.experiment import described
-from bench.measure.items import Group, Items, cost_sources
-from bench.measure.timing import Subject, prepare
-from bench.store.database import Store
-from bench.store.results import Measure, measures
-from bench.store.tables import print_table
-from cpu_backend.core.threads import core_count
-from model.core.errors import SceneError
-from model.scene.scene import load_scene
+from softlab.app.driver import open_simulation
+from softlab.bench.measure.costs_timing import FULL, RATIO, SECONDS, Effort, Measures, Record, in_turn
+from softlab.bench.measure.costs_timing import QUICK as SHORT
+from softlab.bench.measure.experiment import described
+from softlab.bench.measure.items import Group, Items, cost_sources
+from softlab.bench.measure.timing import Subject, prepare
+from softlab.bench.store.database import Store
+from softlab.bench.store.results import Measure, measures
+from softlab.bench.store.tables import print_table
+from softlab.cpu_backend.core.threads import core_count
+from softlab.model.core.errors import SceneError
+from softlab.model.scene.scene import load_scene
 
 FINDING = "busy"  # value of `finding`
 ALONE, NICED, SAME = "alone", "niced", "same"

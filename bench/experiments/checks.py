@@ -13,12 +13,12 @@ from functools import lru_cache
 
 import numpy as np
 
-from app.driver import open_simulation
-from bench.measure.gpu import gpu_simulated
-from model.core.build import wave
-from model.core.errors import Diverged, SceneError
-from model.core.simulation import Simulation, State
-from model.scene.scene import Scene
+from softlab.app.driver import open_simulation
+from softlab.bench.measure.gpu import gpu_simulated
+from softlab.model.core.build import wave
+from softlab.model.core.errors import Diverged, SceneError
+from softlab.model.core.simulation import Simulation, State
+from softlab.model.scene.scene import Scene
 
 CHECK_ROWS, CHECK_COLUMNS = 23, 19  # masses: small for the reference, not divisible by a block or band
 CHECK_STEPS = 100
@@ -68,7 +68,7 @@ def compare(simulation: Simulation, expected: np.ndarray, note: str) -> Check:
 
 @lru_cache(maxsize=64)
 def _reference(scene_text: str, steps: int) -> np.ndarray:
-    from bench.reference.mass_spring import simulate
+    from softlab.bench.reference.mass_spring import simulate
 
     return simulate(Scene(json.loads(scene_text)), steps)[0]
 

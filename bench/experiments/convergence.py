@@ -23,19 +23,19 @@ from typing import Any
 
 import numpy as np
 
-from app.driver import open_simulation
-from bench.experiments.accuracy.methods import XPBD, changes
-from bench.measure.costs_timing import FULL, QUICK, Effort, Measures, Record, in_turn
-from bench.measure.experiment import described
-from bench.measure.items import Group, Items, cost_sources
-from bench.measure.timing import Subject, prepare
-from bench.reference.mass_spring import start
-from bench.store.database import Store
-from model.core.build import build
-from model.core.energy import spring_strain
-from model.core.simulation import State
-from model.scene.scene import Scene, load_scene
-from model.xpbd.plan import colour_order, xpbd_parts
+from softlab.app.driver import open_simulation
+from softlab.bench.experiments.accuracy.methods import XPBD, changes
+from softlab.bench.measure.costs_timing import FULL, QUICK, Effort, Measures, Record, in_turn
+from softlab.bench.measure.experiment import described
+from softlab.bench.measure.items import Group, Items, cost_sources
+from softlab.bench.measure.timing import Subject, prepare
+from softlab.bench.reference.mass_spring import start
+from softlab.bench.store.database import Store
+from softlab.model.core.build import build
+from softlab.model.core.energy import spring_strain
+from softlab.model.core.simulation import State
+from softlab.model.scene.scene import Scene, load_scene
+from softlab.model.xpbd.plan import colour_order, xpbd_parts
 
 CONVERGENCE = "convergence"  # value of `finding`
 RESIDUAL, BEFORE = "convergence_residual", "convergence_residual_before"  # over the rest length; BEFORE: at the start

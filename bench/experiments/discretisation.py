@@ -10,14 +10,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from app.driver import open_simulation
-from bench.measure.costs_timing import Measures
-from bench.measure.experiment import described, source_hash
-from bench.measure.items import Experiment
-from model.core.build import rest_positions
-from model.core.simulation import State
-from model.scene.scene import Scene
-from model.xpbd.mesh_constraints import mesh_energy
+from softlab.app.driver import open_simulation
+from softlab.bench.measure.costs_timing import Measures
+from softlab.bench.measure.experiment import described, source_hash
+from softlab.bench.measure.items import Experiment
+from softlab.model.core.build import rest_positions
+from softlab.model.core.simulation import State
+from softlab.model.scene.scene import Scene
+from softlab.model.xpbd.mesh_constraints import mesh_energy
 
 FINDING = "discretisation"
 BIAS, RATIO, SAG = "finding_bias", "finding_ratio", "finding_sag"  # spacings; dimensionless; m

@@ -20,13 +20,13 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
-from bench.measure.case_timing import Case, RatePoint, Rates, make_case
-from bench.store.database import Store
-from bench.store.results import Measure, measures
-from bench.store.tables import columns, print_table
-from model.core.options import PRECISIONS
-from model.formulas.constraints import tetrahedron
-from model.scene.scene import Scene
+from softlab.bench.measure.case_timing import Case, RatePoint, Rates, make_case
+from softlab.bench.store.database import Store
+from softlab.bench.store.results import Measure, measures
+from softlab.bench.store.tables import columns, print_table
+from softlab.model.core.options import PRECISIONS
+from softlab.model.formulas.constraints import tetrahedron
+from softlab.model.scene.scene import Scene
 
 STAGE = "tetrahedra_projections"  # stage of the samples in the store
 STEP = "tetrahedra_projection_step"  # s: the median of a step

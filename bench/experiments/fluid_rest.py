@@ -17,21 +17,21 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
-from bench.experiments.fluid_truth.experiment import FINDING, Way, opened
-from bench.experiments.fluid_truth.scenes import SCHEMES, Setting
-from bench.experiments.fluids import FRAME
-from bench.measure.costs_timing import Measures
-from bench.measure.experiment import source_hash
-from bench.measure.items import Experiment, Items
-from bench.peers.base import PeerError
-from bench.peers.fluids.splishsplash import SplishSplash
-from bench.store.database import Store
-from bench.store.results import Measure, by_configuration, measures
-from bench.store.tables import columns, print_table
-from model.core.digest import source_digest
-from model.core.errors import BackendUnavailable, SoftlabError
-from model.scene.parts import Gravity
-from model.scene.scene import Scene
+from softlab.bench.experiments.fluid_truth.experiment import FINDING, Way, opened
+from softlab.bench.experiments.fluid_truth.scenes import SCHEMES, Setting
+from softlab.bench.experiments.fluids import FRAME
+from softlab.bench.measure.costs_timing import Measures
+from softlab.bench.measure.experiment import source_hash
+from softlab.bench.measure.items import Experiment, Items
+from softlab.bench.peers.base import PeerError
+from softlab.bench.peers.fluids.splishsplash import SplishSplash
+from softlab.bench.store.database import Store
+from softlab.bench.store.results import Measure, by_configuration, measures
+from softlab.bench.store.tables import columns, print_table
+from softlab.model.core.digest import source_digest
+from softlab.model.core.errors import BackendUnavailable, SoftlabError
+from softlab.model.scene.parts import Gravity
+from softlab.model.scene.scene import Scene
 
 TANK, BOX = "still tank", "repeating box"
 SPACINGS = (0.05, 0.1, 1 / 30)  # m; the first one without viscosity is watched for the whole minute

@@ -17,17 +17,17 @@ from typing import Any
 
 from rich.console import Console
 
-from app.plan.measure import measure_stages
-from bench.measure import experiment
-from bench.measure.case_timing import Case, RatePoint, Rates, Summary, make_case
-from bench.measure.costs_timing import Measures
-from bench.store.database import Store
-from bench.store.results import Measure, measures
-from bench.store.tables import columns, print_table
-from bench.stress.vessels import basin_area, in_basin, pouring
-from model.fluid.fluid_set import particle_count
-from model.fluid.plan import fluid_plan, neighbours_at_rest
-from model.scene.scene import Scene, load_scene
+from softlab.app.plan.measure import measure_stages
+from softlab.bench.measure import experiment
+from softlab.bench.measure.case_timing import Case, RatePoint, Rates, Summary, make_case
+from softlab.bench.measure.costs_timing import Measures
+from softlab.bench.store.database import Store
+from softlab.bench.store.results import Measure, measures
+from softlab.bench.store.tables import columns, print_table
+from softlab.bench.stress.vessels import basin_area, in_basin, pouring
+from softlab.model.fluid.fluid_set import particle_count
+from softlab.model.fluid.plan import fluid_plan, neighbours_at_rest
+from softlab.model.scene.scene import Scene, load_scene
 
 STAGE = "fluids"  # stage of the samples in the store
 STEP = "fluid_step"  # s: the median of a frame

@@ -14,19 +14,19 @@ from dataclasses import replace
 from importlib import import_module
 from typing import Any
 
-from bench.experiments.sweep import Asked, Sweep
-from bench.measure.cases import Case, SweepSummary
-from bench.measure.energy import LOOP_SECONDS, STAGE, energy_counter
-from bench.measure.experiment import Tell, backends_here, ending_cleanly, host_of, source_hash
-from bench.measure.gpu import gpu_simulated
-from bench.measure.kernel_runner import NO_JOULES, KernelRunner
-from bench.measure.limits import enter_limits
-from bench.measure.share import share
-from bench.measure.starts import measure_starts
-from bench.store.database import Store
-from bench.store.results import configuration
-from model.core.errors import SceneError
-from model.scene.scene import Scene, load_scene
+from softlab.bench.experiments.sweep import Asked, Sweep
+from softlab.bench.measure.cases import Case, SweepSummary
+from softlab.bench.measure.energy import LOOP_SECONDS, STAGE, energy_counter
+from softlab.bench.measure.experiment import Tell, backends_here, ending_cleanly, host_of, source_hash
+from softlab.bench.measure.gpu import gpu_simulated
+from softlab.bench.measure.kernel_runner import NO_JOULES, KernelRunner
+from softlab.bench.measure.limits import enter_limits
+from softlab.bench.measure.share import share
+from softlab.bench.measure.starts import measure_starts
+from softlab.bench.store.database import Store
+from softlab.bench.store.results import configuration
+from softlab.model.core.errors import SceneError
+from softlab.model.scene.scene import Scene, load_scene
 
 SQUARES = tuple(16 << k for k in range(10))  # 16 ... 8192
 QUICK_SQUARES = (32, 64, 128, 256)
@@ -40,7 +40,7 @@ PLAIN = ("fused", "launch", "graph", "stages")
 def kernels_of(backend: str) -> tuple[str, ...]:
     """Return the names of a backend's kernels, from the module that chooses among them."""
     for module in ("choice", "solver"):
-        names = getattr(import_module(f"{backend}_backend.mass_spring.grid.{module}"), "KERNELS", None)
+        names = getattr(import_module(f"softlab.{backend}_backend.mass_spring.grid.{module}"), "KERNELS", None)
         if names:
             return tuple(names)
     raise LookupError(f"the {backend} backend names no kernels")

@@ -15,15 +15,15 @@ from typing import Any
 
 from rich.console import Console
 
-from bench.measure.case_timing import Case, RatePoint, Rates, make_case
-from bench.store.database import Store
-from bench.store.published import PUBLISHED
-from bench.store.results import Measure, measures
-from bench.store.schema import canonical
-from bench.store.tables import columns, print_table
-from model.core.errors import SceneError
-from model.scene.scene import Scene, load_scene
-from model.xpbd.plan import constraint_count
+from softlab.bench.measure.case_timing import Case, RatePoint, Rates, make_case
+from softlab.bench.store.database import Store
+from softlab.bench.store.published import PUBLISHED
+from softlab.bench.store.results import Measure, measures
+from softlab.bench.store.schema import canonical
+from softlab.bench.store.tables import columns, print_table
+from softlab.model.core.errors import SceneError
+from softlab.model.scene.scene import Scene, load_scene
+from softlab.model.xpbd.plan import constraint_count
 
 STAGE = "projections"  # stage of the samples in the store
 STEP = "projection_step"  # s: the median of a step

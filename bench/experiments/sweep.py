@@ -16,17 +16,17 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-from bench.measure.cases import Case, Effort, Kind, SweepSummary, record_skip
-from bench.measure.experiment import Tell, backends_here, host_of, resume, source_hash
-from bench.measure.group import GroupRunner
-from bench.store.database import Store
-from bench.store.results import configuration, timings
-from bench.store.schema import configuration_hash
-from cpu_backend.core.threads import thread_count
-from model.core.errors import SceneError
-from model.core.memory import available_bytes, readable
-from model.core.simulation import PRECISIONS
-from model.scene.scene import Scene, load_scene
+from softlab.bench.measure.cases import Case, Effort, Kind, SweepSummary, record_skip
+from softlab.bench.measure.experiment import Tell, backends_here, host_of, resume, source_hash
+from softlab.bench.measure.group import GroupRunner
+from softlab.bench.store.database import Store
+from softlab.bench.store.results import configuration, timings
+from softlab.bench.store.schema import configuration_hash
+from softlab.cpu_backend.core.threads import thread_count
+from softlab.model.core.errors import SceneError
+from softlab.model.core.memory import available_bytes, readable
+from softlab.model.core.simulation import PRECISIONS
+from softlab.model.scene.scene import Scene, load_scene
 
 Shape = tuple[int, int]  # rows, columns, in masses
 
@@ -220,7 +220,7 @@ class Sweep:
     def _no_graphics(self) -> str | None:
         """Reason why nothing can be drawn off-screen, or None if it can."""
         try:
-            from app.output.offscreen import opengl_available
+            from softlab.app.output.offscreen import opengl_available
         except ImportError as error:
             return f"off-screen drawing cannot be loaded ({error})"
         works, text = opengl_available(text=False)  # frames are timed without a legend

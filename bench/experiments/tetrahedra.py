@@ -25,9 +25,9 @@ from typing import Any
 
 import numpy as np
 
-from app.driver import open_simulation
-from bench.experiments.advise.tetrahedra_laws import Stiff
-from bench.experiments.tetrahedral.cantilever import (
+from softlab.app.driver import open_simulation
+from softlab.bench.experiments.advise.tetrahedra_laws import Stiff
+from softlab.bench.experiments.tetrahedral.cantilever import (
     BLOCKS,
     DENSITY,
     FRAME,
@@ -41,17 +41,17 @@ from bench.experiments.tetrahedral.cantilever import (
     exact_rest,
     sag,
 )
-from bench.experiments.tetrahedral.promised import promised
-from bench.measure.costs_timing import FULL, QUICK, RATIO, SECONDS, Effort, Measures, Record, in_turn
-from bench.measure.experiment import described
-from bench.measure.items import Group, Items, cost_sources
-from bench.measure.timing import Subject, prepare
-from bench.store.database import Store
-from model.core.build import build
-from model.core.errors import SceneError, SoftlabError, UnstableTimeStep
-from model.core.simulation import PRECISIONS, Simulation, State
-from model.scene.checks.tetrahedra import SOLVERS_OF_TETRAHEDRA
-from model.scene.scene import Scene
+from softlab.bench.experiments.tetrahedral.promised import promised
+from softlab.bench.measure.costs_timing import FULL, QUICK, RATIO, SECONDS, Effort, Measures, Record, in_turn
+from softlab.bench.measure.experiment import described
+from softlab.bench.measure.items import Group, Items, cost_sources
+from softlab.bench.measure.timing import Subject, prepare
+from softlab.bench.store.database import Store
+from softlab.model.core.build import build
+from softlab.model.core.errors import SceneError, SoftlabError, UnstableTimeStep
+from softlab.model.core.simulation import PRECISIONS, Simulation, State
+from softlab.model.scene.checks.tetrahedra import SOLVERS_OF_TETRAHEDRA
+from softlab.model.scene.scene import Scene
 
 TETRAHEDRA = "tetrahedra"  # value of `finding`
 SAG, SOLVER_ERROR, MESH_ERROR = "tetrahedra_sag", "tetrahedra_solver_error", "tetrahedra_mesh_error"

@@ -13,13 +13,13 @@ from dataclasses import dataclass
 
 from rich.console import Console
 
-from bench.measure.case_timing import Case, RatePoint, Rates, make_case
-from bench.store.database import Store
-from bench.store.results import Measure, measures
-from bench.store.tables import print_table
-from model.core.errors import SceneError
-from model.scene.scene import Scene, load_scene
-from model.shape_matching.spare import counts
+from softlab.bench.measure.case_timing import Case, RatePoint, Rates, make_case
+from softlab.bench.store.database import Store
+from softlab.bench.store.results import Measure, measures
+from softlab.bench.store.tables import print_table
+from softlab.model.core.errors import SceneError
+from softlab.model.scene.scene import Scene, load_scene
+from softlab.model.shape_matching.spare import counts
 
 # the names in the store are those under which the experiment was first written
 STAGE = "crowds"  # of the samples

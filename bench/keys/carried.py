@@ -3,7 +3,7 @@
 A measurement names the text of the sources that it is of (column `sources`). The map beside the data
 (labbook/data/kernel_keys.json) lists, for each such digest, the commit that has it and the configurations whose kernels and
 arrays had the same key at that commit as in the code that `as_of` names. Everything else is older. The map is written by
-`python -m bench.keys.carry`.
+`python -m softlab.bench.keys.carry`.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 
-from bench.store.versions import BACKENDS, Dated, digest_of, sources_of
-from model.core.digest import ROOT
+from softlab.bench.store.versions import BACKENDS, Dated, digest_of, sources_of
+from softlab.model.core.digest import ROOT
 
 MAP = ROOT / "labbook" / "data" / "kernel_keys.json"
 DIGEST = re.compile(r"[0-9a-f]{16}")

@@ -1,4 +1,4 @@
-"""Write the map of committed measurements that still hold: python -m bench.keys.carry [--check]
+"""Write the map of committed measurements that still hold: python -m softlab.bench.keys.carry [--check]
 
 Of every digest of sources in the data it looks for the commit, among those that the runs name, whose tree has it; opens each
 configuration under that commit and under the code as it is; and lists those whose kernels and arrays have one key. Where only
@@ -19,12 +19,12 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
-from bench.keys.ask import Descriptions, Key, keys_at
-from bench.keys.carried import MAP, Carried, Group, read_map
-from bench.store.database import Store
-from bench.store.transfer import load_text
-from bench.store.versions import BACKENDS, digest_of, read_version
-from model.core.digest import ROOT
+from softlab.bench.keys.ask import Descriptions, Key, keys_at
+from softlab.bench.keys.carried import MAP, Carried, Group, read_map
+from softlab.bench.store.database import Store
+from softlab.bench.store.transfer import load_text
+from softlab.bench.store.versions import BACKENDS, digest_of, read_version
+from softlab.model.core.digest import ROOT
 
 DIGESTS = """
 import importlib.util as u, sys
@@ -168,7 +168,7 @@ def summary(carried: Carried, store: Store) -> Iterator[str]:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(prog="python -m bench.keys.carry", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m softlab.bench.keys.carry", description=__doc__)
     parser.add_argument("--check", action="store_true", help="check the map that is there, in a minute")
     parser.add_argument("--code", action="store_true", help="compare machine code where the source differs")
     asked = parser.parse_args(arguments)

@@ -12,12 +12,12 @@ import os
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from bench.keys.ask import NO_KERNELS, keys_at
-from bench.keys.versions import MEASURING, version_of
-from bench.store.database import Store
-from bench.store.schema import configuration_hash
-from bench.store.versions import BACKENDS, digest_of
-from model.core.digest import ROOT
+from softlab.bench.keys.ask import NO_KERNELS, keys_at
+from softlab.bench.keys.versions import MEASURING, version_of
+from softlab.bench.store.database import Store
+from softlab.bench.store.schema import configuration_hash
+from softlab.bench.store.versions import BACKENDS, digest_of
+from softlab.model.core.digest import ROOT
 
 KEY = "kernel_key"
 Measured = tuple[Mapping[str, Any], str]  # a description and the text of its sources

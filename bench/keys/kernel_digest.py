@@ -16,7 +16,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from bench.keys.syntax import UNKNOWN, normal_form, parameters_of
+from softlab.bench.keys.syntax import UNKNOWN, normal_form, parameters_of
 
 FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda)
 FOREIGN = frozenset({"numba", "numba_cuda", "numpy", "llvmlite", *sys.stdlib_module_names})

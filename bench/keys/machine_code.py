@@ -11,7 +11,7 @@ import warnings
 from collections.abc import Iterable, Iterator
 from typing import Any
 
-from bench.keys.record import DeviceArray, Launch, combined
+from softlab.bench.keys.record import DeviceArray, Launch, combined
 
 COMPUTE_CAPABILITY = (9, 0)
 LLVM_NAME = re.compile(r'[@%](?:"[^"]*"|[\w.$]+)')

@@ -7,6 +7,7 @@ commits is read with one tool.
 
 from __future__ import annotations
 
+import importlib
 import importlib.util
 import json
 import sys
@@ -15,13 +16,13 @@ from pathlib import Path
 from typing import Any
 
 HERE = Path(__file__).resolve().parents[2]
-TOOLS = tuple(f"bench.keys{name}" for name in ("", ".syntax", ".kernel_digest", ".record", ".machine_code"))
+TOOLS = tuple(f"softlab.bench.keys{name}" for name in ("", ".syntax", ".kernel_digest", ".record", ".machine_code"))
 
 
 def load_tools() -> None:
     """Import the digests from this checkout under their names, whichever checkout the lab is imported from."""
     for name in TOOLS:
-        path = HERE / name.replace(".", "/")
+        path = HERE / name.removeprefix("softlab.").replace(".", "/")
         path = path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
         spec = importlib.util.spec_from_file_location(name, path)
         assert spec and spec.loader
@@ -29,18 +30,23 @@ def load_tools() -> None:
         spec.loader.exec_module(sys.modules[name])
 
 
+def lab(module: str) -> Any:
+    """A module of the checkout's lab, whose layers were top-level packages once."""
+    packed = (Path(sys.path[0]) / "softlab" / "__init__.py").is_file()
+    return importlib.import_module(f"softlab.{module}" if packed else module)
+
+
 def recorded_calls(description: dict[str, Any]) -> list[Any]:
     """The launches of a configuration's opening and first step, recorded and not run. Raises what the lab raises."""
-    from app.driver import open_simulation
-    from bench.keys.record import recorded
-    from model.scene.scene import Scene
+    from softlab.bench.keys.record import recorded
 
+    open_simulation, scene_of = lab("app.driver").open_simulation, lab("model.scene.scene").Scene
     kernel = None if description["kernel"] == "auto" else description["kernel"]
     how = {name: description[name] for name in ("precision", "math")}
     with (
         recorded() as calls,
         open_simulation(
-            Scene(description["scene"]), description["backend"], threads=1, kernel=kernel, allow_unstable=True, **how
+            scene_of(description["scene"]), description["backend"], threads=1, kernel=kernel, allow_unstable=True, **how
         ) as simulation,
     ):
         simulation.advance(1)
@@ -49,7 +55,7 @@ def recorded_calls(description: dict[str, Any]) -> list[Any]:
 
 def key(description: dict[str, Any], digests: Any) -> tuple[str, str]:
     """(key of the kernels, key of the arrays) of a configuration."""
-    from bench.keys.record import array_hash, arrays_of, combined
+    from softlab.bench.keys.record import array_hash, arrays_of, combined
 
     calls = recorded_calls(description)
     if not calls:
@@ -71,9 +77,9 @@ def main(checkout: str, code: str = "") -> None:
     sys.path[0] = checkout
     limit_memory()
     load_tools()
-    from bench.keys.kernel_digest import KernelDigests
-    from bench.keys.machine_code import machine_code_key
-    from bench.keys.record import absent_gpu
+    from softlab.bench.keys.kernel_digest import KernelDigests
+    from softlab.bench.keys.machine_code import machine_code_key
+    from softlab.bench.keys.record import absent_gpu
 
     digests = KernelDigests()
     for line in sys.stdin:

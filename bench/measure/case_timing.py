@@ -9,18 +9,18 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field
 from typing import Any
 
-from app.driver import open_simulation
-from bench.measure import experiment
-from bench.measure.costs_timing import Measures
-from bench.measure.experiment import Tell, backends_here, host_of, resume, source_hash
-from bench.measure.samples import in_turns
-from bench.measure.timing import Subject, prepare
-from bench.store.database import Store
-from bench.store.marks import is_wrong
-from bench.store.results import Measure, by_configuration, configuration
-from model.core.errors import Diverged, SceneError
-from model.core.simulation import PRECISIONS, Simulation
-from model.scene.scene import Scene
+from softlab.app.driver import open_simulation
+from softlab.bench.measure import experiment
+from softlab.bench.measure.costs_timing import Measures
+from softlab.bench.measure.experiment import Tell, backends_here, host_of, resume, source_hash
+from softlab.bench.measure.samples import in_turns
+from softlab.bench.measure.timing import Subject, prepare
+from softlab.bench.store.database import Store
+from softlab.bench.store.marks import is_wrong
+from softlab.bench.store.results import Measure, by_configuration, configuration
+from softlab.model.core.errors import Diverged, SceneError
+from softlab.model.core.simulation import PRECISIONS, Simulation
+from softlab.model.scene.scene import Scene
 
 SAMPLE_SECONDS, MAX_SAMPLE = 0.05, 3.0
 REPEATS, QUICK_REPEATS = 7, 3

@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-from app.driver import open_simulation
-from bench.measure.experiment import Summary
-from bench.measure.timing import DRAW_EVERY
-from bench.store.database import Store
-from bench.store.results import ITEM_BYTES
-from model.core.simulation import Simulation
-from model.scene.scene import Scene
+from softlab.app.driver import open_simulation
+from softlab.bench.measure.experiment import Summary
+from softlab.bench.measure.timing import DRAW_EVERY
+from softlab.bench.store.database import Store
+from softlab.bench.store.results import ITEM_BYTES
+from softlab.model.core.simulation import Simulation
+from softlab.model.scene.scene import Scene
 
 LADDER = ("stages", "launch", "graph", "one-block", "resident", "tiles", "fused", "tiled", "team")  # plainest first
 

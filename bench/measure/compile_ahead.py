@@ -16,12 +16,12 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from bench.measure.gpu import gpu_simulated
-from bench.measure.progress import progress_bar
-from cpu_backend.core.threads import core_count
-from model.core.errors import SoftlabError
-from model.core.files import replacing
-from model.core.kernel_cache import folder
+from softlab.bench.measure.gpu import gpu_simulated
+from softlab.bench.measure.progress import progress_bar
+from softlab.cpu_backend.core.threads import core_count
+from softlab.model.core.errors import SoftlabError
+from softlab.model.core.files import replacing
+from softlab.model.core.kernel_cache import folder
 
 FEWEST = 4  # kinds of simulations: fewer are compiled before a process has started
 MAX_WORKERS = 12

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from bench.measure.samples import in_turns
-from bench.measure.timing import Sample, Subject
-from bench.store.database import Store
-from bench.store.marks import is_wrong
+from softlab.bench.measure.samples import in_turns
+from softlab.bench.measure.timing import Sample, Subject
+from softlab.bench.store.database import Store
+from softlab.bench.store.marks import is_wrong
 
 STAGE = "costs"  # of the samples in the store
 RATIO, LEAST, MOST = "cost_ratio", "cost_ratio_least", "cost_ratio_most"  # of time a step, over the first way's

@@ -14,8 +14,8 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from bench.measure.gpu import nvml
-from bench.measure.timing import Subject
+from softlab.bench.measure.gpu import nvml
+from softlab.bench.measure.timing import Subject
 
 Counter = Callable[[], float]  # joules since some beginning
 

@@ -15,20 +15,20 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any, Self, TypeVar
 
-from bench.keys.enter import enter_keys, same_kernels
-from bench.measure.compile_ahead import compile_ahead
-from bench.measure.gpu import gpu_or_reason, gpu_simulated
-from bench.measure.machine import enter_machine
-from bench.measure.progress import progress_bar
-from bench.measure.share import share
-from bench.measure.timing import MEASUREMENT
-from bench.store.database import Store
-from bench.store.results import configuration
-from bench.store.schema import SAME, configuration_hash
-from bench.store.versions import code_version, digest_of
-from cpu_backend.core.threads import thread_count, threading_layer, wait_policy
-from model.core.errors import BackendUnavailable, SceneError
-from model.scene.scene import Scene
+from softlab.bench.keys.enter import enter_keys, same_kernels
+from softlab.bench.measure.compile_ahead import compile_ahead
+from softlab.bench.measure.gpu import gpu_or_reason, gpu_simulated
+from softlab.bench.measure.machine import enter_machine
+from softlab.bench.measure.progress import progress_bar
+from softlab.bench.measure.share import share
+from softlab.bench.measure.timing import MEASUREMENT
+from softlab.bench.store.database import Store
+from softlab.bench.store.results import configuration
+from softlab.bench.store.schema import SAME, configuration_hash
+from softlab.bench.store.versions import code_version, digest_of
+from softlab.cpu_backend.core.threads import thread_count, threading_layer, wait_policy
+from softlab.model.core.errors import BackendUnavailable, SceneError
+from softlab.model.scene.scene import Scene
 
 # ---------------------------------------------------------------------- what is measured, and where
 

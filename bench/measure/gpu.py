@@ -16,7 +16,7 @@ FACTS = (
 def gpu_or_reason() -> tuple[bool, str]:
     """(True, the device's name), or (False, why there is none and what to do)."""
     try:
-        from gpu_backend.core.device import gpu_available
+        from softlab.gpu_backend.core.device import gpu_available
     except ImportError as error:
         return False, f"the GPU backend cannot be loaded ({error})"
     return gpu_available()

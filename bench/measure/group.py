@@ -12,18 +12,18 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 
-from app.driver import open_simulation
-from bench.experiments.checks import OWN_SIZE_STEPS, Check, against_other, against_reference
-from bench.measure.cases import Case, Costs, Effort, Kind, SweepSummary, record_skip
-from bench.measure.costs_timing import Measures
-from bench.measure.experiment import keep
-from bench.measure.gpu import gpu_or_reason, gpu_simulated
-from bench.measure.samples import stored_samples
-from bench.measure.timing import Neighbours, Renderer, Sample, Subject, choose_steps, interleaved, warm_up
-from bench.store.database import Store
-from cpu_backend.core.threads import thread_count
-from model.core.errors import Diverged, SoftlabError
-from model.core.simulation import Simulation
+from softlab.app.driver import open_simulation
+from softlab.bench.experiments.checks import OWN_SIZE_STEPS, Check, against_other, against_reference
+from softlab.bench.measure.cases import Case, Costs, Effort, Kind, SweepSummary, record_skip
+from softlab.bench.measure.costs_timing import Measures
+from softlab.bench.measure.experiment import keep
+from softlab.bench.measure.gpu import gpu_or_reason, gpu_simulated
+from softlab.bench.measure.samples import stored_samples
+from softlab.bench.measure.timing import Neighbours, Renderer, Sample, Subject, choose_steps, interleaved, warm_up
+from softlab.bench.store.database import Store
+from softlab.cpu_backend.core.threads import thread_count
+from softlab.model.core.errors import Diverged, SoftlabError
+from softlab.model.core.simulation import Simulation
 
 DRAWN_BY = "drawn_by"  # a measure: renderer, picture and way, as its reason
 PICTURE = (800, 600)  # pixels of what is drawn off-screen: the grid alone, no text
@@ -207,7 +207,7 @@ class GroupRunner:
     def _renderer(self, case: Case, stack: ExitStack) -> Renderer | str:
         """One renderer for the group (two off-screen contexts do not live together), or why there is none."""
         try:
-            from app.output.offscreen import OffscreenRenderer
+            from softlab.app.output.offscreen import OffscreenRenderer
 
             return stack.enter_context(OffscreenRenderer(case.scene, *PICTURE, legend=False))
         except (SoftlabError, ImportError, MemoryError) as error:

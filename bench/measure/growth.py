@@ -18,10 +18,10 @@ from pathlib import Path
 
 import numpy as np
 
-from bench.reference import cache
-from bench.reference.mass_spring import pinned_mask, simulate, start
-from model.core.integrators import fastest_damping, frequency_bound, spring_damping_bound
-from model.scene.scene import Scene
+from softlab.bench.reference import cache
+from softlab.bench.reference.mass_spring import pinned_mask, simulate, start
+from softlab.model.core.integrators import fastest_damping, frequency_bound, spring_damping_bound
+from softlab.model.scene.scene import Scene
 
 DISTURBANCE = 1e-9  # spacings
 MAX_GROWTH = 1e3  # a larger factor makes a trajectory's error meaningless

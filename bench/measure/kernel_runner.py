@@ -11,13 +11,13 @@ from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, suppress
 from typing import Any
 
-from app.driver import open_simulation
-from bench.experiments.checks import OWN_SIZE_STEPS, Check, against_reference, compare, displaced
-from bench.measure.cases import Case, Kind, record_skip
-from bench.measure.energy import STAGE, Counter, energy_counter, measure_energy, power_limit
-from bench.measure.group import GroupRunner
-from bench.measure.timing import Sample, Subject
-from model.core.simulation import Simulation, State
+from softlab.app.driver import open_simulation
+from softlab.bench.experiments.checks import OWN_SIZE_STEPS, Check, against_reference, compare, displaced
+from softlab.bench.measure.cases import Case, Kind, record_skip
+from softlab.bench.measure.energy import STAGE, Counter, energy_counter, measure_energy, power_limit
+from softlab.bench.measure.group import GroupRunner
+from softlab.bench.measure.timing import Sample, Subject
+from softlab.model.core.simulation import Simulation, State
 
 MAX_CHECKED = 4096 * 4096  # masses up to which float64, too, is checked at its own size
 NO_JOULES = "energy_skipped"  # the measure that says why there are none

@@ -14,15 +14,15 @@ import sys
 from contextlib import suppress
 from typing import Any
 
-from bench.measure.gpu import gpu_or_reason, gpu_simulated
-from bench.measure.machine import machine_label, machine_record
-from bench.store.database import Store
-from cpu_backend.core.threads import core_count
-from model.core.digest import ROOT
-from model.core.simulation import PRECISIONS
+from softlab.bench.measure.gpu import gpu_or_reason, gpu_simulated
+from softlab.bench.measure.machine import machine_label, machine_record
+from softlab.bench.store.database import Store
+from softlab.cpu_backend.core.threads import core_count
+from softlab.model.core.digest import ROOT
+from softlab.model.core.simulation import PRECISIONS
 
 POLICIES = ("active", "passive")
-REGIONS = "import json; from bench.measure.machine import region_costs; print(json.dumps(region_costs()))"
+REGIONS = "import json; from softlab.bench.measure.machine import region_costs; print(json.dumps(region_costs()))"
 PATIENCE = 60.0  # s: for a process that measures regions
 
 
@@ -43,7 +43,7 @@ def enter_limits(store: Store, machine: str) -> None:
 
 def cpu_arithmetic() -> dict[str, float]:
     """{precision: operations a second} on all cores."""
-    from cpu_backend.core.arithmetic import arithmetic_rate
+    from softlab.cpu_backend.core.arithmetic import arithmetic_rate
 
     return {precision: arithmetic_rate(precision, core_count()) for precision in PRECISIONS}
 
@@ -52,7 +52,7 @@ def gpu_arithmetic() -> dict[str, float] | None:
     """{precision: operations a second} of the GPU; None where there is none, or it fails at this."""
     if not gpu_or_reason()[0] or gpu_simulated():
         return None
-    from gpu_backend.core.arithmetic import arithmetic_rate
+    from softlab.gpu_backend.core.arithmetic import arithmetic_rate
 
     with suppress(Exception):  # a roof is no reason to lose the measurements under it
         return {precision: arithmetic_rate(precision) for precision in PRECISIONS}

@@ -21,12 +21,12 @@ from typing import Any
 import numpy as np
 import psutil
 
-from bench.measure.gpu import gpu_facts, gpu_or_reason, gpu_simulated
-from bench.measure.timing import Neighbours
-from bench.store.database import Store
-from bench.store.schema import canonical
-from cpu_backend.core.threads import MULTIPLES, core_count, threading_layer, wait_policy
-from model.core.memory import available_bytes
+from softlab.bench.measure.gpu import gpu_facts, gpu_or_reason, gpu_simulated
+from softlab.bench.measure.timing import Neighbours
+from softlab.bench.store.database import Store
+from softlab.bench.store.schema import canonical
+from softlab.cpu_backend.core.threads import MULTIPLES, core_count, threading_layer, wait_policy
+from softlab.model.core.memory import available_bytes
 
 PACKAGES = ("numba", "llvmlite", "numpy", "numba-cuda")
 IDENTITY = (  # what tells two machines apart: hardware, and the versions that compile the kernels
@@ -38,7 +38,7 @@ MIN_COPY_BYTES = 1 << 28  # of one array
 
 def machine_record() -> dict[str, Any]:
     """The facts, nothing measured: cpu, cores, caches [B], memory, versions, gpu ... None: not known, or none."""
-    from cpu_backend.core.processor import processor_name
+    from softlab.cpu_backend.core.processor import processor_name
 
     record: dict[str, Any] = {
         "cpu": processor_name(),
@@ -128,7 +128,7 @@ def _best(run: Callable[[], None], budget: float) -> float:
 def _copy_kernel() -> Any:
     from numba import prange
 
-    from cpu_backend.core.compile import Compiler
+    from softlab.cpu_backend.core.compile import Compiler
 
     def copy(source, target, bands):
         width = source.size // bands
@@ -145,7 +145,7 @@ def _copy_kernel() -> Any:
 def _region_kernel() -> Any:
     from numba import prange
 
-    from cpu_backend.core.compile import Compiler
+    from softlab.cpu_backend.core.compile import Compiler
 
     def regions(repeats, out):
         for _ in range(repeats):

@@ -12,11 +12,11 @@ from typing import Any
 
 from rich.progress import BarColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from app.output.bar import Bar
-from model.core.disk_cache import user_cache
-from model.core.errors import InputError
-from model.core.files import replacing
-from model.core.kernel_cache import watched
+from softlab.app.output.bar import Bar
+from softlab.model.core.disk_cache import user_cache
+from softlab.model.core.errors import InputError
+from softlab.model.core.files import replacing
+from softlab.model.core.kernel_cache import watched
 
 SECONDS = "seconds.json"  # of the parts of each command, the last time
 

@@ -6,9 +6,9 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any, Protocol
 
-from bench.measure.gpu import gpu_simulated
-from bench.measure.timing import Neighbours, Sample, Subject, interleaved
-from bench.store.database import Store
+from softlab.bench.measure.gpu import gpu_simulated
+from softlab.bench.measure.timing import Neighbours, Sample, Subject, interleaved
+from softlab.bench.store.database import Store
 
 SIMULATED = "CUDA simulator, no GPU"  # a mark of a sample
 

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from typing import Protocol
 
-from bench.store.database import Store
+from softlab.bench.store.database import Store
 
 
 class Share(Protocol):

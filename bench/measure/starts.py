@@ -12,11 +12,11 @@ import sys
 import tempfile
 import time
 
-from bench.measure.experiment import host_of
-from bench.store.database import Store
-from bench.store.results import configuration
-from model.core.digest import ROOT
-from model.scene.scene import Scene
+from softlab.bench.measure.experiment import host_of
+from softlab.bench.store.database import Store
+from softlab.bench.store.results import configuration
+from softlab.model.core.digest import ROOT
+from softlab.model.scene.scene import Scene
 
 COLD, WARM = "start_seconds_cold", "start_seconds_warm"
 PATIENCE = 120.0  # s

@@ -14,11 +14,11 @@ from typing import Any
 from typer import Exit
 from typer.core import TyperCommand
 
-from app.command.command_line import errors
-from bench.store.database import Store
-from bench.store.schema import canonical
-from bench.store.versions import refuse_changed_files
-from model.core.errors import SoftlabError
+from softlab.app.command.command_line import errors
+from softlab.bench.store.database import Store
+from softlab.bench.store.schema import canonical
+from softlab.bench.store.versions import refuse_changed_files
+from softlab.model.core.errors import SoftlabError
 
 TABLE = """CREATE TABLE IF NOT EXISTS took (
     machine TEXT NOT NULL, command TEXT NOT NULL, seconds REAL NOT NULL, configurations INTEGER NOT NULL,
@@ -90,6 +90,6 @@ def keep_time(path: Path, command: str, seconds: float, before: int) -> None:
 
 
 def _machine() -> str:
-    from bench.measure.machine import machine_key, machine_record
+    from softlab.bench.measure.machine import machine_key, machine_record
 
     return machine_key(machine_record())

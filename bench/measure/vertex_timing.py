@@ -12,17 +12,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from app.driver import open_simulation
-from app.output.offscreen import OffscreenRenderer, opengl_available
-from app.render import cuda_vertices, sheet_view, vertices
-from app.render.sheet_view import SheetView
-from bench.measure.costs_timing import RATIO, Effort, Measures, Record, in_turn
-from bench.measure.experiment import described
-from bench.measure.gpu import gpu_simulated
-from bench.measure.items import Group, cost_sources
-from bench.measure.timing import Subject, prepare
-from model.core.simulation import PRECISIONS
-from model.scene.scene import load_scene
+from softlab.app.driver import open_simulation
+from softlab.app.output.offscreen import OffscreenRenderer, opengl_available
+from softlab.app.render import cuda_vertices, sheet_view, vertices
+from softlab.app.render.sheet_view import SheetView
+from softlab.bench.measure.costs_timing import RATIO, Effort, Measures, Record, in_turn
+from softlab.bench.measure.experiment import described
+from softlab.bench.measure.gpu import gpu_simulated
+from softlab.bench.measure.items import Group, cost_sources
+from softlab.bench.measure.timing import Subject, prepare
+from softlab.model.core.simulation import PRECISIONS
+from softlab.model.scene.scene import load_scene
 
 VERTICES = "vertices"  # value of `finding`
 HOST, STRAIGHT = "host", "straight"  # values of `way`

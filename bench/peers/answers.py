@@ -7,17 +7,17 @@ import time
 
 import numpy as np
 
-from app.driver import open_simulation
-from bench.experiments.checks import displaced
-from bench.measure.cases import SweepSummary
-from bench.peers.bars.tip import Tip
-from bench.peers.base import PeerError
-from bench.peers.cases import Beside, PeerCase
-from bench.peers.results import DIFFERENCE, OWN_LAW
-from bench.store.database import Store
-from model.core.build import Body
-from model.core.simulation import Simulation, State
-from model.scene.scene import Scene
+from softlab.app.driver import open_simulation
+from softlab.bench.experiments.checks import displaced
+from softlab.bench.measure.cases import SweepSummary
+from softlab.bench.peers.bars.tip import Tip
+from softlab.bench.peers.base import PeerError
+from softlab.bench.peers.cases import Beside, PeerCase
+from softlab.bench.peers.results import DIFFERENCE, OWN_LAW
+from softlab.bench.store.database import Store
+from softlab.model.core.build import Body
+from softlab.model.core.simulation import Simulation, State
+from softlab.model.scene.scene import Scene
 
 
 class Judge:

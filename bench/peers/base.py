@@ -12,13 +12,13 @@ from typing import Any
 
 import numpy as np
 
-from bench.experiments.checks import CHECK_ROWS, LIMITS
-from bench.peers.bars.tip import Tip
-from model.core.build import build
-from model.core.parameters import PARAMETERS, parameter_record
-from model.core.simulation import PRECISIONS
-from model.mass_spring.plan import present_parts
-from model.scene.scene import Scene
+from softlab.bench.experiments.checks import CHECK_ROWS, LIMITS
+from softlab.bench.peers.bars.tip import Tip
+from softlab.model.core.build import build
+from softlab.model.core.parameters import PARAMETERS, parameter_record
+from softlab.model.core.simulation import PRECISIONS
+from softlab.model.mass_spring.plan import present_parts
+from softlab.model.scene.scene import Scene
 
 
 class Opened(ABC):

@@ -11,20 +11,20 @@ from typing import Any
 
 import numpy as np
 
-import bench.peers
-from bench.experiments.checks import CHECK_STEPS, OWN_SIZE_STEPS
-from bench.experiments.sweep import source_hash
-from bench.measure.cases import Case
-from bench.peers.bars.tip import Tip
-from bench.peers.base import Opened, Peer, rounding_bound
-from bench.peers.registry import OURS
-from bench.peers.scenes import PeerScene, shape_of
-from bench.store.results import configuration
-from cpu_backend.core.threads import thread_count, threading_layer, wait_policy
-from model.core.build import Body
-from model.core.errors import Diverged
-from model.core.simulation import State
-from model.scene.scene import Scene
+import softlab.bench.peers
+from softlab.bench.experiments.checks import CHECK_STEPS, OWN_SIZE_STEPS
+from softlab.bench.experiments.sweep import source_hash
+from softlab.bench.measure.cases import Case
+from softlab.bench.peers.bars.tip import Tip
+from softlab.bench.peers.base import Opened, Peer, rounding_bound
+from softlab.bench.peers.registry import OURS
+from softlab.bench.peers.scenes import PeerScene, shape_of
+from softlab.bench.store.results import configuration
+from softlab.cpu_backend.core.threads import thread_count, threading_layer, wait_policy
+from softlab.model.core.build import Body
+from softlab.model.core.errors import Diverged
+from softlab.model.core.simulation import State
+from softlab.model.scene.scene import Scene
 
 MANY_STEPS_UP_TO = 512 * 512  # masses: above, states are compared after fewer steps
 
@@ -105,7 +105,7 @@ class Beside:
 def peer_sources(backend: str) -> str:
     """Return the hash of what a comparison depends on: the sources of the backend and of the peers."""
     digest = hashlib.sha256(source_hash(backend).encode())
-    for file in sorted(Path(bench.peers.__file__).parent.rglob("*")):
+    for file in sorted(Path(softlab.bench.peers.__file__).parent.rglob("*")):
         if file.suffix in (".py", ".cpp", ".cu"):
             digest.update(file.name.encode() + b"\0" + file.read_bytes() + b"\0")
     return digest.hexdigest()[:16]

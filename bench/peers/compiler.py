@@ -11,9 +11,9 @@ import tempfile
 from functools import cache
 from pathlib import Path
 
-from bench.peers.base import PeerError
-from cpu_backend.core.processor import processor_name
-from model.core.disk_cache import cache_folder
+from softlab.bench.peers.base import PeerError
+from softlab.cpu_backend.core.processor import processor_name
+from softlab.model.core.disk_cache import cache_folder
 
 # g++ first: it shares its OpenMP threads with numba, while two teams would disturb each other
 COMPILERS = ("g++", "clang++")

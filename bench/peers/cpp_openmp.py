@@ -11,9 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
-from bench.peers.base import GridConstants, Opened, Peer
-from bench.peers.compiler import find_compiler, load_library
-from model.scene.scene import Scene
+from softlab.bench.peers.base import GridConstants, Opened, Peer
+from softlab.bench.peers.compiler import find_compiler, load_library
+from softlab.model.scene.scene import Scene
 
 SOURCE = Path(__file__).with_name("grid.cpp")
 MAX_LEVELS = 8  # more gained nothing

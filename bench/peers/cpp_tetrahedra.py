@@ -8,15 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from bench.peers.base import Opened
-from bench.peers.compiler import load_library
-from bench.peers.cpp_openmp import CppOpenmp
-from bench.peers.scenes import SCENES
-from model.core.build import build
-from model.core.simulation import PRECISIONS
-from model.scene.scene import Scene
-from model.tetrahedra.constraints import CONSTANTS, constraint_sets, tetrahedra_parts
-from model.tetrahedra.family import tetrahedra_record
+from softlab.bench.peers.base import Opened
+from softlab.bench.peers.compiler import load_library
+from softlab.bench.peers.cpp_openmp import CppOpenmp
+from softlab.bench.peers.scenes import SCENES
+from softlab.model.core.build import build
+from softlab.model.core.simulation import PRECISIONS
+from softlab.model.scene.scene import Scene
+from softlab.model.tetrahedra.constraints import CONSTANTS, constraint_sets, tetrahedra_parts
+from softlab.model.tetrahedra.family import tetrahedra_record
 
 SOURCE = Path(__file__).with_name("tetrahedra.cpp")
 KNOWN = frozenset({"neo-hookean", "gravity", "pins", "load", "gauss-seidel"})

@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from bench.peers import cuda_driver
-from bench.peers.base import GridConstants, Opened, Peer, PeerError
-from bench.peers.cuda_driver import checked
-from model.scene.scene import Scene
+from softlab.bench.peers import cuda_driver
+from softlab.bench.peers.base import GridConstants, Opened, Peer, PeerError
+from softlab.bench.peers.cuda_driver import checked
+from softlab.model.scene.scene import Scene
 
 SOURCE = Path(__file__).with_name("grid.cu")
 BLOCK = (32, 8)  # columns, rows: as in grid.cu

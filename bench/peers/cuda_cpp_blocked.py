@@ -15,11 +15,11 @@ from typing import Any
 
 import numpy as np
 
-from bench.peers import cuda_driver
-from bench.peers.base import Opened, PeerError
-from bench.peers.cuda_cpp import CudaConstants, CudaCpp, Sheet, addresses_of
-from bench.peers.cuda_driver import checked
-from model.scene.scene import Scene
+from softlab.bench.peers import cuda_driver
+from softlab.bench.peers.base import Opened, PeerError
+from softlab.bench.peers.cuda_cpp import CudaConstants, CudaCpp, Sheet, addresses_of
+from softlab.bench.peers.cuda_driver import checked
+from softlab.model.scene.scene import Scene
 
 SOURCE = Path(__file__).with_name("grid_blocked.cu")
 LANES = 32

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from bench.peers import cuda_cpp, cuda_driver
-from bench.peers.base import Opened, SheetStart
-from model.mass_spring.cloth_parameters import CLOTH_PARAMETERS, cloth_record
-from model.mass_spring.cloth_plan import cloth_parts
-from model.scene.scene import Scene
+from softlab.bench.peers import cuda_cpp, cuda_driver
+from softlab.bench.peers.base import Opened, SheetStart
+from softlab.model.mass_spring.cloth_parameters import CLOTH_PARAMETERS, cloth_record
+from softlab.model.mass_spring.cloth_plan import cloth_parts
+from softlab.model.scene.scene import Scene
 
 SOURCE = Path(__file__).with_name("cloth.cu")
 TYPES = {"float32": ("-DReal=float",), "float64": ("-DReal=double",)}

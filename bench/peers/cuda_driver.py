@@ -11,7 +11,7 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from bench.peers.base import PeerError
+from softlab.bench.peers.base import PeerError
 
 OPTIONS = ("--use_fast_math", "--std=c++17")
 REMEDY = "pip install -e '.[cuda13]' (or cuda12)"

@@ -15,11 +15,11 @@ from typing import Any
 
 import numpy as np
 
-from bench.peers.base import Opened
-from bench.peers.newton_sheet import Newton, load_newton
-from bench.peers.warp_base import Replayed
-from model.core.build import build
-from model.scene.scene import Scene
+from softlab.bench.peers.base import Opened
+from softlab.bench.peers.newton_sheet import Newton, load_newton
+from softlab.bench.peers.warp_base import Replayed
+from softlab.model.core.build import build
+from softlab.model.scene.scene import Scene
 
 # N/m, N s/m: VBD's contacts are compliant; a tower sinks by millimetres
 CONTACT_STIFFNESS, CONTACT_DAMPING = 1e6, 100.0

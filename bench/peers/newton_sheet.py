@@ -20,16 +20,16 @@ from typing import Any
 
 import numpy as np
 
-from bench.peers.base import Opened, PeerError, SheetConstants, grid_refusal
-from bench.peers.cuda_cpp_cloth import cloth_refusal
-from bench.peers.own_xpbd import APPROACHES, IMPLICIT, implicit_refusal
-from bench.peers.warp_base import Replayed, WarpPeer, load_warp
-from bench.reference.xpbd import of_scene
-from model.core.build import build
-from model.scene.scene import Scene
+from softlab.bench.peers.base import Opened, PeerError, SheetConstants, grid_refusal
+from softlab.bench.peers.cuda_cpp_cloth import cloth_refusal
+from softlab.bench.peers.own_xpbd import APPROACHES, IMPLICIT, implicit_refusal
+from softlab.bench.peers.warp_base import Replayed, WarpPeer, load_warp
+from softlab.bench.reference.xpbd import of_scene
+from softlab.model.core.build import build
+from softlab.model.scene.scene import Scene
 
 MOST_SPRINGS = 4_000_000  # its model is made of Python lists
-REMEDY = "pip install 'softlab[peers]'"
+REMEDY = "pip install 'soft-body-lab[peers]'"
 
 
 @cache

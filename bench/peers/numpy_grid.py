@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from bench.peers.base import GridConstants, Opened, Peer
-from model.scene.scene import Scene
+from softlab.bench.peers.base import GridConstants, Opened, Peer
+from softlab.model.scene.scene import Scene
 
 
 class NumpyGrid(Peer):

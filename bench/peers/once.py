@@ -1,4 +1,4 @@
-"""`python -m bench.peers.once`: every peer of a backend opened once at a small size, its answer checked, a line each.
+"""`python -m softlab.bench.peers.once`: every peer of a backend opened once at a small size, its answer checked, a line each.
 
 For a new machine, or one that is available for minutes only. Nothing is stored, and the times are of single short runs,
 not to be quoted. The exit status is 1 if a result is wrong that should not be, or an installed peer fails.
@@ -13,17 +13,17 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from app.driver import open_simulation
-from bench.experiments.checks import displaced
-from bench.peers.answers import distances
-from bench.peers.bars.tip import BARS, Tip
-from bench.peers.base import Opened, Peer
-from bench.peers.cuda_cpp import CudaConstants
-from bench.peers.registry import PEERS
-from bench.peers.scenes import SCENES, PeerScene
-from model.core.build import build
-from model.core.simulation import State
-from model.scene.scene import Scene
+from softlab.app.driver import open_simulation
+from softlab.bench.experiments.checks import displaced
+from softlab.bench.peers.answers import distances
+from softlab.bench.peers.bars.tip import BARS, Tip
+from softlab.bench.peers.base import Opened, Peer
+from softlab.bench.peers.cuda_cpp import CudaConstants
+from softlab.bench.peers.registry import PEERS
+from softlab.bench.peers.scenes import SCENES, PeerScene
+from softlab.model.core.build import build
+from softlab.model.core.simulation import State
+from softlab.model.scene.scene import Scene
 
 SIZES = {
     "grid": (48, 300, 700),
@@ -43,7 +43,7 @@ def contestants(word: str, scene: Scene, backend: str) -> Iterator[tuple[str, Pe
         if peer.name != "cuda_cpp_blocked" or not peer.available()[0]:
             yield peer.name, peer, None
             continue
-        from bench.peers import cuda_cpp_blocked, cuda_driver
+        from softlab.bench.peers import cuda_cpp_blocked, cuda_driver
 
         (processors,) = cuda_driver.attributes("MULTIPROCESSOR_COUNT")
         for kernel, tile in cuda_cpp_blocked.candidates(scene.grid.rows, scene.grid.columns, processors):

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from app.driver import open_simulation
-from bench.peers.base import Opened, Peer
-from bench.peers.cuda_cpp_cloth import cloth_refusal
-from model.core.simulation import Simulation, State
-from model.scene.scene import Scene
+from softlab.app.driver import open_simulation
+from softlab.bench.peers.base import Opened, Peer
+from softlab.bench.peers.cuda_cpp_cloth import cloth_refusal
+from softlab.model.core.simulation import Simulation, State
+from softlab.model.scene.scene import Scene
 
 IMPLICIT = ("implicit-16", "implicit-4", "implicit-1")  # words of bench/peers/scenes.py
 APPROACHES = 0.05  # spacings: largest distance of an iterative solver from implicit Euler's step
@@ -38,7 +38,7 @@ class OwnXpbd(Peer):
 
     def available(self) -> tuple[bool, str]:
         if self.backend == "gpu":
-            from gpu_backend.core.device import gpu_available
+            from softlab.gpu_backend.core.device import gpu_available
 
             able, reason = gpu_available()
             if not able:

@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-from bench.peers.bars.fem import WarpFem
-from bench.peers.bars.newton import NewtonTetrahedra
-from bench.peers.bars.own import OwnTetrahedra
-from bench.peers.base import Peer
-from bench.peers.cpp_openmp import CppOpenmp, CppOpenmpBlocked
-from bench.peers.cpp_tetrahedra import CppTetrahedra
-from bench.peers.cuda_cpp import CudaCpp
-from bench.peers.cuda_cpp_blocked import CudaCppBlocked
-from bench.peers.cuda_cpp_cloth import CudaCppCloth
-from bench.peers.newton_rigid import NewtonRigid
-from bench.peers.newton_sheet import NewtonSemiImplicit, NewtonVbd, NewtonXpbd
-from bench.peers.numpy_grid import NumpyGrid
-from bench.peers.own_xpbd import OwnXpbd
-from bench.peers.warp_cloth import WarpCloth
-from bench.peers.warp_grid import WarpGrid
-from bench.peers.warp_xpbd import WarpXpbd
+from softlab.bench.peers.bars.fem import WarpFem
+from softlab.bench.peers.bars.newton import NewtonTetrahedra
+from softlab.bench.peers.bars.own import OwnTetrahedra
+from softlab.bench.peers.base import Peer
+from softlab.bench.peers.cpp_openmp import CppOpenmp, CppOpenmpBlocked
+from softlab.bench.peers.cpp_tetrahedra import CppTetrahedra
+from softlab.bench.peers.cuda_cpp import CudaCpp
+from softlab.bench.peers.cuda_cpp_blocked import CudaCppBlocked
+from softlab.bench.peers.cuda_cpp_cloth import CudaCppCloth
+from softlab.bench.peers.newton_rigid import NewtonRigid
+from softlab.bench.peers.newton_sheet import NewtonSemiImplicit, NewtonVbd, NewtonXpbd
+from softlab.bench.peers.numpy_grid import NumpyGrid
+from softlab.bench.peers.own_xpbd import OwnXpbd
+from softlab.bench.peers.warp_cloth import WarpCloth
+from softlab.bench.peers.warp_grid import WarpGrid
+from softlab.bench.peers.warp_xpbd import WarpXpbd
 
 OURS = "softlab"  # the lab itself, in the `peer` field of measurements with peers
 

@@ -12,13 +12,13 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from bench.peers.bars.tip import BARS
-from bench.peers.own_xpbd import IMPLICIT
-from bench.peers.registry import OURS, label
-from bench.peers.scenes import SCENES, shape_of, word_of
-from bench.store.database import Store, canonical
-from bench.store.marks import is_wrong
-from bench.store.results import SPREAD_LIMIT
+from softlab.bench.peers.bars.tip import BARS
+from softlab.bench.peers.own_xpbd import IMPLICIT
+from softlab.bench.peers.registry import OURS, label
+from softlab.bench.peers.scenes import SCENES, shape_of, word_of
+from softlab.bench.store.database import Store, canonical
+from softlab.bench.store.marks import is_wrong
+from softlab.bench.store.results import SPREAD_LIMIT
 
 PER_VOXEL, SLENDER = 5, 10  # tetrahedra per voxel; length of a bar of BARS over its width
 NO_BREAK = "\N{NO-BREAK SPACE}"  # in the cells of a narrow terminal

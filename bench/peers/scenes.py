@@ -12,11 +12,11 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from bench.experiments.checks import CHECK_STEPS
-from bench.experiments.sweep import shapes
-from bench.peers.bars.tip import ACROSS, BARS, NEAR, Tip, bar_of, exact_tip
-from model.core.errors import SceneError
-from model.scene.scene import Scene, load_scene
+from softlab.bench.experiments.checks import CHECK_STEPS
+from softlab.bench.experiments.sweep import shapes
+from softlab.bench.peers.bars.tip import ACROSS, BARS, NEAR, Tip, bar_of, exact_tip
+from softlab.model.core.errors import SceneError
+from softlab.model.scene.scene import Scene, load_scene
 
 GRID_SQUARES = tuple(32 << k for k in range(9))  # 32 ... 8192
 CLOTH_SQUARES = (32, 64, 128, 256, 512, 1024)

@@ -16,21 +16,21 @@ from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack, suppress
 from typing import Any
 
-from bench.experiments.sweep import backends_here, choose_effort
-from bench.measure.cases import Effort, SweepSummary, record_skip
-from bench.measure.machine import enter_machine, gpu_simulated
-from bench.measure.progress import progress_bar
-from bench.measure.timing import Neighbours, Subject, choose_steps, interleaved, warm_up
-from bench.peers.answers import Judge
-from bench.peers.base import Opened, Peer
-from bench.peers.cases import Beside, PeerCase, group_of
-from bench.peers.registry import OURS, PEERS
-from bench.peers.scenes import peer_scenes
-from bench.store.database import Store
-from bench.store.versions import code_version
-from model.core.build import Body, build
-from model.core.memory import available_bytes, readable
-from model.core.simulation import Simulation
+from softlab.bench.experiments.sweep import backends_here, choose_effort
+from softlab.bench.measure.cases import Effort, SweepSummary, record_skip
+from softlab.bench.measure.machine import enter_machine, gpu_simulated
+from softlab.bench.measure.progress import progress_bar
+from softlab.bench.measure.timing import Neighbours, Subject, choose_steps, interleaved, warm_up
+from softlab.bench.peers.answers import Judge
+from softlab.bench.peers.base import Opened, Peer
+from softlab.bench.peers.cases import Beside, PeerCase, group_of
+from softlab.bench.peers.registry import OURS, PEERS
+from softlab.bench.peers.scenes import peer_scenes
+from softlab.bench.store.database import Store
+from softlab.bench.store.versions import code_version
+from softlab.model.core.build import Body, build
+from softlab.model.core.memory import available_bytes, readable
+from softlab.model.core.simulation import Simulation
 
 
 def run_peers(

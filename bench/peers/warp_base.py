@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from bench.peers.base import Opened, Peer, PeerError
-from model.scene.scene import Scene
+from softlab.bench.peers.base import Opened, Peer, PeerError
+from softlab.model.scene.scene import Scene
 
 CHUNKS = (256, 32, 4, 2)  # steps in a graph; even, so that two buffers are back in place after each
-REMEDY = "pip install 'softlab[peers]'"
+REMEDY = "pip install 'soft-body-lab[peers]'"
 
 
 @cache

@@ -8,10 +8,10 @@ Arrays of three-vectors; semi-implicit Euler. Replayed like the grid (warp_base.
 from functools import cache
 from typing import Any
 
-from bench.peers.base import Opened
-from bench.peers.cuda_cpp_cloth import ClothConstants, cloth_refusal
-from bench.peers.warp_base import ReplayedSheet, WarpPeer, load_warp, numbers
-from model.scene.scene import Scene
+from softlab.bench.peers.base import Opened
+from softlab.bench.peers.cuda_cpp_cloth import ClothConstants, cloth_refusal
+from softlab.bench.peers.warp_base import ReplayedSheet, WarpPeer, load_warp, numbers
+from softlab.model.scene.scene import Scene
 
 
 @cache

@@ -8,9 +8,9 @@
 from functools import cache
 from typing import Any
 
-from bench.peers.base import GridConstants, Opened
-from bench.peers.warp_base import ReplayedSheet, WarpPeer, load_warp, numbers
-from model.scene.scene import Scene
+from softlab.bench.peers.base import GridConstants, Opened
+from softlab.bench.peers.warp_base import ReplayedSheet, WarpPeer, load_warp, numbers
+from softlab.model.scene.scene import Scene
 
 
 @cache

@@ -12,11 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from bench.peers.base import Opened, SheetConstants
-from bench.peers.warp_base import Replayed, WarpPeer, load_warp, numbers
-from bench.reference.xpbd import of_scene
-from model.scene.scene import Scene
-from model.xpbd.plan import xpbd_parts
+from softlab.bench.peers.base import Opened, SheetConstants
+from softlab.bench.peers.warp_base import Replayed, WarpPeer, load_warp, numbers
+from softlab.bench.reference.xpbd import of_scene
+from softlab.model.scene.scene import Scene
+from softlab.model.xpbd.plan import xpbd_parts
 
 KINDS = ("structural", "shear", "bending")
 KNOWN = frozenset({*KINDS, *(f"{kind}-{word}" for kind in KINDS for word in ("compliance", "damping"))}) | {

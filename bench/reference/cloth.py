@@ -18,13 +18,13 @@ from typing import Any
 
 import numpy as np
 
-from bench.reference.contact import distance_field, mesh_collider
-from bench.reference.philox import random_directions
-from bench.reference.steps import Poke, masses, named_mask, pinned_mask
-from model.contact.mesh_collider import MeshCollider
-from model.core.errors import SceneError
-from model.geometry.distance_field import DistanceField
-from model.scene.scene import Scene
+from softlab.bench.reference.contact import distance_field, mesh_collider
+from softlab.bench.reference.philox import random_directions
+from softlab.bench.reference.steps import Poke, masses, named_mask, pinned_mask
+from softlab.model.contact.mesh_collider import MeshCollider
+from softlab.model.core.errors import SceneError
+from softlab.model.geometry.distance_field import DistanceField
+from softlab.model.scene.scene import Scene
 
 # kind -> (rows, columns) from one end of a spring to the other
 WAYS = {"structural": ((0, 1), (1, 0)), "shear": ((1, 1), (1, -1)), "bending": ((0, 2), (2, 0))}

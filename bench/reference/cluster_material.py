@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from bench.reference.contact.particle_contacts import Contacts
-from model.shape_matching.clusters import Clusters
+from softlab.bench.reference.contact.particle_contacts import Contacts
+from softlab.model.shape_matching.clusters import Clusters
 
 
 def crept(

@@ -18,7 +18,7 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import eigsh, splu
 
-from bench.reference import elastic_materials
+from softlab.bench.reference import elastic_materials
 
 Values = np.ndarray | float
 

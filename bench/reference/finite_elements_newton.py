@@ -18,8 +18,8 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
-from bench.reference import elastic_materials
-from bench.reference.finite_elements import Body, Values, free_coordinates, lumped_mass
+from softlab.bench.reference import elastic_materials
+from softlab.bench.reference.finite_elements import Body, Values, free_coordinates, lumped_mass
 
 ENOUGH = 1e-10  # residual force relative to the load
 MOST = 300  # largest number of Newton steps

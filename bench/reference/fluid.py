@@ -13,11 +13,11 @@ from itertools import product
 
 import numpy as np
 
-from bench.reference import fluid_impact, fluid_world
-from bench.reference.fluid_divergence import DivergenceFree
-from bench.reference.fluid_world import Flow
-from model.fluid.measure import differences
-from model.scene.scene import Scene
+from softlab.bench.reference import fluid_impact, fluid_world
+from softlab.bench.reference.fluid_divergence import DivergenceFree
+from softlab.bench.reference.fluid_world import Flow
+from softlab.model.fluid.measure import differences
+from softlab.model.scene.scene import Scene
 
 
 class _Kernels:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from bench.reference import fluid_world
+from softlab.bench.reference import fluid_world
 
 
 def velocities(

@@ -15,12 +15,12 @@ from typing import Any
 
 import numpy as np
 
-from bench.reference import cloth
-from bench.reference.contact import distance_field, mesh_collider
-from model.contact.mesh_collider import MeshCollider
-from model.fluid.fluid_set import PARKED
-from model.geometry.distance_field import DistanceField
-from model.scene.scene import Scene
+from softlab.bench.reference import cloth
+from softlab.bench.reference.contact import distance_field, mesh_collider
+from softlab.model.contact.mesh_collider import MeshCollider
+from softlab.model.fluid.fluid_set import PARKED
+from softlab.model.geometry.distance_field import DistanceField
+from softlab.model.scene.scene import Scene
 
 TOUCHING = 1e-3  # of half an edge, or of the squared radius: a mass this near is in contact, whatever its rounding
 FLAT = 1 / 1024  # a smaller slope of a field has no direction

@@ -23,9 +23,9 @@ from typing import Any
 
 import numpy as np
 
-from bench.reference import cloth
-from bench.reference.steps import Poke, masses, pinned_mask
-from model.scene.scene import Scene
+from softlab.bench.reference import cloth
+from softlab.bench.reference.steps import Poke, masses, pinned_mask
+from softlab.model.scene.scene import Scene
 
 NAMES = ("implicit-euler", "implicit-euler-linear")
 ENOUGH = 1e-13  # residual relative to the first one

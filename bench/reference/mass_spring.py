@@ -15,14 +15,14 @@ from math import ceil, sqrt
 
 import numpy as np
 
-from bench.reference import cloth, implicit
-from bench.reference.philox import random_directions
-from bench.reference.richardson import refine
-from bench.reference.steps import EXPLICIT_DAMPING_VERLET as EXPLICIT_DAMPING_VERLET
-from bench.reference.steps import Accelerate, Poke, masses, one_step
-from bench.reference.steps import pinned_mask as pinned_mask
-from model.core.errors import SceneError
-from model.scene.scene import Scene
+from softlab.bench.reference import cloth, implicit
+from softlab.bench.reference.philox import random_directions
+from softlab.bench.reference.richardson import refine
+from softlab.bench.reference.steps import EXPLICIT_DAMPING_VERLET as EXPLICIT_DAMPING_VERLET
+from softlab.bench.reference.steps import Accelerate, Poke, masses, one_step
+from softlab.bench.reference.steps import pinned_mask as pinned_mask
+from softlab.model.core.errors import SceneError
+from softlab.model.scene.scene import Scene
 
 
 def rest(scene: Scene) -> np.ndarray:
@@ -169,12 +169,33 @@ def converged(
     most_steps: int = 200_000,
     per_radian: float = 4,
 ) -> tuple[np.ndarray, np.ndarray, float]:
-    """Return (position, velocity, error estimate [m]) of the scene's motion at `time` [s], by RK4 and Richardson.
+    """Compute the converged motion of a scene with RK4 and Richardson extrapolation (bench/reference/richardson.py).
 
-    See bench/reference/richardson.py. `tolerance`: of the estimate, in spacings. `inertia`: as in `simulate`.
-    `per_radian`: initial number of steps per radian of the fastest vibration.
+    Parameters
+    ----------
+    scene : Scene
+        A grid or cloth of springs without random forces.
+    time : float
+        When to evaluate the motion, s.
+    inertia : float
+        Factor of the masses in the equation of motion, see `simulate`.
+    tolerance : float
+        Largest error estimate, as a multiple of the spacing.
+    most_steps : int
+        Number of steps not to exceed.
+    per_radian : float
+        Initial number of steps per radian of the fastest vibration.
 
-    Raises SceneError for a random force, which is another force at every step size.
+    Returns
+    -------
+    position, velocity : (particles, dimensions) float64 arrays, m and m/s
+    error : float
+        Estimated error of the positions, m.
+
+    Raises
+    ------
+    SceneError
+        The scene has a random force, which differs at every step size.
     """
     if scene.external and scene.external.magnitude > 0:
         raise SceneError("external.magnitude", scene.external.magnitude, "must be 0 for a converged reference")

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from bench.reference import cloth
-from bench.reference.steps import masses, pinned_mask
-from model.core.errors import SceneError
-from model.scene.scene import Scene
+from softlab.bench.reference import cloth
+from softlab.bench.reference.steps import masses, pinned_mask
+from softlab.model.core.errors import SceneError
+from softlab.model.scene.scene import Scene
 
 
 def hanging(scene: Scene) -> np.ndarray:

@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from bench.reference import cloth, cluster_material, mass_spring, xpbd
-from bench.reference.contact.particle_contacts import Contacts
-from bench.reference.steps import Motion, alone
-from model.core.errors import SceneError
-from model.scene.scene import Scene
-from model.shape_matching.clusters import Clusters
-from model.shape_matching.matching import lattice_clusters
+from softlab.bench.reference import cloth, cluster_material, mass_spring, xpbd
+from softlab.bench.reference.contact.particle_contacts import Contacts
+from softlab.bench.reference.steps import Motion, alone
+from softlab.model.core.errors import SceneError
+from softlab.model.scene.scene import Scene
+from softlab.model.shape_matching.clusters import Clusters
+from softlab.model.shape_matching.matching import lattice_clusters
 
 
 def iterate(

@@ -6,8 +6,8 @@ from collections.abc import Callable, Generator
 
 import numpy as np
 
-from model.core.errors import SceneError
-from model.scene.scene import Scene
+from softlab.model.core.errors import SceneError
+from softlab.model.scene.scene import Scene
 
 Poke = tuple[int, tuple[float, ...]]
 Accelerate = Callable[[np.ndarray, np.ndarray, float], np.ndarray]

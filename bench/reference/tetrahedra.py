@@ -30,8 +30,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bench.reference import elastic_materials
-from bench.reference.finite_elements import Body
+from softlab.bench.reference import elastic_materials
+from softlab.bench.reference.finite_elements import Body
 
 ROUND = 1e-9  # |F - R| below it has no direction, and no row
 SHAPE, VOLUME = 0, 1

@@ -12,17 +12,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from bench.reference import cloth as cloth_colliders
-from bench.reference import xpbd_mesh
-from bench.reference.contact import self_contacts as projected
-from bench.reference.contact import surface_contacts
-from bench.reference.finite_elements import Body, shape_gradients
-from bench.reference.steps import Motion, alone
-from bench.reference.tetrahedra import Sweep
-from model.core.errors import SceneError
-from model.scene.scene import Scene
-from model.tetrahedra.attachments import attachment_sets
-from model.tetrahedra.constraints import constraint_sets, tetrahedra_of_sets
+from softlab.bench.reference import cloth as cloth_colliders
+from softlab.bench.reference import xpbd_mesh
+from softlab.bench.reference.contact import self_contacts as projected
+from softlab.bench.reference.contact import surface_contacts
+from softlab.bench.reference.finite_elements import Body, shape_gradients
+from softlab.bench.reference.steps import Motion, alone
+from softlab.bench.reference.tetrahedra import Sweep
+from softlab.model.core.errors import SceneError
+from softlab.model.scene.scene import Scene
+from softlab.model.tetrahedra.attachments import attachment_sets
+from softlab.model.tetrahedra.constraints import constraint_sets, tetrahedra_of_sets
 
 
 @dataclass

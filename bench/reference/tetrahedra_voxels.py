@@ -14,9 +14,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from bench.reference.elastic_materials import cofactor
-from bench.reference.finite_elements import Body
-from bench.reference.tetrahedra import SHAPE, Sweep
+from softlab.bench.reference.elastic_materials import cofactor
+from softlab.bench.reference.finite_elements import Body
+from softlab.bench.reference.tetrahedra import SHAPE, Sweep
 
 
 def keep_volume(sweep: Sweep, members: np.ndarray, position: np.ndarray, multiplier: float) -> float:

@@ -14,17 +14,17 @@ from itertools import pairwise
 
 import numpy as np
 
-from bench.reference import shape_matching, tetrahedra_cloth, xpbd_mesh
-from bench.reference.contact import self_contacts as projected
-from bench.reference.contact import surface_contacts
-from bench.reference.contact.self_contacts import Found
-from bench.reference.coupled.fluid_solids import FluidAmongSolids
-from bench.reference.steps import Motion
-from model.scene.scene import Scene
-from model.scene.sheets import triangles_of
-from model.tetrahedra.attachments import attachment_sets
-from model.world.plan import coupled
-from model.world.solids import solids_of
+from softlab.bench.reference import shape_matching, tetrahedra_cloth, xpbd_mesh
+from softlab.bench.reference.contact import self_contacts as projected
+from softlab.bench.reference.contact import surface_contacts
+from softlab.bench.reference.contact.self_contacts import Found
+from softlab.bench.reference.coupled.fluid_solids import FluidAmongSolids
+from softlab.bench.reference.steps import Motion
+from softlab.model.scene.scene import Scene
+from softlab.model.scene.sheets import triangles_of
+from softlab.model.tetrahedra.attachments import attachment_sets
+from softlab.model.world.plan import coupled
+from softlab.model.world.solids import solids_of
 
 
 @dataclass

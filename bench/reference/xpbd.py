@@ -19,11 +19,11 @@ from math import hypot
 
 import numpy as np
 
-from bench.reference import cloth, mass_spring
-from bench.reference.philox import random_directions
-from bench.reference.steps import Poke, Settle, pinned_mask
-from model.core.errors import SceneError
-from model.scene.scene import Scene
+from softlab.bench.reference import cloth, mass_spring
+from softlab.bench.reference.philox import random_directions
+from softlab.bench.reference.steps import Poke, Settle, pinned_mask
+from softlab.model.core.errors import SceneError
+from softlab.model.scene.scene import Scene
 
 # ascending: one constraint at a time from the first mass on, which is not parallel; for tests
 ORDERINGS = ("gauss-seidel", "ascending", "jacobi", "weighted-jacobi", "averaged-jacobi")

@@ -13,13 +13,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bench.reference import cloth
-from bench.reference.philox import random_directions
-from bench.reference.steps import Motion, Poke, alone
-from model.geometry.topology import mesh_of, pinned_vertices
-from model.scene.scene import Scene
-from model.scene.sheets import triangles_of
-from model.xpbd.mesh_constraints import constraint_sets
+from softlab.bench.reference import cloth
+from softlab.bench.reference.philox import random_directions
+from softlab.bench.reference.steps import Motion, Poke, alone
+from softlab.model.geometry.topology import mesh_of, pinned_vertices
+from softlab.model.scene.scene import Scene
+from softlab.model.scene.sheets import triangles_of
+from softlab.model.xpbd.mesh_constraints import constraint_sets
 
 
 @dataclass(frozen=True)
@@ -287,7 +287,7 @@ def motion(
 
 def pinned_of(scene: Scene) -> np.ndarray:
     """Return the pinned vertices: (pins,)."""
-    from model.core.build import pinned_indices
+    from softlab.model.core.build import pinned_indices
 
     assert scene.mesh is not None
     return pinned_vertices(scene.mesh) if scene.mesh.file is not None else pinned_indices(scene.mesh)

@@ -1,4 +1,4 @@
-"""The commands on whole stores, one function a sub-command; softlab.py takes them among its own."""
+"""The commands on whole stores, one function a sub-command; softlab/cli.py takes them among its own."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from app.command.command_line import DEFAULT_STORE, StorePath, out
+from softlab.app.command.command_line import DEFAULT_STORE, StorePath, out
 
 keeping = typer.Typer()
 
@@ -18,8 +18,8 @@ def export(
     store: StorePath = DEFAULT_STORE,
 ) -> None:
     """Write the store to one file, to keep or to send."""
-    from bench.store.database import Store
-    from bench.store.transfer import export as export_store
+    from softlab.bench.store.database import Store
+    from softlab.bench.store.transfer import export as export_store
 
     with Store(store, readonly=True) as opened:
         out.print(str(export_store(opened, file)), markup=False)
@@ -31,8 +31,8 @@ def merge(
     store: StorePath = DEFAULT_STORE,
 ) -> None:
     """Take the measurements of another store into this one; doing it twice adds nothing."""
-    from bench.store.database import Store
-    from bench.store.transfer import merge as merge_store
+    from softlab.bench.store.database import Store
+    from softlab.bench.store.transfer import merge as merge_store
 
     with Store(store) as opened:
         new = merge_store(opened, other)

@@ -17,11 +17,11 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from bench.store import schema
-from bench.store.machine_records import gained
-from bench.store.schema import SCHEMA, SCHEMA_VERSION, canonical, check_rows, configuration_hash
-from model.core.errors import InputError
-from model.core.files import check_source
+from softlab.bench.store import schema
+from softlab.bench.store.machine_records import gained
+from softlab.bench.store.schema import SCHEMA, SCHEMA_VERSION, canonical, check_rows, configuration_hash
+from softlab.model.core.errors import InputError
+from softlab.model.core.files import check_source
 
 DEFAULT_PATH = Path("softlab-results") / "results.sqlite"
 BUSY_SECONDS = 5.0  # how long to wait for another process's write

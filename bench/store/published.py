@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
-from model.scene.scene import Scene, load_scene
+from softlab.model.scene.scene import Scene, load_scene
 
 
 @dataclass(frozen=True)

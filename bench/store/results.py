@@ -2,7 +2,7 @@
 
 `Store` itself is in bench/store/database.py; reading and writing text exports in bench/store/transfer.py.
 
->>> from bench.store.results import open_readonly, timings
+>>> from softlab.bench.store.results import open_readonly, timings
 >>> with open_readonly("softlab-results/results.sqlite") as store:
 ...     for timing in timings(store):
 ...         print(timing.particles, timing.median, timing.error)
@@ -19,12 +19,12 @@ from typing import Any
 
 import numpy as np
 
-from bench.experiments.accuracy.methods import name_of
-from bench.store.database import DEFAULT_PATH, Store
-from bench.store.schema import canonical, configuration_hash, tables_by_kind
-from model.core.errors import SoftlabError
-from model.core.families import scene_plan
-from model.scene.scene import Scene
+from softlab.bench.experiments.accuracy.methods import name_of
+from softlab.bench.store.database import DEFAULT_PATH, Store
+from softlab.bench.store.schema import canonical, configuration_hash, tables_by_kind
+from softlab.model.core.errors import SoftlabError
+from softlab.model.core.families import scene_plan
+from softlab.model.scene.scene import Scene
 
 SPREAD_LIMIT = 0.10  # a larger spread of the repeats makes a timing suspect
 ENOUGH = 3  # undisturbed samples of a configuration, beside which disturbed ones do not count
@@ -144,8 +144,8 @@ class Measure:
 
 def open_readonly(path: str | Path = DEFAULT_PATH) -> Store:
     """A store to read from: a .sqlite file, or a .csv or .csv.gz export (which is read into memory). Raises InputError."""
-    from bench.store.text import is_text
-    from bench.store.transfer import load_text
+    from softlab.bench.store.text import is_text
+    from softlab.bench.store.transfer import load_text
 
     if is_text(path):
         return load_text([path])

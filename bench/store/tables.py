@@ -8,10 +8,10 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Column, Table
 
-from bench.measure.cases import LADDER, SweepSummary
-from bench.store.database import Store
-from bench.store.marks import is_wrong
-from bench.store.results import timings
+from softlab.bench.measure.cases import LADDER, SweepSummary
+from softlab.bench.store.database import Store
+from softlab.bench.store.marks import is_wrong
+from softlab.bench.store.results import timings
 
 
 def print_table(

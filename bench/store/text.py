@@ -25,9 +25,9 @@ from math import isfinite
 from pathlib import Path
 from typing import IO, Any
 
-from bench.store.schema import COLUMNS, TABLES, canonical, configuration_hash
-from model.core.errors import InputError, shortened
-from model.core.files import check_source
+from softlab.bench.store.schema import COLUMNS, TABLES, canonical, configuration_hash
+from softlab.model.core.errors import InputError, shortened
+from softlab.model.core.files import check_source
 
 MAGIC = "softlab-results"
 TEXT_VERSION = 1

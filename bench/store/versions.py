@@ -15,12 +15,12 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Protocol, TypeVar
 
-from model.core.digest import ROOT, backend_sources, source_digest
-from model.core.errors import InputError
+from softlab.model.core.digest import ROOT, backend_sources, source_digest
+from softlab.model.core.errors import InputError
 
 BACKENDS = ("cpu", "gpu")
 MEASURING = (  # files that decide what a measurement is
-    "app", "bench", "cpu_backend", "gpu_backend", "model", "pyproject.toml", "softlab.py",
+    "app", "bench", "cpu_backend", "gpu_backend", "model", "pyproject.toml", "setup.py", "softlab",
 )  # fmt: skip
 COMMIT = "SOFTLAB_COMMIT"  # environment variable: the revision of a copy that has no history of its own
 

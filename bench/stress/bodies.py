@@ -13,9 +13,9 @@ from math import atan, cos, sin
 
 import numpy as np
 
-from bench.experiments import body_laws
-from bench.experiments.body_laws import FRAME, SPIN, angular_momentum, spin_left
-from bench.experiments.body_scenes import (
+from softlab.bench.experiments import body_laws
+from softlab.bench.experiments.body_laws import FRAME, SPIN, angular_momentum, spin_left
+from softlab.bench.experiments.body_scenes import (
     CHANGED,
     GRAVITY,
     RIGID_SPACING,
@@ -29,12 +29,12 @@ from bench.experiments.body_scenes import (
     nearest,
     out_of_shape,
 )
-from bench.stress.laws import Law
-from bench.stress.trial import Check, Trial
-from model.core.simulation import State
-from model.formulas.rotation import KEPT
-from model.scene.cloth import Box, Plane, Sphere
-from model.scene.scene import Scene
+from softlab.bench.stress.laws import Law
+from softlab.bench.stress.trial import Check, Trial
+from softlab.model.core.simulation import State
+from softlab.model.formulas.rotation import KEPT
+from softlab.model.scene.cloth import Box, Plane, Sphere
+from softlab.model.scene.scene import Scene
 
 ROUNDINGS = 8  # rounding errors of a coordinate per substep
 GOALS = 32  # rounding errors of 1 m: error of a goal, from some 60 operations on half a metre

@@ -9,8 +9,8 @@ from __future__ import annotations
 from functools import partial
 from typing import Any
 
-from bench.experiments.body_laws import FLIGHT, SPIN, law_scene
-from bench.experiments.body_scenes import (
+from softlab.bench.experiments.body_laws import FLIGHT, SPIN, law_scene
+from softlab.bench.experiments.body_scenes import (
     BRICK,
     SOFT,
     ball_in_a_body,
@@ -23,10 +23,10 @@ from bench.experiments.body_scenes import (
     thrown_at_a_box,
     thrown_at_a_plane,
 )
-from bench.stress import bodies
-from bench.stress.case import BODIES, HardCase
-from bench.stress.piles import bears, heaps_up, lies_still, stands
-from bench.stress.rotations import finds_rotations, goals_are_exact
+from softlab.bench.stress import bodies
+from softlab.bench.stress.case import BODIES, HardCase
+from softlab.bench.stress.piles import bears, heaps_up, lies_still, stands
+from softlab.bench.stress.rotations import finds_rotations, goals_are_exact
 
 SHAPES = {  # name -> key of CHANGED, title
     "A10 plane": ("into its own plane", "a jelly squashed flat"),

@@ -6,10 +6,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from bench.experiments.accuracy.methods import FLUIDS, MATCHING, TETRAHEDRAL, XPBD
-from bench.stress.laws import Law
-from model.core.integrators import INTEGRATORS
-from model.scene.scene import Scene, load_scene
+from softlab.bench.experiments.accuracy.methods import FLUIDS, MATCHING, TETRAHEDRAL, XPBD
+from softlab.bench.stress.laws import Law
+from softlab.model.core.integrators import INTEGRATORS
+from softlab.model.scene.scene import Scene, load_scene
 
 ANY = "any"
 FORCES = tuple(INTEGRATORS)

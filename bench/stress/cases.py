@@ -7,14 +7,14 @@ fluids in fluid_cases.py. docs/method.md names the rows.
 
 from __future__ import annotations
 
-from bench.stress import laws, numbers
-from bench.stress.body_cases import BODY_CASES
-from bench.stress.case import ANY, FORCES, POSITIONS, SEIDEL, HardCase
-from bench.stress.cloth import ball_inside, comes_to_rest_in_layers, fast_ball
-from bench.stress.fluid_cases import FLUID_CASES
-from bench.stress.stiff import stiff_chain_hangs, too_stiff
-from bench.stress.tetrahedral_cases import TETRAHEDRAL_CASES
-from bench.stress.xpbd import bounded, heavy_end, one_iteration, small_steps_rope, tethered_chain
+from softlab.bench.stress import laws, numbers
+from softlab.bench.stress.body_cases import BODY_CASES
+from softlab.bench.stress.case import ANY, FORCES, POSITIONS, SEIDEL, HardCase
+from softlab.bench.stress.cloth import ball_inside, comes_to_rest_in_layers, fast_ball
+from softlab.bench.stress.fluid_cases import FLUID_CASES
+from softlab.bench.stress.stiff import stiff_chain_hangs, too_stiff
+from softlab.bench.stress.tetrahedral_cases import TETRAHEDRAL_CASES
+from softlab.bench.stress.xpbd import bounded, heavy_end, one_iteration, small_steps_rope, tethered_chain
 
 LAB_FAR = "the hand-out's velocity is the difference of two rounded positions over dt: an ulp becomes ulp / dt"
 FAR_KNOWN = {("lab", ANY): LAB_FAR}

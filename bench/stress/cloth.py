@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from bench.reference import mass_spring as reference
-from bench.stress.trial import Check, Trial
-from model.contact.penetration import measure
-from model.core.energy import energies
-from model.core.integrators import frequency_bound
-from model.core.simulation import State
-from model.scene.cloth import Sphere
+from softlab.bench.reference import mass_spring as reference
+from softlab.bench.stress.trial import Check, Trial
+from softlab.model.contact.penetration import measure
+from softlab.model.core.energy import energies
+from softlab.model.core.integrators import frequency_bound
+from softlab.model.core.simulation import State
+from softlab.model.scene.cloth import Sphere
 
 LOOKS = (1, 2, 3, 5, 10, 30, 60)  # steps after which a state is checked
 SECONDS = 10.0  # simulated time of layers

@@ -16,23 +16,32 @@ from typing import Any
 
 import numpy as np
 
-from bench.experiments.accuracy.methods import FLUIDS, MATCHING, METHODS, TETRAHEDRAL, changes
-from bench.measure.costs_timing import Measures
-from bench.measure.experiment import Tell, backends_here, chosen, ending_cleanly, host_of, keep, resume, source_hash
-from bench.measure.progress import progress_bar
-from bench.store.database import Store
-from bench.store.results import configuration, measures_of
-from bench.stress.case import HardCase
-from bench.stress.cases import CASES
-from bench.stress.results import CHECK, CODES, SHAPE, VERDICT, HardSummary, rows_of
-from bench.stress.shapes import as_text, bodies_as_text
-from bench.stress.tetrahedral_cases import tetrahedral_budget
-from bench.stress.trial import Check, Endless, SilentNaN, Trial
-from model.core.digest import source_digest
-from model.core.errors import BackendUnavailable, Diverged, SceneError, SoftlabError, UnstableTimeStep
-from model.core.families import stability_limit
-from model.core.simulation import PRECISIONS
-from model.scene.scene import Scene
+from softlab.bench.experiments.accuracy.methods import FLUIDS, MATCHING, METHODS, TETRAHEDRAL, changes
+from softlab.bench.measure.costs_timing import Measures
+from softlab.bench.measure.experiment import (
+    Tell,
+    backends_here,
+    chosen,
+    ending_cleanly,
+    host_of,
+    keep,
+    resume,
+    source_hash,
+)
+from softlab.bench.measure.progress import progress_bar
+from softlab.bench.store.database import Store
+from softlab.bench.store.results import configuration, measures_of
+from softlab.bench.stress.case import HardCase
+from softlab.bench.stress.cases import CASES
+from softlab.bench.stress.results import CHECK, CODES, SHAPE, VERDICT, HardSummary, rows_of
+from softlab.bench.stress.shapes import as_text, bodies_as_text
+from softlab.bench.stress.tetrahedral_cases import tetrahedral_budget
+from softlab.bench.stress.trial import Check, Endless, SilentNaN, Trial
+from softlab.model.core.digest import source_digest
+from softlab.model.core.errors import BackendUnavailable, Diverged, SceneError, SoftlabError, UnstableTimeStep
+from softlab.model.core.families import stability_limit
+from softlab.model.core.simulation import PRECISIONS
+from softlab.model.scene.scene import Scene
 
 SAFE = 0.9  # fraction of its limit: the step size of an integrator for which the scene's own is too large
 QUICK = ("lab", "velocity-verlet", FLUIDS[0])
@@ -259,7 +268,7 @@ def _shape(scene: Scene, end: Any) -> str:
 
 def _draw(summary: HardSummary, ends: list[tuple[_Work, Outcome]], folder: Path, show: bool) -> None:
     """Draw a picture of every stored end state; without OpenGL, set `summary.no_pictures` to the reason."""
-    from app.output.offscreen import opengl_available, render_frame
+    from softlab.app.output.offscreen import opengl_available, render_frame
 
     if not ends:
         return

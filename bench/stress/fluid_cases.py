@@ -9,11 +9,11 @@ from __future__ import annotations
 from functools import partial
 from typing import Any
 
-from bench.experiments.accuracy.methods import FLUIDS
-from bench.stress import fluids, vessels
-from bench.stress.case import ANY, HardCase
-from model.core.simulation import PRECISIONS
-from model.scene.scene import Scene
+from softlab.bench.experiments.accuracy.methods import FLUIDS
+from softlab.bench.stress import fluids, vessels
+from softlab.bench.stress.case import ANY, HardCase
+from softlab.model.core.simulation import PRECISIONS
+from softlab.model.scene.scene import Scene
 
 FRAME, SUBSTEPS, ITERATIONS = 1 / 60, 4, 4
 D, SUPPORT = 0.05, 0.05 / 0.55  # m: rest distance, and support radius

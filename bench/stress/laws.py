@@ -17,14 +17,14 @@ from math import ceil, log, pi, sin, sqrt
 
 import numpy as np
 
-from bench.reference import mass_spring as reference
-from bench.stress.trial import REST, Check, Trial
-from model.core.build import wave
-from model.core.energy import energies
-from model.core.errors import Diverged
-from model.core.integrators import INTEGRATORS, amplification_matrix, damping_rate
-from model.mass_spring.energy import spring_stiffness
-from model.scene.scene import Scene
+from softlab.bench.reference import mass_spring as reference
+from softlab.bench.stress.trial import REST, Check, Trial
+from softlab.model.core.build import wave
+from softlab.model.core.energy import energies
+from softlab.model.core.errors import Diverged
+from softlab.model.core.integrators import INTEGRATORS, amplification_matrix, damping_rate
+from softlab.model.mass_spring.energy import spring_stiffness
+from softlab.model.scene.scene import Scene
 
 Law = Callable[[Trial], list[Check]]
 

@@ -12,9 +12,9 @@ import time
 
 import numpy as np
 
-from bench.reference import mass_spring as reference
-from bench.stress.laws import Law
-from bench.stress.trial import Check, Trial
+from softlab.bench.reference import mass_spring as reference
+from softlab.bench.stress.laws import Law
+from softlab.bench.stress.trial import Check, Trial
 
 SLOW_DOWN = 1.5  # times: largest slow-down by denormal numbers
 

@@ -7,10 +7,19 @@ from __future__ import annotations
 
 import numpy as np
 
-from bench.experiments.body_scenes import BRICK_HEIGHT, GRAVITY, ULP, kinetic, masses, nearest, out_of_shape, sunk
-from bench.stress.bodies import LAG
-from bench.stress.trial import Check, Trial
-from model.core.simulation import State
+from softlab.bench.experiments.body_scenes import (
+    BRICK_HEIGHT,
+    GRAVITY,
+    ULP,
+    kinetic,
+    masses,
+    nearest,
+    out_of_shape,
+    sunk,
+)
+from softlab.bench.stress.bodies import LAG
+from softlab.bench.stress.trial import Check, Trial
+from softlab.model.core.simulation import State
 
 SECONDS = 10.0
 NEAR = 0.02  # of g h^2: how far a stack may be from its settled state

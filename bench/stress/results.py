@@ -11,11 +11,11 @@ import json
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 
-from bench.experiments.accuracy.methods import FLUIDS, MATCHING, METHODS, TETRAHEDRAL, name_of
-from bench.measure.experiment import Summary
-from bench.store.results import Measure
-from bench.store.schema import tables_by_kind
-from bench.stress.cases import CASES
+from softlab.bench.experiments.accuracy.methods import FLUIDS, MATCHING, METHODS, TETRAHEDRAL, name_of
+from softlab.bench.measure.experiment import Summary
+from softlab.bench.store.results import Measure
+from softlab.bench.store.schema import tables_by_kind
+from softlab.bench.stress.cases import CASES
 
 VERDICT, CHECK, SHAPE = "hard_verdict", "hard_check: ", "hard_shape"  # names of measures; CHECK is a prefix
 AIM = "aim <="

@@ -9,10 +9,10 @@ from math import sqrt
 
 import numpy as np
 
-from bench.stress.laws import disturbed, hanging, ten_times_too_large
-from bench.stress.trial import Check, Trial
-from model.core.errors import UnstableTimeStep
-from model.core.integrators import INTEGRATORS, damping_rate
+from softlab.bench.stress.laws import disturbed, hanging, ten_times_too_large
+from softlab.bench.stress.trial import Check, Trial
+from softlab.model.core.errors import UnstableTimeStep
+from softlab.model.core.integrators import INTEGRATORS, damping_rate
 
 MAX_STEPS = 250_000  # largest number of steps in which a chain is to settle, a second or two
 

@@ -9,13 +9,13 @@ from math import atan, atan2, cos, sin
 
 import numpy as np
 
-from bench.experiments.body_laws import angular_momentum
-from bench.experiments.tetrahedral.cantilever import continuum_sag, sag
-from bench.stress.laws import Law
-from bench.stress.trial import Check, Trial
-from model.core.simulation import State
-from model.scene.scene import Scene
-from model.tetrahedra.material import deformation, energies, stretches
+from softlab.bench.experiments.body_laws import angular_momentum
+from softlab.bench.experiments.tetrahedral.cantilever import continuum_sag, sag
+from softlab.bench.stress.laws import Law
+from softlab.bench.stress.trial import Check, Trial
+from softlab.model.core.simulation import State
+from softlab.model.scene.scene import Scene
+from softlab.model.tetrahedra.material import deformation, energies, stretches
 
 RECOVERY = 2.0  # s, published for such bodies
 SETTLED = 4.0  # s: a squashed body is at rest by then

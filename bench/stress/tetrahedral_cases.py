@@ -8,11 +8,11 @@ from __future__ import annotations
 from functools import partial
 from typing import Any
 
-from bench.experiments.accuracy.methods import TETRAHEDRAL
-from bench.experiments.tetrahedral.cantilever import cantilever
-from bench.stress import tetrahedra
-from bench.stress.case import HardCase
-from model.scene.scene import Scene
+from softlab.bench.experiments.accuracy.methods import TETRAHEDRAL
+from softlab.bench.experiments.tetrahedral.cantilever import cantilever
+from softlab.bench.stress import tetrahedra
+from softlab.bench.stress.case import HardCase
+from softlab.model.scene.scene import Scene
 
 FRAME = 1 / 60  # s
 BUDGETS: dict[str, tuple[int, int]] = {"xpbd gauss-seidel": (20, 1), "vbd": (4, 20), "newton": (4, 2)}  # per frame

@@ -8,7 +8,16 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Column, Table
 
-from bench.stress.results import CODES, NAMES, STYLES, WORDS, HardRow, HardSummary, disagreements, rounding_differences
+from softlab.bench.stress.results import (
+    CODES,
+    NAMES,
+    STYLES,
+    WORDS,
+    HardRow,
+    HardSummary,
+    disagreements,
+    rounding_differences,
+)
 
 
 def cell(rows: Sequence[HardRow]) -> tuple[str, str]:

@@ -14,15 +14,15 @@ from typing import Any
 
 import numpy as np
 
-from app.driver import open_simulation
-from bench.experiments.accuracy.solver_error import ORDERINGS
-from bench.reference import mass_spring as reference
-from bench.reference import xpbd
-from model.core.build import build
-from model.core.errors import Diverged, SoftlabError
-from model.core.families import stability_limit
-from model.core.simulation import Simulation, State
-from model.scene.scene import Scene
+from softlab.app.driver import open_simulation
+from softlab.bench.experiments.accuracy.solver_error import ORDERINGS
+from softlab.bench.reference import mass_spring as reference
+from softlab.bench.reference import xpbd
+from softlab.model.core.build import build
+from softlab.model.core.errors import Diverged, SoftlabError
+from softlab.model.core.families import stability_limit
+from softlab.model.core.simulation import Simulation, State
+from softlab.model.scene.scene import Scene
 
 PATIENCE = 300.0  # s of wall time for one run; checked between chunks of steps
 CHUNK = 2000  # steps

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from app.driver import open_simulation
-from bench.stress.trial import Check, Trial
-from model.geometry.surfaces.cup import HEIGHT, RADIUS, WALL
-from model.scene.scene import Scene
+from softlab.app.driver import open_simulation
+from softlab.bench.stress.trial import Check, Trial
+from softlab.model.geometry.surfaces.cup import HEIGHT, RADIUS, WALL
+from softlab.model.scene.scene import Scene
 
 LEVELLED = 6.0  # s: simulated time until the levels are measured
 PERIODS = 2  # periods of their oscillation over which levels are averaged

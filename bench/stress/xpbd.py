@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from bench.stress.laws import far_off
-from bench.stress.trial import REST, STILL, Check, Trial
-from model.core.energy import energies
-from model.scene.scene import Scene
+from softlab.bench.stress.laws import far_off
+from softlab.bench.stress.trial import REST, STILL, Check, Trial
+from softlab.model.core.energy import energies
+from softlab.model.scene.scene import Scene
 
 STRETCH = {"gauss-seidel": 2.0, "jacobi": 5.0}  # %: bound of B2 with 100 substeps; measured are 1.01 and 4.15
 FRAMES = (20, 40)  # of B2: first and last frame whose stretch counts

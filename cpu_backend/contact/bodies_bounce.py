@@ -9,15 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.contact.particles_bounce import make_passes
-from cpu_backend.core.compile import Compiler
-from cpu_backend.core.layout import row_at
-from cpu_backend.core.progress import shares
-from cpu_backend.shape_matching.damping import make_damping
-from cpu_backend.shape_matching.rebound import AXES, make_answer
-from cpu_backend.shape_matching.rigid import REBOUND
-from model.formulas.shape_matching import rebound
-from model.formulas.shape_matching.pace import MOTION
+from softlab.cpu_backend.contact.particles_bounce import make_passes
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.core.layout import row_at
+from softlab.cpu_backend.core.progress import shares
+from softlab.cpu_backend.shape_matching.damping import make_damping
+from softlab.cpu_backend.shape_matching.rebound import AXES, make_answer
+from softlab.cpu_backend.shape_matching.rigid import REBOUND
+from softlab.model.formulas.shape_matching import rebound
+from softlab.model.formulas.shape_matching.pace import MOTION
 
 
 def make_motions(compiler: Compiler, real: Any, place: int) -> SimpleNamespace:

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.contact.swept import make_swept
-from cpu_backend.core.compile import Compiler
-from cpu_backend.core.layout import block_of, row_at
-from model.formulas import cloth, colliders, distance_field, triangle_tree
-from model.mass_spring.cloth_parameters import (
+from softlab.cpu_backend.contact.swept import make_swept
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.core.layout import block_of, row_at
+from softlab.model.formulas import cloth, colliders, distance_field, triangle_tree
+from softlab.model.mass_spring.cloth_parameters import (
     B_DYNAMIC,
     B_RADIUS,
     B_RESTITUTION,
@@ -31,8 +31,8 @@ from model.mass_spring.cloth_parameters import (
     B_Z,
     COLLIDER_FIELDS,
 )
-from model.mass_spring.plan import FRICTION_IN_PLACE
-from model.scene.cloth import COLLIDER_KINDS
+from softlab.model.mass_spring.plan import FRICTION_IN_PLACE
+from softlab.model.scene.cloth import COLLIDER_KINDS
 
 PLANE, SPHERE, CAPSULE, BOX, MESH, FIELD = range(len(COLLIDER_KINDS))  # numbers of the kinds of colliders in kernels
 

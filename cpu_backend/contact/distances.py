@@ -12,10 +12,10 @@ from typing import Any
 import numba
 import numpy as np
 
-from cpu_backend.core.compile import Compiler, start_threads
-from cpu_backend.core.threads import core_count
-from model.formulas.lengths import make as make_lengths
-from model.formulas.triangle_tree import CORNERS, NODE
+from softlab.cpu_backend.core.compile import Compiler, start_threads
+from softlab.cpu_backend.core.threads import core_count
+from softlab.model.formulas.lengths import make as make_lengths
+from softlab.model.formulas.triangle_tree import CORNERS, NODE
 
 
 def squared_distances(

@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.contact.particles_cells import AXES, BOX
-from cpu_backend.contact.particles_find import PLACES, ROOM, TABLE, make_find_stage
-from cpu_backend.core.layout import aligned_zeros
-from model.contact.particle_parameters import MAX_NEIGHBOURS
-from model.formulas.shape_matching.cluster import LANES
+from softlab.cpu_backend.contact.particles_cells import AXES, BOX
+from softlab.cpu_backend.contact.particles_find import PLACES, ROOM, TABLE, make_find_stage
+from softlab.cpu_backend.core.layout import aligned_zeros
+from softlab.model.contact.particle_parameters import MAX_NEIGHBOURS
+from softlab.model.formulas.shape_matching.cluster import LANES
 
 CELLS = 12  # cells of the table per particle; with fewer, a tall column of falling particles would wrap around
 

@@ -8,19 +8,19 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.contact.neighbours import Neighbours
-from cpu_backend.contact.particles_bounce import make_bounce_stage
-from cpu_backend.contact.particles_cells import AXES
-from cpu_backend.contact.particles_project import make_clear_stage, make_project_stage
-from cpu_backend.core.layout import aligned_zeros
-from model.contact.particle_parameters import (
+from softlab.cpu_backend.contact.neighbours import Neighbours
+from softlab.cpu_backend.contact.particles_bounce import make_bounce_stage
+from softlab.cpu_backend.contact.particles_cells import AXES
+from softlab.cpu_backend.contact.particles_project import make_clear_stage, make_project_stage
+from softlab.cpu_backend.core.layout import aligned_zeros
+from softlab.model.contact.particle_parameters import (
     G_REACH,
     MAX_NEIGHBOURS,
     kinds_of_particles,
     pair_rows,
     particle_contact_record,
 )
-from model.scene.scene import Scene
+from softlab.model.scene.scene import Scene
 
 NO_CONTACTS: tuple[Any, ...] = ((),) * 7  # `ParticleContacts.arrays` of a scene without contacts
 

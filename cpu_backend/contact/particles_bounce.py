@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.core.compile import Compiler
-from cpu_backend.core.layout import row_at
-from cpu_backend.core.progress import shares
-from model.contact.particle_parameters import (
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.core.layout import row_at
+from softlab.cpu_backend.core.progress import shares
+from softlab.model.contact.particle_parameters import (
     G_DISTANCE,
     G_OWN,
     H_INVERSE_SUBSTEP,
@@ -21,8 +21,8 @@ from model.contact.particle_parameters import (
     H_SETTLING,
     MAX_NEIGHBOURS,
 )
-from model.formulas import particle_contact
-from model.formulas.shape_matching import rebound
+from softlab.model.formulas import particle_contact
+from softlab.model.formulas.shape_matching import rebound
 
 
 def make_passes(compiler: Compiler, real: Any, scaled: bool, has_rigid: bool = False) -> SimpleNamespace:

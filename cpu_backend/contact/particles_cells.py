@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.core.compile import Compiler
-from cpu_backend.core.layout import row_at
-from model.contact.particle_parameters import FARTHEST, H_INVERSE_CELL
-from model.formulas import particle_contact
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.core.layout import row_at
+from softlab.model.contact.particle_parameters import FARTHEST, H_INVERSE_CELL
+from softlab.model.formulas import particle_contact
 
 AXES = 3
 NARROWEST = 4  # cells; of 3, one two cells away, which rounding may bring within range, would count as adjacent

@@ -17,12 +17,12 @@ import numpy as np
 from numba import types
 from numba.extending import intrinsic
 
-from cpu_backend.contact.particles_cells import AXES, BOX, make_runs, make_sort, make_table
-from cpu_backend.core.compile import Compiler
-from cpu_backend.core.layout import row_at
-from cpu_backend.core.plain import in_python
-from cpu_backend.core.progress import shares
-from model.contact.particle_parameters import (
+from softlab.cpu_backend.contact.particles_cells import AXES, BOX, make_runs, make_sort, make_table
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.core.layout import row_at
+from softlab.cpu_backend.core.plain import in_python
+from softlab.cpu_backend.core.progress import shares
+from softlab.model.contact.particle_parameters import (
     G_DISTANCE,
     G_NEIGHBOURS,
     G_OWN,
@@ -31,8 +31,8 @@ from model.contact.particle_parameters import (
     PAIR_FIELDS,
     PAIRS,
 )
-from model.formulas import particle_contact
-from model.formulas.shape_matching.cluster import LANES
+from softlab.model.formulas import particle_contact
+from softlab.model.formulas.shape_matching.cluster import LANES
 
 PLACES = 2 * AXES  # numbers of a sorted particle: its position, its rest position
 HOLDS = BOX  # index in the table: not 0 if it covers all cells

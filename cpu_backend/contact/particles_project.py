@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.core.compile import Compiler
-from cpu_backend.core.layout import row_at
-from cpu_backend.core.progress import shares
-from model.contact.particle_parameters import (
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.core.layout import row_at
+from softlab.cpu_backend.core.progress import shares
+from softlab.model.contact.particle_parameters import (
     G_ACTIVE,
     G_DISTANCE,
     G_OWN,
@@ -24,8 +24,8 @@ from model.contact.particle_parameters import (
     H_STATIC,
     MAX_NEIGHBOURS,
 )
-from model.formulas import particle_contact
-from model.formulas.shape_matching import couple, rigid
+from softlab.model.formulas import particle_contact
+from softlab.model.formulas.shape_matching import couple, rigid
 
 PACES = frozenset({"speed-limit", "sleeping"})
 

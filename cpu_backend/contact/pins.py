@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.core.compile import Compiler
-from model.formulas import cloth, motion
-from model.mass_spring.cloth_parameters import (
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.model.formulas import cloth, motion
+from softlab.model.mass_spring.cloth_parameters import (
     M_DURATION,
     M_SPIN,
     M_START,

@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.contact.self_find import VALUES, make_find
-from cpu_backend.contact.self_project import FORCES, LEVERS, make_project
-from model.contact.self_contact_parameters import MAX_CONTACTS, contact_record, table_size
-from model.core.build import Body
-from model.scene.scene import Scene
+from softlab.cpu_backend.contact.self_find import VALUES, make_find
+from softlab.cpu_backend.contact.self_project import FORCES, LEVERS, make_project
+from softlab.model.contact.self_contact_parameters import MAX_CONTACTS, contact_record, table_size
+from softlab.model.core.build import Body
+from softlab.model.scene.scene import Scene
 
 
 class HeldContacts:

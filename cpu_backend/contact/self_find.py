@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 from numba import prange
 
-from cpu_backend.core.compile import Compiler
-from cpu_backend.core.progress import shares
-from model.contact.self_contact_parameters import (
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.core.progress import shares
+from softlab.model.contact.self_contact_parameters import (
     MAX_CONTACTS,
     SPAN,
 )
-from model.formulas import contact
+from softlab.model.formulas import contact
 
 VALUES = 7  # values of a contact:
 V_B, V_C, V_NX, V_NY, V_NZ, V_HELD, V_DISTANCE = range(VALUES)

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.contact.self_find import V_B, V_C, V_HELD, V_NX, V_NY, V_NZ
-from cpu_backend.core.compile import Compiler
-from cpu_backend.core.progress import shares
-from model.contact.self_contact_parameters import MAX_CONTACTS
-from model.formulas import contact, surface_contact
+from softlab.cpu_backend.contact.self_find import V_B, V_C, V_HELD, V_NX, V_NY, V_NZ
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.core.progress import shares
+from softlab.model.contact.self_contact_parameters import MAX_CONTACTS
+from softlab.model.formulas import contact, surface_contact
 
 FORCES = 4  # values of a contact in a sweep: depth, displacement of its mass (of weight 1)
 F_DEPTH, F_X, F_Y, F_Z = range(FORCES)

@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.contact.neighbours import Neighbours
-from cpu_backend.contact.self_contact import HeldContacts
-from cpu_backend.contact.surfaces_find import VALUES, make_find
-from model.contact.particle_parameters import G_REACH
-from model.contact.surface_parameters import TETRAHEDRA_MEET, Meeting, neighbour_record
-from model.scene.scene import Scene
+from softlab.cpu_backend.contact.neighbours import Neighbours
+from softlab.cpu_backend.contact.self_contact import HeldContacts
+from softlab.cpu_backend.contact.surfaces_find import VALUES, make_find
+from softlab.model.contact.particle_parameters import G_REACH
+from softlab.model.contact.surface_parameters import TETRAHEDRA_MEET, Meeting, neighbour_record
+from softlab.model.scene.scene import Scene
 
 AXES = 3
 

@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.contact.self_find import V_B, V_C, V_DISTANCE, V_HELD, V_NX, V_NY, V_NZ, make_slots
-from cpu_backend.contact.self_find import VALUES as OF_SHEETS
-from cpu_backend.core.compile import Compiler
-from model.contact.particle_parameters import MAX_NEIGHBOURS
-from model.contact.self_contact_parameters import MAX_CONTACTS
-from model.formulas import contact, surface_contact
+from softlab.cpu_backend.contact.self_find import V_B, V_C, V_DISTANCE, V_HELD, V_NX, V_NY, V_NZ, make_slots
+from softlab.cpu_backend.contact.self_find import VALUES as OF_SHEETS
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.model.contact.particle_parameters import MAX_NEIGHBOURS
+from softlab.model.contact.self_contact_parameters import MAX_CONTACTS
+from softlab.model.formulas import contact, surface_contact
 
 V_INSIDE = OF_SHEETS  # not 0 if the vertex is inside
 VALUES = OF_SHEETS + 1

@@ -15,7 +15,7 @@ import numba
 import numpy as np
 from numba import prange
 
-from cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.core.compile import Compiler
 
 CHAIN = 16  # multiply-adds between a load and its store
 ROW = 512  # numbers: 4 KiB at most

@@ -15,11 +15,11 @@ from typing import Any
 import numba
 from numba.core.caching import CompileResultCacheImpl, FunctionCache
 
-from cpu_backend.core.plain import in_python, still_time, translated
-from cpu_backend.core.progress import new_team
-from cpu_backend.core.region import BodyPipeline, LinkedPipeline, packed, region
-from model.core.digest import content_digest, file_name, source_digest
-from model.core.kernel_cache import Kept, NamedByContent, Place, keep
+from softlab.cpu_backend.core.plain import in_python, still_time, translated
+from softlab.cpu_backend.core.progress import new_team
+from softlab.cpu_backend.core.region import BodyPipeline, LinkedPipeline, packed, region
+from softlab.model.core.digest import content_digest, file_name, source_digest
+from softlab.model.core.kernel_cache import Kept, NamedByContent, Place, keep
 
 # Optimisations of `fast`. Not `reassoc`, which would cancel the (p' - p) of the hand-out's step; not `nnan` and `ninf`,
 # since a diverging state must stay visible.

@@ -13,10 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.core.compile import Compiler
-from cpu_backend.core.progress import shares
-from model.core.constraints import ConstraintSet, Projection
-from model.core.tuples import each_of, tuple_of
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.core.progress import shares
+from softlab.model.core.constraints import ConstraintSet, Projection
+from softlab.model.core.tuples import each_of, tuple_of
 
 ALONE = 256  # constraints of a colour that one thread processes faster than threads can synchronise: a few microseconds
 # Runs of a colour that are interleaved: the processor starts the constraint of the next run before it has finished the

@@ -17,7 +17,7 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-from cpu_backend.core.plain import in_python
+from softlab.cpu_backend.core.plain import in_python
 
 LINE = 64  # bytes of a cache line, and of the widest vectors
 PAGE = 4096  # bytes after which addresses map to the same sets of the first-level cache

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numba import prange
 
-from cpu_backend.core.compile import Compiler
-from model.core.own_forces import WINDOW, OwnForce, make_own, own_forces
-from model.core.plan import Moment, StageRun
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.model.core.own_forces import WINDOW, OwnForce, make_own, own_forces
+from softlab.model.core.plan import Moment, StageRun
 
 
 def make_own_force(compiler: Compiler, real: Any, axes: int, parts: frozenset[str]) -> Any:

@@ -23,7 +23,7 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
-from cpu_backend.core.plain import in_python, still_time
+from softlab.cpu_backend.core.plain import in_python, still_time
 
 FLAG_SPACING = 16  # int64: two lines, since processors fetch lines in pairs
 SPINS = 300  # checks with a pause between them: a few microseconds

@@ -11,17 +11,17 @@ import numba
 import numpy as np
 from numba import prange
 
-from cpu_backend.core.compile import Compiler
-from cpu_backend.core.layout import Layout
-from cpu_backend.core.processor import processor_name
-from cpu_backend.core.threads import thread_count
-from model.core.options import unknown_kernel
-from model.core.plan import Executor
-from model.core.simulation import Options, Simulation
-from model.mass_spring.cloth_parameters import pin_velocity
-from model.scene.cloth import COLLIDER_KINDS
-from model.scene.scene import Scene
-from model.tetrahedra.targets import Targeted
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.core.layout import Layout
+from softlab.cpu_backend.core.processor import processor_name
+from softlab.cpu_backend.core.threads import thread_count
+from softlab.model.core.options import unknown_kernel
+from softlab.model.core.plan import Executor
+from softlab.model.core.simulation import Options, Simulation
+from softlab.model.mass_spring.cloth_parameters import pin_velocity
+from softlab.model.scene.cloth import COLLIDER_KINDS
+from softlab.model.scene.scene import Scene
+from softlab.model.tetrahedra.targets import Targeted
 
 WIDTH = 4  # numbers of a particle in space: x, y, z and, for positions, its weight
 

@@ -8,10 +8,10 @@ from typing import Any
 import numba
 import numpy as np
 
-from cpu_backend.fluid.cells import AXES, BOX
-from cpu_backend.fluid.quads import LANES
-from cpu_backend.fluid.solver import Fluid
-from model.core.plan import Executor, Moment
+from softlab.cpu_backend.fluid.cells import AXES, BOX
+from softlab.cpu_backend.fluid.quads import LANES
+from softlab.cpu_backend.fluid.solver import Fluid
+from softlab.model.core.plan import Executor, Moment
 
 SPARE = 1.25  # factor of the capacity for particles when it must grow
 

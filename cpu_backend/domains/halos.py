@@ -7,9 +7,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from cpu_backend.core.simulation import QuadsSimulation, RowsSimulation
-from model.domains.decomposition import Decomposition
-from model.domains.partitions import Partitions
+from softlab.cpu_backend.core.simulation import QuadsSimulation, RowsSimulation
+from softlab.model.domains.decomposition import Decomposition
+from softlab.model.domains.partitions import Partitions
 
 
 class Halo:

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.domains.halos import Halo
-from cpu_backend.domains.ranks import RankExchange, Ranks
-from model.core.errors import BackendUnavailable
-from model.domains.exchange import PATIENCE, Exchange, NothingSent
-from model.domains.processes import lost
+from softlab.cpu_backend.domains.halos import Halo
+from softlab.cpu_backend.domains.ranks import RankExchange, Ranks
+from softlab.model.core.errors import BackendUnavailable
+from softlab.model.domains.exchange import PATIENCE, Exchange, NothingSent
+from softlab.model.domains.processes import lost
 
 
 class Meeting:

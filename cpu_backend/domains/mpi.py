@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.domains.halos import Halo
-from cpu_backend.domains.ranks import RankExchange, Ranks
-from model.domains.exchange import Exchange, NothingSent
-from model.domains.processes import await_request, gather_rows, largest_of, swapped, world_of
+from softlab.cpu_backend.domains.halos import Halo
+from softlab.cpu_backend.domains.ranks import RankExchange, Ranks
+from softlab.model.domains.exchange import Exchange, NothingSent
+from softlab.model.domains.processes import await_request, gather_rows, largest_of, swapped, world_of
 
 
 class AmongProcesses(NothingSent):

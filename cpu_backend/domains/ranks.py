@@ -8,21 +8,21 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.core.threads import core_count
-from cpu_backend.domains.fluid import FluidWindow
-from cpu_backend.domains.halos import Halo, ParticlesHalo, RowsHalo
-from model.core.families import family_of
-from model.core.family import named
-from model.core.options import Options
-from model.core.simulation import Simulation
-from model.domains.exchange import Exchange
-from model.domains.partitioned import PartitionedBodies, is_partitioned, partitions
-from model.domains.shared_bodies import SharedBodies, division, is_apart
-from model.domains.shared_fluid import SharedFluid
-from model.domains.simulation import DecomposedSimulation, cut
-from model.domains.slabs import is_in_slabs, slabs_at_start
-from model.domains.windows import WindowedSimulation
-from model.scene.scene import Scene
+from softlab.cpu_backend.core.threads import core_count
+from softlab.cpu_backend.domains.fluid import FluidWindow
+from softlab.cpu_backend.domains.halos import Halo, ParticlesHalo, RowsHalo
+from softlab.model.core.families import family_of
+from softlab.model.core.family import named
+from softlab.model.core.options import Options
+from softlab.model.core.simulation import Simulation
+from softlab.model.domains.exchange import Exchange
+from softlab.model.domains.partitioned import PartitionedBodies, is_partitioned, partitions
+from softlab.model.domains.shared_bodies import SharedBodies, division, is_apart
+from softlab.model.domains.shared_fluid import SharedFluid
+from softlab.model.domains.simulation import DecomposedSimulation, cut
+from softlab.model.domains.slabs import is_in_slabs, slabs_at_start
+from softlab.model.domains.windows import WindowedSimulation
+from softlab.model.scene.scene import Scene
 
 
 class RankExchange(Exchange):

@@ -11,16 +11,16 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from cpu_backend.core.compile import Compiler
-from cpu_backend.core.layout import aligned_zeros
-from cpu_backend.fluid.quads import LANES
-from cpu_backend.fluid.solid_phases import SUMS, make_sampling, make_solid_constraint
-from cpu_backend.fluid.solver import Fluid
-from model.core.plan import Moment, StageRun
-from model.core.simulation import Options
-from model.fluid.among_solids import KINDS, kinds_of
-from model.fluid.samples import Samples
-from model.scene.scene import Scene
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.core.layout import aligned_zeros
+from softlab.cpu_backend.fluid.quads import LANES
+from softlab.cpu_backend.fluid.solid_phases import SUMS, make_sampling, make_solid_constraint
+from softlab.cpu_backend.fluid.solver import Fluid
+from softlab.model.core.plan import Moment, StageRun
+from softlab.model.core.simulation import Options
+from softlab.model.fluid.among_solids import KINDS, kinds_of
+from softlab.model.fluid.samples import Samples
+from softlab.model.scene.scene import Scene
 
 
 @cache

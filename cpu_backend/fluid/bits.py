@@ -9,7 +9,7 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
-from cpu_backend.core.plain import in_python
+from softlab.cpu_backend.core.plain import in_python
 
 WORD = 64  # distances compared at once, one bit each
 

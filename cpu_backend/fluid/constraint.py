@@ -12,16 +12,16 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.contact.colliders import make_collide_row, make_instants
-from cpu_backend.core.compile import Compiler
-from cpu_backend.core.layout import block_of, row_at
-from cpu_backend.fluid.lists import AROUND, RUNS, make_find
-from cpu_backend.fluid.pairs import make_pairs
-from cpu_backend.fluid.quads import LANES, QUAD, QUADS
-from cpu_backend.fluid.rows import make_rows, make_scratch
-from cpu_backend.fluid.walls import make_wall_rows
-from model.fluid.parameters import MAX_NEIGHBOURS
-from model.scene.cloth import COLLIDER_KINDS
+from softlab.cpu_backend.contact.colliders import make_collide_row, make_instants
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.core.layout import block_of, row_at
+from softlab.cpu_backend.fluid.lists import AROUND, RUNS, make_find
+from softlab.cpu_backend.fluid.pairs import make_pairs
+from softlab.cpu_backend.fluid.quads import LANES, QUAD, QUADS
+from softlab.cpu_backend.fluid.rows import make_rows, make_scratch
+from softlab.cpu_backend.fluid.walls import make_wall_rows
+from softlab.model.fluid.parameters import MAX_NEIGHBOURS
+from softlab.model.scene.cloth import COLLIDER_KINDS
 
 
 def make_sides_of(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:

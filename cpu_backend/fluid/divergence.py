@@ -14,19 +14,19 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.contact.colliders import make_collide_mass, make_instants
-from cpu_backend.core.compile import Compiler
-from cpu_backend.core.layout import row_at
-from cpu_backend.fluid.cells import make_row_of
-from cpu_backend.fluid.divergence_pairs import make_approaches
-from cpu_backend.fluid.impact import make_impact
-from cpu_backend.fluid.pairs import make_pairs
-from cpu_backend.fluid.quads import LANES, QUAD, QUADS
-from cpu_backend.fluid.rows import make_scratch
-from cpu_backend.fluid.walls import make_wall_rows
-from model.fluid.parameters import F_CHANGE, F_SPEED, F_WEIGHT, MAX_NEIGHBOURS
-from model.formulas.fluid import density, divergence, motion
-from model.scene.cloth import COLLIDER_KINDS
+from softlab.cpu_backend.contact.colliders import make_collide_mass, make_instants
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.core.layout import row_at
+from softlab.cpu_backend.fluid.cells import make_row_of
+from softlab.cpu_backend.fluid.divergence_pairs import make_approaches
+from softlab.cpu_backend.fluid.impact import make_impact
+from softlab.cpu_backend.fluid.pairs import make_pairs
+from softlab.cpu_backend.fluid.quads import LANES, QUAD, QUADS
+from softlab.cpu_backend.fluid.rows import make_scratch
+from softlab.cpu_backend.fluid.walls import make_wall_rows
+from softlab.model.fluid.parameters import F_CHANGE, F_SPEED, F_WEIGHT, MAX_NEIGHBOURS
+from softlab.model.formulas.fluid import density, divergence, motion
+from softlab.model.scene.cloth import COLLIDER_KINDS
 
 
 def make_approach(compiler: Compiler, real: Any, parts: frozenset[str], sides_of: Any) -> SimpleNamespace:

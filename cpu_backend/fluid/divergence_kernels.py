@@ -8,17 +8,17 @@ from functools import cache
 from types import SimpleNamespace
 from typing import Any
 
-from cpu_backend.core.compile import Compiler
-from cpu_backend.core.progress import shares
-from cpu_backend.fluid.constraint import make_search_phases, make_sides_of
-from cpu_backend.fluid.divergence import make_push, make_solve, make_take_up
-from cpu_backend.fluid.divergence_pairs import make_accelerate, make_gather
-from cpu_backend.fluid.kernels import fluid_compiler, make_sort
-from cpu_backend.fluid.phases import make_order
-from cpu_backend.fluid.velocities import make_velocities
-from model.core.plan import Moment, StageRun
-from model.fluid.divergence_plan import SECOND
-from model.fluid.plan import SHAPES
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.core.progress import shares
+from softlab.cpu_backend.fluid.constraint import make_search_phases, make_sides_of
+from softlab.cpu_backend.fluid.divergence import make_push, make_solve, make_take_up
+from softlab.cpu_backend.fluid.divergence_pairs import make_accelerate, make_gather
+from softlab.cpu_backend.fluid.kernels import fluid_compiler, make_sort
+from softlab.cpu_backend.fluid.phases import make_order
+from softlab.cpu_backend.fluid.velocities import make_velocities
+from softlab.model.core.plan import Moment, StageRun
+from softlab.model.fluid.divergence_plan import SECOND
+from softlab.model.fluid.plan import SHAPES
 
 
 def _phases(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:

@@ -8,16 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.core.compile import Compiler
-from cpu_backend.core.layout import row_at
-from cpu_backend.core.own_forces import make_own_force
-from cpu_backend.fluid.cells import AXES, BOX, LARGEST, make_row_of
-from cpu_backend.fluid.lists import make_wrap
-from cpu_backend.fluid.quads import LANES
-from cpu_backend.fluid.smoothing import make_smoothing
-from model.fluid.parameters import F_BUOYANCY, F_DRAG, F_SPEED, F_SURFACE_DRAG, MAX_NEIGHBOURS
-from model.fluid.plan import SMOOTHING
-from model.formulas.fluid import density, divergence, motion
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.core.layout import row_at
+from softlab.cpu_backend.core.own_forces import make_own_force
+from softlab.cpu_backend.fluid.cells import AXES, BOX, LARGEST, make_row_of
+from softlab.cpu_backend.fluid.lists import make_wrap
+from softlab.cpu_backend.fluid.quads import LANES
+from softlab.cpu_backend.fluid.smoothing import make_smoothing
+from softlab.model.fluid.parameters import F_BUOYANCY, F_DRAG, F_SPEED, F_SURFACE_DRAG, MAX_NEIGHBOURS
+from softlab.model.fluid.plan import SMOOTHING
+from softlab.model.formulas.fluid import density, divergence, motion
 
 
 def make_approaches(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:

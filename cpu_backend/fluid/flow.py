@@ -13,10 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.core.compile import Compiler
-from cpu_backend.core.layout import row_at
-from cpu_backend.core.progress import shares
-from model.fluid.flow import (
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.core.layout import row_at
+from softlab.cpu_backend.core.progress import shares
+from softlab.model.fluid.flow import (
     E_BEFORE,
     E_COUNT,
     E_DISTANCE,
@@ -43,8 +43,8 @@ from model.fluid.flow import (
     SINK_FIELDS,
     SINK_SHAPES,
 )
-from model.formulas import cloth
-from model.formulas.fluid import flow as formulas_of_flow
+from softlab.model.formulas import cloth
+from softlab.model.formulas.fluid import flow as formulas_of_flow
 
 AXES = 3
 BOX, SPHERE, _ = range(len(SINK_SHAPES))

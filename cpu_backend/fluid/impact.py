@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.contact.colliders import (
+from softlab.cpu_backend.contact.colliders import (
     BOX,
     CAPSULE,
     FIELD,
@@ -18,12 +18,12 @@ from cpu_backend.contact.colliders import (
     make_instants,
     make_push,
 )
-from cpu_backend.core.compile import Compiler
-from cpu_backend.core.layout import row_at
-from cpu_backend.fluid.walls import make_aways
-from model.fluid.plan import WALLS
-from model.formulas.fluid import density, impact, motion
-from model.mass_spring.cloth_parameters import (
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.core.layout import row_at
+from softlab.cpu_backend.fluid.walls import make_aways
+from softlab.model.fluid.plan import WALLS
+from softlab.model.formulas.fluid import density, impact, motion
+from softlab.model.mass_spring.cloth_parameters import (
     B_SPIN,
     B_THICKNESS,
     B_U,

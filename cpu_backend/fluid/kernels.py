@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.core.compile import Compiler
-from cpu_backend.core.progress import shares
-from cpu_backend.fluid.constraint import make_iteration, make_search_phases, make_sides_of
-from cpu_backend.fluid.flow import make_flow, make_flowing
-from cpu_backend.fluid.phases import make_order
-from cpu_backend.fluid.velocities import make_velocities
-from model.fluid.plan import SHAPES
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.core.progress import shares
+from softlab.cpu_backend.fluid.constraint import make_iteration, make_search_phases, make_sides_of
+from softlab.cpu_backend.fluid.flow import make_flow, make_flowing
+from softlab.cpu_backend.fluid.phases import make_order
+from softlab.cpu_backend.fluid.velocities import make_velocities
+from softlab.model.fluid.plan import SHAPES
 
 
 def _phases(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:

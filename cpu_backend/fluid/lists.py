@@ -14,11 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.core.compile import Compiler
-from cpu_backend.core.layout import row_at
-from cpu_backend.fluid.bits import WORD, bits_below, bits_of, lowest_bit, without, without_lowest
-from cpu_backend.fluid.quads import LANES
-from model.formulas.fluid import density
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.core.layout import row_at
+from softlab.cpu_backend.fluid.bits import WORD, bits_below, bits_of, lowest_bit, without, without_lowest
+from softlab.cpu_backend.fluid.quads import LANES
+from softlab.model.formulas.fluid import density
 
 AROUND = 1024  # capacity for the particles of 27 cells; more are processed in batches
 RUNS = 64  # numbers: the ends of the runs around a cell

@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.core.compile import Compiler
-from cpu_backend.fluid.cells import make_row_of
-from cpu_backend.fluid.lists import make_wrap
-from cpu_backend.fluid.quads import LANES, read_quads
-from model.fluid.parameters import F_WEIGHT
-from model.formulas.fluid import density
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.fluid.cells import make_row_of
+from softlab.cpu_backend.fluid.lists import make_wrap
+from softlab.cpu_backend.fluid.quads import LANES, read_quads
+from softlab.model.fluid.parameters import F_WEIGHT
+from softlab.model.formulas.fluid import density
 
 
 def make_pairs(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.core.compile import Compiler
-from cpu_backend.fluid.cells import make_predict, make_sort, make_table
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.fluid.cells import make_predict, make_sort, make_table
 
 
 def make_order(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:

@@ -14,7 +14,7 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
-from cpu_backend.core.plain import in_python
+from softlab.cpu_backend.core.plain import in_python
 
 LANES = 16  # particles of a slice
 QUAD = 4

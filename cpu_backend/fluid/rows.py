@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.core.compile import Compiler
-from cpu_backend.core.layout import row_at
-from cpu_backend.fluid.cells import make_row_of
-from cpu_backend.fluid.quads import LANES
-from model.fluid.parameters import F_WEIGHT
-from model.formulas.fluid import density
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.core.layout import row_at
+from softlab.cpu_backend.fluid.cells import make_row_of
+from softlab.cpu_backend.fluid.quads import LANES
+from softlab.model.fluid.parameters import F_WEIGHT
+from softlab.model.formulas.fluid import density
 
 SUMS, NUMBERS = 6, 4  # rows of LANES for each band: sums, or a position and a velocity; and quads of neighbours
 SCRATCH = SUMS + NUMBERS

@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.core.compile import Compiler
-from cpu_backend.fluid.cells import make_row_of
-from cpu_backend.fluid.lists import make_wrap
-from cpu_backend.fluid.quads import LANES
-from model.fluid.parameters import F_COHESION, F_CONFINEMENT, F_TENSION, F_VISCOSITY, F_WEIGHT
-from model.formulas.fluid import density, motion
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.fluid.cells import make_row_of
+from softlab.cpu_backend.fluid.lists import make_wrap
+from softlab.cpu_backend.fluid.quads import LANES
+from softlab.model.fluid.parameters import F_COHESION, F_CONFINEMENT, F_TENSION, F_VISCOSITY, F_WEIGHT
+from softlab.model.formulas.fluid import density, motion
 
 
 def make_smoothing(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:

@@ -7,11 +7,11 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
-from cpu_backend.core.compile import Compiler
-from cpu_backend.fluid.cells import make_row_of
-from cpu_backend.fluid.quads import LANES
-from model.fluid.parameters import F_VISCOSITY
-from model.formulas.fluid import density, solids
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.fluid.cells import make_row_of
+from softlab.cpu_backend.fluid.quads import LANES
+from softlab.model.fluid.parameters import F_VISCOSITY
+from softlab.model.formulas.fluid import density, solids
 
 
 def make_solid_pairs(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:

@@ -12,19 +12,19 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.contact.colliders import make_collide_mass, make_instants
-from cpu_backend.core.compile import Compiler
-from cpu_backend.core.layout import row_at
-from cpu_backend.fluid.cells import AXES, BOX, LARGEST, make_row_of
-from cpu_backend.fluid.quads import LANES
-from cpu_backend.fluid.rows import make_rows, make_scratch
-from cpu_backend.fluid.solid_pairs import make_solid_pairs
-from cpu_backend.fluid.walls import make_wall_rows
-from model.fluid.among_solids import K_GRIP, K_LIGHTNESS, KINDS
-from model.fluid.parameters import F_WEIGHT, MAX_NEIGHBOURS
-from model.fluid.samples import CORNERS
-from model.formulas.fluid import density, solids
-from model.scene.cloth import COLLIDER_KINDS
+from softlab.cpu_backend.contact.colliders import make_collide_mass, make_instants
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.core.layout import row_at
+from softlab.cpu_backend.fluid.cells import AXES, BOX, LARGEST, make_row_of
+from softlab.cpu_backend.fluid.quads import LANES
+from softlab.cpu_backend.fluid.rows import make_rows, make_scratch
+from softlab.cpu_backend.fluid.solid_pairs import make_solid_pairs
+from softlab.cpu_backend.fluid.walls import make_wall_rows
+from softlab.model.fluid.among_solids import K_GRIP, K_LIGHTNESS, KINDS
+from softlab.model.fluid.parameters import F_WEIGHT, MAX_NEIGHBOURS
+from softlab.model.fluid.samples import CORNERS
+from softlab.model.formulas.fluid import density, solids
+from softlab.model.scene.cloth import COLLIDER_KINDS
 
 SUMS = 5  # rows of LANES for each band
 

@@ -13,24 +13,24 @@ from typing import Any
 import numba
 import numpy as np
 
-from cpu_backend.core.layout import aligned_zeros
-from cpu_backend.core.simulation import ParticlesSimulation, chosen_kernel
-from cpu_backend.fluid.cells import AXES, BOX
-from cpu_backend.fluid.divergence_kernels import free_stages, make_advance_freely
-from cpu_backend.fluid.kernels import make_advance, make_stages
-from cpu_backend.fluid.lists import AROUND, FAR, RUNS
-from cpu_backend.fluid.quads import LANES, QUAD, QUADS
-from cpu_backend.fluid.rows import SCRATCH
-from model.core.own_forces import POKED
-from model.core.plan import Executor, Moment, StageRun
-from model.core.simulation import Options
-from model.fluid.flow import emitter_rows, fluid_starts, nozzle_points, sink_rows
-from model.fluid.fluid_set import PARKED
-from model.fluid.parameters import MAX_NEIGHBOURS, fluid_rows, most_cells
-from model.fluid.plan import SHAPES, fluid_plan
-from model.fluid.samples import Samples
-from model.mass_spring.cloth_parameters import collider_numbers
-from model.scene.scene import Scene
+from softlab.cpu_backend.core.layout import aligned_zeros
+from softlab.cpu_backend.core.simulation import ParticlesSimulation, chosen_kernel
+from softlab.cpu_backend.fluid.cells import AXES, BOX
+from softlab.cpu_backend.fluid.divergence_kernels import free_stages, make_advance_freely
+from softlab.cpu_backend.fluid.kernels import make_advance, make_stages
+from softlab.cpu_backend.fluid.lists import AROUND, FAR, RUNS
+from softlab.cpu_backend.fluid.quads import LANES, QUAD, QUADS
+from softlab.cpu_backend.fluid.rows import SCRATCH
+from softlab.model.core.own_forces import POKED
+from softlab.model.core.plan import Executor, Moment, StageRun
+from softlab.model.core.simulation import Options
+from softlab.model.fluid.flow import emitter_rows, fluid_starts, nozzle_points, sink_rows
+from softlab.model.fluid.fluid_set import PARKED
+from softlab.model.fluid.parameters import MAX_NEIGHBOURS, fluid_rows, most_cells
+from softlab.model.fluid.plan import SHAPES, fluid_plan
+from softlab.model.fluid.samples import Samples
+from softlab.model.mass_spring.cloth_parameters import collider_numbers
+from softlab.model.scene.scene import Scene
 
 
 class Fluid(ParticlesSimulation):

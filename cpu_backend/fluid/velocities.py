@@ -7,18 +7,18 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.contact.colliders import make_collide_row
-from cpu_backend.core.compile import Compiler
-from cpu_backend.core.layout import block_of, row_at
-from cpu_backend.fluid.cells import AXES, make_row_of
-from cpu_backend.fluid.impact import make_impact
-from cpu_backend.fluid.quads import LANES
-from cpu_backend.fluid.rows import make_scratch
-from cpu_backend.fluid.smoothing import make_smoothing
-from model.fluid.parameters import F_CHANGE, F_DRAG, F_SPEED, F_SURFACE_DRAG, F_WEIGHT, MAX_NEIGHBOURS
-from model.fluid.plan import SMOOTHING
-from model.formulas.fluid import motion
-from model.scene.cloth import COLLIDER_KINDS
+from softlab.cpu_backend.contact.colliders import make_collide_row
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.core.layout import block_of, row_at
+from softlab.cpu_backend.fluid.cells import AXES, make_row_of
+from softlab.cpu_backend.fluid.impact import make_impact
+from softlab.cpu_backend.fluid.quads import LANES
+from softlab.cpu_backend.fluid.rows import make_scratch
+from softlab.cpu_backend.fluid.smoothing import make_smoothing
+from softlab.model.fluid.parameters import F_CHANGE, F_DRAG, F_SPEED, F_SURFACE_DRAG, F_WEIGHT, MAX_NEIGHBOURS
+from softlab.model.fluid.plan import SMOOTHING
+from softlab.model.formulas.fluid import motion
+from softlab.model.scene.cloth import COLLIDER_KINDS
 
 
 def make_velocities(compiler: Compiler, real: Any, parts: frozenset[str], sides_of: Any) -> SimpleNamespace:

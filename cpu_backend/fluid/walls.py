@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.contact.colliders import BOX, CAPSULE, FIELD, MESH, PLANE, SPHERE, make_push
-from cpu_backend.core.compile import Compiler
-from cpu_backend.core.layout import row_at
-from cpu_backend.fluid.quads import LANES
-from model.fluid.plan import WALLS
-from model.formulas import colliders
-from model.formulas.fluid import density, surfaces
-from model.mass_spring.cloth_parameters import (
+from softlab.cpu_backend.contact.colliders import BOX, CAPSULE, FIELD, MESH, PLANE, SPHERE, make_push
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.core.layout import row_at
+from softlab.cpu_backend.fluid.quads import LANES
+from softlab.model.fluid.plan import WALLS
+from softlab.model.formulas import colliders
+from softlab.model.formulas.fluid import density, surfaces
+from softlab.model.mass_spring.cloth_parameters import (
     B_RADIUS,
     B_SPIN,
     B_THICKNESS,

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numba import prange
 
-from cpu_backend.core.compile import Compiler
-from model.core.plan import Moment, StageRun
-from model.formulas import integrators, springs
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.model.core.plan import Moment, StageRun
+from softlab.model.formulas import integrators, springs
 
 
 def make_motion_stages(compiler: Compiler, real: Any, integrator: str, has_damping: bool = True) -> SimpleNamespace:

@@ -9,14 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.core.compile import Compiler
-from cpu_backend.core.layout import row_at
-from cpu_backend.core.progress import shares
-from cpu_backend.shape_matching.damping import make_lane_sum
-from cpu_backend.shape_matching.rigid import at_rigid
-from model.formulas.shape_matching import couple, pace, rigid
-from model.formulas.shape_matching.cluster import LANES
-from model.formulas.shape_matching.couple import SPIN, SUMS
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.core.layout import row_at
+from softlab.cpu_backend.core.progress import shares
+from softlab.cpu_backend.shape_matching.damping import make_lane_sum
+from softlab.cpu_backend.shape_matching.rigid import at_rigid
+from softlab.model.formulas.shape_matching import couple, pace, rigid
+from softlab.model.formulas.shape_matching.cluster import LANES
+from softlab.model.formulas.shape_matching.couple import SPIN, SUMS
 
 RIGID = 7  # number of arrays of rigid motions; those of couples follow
 

@@ -9,14 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.core.compile import Compiler
-from cpu_backend.core.layout import row_at
-from cpu_backend.core.progress import shares
-from cpu_backend.shape_matching.shapes import AT_SHAPES
-from model.formulas.shape_matching import cluster, pace
-from model.formulas.shape_matching.cluster import LANES
-from model.formulas.shape_matching.pace import MOMENTA, MOTION
-from model.shape_matching.cluster_tables import shaping
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.core.layout import row_at
+from softlab.cpu_backend.core.progress import shares
+from softlab.cpu_backend.shape_matching.shapes import AT_SHAPES
+from softlab.model.formulas.shape_matching import cluster, pace
+from softlab.model.formulas.shape_matching.cluster import LANES
+from softlab.model.formulas.shape_matching.pace import MOMENTA, MOTION
+from softlab.model.shape_matching.cluster_tables import shaping
 
 
 def at_damping(parts: frozenset[str]) -> int:

@@ -10,20 +10,20 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.core.compile import Compiler
-from cpu_backend.core.layout import Layout, aligned_zeros, block_of, plain
-from cpu_backend.core.own_forces import bind_forces
-from cpu_backend.core.simulation import RowsSimulation
-from cpu_backend.shape_matching.matching import STATES, make_matching_advance, scratch_places
-from cpu_backend.shape_matching.matching_rows import CLUSTER
-from cpu_backend.shape_matching.matching_stages import make_matching_stages
-from cpu_backend.xpbd.solver import choose_kernel
-from cpu_backend.xpbd.stages import make_point_stages
-from model.core.plan import Executor, Moment, StageRun
-from model.core.simulation import Options
-from model.scene.scene import Scene
-from model.shape_matching.lattice import TABLE, matching_axis
-from model.xpbd.plan import xpbd_plan
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.core.layout import Layout, aligned_zeros, block_of, plain
+from softlab.cpu_backend.core.own_forces import bind_forces
+from softlab.cpu_backend.core.simulation import RowsSimulation
+from softlab.cpu_backend.shape_matching.matching import STATES, make_matching_advance, scratch_places
+from softlab.cpu_backend.shape_matching.matching_rows import CLUSTER
+from softlab.cpu_backend.shape_matching.matching_stages import make_matching_stages
+from softlab.cpu_backend.xpbd.solver import choose_kernel
+from softlab.cpu_backend.xpbd.stages import make_point_stages
+from softlab.model.core.plan import Executor, Moment, StageRun
+from softlab.model.core.simulation import Options
+from softlab.model.scene.scene import Scene
+from softlab.model.shape_matching.lattice import TABLE, matching_axis
+from softlab.model.xpbd.plan import xpbd_plan
 
 
 def aligned(rows: int, columns: int, real: Any) -> Layout:

@@ -15,12 +15,12 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.core.compile import Compiler
-from cpu_backend.core.layout import row_at
-from cpu_backend.shape_matching.shapes import ENTRIES, make_shapes
-from model.formulas import rotation
-from model.formulas.shape_matching import cluster, rigid
-from model.formulas.shape_matching.cluster import LANES, MOMENTS
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.core.layout import row_at
+from softlab.cpu_backend.shape_matching.shapes import ENTRIES, make_shapes
+from softlab.model.formulas import rotation
+from softlab.model.formulas.shape_matching import cluster, rigid
+from softlab.model.formulas.shape_matching.cluster import LANES, MOMENTS
 
 AXES = 3
 FRAME = 12  # numbers of a cluster for its particles: its rotation, by rows, and its centre

@@ -14,15 +14,15 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.core.compile import Compiler
-from cpu_backend.core.layout import row_at
-from cpu_backend.core.progress import shares
-from cpu_backend.shape_matching.lattice_layout import FRAME, QUATERNION
-from cpu_backend.shape_matching.lattice_rows import GOAL_LINE, LINE, SLICE, WINDOW, make_line_sums
-from cpu_backend.shape_matching.lattice_scan import make_goal_scan, make_moment_scan
-from cpu_backend.shape_matching.lattice_turns import make_turns
-from model.formulas.shape_matching import lattice
-from model.shape_matching.lattice import (
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.core.layout import row_at
+from softlab.cpu_backend.core.progress import shares
+from softlab.cpu_backend.shape_matching.lattice_layout import FRAME, QUATERNION
+from softlab.cpu_backend.shape_matching.lattice_rows import GOAL_LINE, LINE, SLICE, WINDOW, make_line_sums
+from softlab.cpu_backend.shape_matching.lattice_scan import make_goal_scan, make_moment_scan
+from softlab.cpu_backend.shape_matching.lattice_turns import make_turns
+from softlab.model.formulas.shape_matching import lattice
+from softlab.model.shape_matching.lattice import (
     T_CENTRE,
     T_COUNT,
     T_INVERSE,

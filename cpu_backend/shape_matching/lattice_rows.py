@@ -11,9 +11,9 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
-from cpu_backend.core.compile import Compiler
-from cpu_backend.core.layout import row_at
-from model.formulas.shape_matching import lattice
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.core.layout import row_at
+from softlab.model.formulas.shape_matching import lattice
 
 LINE, SLICE, WINDOW = 6, 9, 12  # sums over a row, a slice and a whole window: differences and turns, three each
 GOAL_LINE = 6  # of displacements to goals, after the passes along z and y; after z, as many as of a slice

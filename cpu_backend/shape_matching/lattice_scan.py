@@ -9,10 +9,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from cpu_backend.core.compile import Compiler
-from cpu_backend.core.layout import row_at
-from cpu_backend.shape_matching.lattice_rows import make_goals, make_moments, make_rows
-from model.formulas.shape_matching import lattice
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.core.layout import row_at
+from softlab.cpu_backend.shape_matching.lattice_rows import make_goals, make_moments, make_rows
+from softlab.model.formulas.shape_matching import lattice
 
 
 def make_scan(compiler: Compiler, real: Any, planes: int, keeps_all: bool, term: Any, add: Any, end: Any) -> Any:

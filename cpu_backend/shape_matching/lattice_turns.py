@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.core.compile import Compiler
-from cpu_backend.core.layout import row_at
-from cpu_backend.shape_matching.lattice_layout import FRAME, QUATERNION
-from cpu_backend.shape_matching.lattice_rows import make_rows
-from model.formulas import rotation
-from model.formulas.shape_matching import lattice
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.core.layout import row_at
+from softlab.cpu_backend.shape_matching.lattice_layout import FRAME, QUATERNION
+from softlab.cpu_backend.shape_matching.lattice_rows import make_rows
+from softlab.model.formulas import rotation
+from softlab.model.formulas.shape_matching import lattice
 
 
 def make_rotation_rows(compiler: Compiler, real: Any) -> SimpleNamespace:

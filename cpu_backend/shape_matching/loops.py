@@ -12,21 +12,21 @@ from typing import Any
 import numpy as np
 from numba import prange
 
-from cpu_backend.core.compile import Compiler
-from cpu_backend.core.layout import row_at
-from cpu_backend.core.own_forces import make_own_force
-from cpu_backend.mass_spring.cloth.scratch import cloth_variant
-from cpu_backend.shape_matching.damping import at_damping, make_damping
-from cpu_backend.shape_matching.kernels import AXES, SCRATCH, make_matching
-from cpu_backend.shape_matching.particles import make_particles
-from cpu_backend.shape_matching.rebound import at_rebound, make_rebound
-from cpu_backend.shape_matching.rigid import at_rigid, make_steadying
-from model.core.own_forces import own_forces
-from model.formulas import distance
-from model.formulas.shape_matching import rigid
-from model.formulas.shape_matching.cluster import LANES
-from model.scene.cloth import COLLIDER_KINDS
-from model.shape_matching.cluster_tables import shaping
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.core.layout import row_at
+from softlab.cpu_backend.core.own_forces import make_own_force
+from softlab.cpu_backend.mass_spring.cloth.scratch import cloth_variant
+from softlab.cpu_backend.shape_matching.damping import at_damping, make_damping
+from softlab.cpu_backend.shape_matching.kernels import AXES, SCRATCH, make_matching
+from softlab.cpu_backend.shape_matching.particles import make_particles
+from softlab.cpu_backend.shape_matching.rebound import at_rebound, make_rebound
+from softlab.cpu_backend.shape_matching.rigid import at_rigid, make_steadying
+from softlab.model.core.own_forces import own_forces
+from softlab.model.formulas import distance
+from softlab.model.formulas.shape_matching import rigid
+from softlab.model.formulas.shape_matching.cluster import LANES
+from softlab.model.scene.cloth import COLLIDER_KINDS
+from softlab.model.shape_matching.cluster_tables import shaping
 
 
 @cache

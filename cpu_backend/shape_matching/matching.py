@@ -14,10 +14,10 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.core.compile import Compiler
-from cpu_backend.core.layout import row_at
-from cpu_backend.core.progress import shares
-from cpu_backend.shape_matching.matching_rows import (
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.core.layout import row_at
+from softlab.cpu_backend.core.progress import shares
+from softlab.cpu_backend.shape_matching.matching_rows import (
     CLUSTER,
     GOALS,
     LINE,
@@ -27,8 +27,8 @@ from cpu_backend.shape_matching.matching_rows import (
     make_goal_rows,
     make_motion_rows,
 )
-from model.formulas.shape_matching import grid as shape_matching
-from model.shape_matching.lattice import T_CENTRE, T_INVERSE, T_SHARE
+from softlab.model.formulas.shape_matching import grid as shape_matching
+from softlab.model.shape_matching.lattice import T_CENTRE, T_INVERSE, T_SHARE
 
 AXES = 2
 PLACE = AXES + LINE  # rows of a ring: of a row of masses ...

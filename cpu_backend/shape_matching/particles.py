@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.contact.colliders import make_collide_mass, make_collide_planes
-from cpu_backend.core.compile import Compiler
-from cpu_backend.core.layout import block_of, row_at
-from cpu_backend.core.own_forces import make_own_force
-from cpu_backend.shape_matching.kernels import AXES
-from model.formulas import distance
-from model.formulas.shape_matching import rigid
-from model.formulas.shape_matching.cluster import LANES
+from softlab.cpu_backend.contact.colliders import make_collide_mass, make_collide_planes
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.core.layout import block_of, row_at
+from softlab.cpu_backend.core.own_forces import make_own_force
+from softlab.cpu_backend.shape_matching.kernels import AXES
+from softlab.model.formulas import distance
+from softlab.model.formulas.shape_matching import rigid
+from softlab.model.formulas.shape_matching.cluster import LANES
 
 
 def make_particles(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:

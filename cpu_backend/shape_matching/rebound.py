@@ -9,15 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.core.compile import Compiler
-from cpu_backend.core.layout import row_at
-from cpu_backend.core.progress import shares
-from cpu_backend.shape_matching.damping import at_damping, make_damping, make_lane_sum
-from cpu_backend.shape_matching.kernels import AXES
-from cpu_backend.shape_matching.layout import LONE
-from model.formulas.shape_matching import rebound
-from model.formulas.shape_matching.cluster import LANES
-from model.formulas.shape_matching.pace import MOTION
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.core.layout import row_at
+from softlab.cpu_backend.core.progress import shares
+from softlab.cpu_backend.shape_matching.damping import at_damping, make_damping, make_lane_sum
+from softlab.cpu_backend.shape_matching.kernels import AXES
+from softlab.cpu_backend.shape_matching.layout import LONE
+from softlab.model.formulas.shape_matching import rebound
+from softlab.model.formulas.shape_matching.cluster import LANES
+from softlab.model.formulas.shape_matching.pace import MOTION
 
 DAMPING = 4  # number of arrays of damping; those of rebounds follow
 

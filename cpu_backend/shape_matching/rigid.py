@@ -8,16 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.core.compile import Compiler
-from cpu_backend.core.layout import row_at
-from cpu_backend.core.progress import shares
-from cpu_backend.shape_matching.damping import make_damping
-from cpu_backend.shape_matching.kernels import AXES
-from cpu_backend.shape_matching.layout import LONE
-from cpu_backend.shape_matching.rebound import at_rebound
-from model.formulas.shape_matching import rebound
-from model.formulas.shape_matching.cluster import LANES
-from model.formulas.shape_matching.pace import MOTION
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.core.layout import row_at
+from softlab.cpu_backend.core.progress import shares
+from softlab.cpu_backend.shape_matching.damping import make_damping
+from softlab.cpu_backend.shape_matching.kernels import AXES
+from softlab.cpu_backend.shape_matching.layout import LONE
+from softlab.cpu_backend.shape_matching.rebound import at_rebound
+from softlab.model.formulas.shape_matching import rebound
+from softlab.model.formulas.shape_matching.cluster import LANES
+from softlab.model.formulas.shape_matching.pace import MOTION
 
 REBOUND = 8  # number of arrays of rebounds; those of rigid motion follow
 

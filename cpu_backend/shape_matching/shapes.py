@@ -5,11 +5,11 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
-from cpu_backend.core.compile import Compiler
-from cpu_backend.core.layout import row_at
-from model.formulas.shape_matching import deformation
-from model.formulas.shape_matching.cluster import LANES
-from model.formulas.shape_matching.deformation import S_CREEP, S_INVERSE, S_LIMIT, S_LINEAR, S_THRESHOLD, SHAPE
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.core.layout import row_at
+from softlab.model.formulas.shape_matching import deformation
+from softlab.model.formulas.shape_matching.cluster import LANES
+from softlab.model.formulas.shape_matching.deformation import S_CREEP, S_INVERSE, S_LIMIT, S_LINEAR, S_THRESHOLD, SHAPE
 
 # indices of tables, plastic strains, and strains after this iteration among the clusters' arrays, all flat
 AT_SHAPES, AT_PLASTIC, AT_BENT = 6, 7, 8

@@ -12,31 +12,31 @@ from typing import Any
 import numba
 import numpy as np
 
-from cpu_backend.contact.bodies_bounce import make_bodies_bounce_stage
-from cpu_backend.contact.particles import NO_CONTACTS, ParticleContacts
-from cpu_backend.contact.particles_project import PACES, make_settle_stage
-from cpu_backend.core.constraints import make_constraint_stage
-from cpu_backend.core.layout import aligned_zeros
-from cpu_backend.core.simulation import ParticlesSimulation, chosen_kernel
-from cpu_backend.shape_matching.couples import make_couples_stage
-from cpu_backend.shape_matching.damping import at_damping, make_damping_stage
-from cpu_backend.shape_matching.kernels import AXES, FRAME, LANES, QUATERNION, SCRATCH
-from cpu_backend.shape_matching.lattice import make_lattice_stages
-from cpu_backend.shape_matching.lattice_layout import Lattices
-from cpu_backend.shape_matching.layout import bounds_of, layout_of
-from cpu_backend.shape_matching.loops import make_bodies_apart, make_bodies_stages, make_matching_stages
-from cpu_backend.shape_matching.material import ClusterArrays
-from cpu_backend.shape_matching.rebound import at_rebound, make_rebound_stages
-from cpu_backend.shape_matching.rigid import at_rigid, make_rest_stage, make_steadying_stage
-from cpu_backend.shape_matching.together import make_bodies_together
-from model.core.own_forces import POKED
-from model.core.plan import Executor, Moment, StageRun
-from model.core.simulation import Options
-from model.mass_spring.cloth_parameters import collider_numbers
-from model.scene.scene import Scene
-from model.shape_matching.cluster_tables import matching_factors, shaping
-from model.shape_matching.links import LINKS
-from model.xpbd.plan import xpbd_plan
+from softlab.cpu_backend.contact.bodies_bounce import make_bodies_bounce_stage
+from softlab.cpu_backend.contact.particles import NO_CONTACTS, ParticleContacts
+from softlab.cpu_backend.contact.particles_project import PACES, make_settle_stage
+from softlab.cpu_backend.core.constraints import make_constraint_stage
+from softlab.cpu_backend.core.layout import aligned_zeros
+from softlab.cpu_backend.core.simulation import ParticlesSimulation, chosen_kernel
+from softlab.cpu_backend.shape_matching.couples import make_couples_stage
+from softlab.cpu_backend.shape_matching.damping import at_damping, make_damping_stage
+from softlab.cpu_backend.shape_matching.kernels import AXES, FRAME, LANES, QUATERNION, SCRATCH
+from softlab.cpu_backend.shape_matching.lattice import make_lattice_stages
+from softlab.cpu_backend.shape_matching.lattice_layout import Lattices
+from softlab.cpu_backend.shape_matching.layout import bounds_of, layout_of
+from softlab.cpu_backend.shape_matching.loops import make_bodies_apart, make_bodies_stages, make_matching_stages
+from softlab.cpu_backend.shape_matching.material import ClusterArrays
+from softlab.cpu_backend.shape_matching.rebound import at_rebound, make_rebound_stages
+from softlab.cpu_backend.shape_matching.rigid import at_rigid, make_rest_stage, make_steadying_stage
+from softlab.cpu_backend.shape_matching.together import make_bodies_together
+from softlab.model.core.own_forces import POKED
+from softlab.model.core.plan import Executor, Moment, StageRun
+from softlab.model.core.simulation import Options
+from softlab.model.mass_spring.cloth_parameters import collider_numbers
+from softlab.model.scene.scene import Scene
+from softlab.model.shape_matching.cluster_tables import matching_factors, shaping
+from softlab.model.shape_matching.links import LINKS
+from softlab.model.xpbd.plan import xpbd_plan
 
 UNEVEN = 1.3  # work of the busiest thread relative to the mean, above which threads share bodies
 

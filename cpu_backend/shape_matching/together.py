@@ -8,26 +8,26 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.contact.bodies_bounce import make_bodies_bounce
-from cpu_backend.contact.particles_bounce import make_bounce
-from cpu_backend.contact.particles_find import make_find
-from cpu_backend.contact.particles_project import PACES, make_clear, make_project, make_settle
-from cpu_backend.core.compile import Compiler
-from cpu_backend.core.constraints import make_colours, make_planes, make_projections
-from cpu_backend.core.layout import row_at
-from cpu_backend.core.progress import shares
-from cpu_backend.mass_spring.cloth.scratch import cloth_variant
-from cpu_backend.shape_matching.couples import at_couples, make_couples
-from cpu_backend.shape_matching.damping import at_damping, make_damping
-from cpu_backend.shape_matching.kernels import AXES, SCRATCH, make_matching
-from cpu_backend.shape_matching.lattice import make_lattice_matching
-from cpu_backend.shape_matching.particles import make_particles
-from cpu_backend.shape_matching.rebound import at_rebound, make_rebound
-from cpu_backend.shape_matching.rigid import at_rigid, make_rest, make_steadying
-from model.formulas.shape_matching.cluster import LANES
-from model.scene.cloth import COLLIDER_KINDS
-from model.shape_matching.cluster_tables import shaping
-from model.shape_matching.links import LINKS
+from softlab.cpu_backend.contact.bodies_bounce import make_bodies_bounce
+from softlab.cpu_backend.contact.particles_bounce import make_bounce
+from softlab.cpu_backend.contact.particles_find import make_find
+from softlab.cpu_backend.contact.particles_project import PACES, make_clear, make_project, make_settle
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.core.constraints import make_colours, make_planes, make_projections
+from softlab.cpu_backend.core.layout import row_at
+from softlab.cpu_backend.core.progress import shares
+from softlab.cpu_backend.mass_spring.cloth.scratch import cloth_variant
+from softlab.cpu_backend.shape_matching.couples import at_couples, make_couples
+from softlab.cpu_backend.shape_matching.damping import at_damping, make_damping
+from softlab.cpu_backend.shape_matching.kernels import AXES, SCRATCH, make_matching
+from softlab.cpu_backend.shape_matching.lattice import make_lattice_matching
+from softlab.cpu_backend.shape_matching.particles import make_particles
+from softlab.cpu_backend.shape_matching.rebound import at_rebound, make_rebound
+from softlab.cpu_backend.shape_matching.rigid import at_rigid, make_rest, make_steadying
+from softlab.model.formulas.shape_matching.cluster import LANES
+from softlab.model.scene.cloth import COLLIDER_KINDS
+from softlab.model.shape_matching.cluster_tables import shaping
+from softlab.model.shape_matching.links import LINKS
 
 
 def make_substep_end(compiler: Compiler, real: Any, math: str, parts: frozenset[str]) -> Any:

@@ -13,23 +13,23 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from cpu_backend.tetrahedra.descent_acceleration import make_accelerate_stage
-from cpu_backend.tetrahedra.descent_kernels import (
+from softlab.cpu_backend.tetrahedra.descent_acceleration import make_accelerate_stage
+from softlab.cpu_backend.tetrahedra.descent_kernels import (
     DescentArrays,
     descent_arrays,
     make_descent_advance,
     make_descent_stages,
 )
-from cpu_backend.tetrahedra.solver import Tetrahedra
-from cpu_backend.xpbd.mesh_kernels import make_mesh_stages
-from model.core.constraints import ConstraintSet, Projection
-from model.core.plan import Moment, Plan, StageRun
-from model.formulas.elastic.chebyshev import weights
-from model.scene.scene import Scene
-from model.tetrahedra.constraints import DAMPED
-from model.tetrahedra.descent import ACCELERATE, Descent, descents, stage_name, vbd_plan, visited
-from model.tetrahedra.newton import holding
-from model.tetrahedra.springs import springs
+from softlab.cpu_backend.tetrahedra.solver import Tetrahedra
+from softlab.cpu_backend.xpbd.mesh_kernels import make_mesh_stages
+from softlab.model.core.constraints import ConstraintSet, Projection
+from softlab.model.core.plan import Moment, Plan, StageRun
+from softlab.model.formulas.elastic.chebyshev import weights
+from softlab.model.scene.scene import Scene
+from softlab.model.tetrahedra.constraints import DAMPED
+from softlab.model.tetrahedra.descent import ACCELERATE, Descent, descents, stage_name, vbd_plan, visited
+from softlab.model.tetrahedra.newton import holding
+from softlab.model.tetrahedra.springs import springs
 
 
 class VertexBlockDescent(Tetrahedra):

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.core.compile import Compiler
-from model.formulas.elastic import chebyshev
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.model.formulas.elastic import chebyshev
 
 
 def make_accelerate(compiler: Compiler, real: Any) -> Any:

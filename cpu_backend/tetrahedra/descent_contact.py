@@ -6,10 +6,10 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
-from cpu_backend.contact.colliders import make_collide_mass
-from cpu_backend.core.compile import Compiler
-from cpu_backend.tetrahedra.newton_contact import make_contact
-from model.formulas.elastic import descent, friction, newton
+from softlab.cpu_backend.contact.colliders import make_collide_mass
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.tetrahedra.newton_contact import make_contact
+from softlab.model.formulas.elastic import descent, friction, newton
 
 
 def make_meeting(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:

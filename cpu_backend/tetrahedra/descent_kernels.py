@@ -13,17 +13,17 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.core.compile import Compiler
-from cpu_backend.core.progress import shares
-from cpu_backend.mass_spring.cloth.scratch import cloth_variant
-from cpu_backend.tetrahedra.descent_acceleration import make_accelerate
-from cpu_backend.tetrahedra.descent_contact import make_meeting
-from cpu_backend.tetrahedra.springs import make_springs
-from cpu_backend.xpbd.mesh_kernels import make_substep
-from model.core.tuples import tuple_of
-from model.formulas.elastic import descent
-from model.tetrahedra.descent import CHEBYSHEV, CORNERS, RATE, SCALE, Descent, visited
-from model.tetrahedra.springs import PARTS, Springs
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.core.progress import shares
+from softlab.cpu_backend.mass_spring.cloth.scratch import cloth_variant
+from softlab.cpu_backend.tetrahedra.descent_acceleration import make_accelerate
+from softlab.cpu_backend.tetrahedra.descent_contact import make_meeting
+from softlab.cpu_backend.tetrahedra.springs import make_springs
+from softlab.cpu_backend.xpbd.mesh_kernels import make_substep
+from softlab.model.core.tuples import tuple_of
+from softlab.model.formulas.elastic import descent
+from softlab.model.tetrahedra.descent import CHEBYSHEV, CORNERS, RATE, SCALE, Descent, visited
+from softlab.model.tetrahedra.springs import PARTS, Springs
 
 ALONE = 8  # vertices of a colour that one thread processes faster than threads can synchronise: a few microseconds
 NOTHING: frozenset[str] = frozenset()

@@ -9,17 +9,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from cpu_backend.core.simulation import QuadsSimulation, chosen_kernel
-from cpu_backend.tetrahedra.newton_steps import DONE, SUMS, make_newton_advance
-from cpu_backend.xpbd.mesh_kernels import ALWAYS
-from model.core.plan import Executor
-from model.core.simulation import Options
-from model.formulas.elastic import newton as passes
-from model.scene.scene import Scene
-from model.tetrahedra.aggregates import MODES, aggregates
-from model.tetrahedra.block_rows import BLOCKS, block_rows
-from model.tetrahedra.material import material_of
-from model.tetrahedra.newton import (
+from softlab.cpu_backend.core.simulation import QuadsSimulation, chosen_kernel
+from softlab.cpu_backend.tetrahedra.newton_steps import DONE, SUMS, make_newton_advance
+from softlab.cpu_backend.xpbd.mesh_kernels import ALWAYS
+from softlab.model.core.plan import Executor
+from softlab.model.core.simulation import Options
+from softlab.model.formulas.elastic import newton as passes
+from softlab.model.scene.scene import Scene
+from softlab.model.tetrahedra.aggregates import MODES, aggregates
+from softlab.model.tetrahedra.block_rows import BLOCKS, block_rows
+from softlab.model.tetrahedra.material import material_of
+from softlab.model.tetrahedra.newton import (
     SUMMED,
     element_values,
     holding,
@@ -28,8 +28,8 @@ from model.tetrahedra.newton import (
     stage_vectors,
     stages_of,
 )
-from model.tetrahedra.springs import rounding_of, springs
-from model.tetrahedra.tables import surface_lists
+from softlab.model.tetrahedra.springs import rounding_of, springs
+from softlab.model.tetrahedra.tables import surface_lists
 
 VECTORS = 8  # see newton_rows.py; one more for order 2, three with dampers
 

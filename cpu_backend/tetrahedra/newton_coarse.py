@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.core.compile import Compiler
-from model.formulas.elastic import coarse as formulas_of
-from model.tetrahedra.aggregates import MODES
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.model.formulas.elastic import coarse as formulas_of
+from softlab.model.tetrahedra.aggregates import MODES
 
 
 def make_coarse(compiler: Compiler, real: Any) -> SimpleNamespace:

@@ -9,10 +9,10 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
-from cpu_backend.contact.colliders import make_collide_mass
-from cpu_backend.core.compile import Compiler
-from model.formulas.elastic import newton
-from model.scene.cloth import COLLIDER_KINDS
+from softlab.cpu_backend.contact.colliders import make_collide_mass
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.model.formulas.elastic import newton
+from softlab.model.scene.cloth import COLLIDER_KINDS
 
 
 def make_contact(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:

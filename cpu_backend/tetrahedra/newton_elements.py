@@ -5,11 +5,11 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
-from cpu_backend.core.compile import Compiler
-from model.formulas.constraints.tetrahedron import HOOKEAN
-from model.formulas.elastic import damper, deformation, newton, tangent
-from model.tetrahedra.block_rows import BLOCKS
-from model.tetrahedra.newton import AT_ALPHA, AT_DAMPING, AT_LAME, AT_MU, AT_VOLUME, DAMPED, STAGED, SUMMED
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.model.formulas.constraints.tetrahedron import HOOKEAN
+from softlab.model.formulas.elastic import damper, deformation, newton, tangent
+from softlab.model.tetrahedra.block_rows import BLOCKS
+from softlab.model.tetrahedra.newton import AT_ALPHA, AT_DAMPING, AT_LAME, AT_MU, AT_VOLUME, DAMPED, STAGED, SUMMED
 
 
 def make_elements(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:

@@ -6,9 +6,9 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
-from cpu_backend.core.compile import Compiler
-from model.formulas.elastic import newton
-from model.tetrahedra.newton import SUMMED
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.model.formulas.elastic import newton
+from softlab.model.tetrahedra.newton import SUMMED
 
 AXES = 3
 

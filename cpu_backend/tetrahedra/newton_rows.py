@@ -12,12 +12,12 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
-from cpu_backend.core.compile import Compiler
-from cpu_backend.tetrahedra.newton_matrix import AXES
-from cpu_backend.tetrahedra.springs import make_springs
-from model.formulas.elastic import newton
-from model.tetrahedra.newton import SUMMED
-from model.tetrahedra.springs import PARTS
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.tetrahedra.newton_matrix import AXES
+from softlab.cpu_backend.tetrahedra.springs import make_springs
+from softlab.model.formulas.elastic import newton
+from softlab.model.tetrahedra.newton import SUMMED
+from softlab.model.tetrahedra.springs import PARTS
 
 TARGET, CURRENT, GRADIENT, TRIAL, SOLUTION, RESIDUAL, DIRECTION, PRODUCT = range(8)
 

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.core.compile import Compiler
-from model.formulas.elastic import sleep
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.model.formulas.elastic import sleep
 
 
 @cache

@@ -5,8 +5,8 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
-from cpu_backend.core.compile import Compiler
-from model.formulas.elastic import spring
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.model.formulas.elastic import spring
 
 
 def make_springs(compiler: Compiler, real: Any) -> SimpleNamespace:

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.core.compile import Compiler
-from cpu_backend.core.simulation import ParticlesSimulation
-from model.formulas.elastic.descent import make_carried
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.core.simulation import ParticlesSimulation
+from softlab.model.formulas.elastic.descent import make_carried
 
 AXES = 3
 

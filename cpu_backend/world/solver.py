@@ -4,22 +4,22 @@ from __future__ import annotations
 
 import numba
 
-from cpu_backend.contact.surfaces import SurfaceContacts
-from cpu_backend.core.processor import processor_name
-from cpu_backend.core.simulation import ParticlesSimulation, chosen_kernel
-from cpu_backend.core.threads import thread_count
-from cpu_backend.fluid.among_solids import FluidAmongSolids
-from cpu_backend.world.joined import Joined
-from cpu_backend.world.wetting import Wetting
-from model.core.families import family_of, scene_plan
-from model.core.family import named
-from model.core.plan import Executor, StageRun
-from model.core.simulation import Options, Simulation
-from model.scene.scene import Scene
-from model.world.meeting import MEMBERS_MEET, cross_surface
-from model.world.plan import BEGIN, FIND, GIVE, PROJECT, SOAK, TAKE, coupled
-from model.world.simulation import STAGES, WorldSimulation
-from model.world.solids import solids_of
+from softlab.cpu_backend.contact.surfaces import SurfaceContacts
+from softlab.cpu_backend.core.processor import processor_name
+from softlab.cpu_backend.core.simulation import ParticlesSimulation, chosen_kernel
+from softlab.cpu_backend.core.threads import thread_count
+from softlab.cpu_backend.fluid.among_solids import FluidAmongSolids
+from softlab.cpu_backend.world.joined import Joined
+from softlab.cpu_backend.world.wetting import Wetting
+from softlab.model.core.families import family_of, scene_plan
+from softlab.model.core.family import named
+from softlab.model.core.plan import Executor, StageRun
+from softlab.model.core.simulation import Options, Simulation
+from softlab.model.scene.scene import Scene
+from softlab.model.world.meeting import MEMBERS_MEET, cross_surface
+from softlab.model.world.plan import BEGIN, FIND, GIVE, PROJECT, SOAK, TAKE, coupled
+from softlab.model.world.simulation import STAGES, WorldSimulation
+from softlab.model.world.solids import solids_of
 
 
 class World(WorldSimulation):

@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.core.compile import Compiler
-from cpu_backend.core.simulation import WIDTH, QuadsSimulation
-from cpu_backend.fluid.among_solids import FluidAmongSolids
-from model.fluid.among_solids import K_LIGHTNESS
-from model.fluid.samples import CORNERS
-from model.formulas.fluid import wetting
-from model.scene.scene import Scene
-from model.world.wetting import drinkers_of, rates_of
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.core.simulation import WIDTH, QuadsSimulation
+from softlab.cpu_backend.fluid.among_solids import FluidAmongSolids
+from softlab.model.fluid.among_solids import K_LIGHTNESS
+from softlab.model.fluid.samples import CORNERS
+from softlab.model.formulas.fluid import wetting
+from softlab.model.scene.scene import Scene
+from softlab.model.world.wetting import drinkers_of, rates_of
 
 
 @cache

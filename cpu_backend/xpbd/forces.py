@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.core.compile import Compiler
-from cpu_backend.core.layout import L_PLANE, L_STRIDE, block_of, row_at
-from cpu_backend.core.own_forces import make_own_force
-from cpu_backend.mass_spring.cloth.scratch import AXES, make_scratch, triples_of
-from cpu_backend.mass_spring.cloth.wind import make_winds
-from cpu_backend.xpbd.layout import (
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.core.layout import L_PLANE, L_STRIDE, block_of, row_at
+from softlab.cpu_backend.core.own_forces import make_own_force
+from softlab.cpu_backend.mass_spring.cloth.scratch import AXES, make_scratch, triples_of
+from softlab.cpu_backend.mass_spring.cloth.wind import make_winds
+from softlab.cpu_backend.xpbd.layout import (
     P_ACCELERATION,
     P_BLOCKS,
     P_CLASS,
@@ -28,8 +28,8 @@ from cpu_backend.xpbd.layout import (
     P_STRIDE,
     P_WIND_SCRATCH,
 )
-from model.core.own_forces import own_forces
-from model.formulas import distance
+from softlab.model.core.own_forces import own_forces
+from softlab.model.formulas import distance
 
 
 def has_forces(parts: frozenset[str]) -> bool:

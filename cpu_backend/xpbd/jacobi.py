@@ -13,10 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.core.compile import Compiler
-from cpu_backend.core.layout import block_of, row_at
-from cpu_backend.mass_spring.cloth.scratch import AXES, REACH, make_scratch
-from cpu_backend.xpbd.layout import (
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.core.layout import block_of, row_at
+from softlab.cpu_backend.mass_spring.cloth.scratch import AXES, REACH, make_scratch
+from softlab.cpu_backend.xpbd.layout import (
     P_BEFORE,
     P_BLOCKS,
     P_MULTIPLIERS,
@@ -25,11 +25,11 @@ from cpu_backend.xpbd.layout import (
     P_SCRATCH_WIDTH,
     P_STRIDE,
 )
-from cpu_backend.xpbd.stage_projections import make_change
-from model.core.tuples import reader
-from model.formulas import distance
-from model.xpbd.parameters import CONSTANTS
-from model.xpbd.plan import FAMILIES, Family, families
+from softlab.cpu_backend.xpbd.stage_projections import make_change
+from softlab.model.core.tuples import reader
+from softlab.model.formulas import distance
+from softlab.model.xpbd.parameters import CONSTANTS
+from softlab.model.xpbd.plan import FAMILIES, Family, families
 
 
 def displacement_triples(parts: frozenset[str]) -> dict[str, int]:

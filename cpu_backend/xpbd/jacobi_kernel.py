@@ -13,14 +13,14 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.core.compile import Compiler
-from cpu_backend.core.layout import row_at
-from cpu_backend.core.progress import shares
-from cpu_backend.mass_spring.cloth.scratch import cloth_variant
-from cpu_backend.xpbd.forces import make_wind
-from cpu_backend.xpbd.jacobi import make_iterate, reach_of
-from cpu_backend.xpbd.layout import P_OTHER, P_PLANE, P_SCRATCH, P_SCRATCH_SIZE, P_STRIDE
-from cpu_backend.xpbd.walk import keeps_velocity, make_walk
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.core.layout import row_at
+from softlab.cpu_backend.core.progress import shares
+from softlab.cpu_backend.mass_spring.cloth.scratch import cloth_variant
+from softlab.cpu_backend.xpbd.forces import make_wind
+from softlab.cpu_backend.xpbd.jacobi import make_iterate, reach_of
+from softlab.cpu_backend.xpbd.layout import P_OTHER, P_PLANE, P_SCRATCH, P_SCRATCH_SIZE, P_STRIDE
+from softlab.cpu_backend.xpbd.walk import keeps_velocity, make_walk
 
 
 def make_parts_of_substep(compiler: Compiler, real: Any, axes: int, parts: frozenset[str], several: bool) -> Any:

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.core.layout import PAGE, SHIFT, Layout, block_of
+from softlab.cpu_backend.core.layout import PAGE, SHIFT, Layout, block_of
 
 CLASSES = {"structural": 2, "shear": 1, "bending": 4}  # of a row, by its constraints in Gauss-Seidel
 

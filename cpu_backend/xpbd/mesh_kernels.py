@@ -10,18 +10,18 @@ from functools import cache
 from types import SimpleNamespace
 from typing import Any
 
-from cpu_backend.contact.colliders import make_collide_mass
-from cpu_backend.contact.pins import make_drive
-from cpu_backend.core.compile import Compiler
-from cpu_backend.core.constraints import make_colours, make_projections, make_rows
-from cpu_backend.core.own_forces import make_own_force
-from cpu_backend.core.progress import shares
-from cpu_backend.mass_spring.cloth.scratch import cloth_variant
-from cpu_backend.mass_spring.cloth.wind import make_air, make_triangle
-from model.core.constraints import Projection
-from model.formulas import distance
-from model.scene.cloth import COLLIDER_KINDS
-from model.xpbd.mesh_plan import BODY_DAMPING
+from softlab.cpu_backend.contact.colliders import make_collide_mass
+from softlab.cpu_backend.contact.pins import make_drive
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.core.constraints import make_colours, make_projections, make_rows
+from softlab.cpu_backend.core.own_forces import make_own_force
+from softlab.cpu_backend.core.progress import shares
+from softlab.cpu_backend.mass_spring.cloth.scratch import cloth_variant
+from softlab.cpu_backend.mass_spring.cloth.wind import make_air, make_triangle
+from softlab.model.core.constraints import Projection
+from softlab.model.formulas import distance
+from softlab.model.scene.cloth import COLLIDER_KINDS
+from softlab.model.xpbd.mesh_plan import BODY_DAMPING
 
 AXES = 3  # a velocity's fourth number is its particle's own damping rate, 1/s
 

@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.core.compile import Compiler
-from cpu_backend.core.layout import block_of, row_at
-from cpu_backend.xpbd.layout import (
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.core.layout import block_of, row_at
+from softlab.cpu_backend.xpbd.layout import (
     P_BEFORE,
     P_BLOCKS,
     P_CLASS,
@@ -21,11 +21,11 @@ from cpu_backend.xpbd.layout import (
     P_PLANE,
     P_STRIDE,
 )
-from cpu_backend.xpbd.stage_projections import make_change
-from model.core.tuples import reader
-from model.formulas import distance
-from model.xpbd.parameters import CONSTANTS
-from model.xpbd.plan import FAMILIES, Family
+from softlab.cpu_backend.xpbd.stage_projections import make_change
+from softlab.model.core.tuples import reader
+from softlab.model.formulas import distance
+from softlab.model.xpbd.parameters import CONSTANTS
+from softlab.model.xpbd.plan import FAMILIES, Family
 
 
 def make_motion_rows(

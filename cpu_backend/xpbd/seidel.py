@@ -12,13 +12,13 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.core.compile import Compiler
-from cpu_backend.core.progress import shares
-from cpu_backend.mass_spring.cloth.scratch import cloth_variant
-from cpu_backend.xpbd.forces import make_wind
-from cpu_backend.xpbd.layout import P_PLANE, classes_of
-from cpu_backend.xpbd.rows import make_link, make_rows_of_kinds
-from cpu_backend.xpbd.schedule import (
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.core.progress import shares
+from softlab.cpu_backend.mass_spring.cloth.scratch import cloth_variant
+from softlab.cpu_backend.xpbd.forces import make_wind
+from softlab.cpu_backend.xpbd.layout import P_PLANE, classes_of
+from softlab.cpu_backend.xpbd.rows import make_link, make_rows_of_kinds
+from softlab.cpu_backend.xpbd.schedule import (
     ALONG,
     BEGIN,
     DOWN,
@@ -27,8 +27,8 @@ from cpu_backend.xpbd.schedule import (
     FAR_DOWN,
     PHASES,
 )
-from cpu_backend.xpbd.walk import make_walk
-from model.xpbd.plan import FAMILIES
+from softlab.cpu_backend.xpbd.walk import make_walk
+from softlab.model.xpbd.plan import FAMILIES
 
 
 def make_links(

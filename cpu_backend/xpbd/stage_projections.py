@@ -12,15 +12,15 @@ from typing import Any
 import numpy as np
 from numba import prange
 
-from cpu_backend.core.compile import Compiler
-from cpu_backend.mass_spring.cloth.scratch import cloth_variant
-from cpu_backend.xpbd.tables import kind_of
-from model.core.plan import Moment, StageRun
-from model.formulas import distance
-from model.xpbd.parameters import (
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.mass_spring.cloth.scratch import cloth_variant
+from softlab.cpu_backend.xpbd.tables import kind_of
+from softlab.model.core.plan import Moment, StageRun
+from softlab.model.formulas import distance
+from softlab.model.xpbd.parameters import (
     constants_of,
 )
-from model.xpbd.plan import FAMILIES, colour_order, families
+from softlab.model.xpbd.plan import FAMILIES, colour_order, families
 
 ROOM = 2  # rows and columns of displacements around the sheet, without constraints
 

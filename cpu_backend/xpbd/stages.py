@@ -13,16 +13,16 @@ from typing import Any
 import numpy as np
 from numba import prange
 
-from cpu_backend.core.compile import Compiler
-from cpu_backend.core.own_forces import bind_forces
-from cpu_backend.mass_spring.cloth.scratch import cloth_variant
-from cpu_backend.mass_spring.cloth.stage_forces import make_wind_stage
-from cpu_backend.mass_spring.cloth.stages import make_collide_stage
-from cpu_backend.xpbd.stage_projections import bind_projections, make_projections
-from model.core.plan import Moment, StageRun
-from model.formulas import distance
-from model.scene.cloth import COLLIDER_KINDS
-from model.xpbd.plan import FAMILIES
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.core.own_forces import bind_forces
+from softlab.cpu_backend.mass_spring.cloth.scratch import cloth_variant
+from softlab.cpu_backend.mass_spring.cloth.stage_forces import make_wind_stage
+from softlab.cpu_backend.mass_spring.cloth.stages import make_collide_stage
+from softlab.cpu_backend.xpbd.stage_projections import bind_projections, make_projections
+from softlab.model.core.plan import Moment, StageRun
+from softlab.model.formulas import distance
+from softlab.model.scene.cloth import COLLIDER_KINDS
+from softlab.model.xpbd.plan import FAMILIES
 
 
 def make_point_stages(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:

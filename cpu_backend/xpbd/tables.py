@@ -12,11 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from model.core.build import Body
-from model.formulas import distance
-from model.scene.scene import Scene
-from model.xpbd.parameters import constants_of
-from model.xpbd.plan import FAMILIES, Family, families
+from softlab.model.core.build import Body
+from softlab.model.formulas import distance
+from softlab.model.scene.scene import Scene
+from softlab.model.xpbd.parameters import constants_of
+from softlab.model.xpbd.plan import FAMILIES, Family, families
 
 
 def mass_weights(scene: Scene, body: Body, real: Any) -> np.ndarray:

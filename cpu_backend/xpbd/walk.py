@@ -12,11 +12,11 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
-from cpu_backend.contact.colliders import make_collide_row
-from cpu_backend.core.compile import Compiler
-from cpu_backend.core.layout import block_of, row_at
-from cpu_backend.xpbd.forces import has_forces, make_forces
-from cpu_backend.xpbd.layout import (
+from softlab.cpu_backend.contact.colliders import make_collide_row
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.core.layout import block_of, row_at
+from softlab.cpu_backend.xpbd.forces import has_forces, make_forces
+from softlab.cpu_backend.xpbd.layout import (
     P_ACCELERATION,
     P_ANCHORS,
     P_BEFORE,
@@ -28,9 +28,9 @@ from cpu_backend.xpbd.layout import (
     P_REACH,
     P_STRIDE,
 )
-from cpu_backend.xpbd.rows import make_motion_rows
-from model.formulas import distance
-from model.scene.cloth import COLLIDER_KINDS
+from softlab.cpu_backend.xpbd.rows import make_motion_rows
+from softlab.model.formulas import distance
+from softlab.model.scene.cloth import COLLIDER_KINDS
 
 
 def keeps_velocity(parts: frozenset[str]) -> bool:

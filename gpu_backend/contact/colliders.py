@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from gpu_backend.contact.rows import (
+from softlab.gpu_backend.contact.rows import (
     B_DYNAMIC,
     B_RADIUS,
     B_RESTITUTION,
@@ -29,12 +29,12 @@ from gpu_backend.contact.rows import (
     FIRST_ROW,
     ROW,
 )
-from gpu_backend.contact.swept import make_swept
-from gpu_backend.core.compile import inlined
-from gpu_backend.core.formulas import device_formulas
-from gpu_backend.core.integers import BOXES, CAPSULES, COLLIDERS, FIELDS, MESHES, PLANES, SPHERES
-from model.formulas import cloth, colliders, distance_field, triangle_tree
-from model.mass_spring.plan import FRICTION_IN_PLACE
+from softlab.gpu_backend.contact.swept import make_swept
+from softlab.gpu_backend.core.compile import inlined
+from softlab.gpu_backend.core.formulas import device_formulas
+from softlab.gpu_backend.core.integers import BOXES, CAPSULES, COLLIDERS, FIELDS, MESHES, PLANES, SPHERES
+from softlab.model.formulas import cloth, colliders, distance_field, triangle_tree
+from softlab.model.mass_spring.plan import FRICTION_IN_PLACE
 
 
 @cache

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.contact.particles_find import MIN_TABLE, make_find
-from gpu_backend.core.quads import SIZE
-from gpu_backend.core.scan import Scan
-from model.contact.particle_parameters import MAX_NEIGHBOURS
-from model.contact.self_contact_parameters import table_size
+from softlab.gpu_backend.contact.particles_find import MIN_TABLE, make_find
+from softlab.gpu_backend.core.quads import SIZE
+from softlab.gpu_backend.core.scan import Scan
+from softlab.model.contact.particle_parameters import MAX_NEIGHBOURS
+from softlab.model.contact.self_contact_parameters import table_size
 
 THREADS = 128
 

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.contact.neighbours import Neighbours, neighbour_bytes
-from gpu_backend.contact.particles_bounce import make_bounce
-from gpu_backend.contact.particles_project import make_project
-from gpu_backend.core.quads import SIZE
-from model.contact.particle_parameters import (
+from softlab.gpu_backend.contact.neighbours import Neighbours, neighbour_bytes
+from softlab.gpu_backend.contact.particles_bounce import make_bounce
+from softlab.gpu_backend.contact.particles_project import make_project
+from softlab.gpu_backend.core.quads import SIZE
+from softlab.model.contact.particle_parameters import (
     G_OWN,
     G_REACH,
     MAX_NEIGHBOURS,
@@ -21,7 +21,7 @@ from model.contact.particle_parameters import (
     pair_rows,
     particle_contact_record,
 )
-from model.scene.scene import Scene
+from softlab.model.scene.scene import Scene
 
 
 def _meets_itself(scene: Scene) -> bool:

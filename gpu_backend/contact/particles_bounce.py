@@ -11,18 +11,18 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.contact.particles_find import make_pairs
-from gpu_backend.core.compile import inlined, kernel_options, make_kernels, variant_name
-from gpu_backend.core.formulas import device_formulas
-from gpu_backend.core.quads import load_quad, store_quad
-from model.contact.particle_parameters import (
+from softlab.gpu_backend.contact.particles_find import make_pairs
+from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernels, variant_name
+from softlab.gpu_backend.core.formulas import device_formulas
+from softlab.gpu_backend.core.quads import load_quad, store_quad
+from softlab.model.contact.particle_parameters import (
     G_DISTANCE,
     G_OWN,
     H_RESTITUTION,
     H_SETTLING,
     MAX_NEIGHBOURS,
 )
-from model.formulas import particle_contact
+from softlab.model.formulas import particle_contact
 
 
 @cache

@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.compile import kernel_options, make_kernels, variant_name
-from gpu_backend.core.formulas import device_formulas
-from gpu_backend.core.quads import load_quad, store_quad
-from model.contact.particle_parameters import (
+from softlab.gpu_backend.core.compile import kernel_options, make_kernels, variant_name
+from softlab.gpu_backend.core.formulas import device_formulas
+from softlab.gpu_backend.core.quads import load_quad, store_quad
+from softlab.model.contact.particle_parameters import (
     G_DISTANCE,
     G_NEIGHBOURS,
     G_OWN,
@@ -29,7 +29,7 @@ from model.contact.particle_parameters import (
     PAIR_FIELDS,
     PAIRS,
 )
-from model.formulas import contact, particle_contact
+from softlab.model.formulas import contact, particle_contact
 
 FARTHEST = 2**30  # cells from the origin
 MIN_TABLE = 8  # buckets: a row's three cells are three different buckets, and no fourth one is among them

@@ -13,15 +13,15 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.contact.particles_find import make_pairs
-from gpu_backend.core.compile import inlined, kernel_options, make_kernels, variant_name
-from gpu_backend.core.formulas import device_formulas
-from gpu_backend.core.quads import SIZE, load_quad, store_quad
-from gpu_backend.core.world import World
-from gpu_backend.shape_matching.kernels import AXES
-from gpu_backend.xpbd.kernels import make_clock
-from gpu_backend.xpbd.point import make_motion
-from model.contact.particle_parameters import (
+from softlab.gpu_backend.contact.particles_find import make_pairs
+from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernels, variant_name
+from softlab.gpu_backend.core.formulas import device_formulas
+from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
+from softlab.gpu_backend.core.world import World
+from softlab.gpu_backend.shape_matching.kernels import AXES
+from softlab.gpu_backend.xpbd.kernels import make_clock
+from softlab.gpu_backend.xpbd.point import make_motion
+from softlab.model.contact.particle_parameters import (
     G_ACTIVE,
     G_DISTANCE,
     G_OWN,
@@ -33,8 +33,8 @@ from model.contact.particle_parameters import (
     H_STATIC,
     MAX_NEIGHBOURS,
 )
-from model.formulas import particle_contact
-from model.formulas.shape_matching import couple, rigid
+from softlab.model.formulas import particle_contact
+from softlab.model.formulas.shape_matching import couple, rigid
 
 
 @cache

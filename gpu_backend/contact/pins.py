@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
-from gpu_backend.core.formulas import device_formulas
-from gpu_backend.core.quads import load_quad, store_quad
-from model.core.build import Body
-from model.core.errors import SceneError
-from model.formulas import cloth, motion
-from model.mass_spring.cloth_parameters import (
+from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
+from softlab.gpu_backend.core.formulas import device_formulas
+from softlab.gpu_backend.core.quads import load_quad, store_quad
+from softlab.model.core.build import Body
+from softlab.model.core.errors import SceneError
+from softlab.model.formulas import cloth, motion
+from softlab.model.mass_spring.cloth_parameters import (
     M_DURATION,
     M_SPIN,
     M_START,

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.contact.self_find import make_find
-from gpu_backend.contact.self_project import make_project
-from gpu_backend.core.quads import SIZE
-from gpu_backend.core.scan import Scan
-from model.contact.self_contact_parameters import MAX_CONTACTS, contact_record, table_size
-from model.core.build import Body
-from model.scene.scene import Scene
+from softlab.gpu_backend.contact.self_find import make_find
+from softlab.gpu_backend.contact.self_project import make_project
+from softlab.gpu_backend.core.quads import SIZE
+from softlab.gpu_backend.core.scan import Scan
+from softlab.model.contact.self_contact_parameters import MAX_CONTACTS, contact_record, table_size
+from softlab.model.core.build import Body
+from softlab.model.scene.scene import Scene
 
 THREADS = 128
 

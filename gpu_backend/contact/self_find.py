@@ -11,14 +11,14 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.compile import kernel_options, make_kernels, variant_name
-from gpu_backend.core.formulas import device_formulas
-from gpu_backend.core.quads import load_quad, store_quad
-from model.contact.self_contact_parameters import (
+from softlab.gpu_backend.core.compile import kernel_options, make_kernels, variant_name
+from softlab.gpu_backend.core.formulas import device_formulas
+from softlab.gpu_backend.core.quads import load_quad, store_quad
+from softlab.model.contact.self_contact_parameters import (
     MAX_CONTACTS,
     SPAN,
 )
-from model.formulas import contact
+from softlab.model.formulas import contact
 
 # Contact s of mass k has the number MAX_CONTACTS k + s and, in flat arrays, three corners and two quads: (normal,
 # stored distance) and (b, c, distance at the substep's start, unused).

@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from gpu_backend.contact.neighbours import Neighbours, neighbour_bytes
-from gpu_backend.contact.self_contact import HeldContacts, contact_bytes
-from gpu_backend.contact.surfaces_find import make_find
-from gpu_backend.core.quads import SIZE
-from model.contact.particle_parameters import G_OWN, G_REACH
-from model.contact.self_contact_parameters import MAX_CONTACTS
-from model.contact.surface_parameters import TETRAHEDRA_MEET, Meeting, neighbour_record
-from model.scene.scene import Scene
+from softlab.gpu_backend.contact.neighbours import Neighbours, neighbour_bytes
+from softlab.gpu_backend.contact.self_contact import HeldContacts, contact_bytes
+from softlab.gpu_backend.contact.surfaces_find import make_find
+from softlab.gpu_backend.core.quads import SIZE
+from softlab.model.contact.particle_parameters import G_OWN, G_REACH
+from softlab.model.contact.self_contact_parameters import MAX_CONTACTS
+from softlab.model.contact.surface_parameters import TETRAHEDRA_MEET, Meeting, neighbour_record
+from softlab.model.scene.scene import Scene
 
 
 def surface_contact_bytes(scene: Scene, item: int, meeting: Meeting = TETRAHEDRA_MEET) -> int:

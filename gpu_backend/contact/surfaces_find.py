@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.contact.self_find import make_slots
-from gpu_backend.core.compile import kernel_options, make_kernels, variant_name
-from gpu_backend.core.formulas import device_formulas
-from gpu_backend.core.quads import load_quad, store_quad
-from model.contact.particle_parameters import MAX_NEIGHBOURS
-from model.contact.self_contact_parameters import MAX_CONTACTS
-from model.formulas import contact, surface_contact
+from softlab.gpu_backend.contact.self_find import make_slots
+from softlab.gpu_backend.core.compile import kernel_options, make_kernels, variant_name
+from softlab.gpu_backend.core.formulas import device_formulas
+from softlab.gpu_backend.core.quads import load_quad, store_quad
+from softlab.model.contact.particle_parameters import MAX_NEIGHBOURS
+from softlab.model.contact.self_contact_parameters import MAX_CONTACTS
+from softlab.model.formulas import contact, surface_contact
 
 # Slots and quads of a contact as in contact/self_find.py; the last number of its weights: not 0 if the vertex is
 # inside.

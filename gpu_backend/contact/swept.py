@@ -6,17 +6,17 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
-from gpu_backend.contact.rows import (
+from softlab.gpu_backend.contact.rows import (
     B_RADIUS,
     B_THICKNESS,
     B_U,
     B_V,
     B_W,
 )
-from gpu_backend.core.compile import inlined
-from gpu_backend.core.formulas import device_formulas
-from model.formulas import cloth, colliders
-from model.formulas.fluid import sweep
+from softlab.gpu_backend.core.compile import inlined
+from softlab.gpu_backend.core.formulas import device_formulas
+from softlab.model.formulas import cloth, colliders
+from softlab.model.formulas.fluid import sweep
 
 
 def make_swept(real: Any, math: str, answers: SimpleNamespace) -> tuple[Any, Any]:

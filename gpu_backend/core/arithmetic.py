@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.device import simulated
+from softlab.gpu_backend.core.device import simulated
 
 THREADS = 256  # per block
 BLOCKS_EACH = 16  # per multiprocessor

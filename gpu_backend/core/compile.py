@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.device import simulated
-from model.core.digest import content_digest, file_name
-from model.core.kernel_cache import Kept, NamedByContent, Place, keep
+from softlab.gpu_backend.core.device import simulated
+from softlab.model.core.digest import content_digest, file_name
+from softlab.model.core.kernel_cache import Kept, NamedByContent, Place, keep
 
 
 def variant_name(real: Any, *words: object) -> str:

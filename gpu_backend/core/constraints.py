@@ -19,11 +19,11 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
-from gpu_backend.core.formulas import device_formulas
-from gpu_backend.core.quads import load_quad, make_row, pack, store_quad
-from model.core.constraints import ConstraintSet, Projection
-from model.core.tuples import each_of, tuple_of
+from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
+from softlab.gpu_backend.core.formulas import device_formulas
+from softlab.gpu_backend.core.quads import load_quad, make_row, pack, store_quad
+from softlab.model.core.constraints import ConstraintSet, Projection
+from softlab.model.core.tuples import each_of, tuple_of
 
 
 def places(found: ConstraintSet) -> np.ndarray:

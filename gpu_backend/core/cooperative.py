@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.device import simulated
-from gpu_backend.core.launch import prepare
+from softlab.gpu_backend.core.device import simulated
+from softlab.gpu_backend.core.launch import prepare
 
 STEPS = 64  # per launch, so that it can be interrupted
 

@@ -6,7 +6,7 @@ import os
 from functools import cache
 from typing import Any
 
-from model.core.errors import BackendUnavailable
+from softlab.model.core.errors import BackendUnavailable
 
 INSTALL = 'pip install -e ".[cuda13]" (NVIDIA driver 580 or newer) or ".[cuda12]" (older drivers), in the lab\'s folder'
 SIMULATOR = "NUMBA_ENABLE_CUDASIM=1 runs the kernels, slowly, without a GPU"

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from gpu_backend.core.quad_simulation import QuadSimulation
-from model.mass_spring.cloth_parameters import pin_velocity
-from model.tetrahedra.targets import Targeted
+from softlab.gpu_backend.core.quad_simulation import QuadSimulation
+from softlab.model.mass_spring.cloth_parameters import pin_velocity
+from softlab.model.tetrahedra.targets import Targeted
 
 
 class DrivenSimulation(Targeted, QuadSimulation):

@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
-from gpu_backend.core.formulas import device_formulas
-from gpu_backend.core.quads import SIZE, load_quad, store_quad
-from model.core.own_forces import OWN_FORCES, make_add, make_own, own_forces
-from model.core.plan import StageRun
+from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
+from softlab.gpu_backend.core.formulas import device_formulas
+from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
+from softlab.model.core.own_forces import OWN_FORCES, make_add, make_own, own_forces
+from softlab.model.core.plan import StageRun
 
 OWN = frozenset({"gravity", "load", *(force.part for force in OWN_FORCES)})  # the parts that these functions depend on
 

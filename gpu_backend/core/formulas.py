@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.device import simulated
+from softlab.gpu_backend.core.device import simulated
 
 
 class _RoundProducts(ast.NodeTransformer):
@@ -77,7 +77,7 @@ def _fast_instructions(real: Any, options: dict[str, Any]) -> dict[str, Callable
     """
     from numba.cuda import libdevice
 
-    from gpu_backend.core.instructions import approximate_root_64
+    from softlab.gpu_backend.core.instructions import approximate_root_64
 
     device = cuda.jit(device=True, **options)
     single = real is np.float32
@@ -161,7 +161,7 @@ def _refuse_attributes(make: FunctionType, namespace: dict[str, Any]) -> None:
 def _is_factory(value: Any) -> bool:
     """Return True for a factory of formulas in an arithmetic, with a first parameter `real`; those of integers have
     their own products."""
-    here = isinstance(value, FunctionType) and value.__module__.startswith("model.formulas.")
+    here = isinstance(value, FunctionType) and value.__module__.startswith("softlab.model.formulas.")
     return here and value.__code__.co_varnames[:1] == ("real",)
 
 

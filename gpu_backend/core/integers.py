@@ -5,9 +5,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from model.core.own_forces import EXTERNAL_SEED, own_changes
-from model.scene.cloth import COLLIDER_KINDS
-from model.scene.scene import Scene
+from softlab.model.core.own_forces import EXTERNAL_SEED, own_changes
+from softlab.model.scene.cloth import COLLIDER_KINDS
+from softlab.model.scene.scene import Scene
 
 INTEGERS = 9
 # after EXTERNAL_SEED and POKED

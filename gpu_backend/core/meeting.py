@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.blocks import read_flag
-from gpu_backend.core.compile import inlined
+from softlab.gpu_backend.core.blocks import read_flag
+from softlab.gpu_backend.core.compile import inlined
 
 
 @cache

@@ -19,8 +19,8 @@ from typing import Any
 
 import numpy as np
 
-from gpu_backend.core.compile import inlined
-from gpu_backend.core.device import simulated
+from softlab.gpu_backend.core.compile import inlined
+from softlab.gpu_backend.core.device import simulated
 
 
 def message_size(real: Any) -> int:

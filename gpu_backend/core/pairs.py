@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from gpu_backend.core.device import simulated
+from softlab.gpu_backend.core.device import simulated
 
 if simulated():
 

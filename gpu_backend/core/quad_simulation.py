@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from gpu_backend.core.integers import integers_of, knows_time
-from gpu_backend.core.quads import SIZE
-from gpu_backend.core.simulation import CudaSimulation
+from softlab.gpu_backend.core.integers import integers_of, knows_time
+from softlab.gpu_backend.core.quads import SIZE
+from softlab.gpu_backend.core.simulation import CudaSimulation
 
 
 class QuadSimulation(CudaSimulation):

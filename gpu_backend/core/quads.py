@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from gpu_backend.core.device import simulated
-from model.core.tuples import tuple_of
+from softlab.gpu_backend.core.device import simulated
+from softlab.model.core.tuples import tuple_of
 
 SIZE = 4  # scalars
 

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.compile import make_kernels
-from gpu_backend.core.device import simulated
+from softlab.gpu_backend.core.compile import make_kernels
+from softlab.gpu_backend.core.device import simulated
 
 CHUNK = 32 if simulated() else 512  # numbers per block; the simulator runs each thread as a Python thread
 

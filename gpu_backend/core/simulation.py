@@ -18,14 +18,14 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.device import memory_info, require_gpu, simulated, unsupported_code
-from gpu_backend.core.launch import Graphs, new_stream
-from gpu_backend.core.sheet import BLOCK, MAX_BLOCKS_DOWN
-from model.core.errors import SceneError
-from model.core.memory import require
-from model.core.plan import Executor
-from model.core.simulation import Options, Simulation
-from model.scene.scene import Scene
+from softlab.gpu_backend.core.device import memory_info, require_gpu, simulated, unsupported_code
+from softlab.gpu_backend.core.launch import Graphs, new_stream
+from softlab.gpu_backend.core.sheet import BLOCK, MAX_BLOCKS_DOWN
+from softlab.model.core.errors import SceneError
+from softlab.model.core.memory import require
+from softlab.model.core.plan import Executor
+from softlab.model.core.simulation import Options, Simulation
+from softlab.model.scene.scene import Scene
 
 NOTHING_BAD = np.iinfo(np.int32).max
 

@@ -9,10 +9,10 @@ from abc import abstractmethod
 from collections.abc import Callable
 from typing import Any
 
-from gpu_backend.core.launch import Graphs, can_capture
-from gpu_backend.core.quad_simulation import QuadSimulation
-from model.core.options import unknown_kernel
-from model.scene.scene import Scene
+from softlab.gpu_backend.core.launch import Graphs, can_capture
+from softlab.gpu_backend.core.quad_simulation import QuadSimulation
+from softlab.model.core.options import unknown_kernel
+from softlab.model.scene.scene import Scene
 
 MAX_NODES = 4096  # launches per graph
 LARGEST_CHUNK = 256  # steps per graph

@@ -5,13 +5,13 @@ All work is queued on streams, and nothing waits on the host, so subsets step co
 
 from __future__ import annotations
 
-from gpu_backend.core.device import require_gpu
-from gpu_backend.domains.devices import devices_for
-from gpu_backend.domains.windows import OnGpus
-from model.core.options import Options
-from model.domains.exchange import Exchange, NothingSent
-from model.domains.shared_bodies import SharedBodies, division
-from model.scene.scene import Scene
+from softlab.gpu_backend.core.device import require_gpu
+from softlab.gpu_backend.domains.devices import devices_for
+from softlab.gpu_backend.domains.windows import OnGpus
+from softlab.model.core.options import Options
+from softlab.model.domains.exchange import Exchange, NothingSent
+from softlab.model.domains.shared_bodies import SharedBodies, division
+from softlab.model.scene.scene import Scene
 
 
 class GpuBodies(OnGpus, SharedBodies):

@@ -12,8 +12,8 @@ from typing import Any
 
 from numba import cuda
 
-from gpu_backend.core.device import require_gpu, simulated
-from model.core.errors import BackendUnavailable
+from softlab.gpu_backend.core.device import require_gpu, simulated
+from softlab.model.core.errors import BackendUnavailable
 
 SHARE = "SOFTLAB_SHARE_GPU"  # set to 1: more windows than GPUs share the available ones
 ALREADY_ENABLED = 704  # CUDA_ERROR_PEER_ACCESS_ALREADY_ENABLED

@@ -13,18 +13,18 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.device import simulated
-from gpu_backend.core.launch import Graphs
-from gpu_backend.domains.devices import at
-from gpu_backend.domains.kernels import FLAG_STRIDE, MOST_BLOCKS, THREADS, blocks_for, make_border_kernels
-from gpu_backend.domains.peers import PeerSimulation
-from gpu_backend.domains.units import StateUnits
-from gpu_backend.mass_spring.bands import Bands
-from model.core.errors import BackendUnavailable
-from model.core.options import Options
-from model.domains.decomposition import Border, Decomposition
-from model.domains.exchange import Exchange
-from model.scene.scene import Scene
+from softlab.gpu_backend.core.device import simulated
+from softlab.gpu_backend.core.launch import Graphs
+from softlab.gpu_backend.domains.devices import at
+from softlab.gpu_backend.domains.kernels import FLAG_STRIDE, MOST_BLOCKS, THREADS, blocks_for, make_border_kernels
+from softlab.gpu_backend.domains.peers import PeerSimulation
+from softlab.gpu_backend.domains.units import StateUnits
+from softlab.gpu_backend.mass_spring.bands import Bands
+from softlab.model.core.errors import BackendUnavailable
+from softlab.model.core.options import Options
+from softlab.model.domains.decomposition import Border, Decomposition
+from softlab.model.domains.exchange import Exchange
+from softlab.model.scene.scene import Scene
 
 FROZEN = ("resident", "stages")  # kernels whose launches have numbers that a graph would freeze
 CHUNKS = (16, 4, 2)  # cycles per graph: even, so that buffers are back in place; more would save no time

@@ -10,19 +10,19 @@ from dataclasses import replace
 
 import numpy as np
 
-from gpu_backend.core.device import require_gpu
-from gpu_backend.core.quads import SIZE
-from gpu_backend.domains.devices import devices_for
-from gpu_backend.domains.windows import OnGpus
-from gpu_backend.fluid.solver import Fluid
-from gpu_backend.fluid.sort_kernels import AXES, BOX
-from model.core.options import Options
-from model.core.plan import Moment
-from model.core.simulation import Simulation
-from model.domains.exchange import Exchange, NothingSent
-from model.domains.shared_fluid import SharedFluid
-from model.domains.slabs import slabs_at_start
-from model.scene.scene import Scene
+from softlab.gpu_backend.core.device import require_gpu
+from softlab.gpu_backend.core.quads import SIZE
+from softlab.gpu_backend.domains.devices import devices_for
+from softlab.gpu_backend.domains.windows import OnGpus
+from softlab.gpu_backend.fluid.solver import Fluid
+from softlab.gpu_backend.fluid.sort_kernels import AXES, BOX
+from softlab.model.core.options import Options
+from softlab.model.core.plan import Moment
+from softlab.model.core.simulation import Simulation
+from softlab.model.domains.exchange import Exchange, NothingSent
+from softlab.model.domains.shared_fluid import SharedFluid
+from softlab.model.domains.slabs import slabs_at_start
+from softlab.model.scene.scene import Scene
 
 
 class FluidWindow(Fluid):

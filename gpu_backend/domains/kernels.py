@@ -19,10 +19,10 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.blocks import load_fresh_pair
-from gpu_backend.core.compile import make_kernels, variant_name
-from gpu_backend.core.pairs import load_pair, store_pair
-from gpu_backend.domains.system_flags import nanoseconds, raise_system_flag, read_system_flag
+from softlab.gpu_backend.core.blocks import load_fresh_pair
+from softlab.gpu_backend.core.compile import make_kernels, variant_name
+from softlab.gpu_backend.core.pairs import load_pair, store_pair
+from softlab.gpu_backend.domains.system_flags import nanoseconds, raise_system_flag, read_system_flag
 
 FLAG_STRIDE = 32  # int32 between two flags: a 128-byte line each
 THREADS = 512  # per block of push and take

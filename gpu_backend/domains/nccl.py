@@ -16,18 +16,18 @@ from typing import Any
 
 import numpy as np
 
-from gpu_backend.core.device import require_gpu
-from gpu_backend.domains.devices import at, devices_for, gpu_count, new_event, sharing
-from gpu_backend.domains.peers import GpuWindows
-from gpu_backend.domains.units import StateUnits
-from model.core.errors import BackendUnavailable
-from model.core.options import Options
-from model.domains.decomposition import Decomposition
-from model.domains.exchange import PATIENCE, Exchange
-from model.domains.launched import launched_ranks
-from model.domains.processes import gather_rows, largest_of, lost, mpi, world_of
-from model.domains.simulation import cut
-from model.scene.scene import Scene
+from softlab.gpu_backend.core.device import require_gpu
+from softlab.gpu_backend.domains.devices import at, devices_for, gpu_count, new_event, sharing
+from softlab.gpu_backend.domains.peers import GpuWindows
+from softlab.gpu_backend.domains.units import StateUnits
+from softlab.model.core.errors import BackendUnavailable
+from softlab.model.core.options import Options
+from softlab.model.domains.decomposition import Decomposition
+from softlab.model.domains.exchange import PATIENCE, Exchange
+from softlab.model.domains.launched import launched_ranks
+from softlab.model.domains.processes import gather_rows, largest_of, lost, mpi, world_of
+from softlab.model.domains.simulation import cut
+from softlab.model.scene.scene import Scene
 
 INSTALL = 'pip install "nccl4py[cu13]" (or [cu12]); for several processes also the lab\'s extra mpi'
 NAP = 1e-4  # s, between two checks of an event

@@ -13,16 +13,16 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.device import require_gpu
-from gpu_backend.core.substeps import launched_kernel
-from gpu_backend.domains.devices import at, connect, devices_for
-from gpu_backend.domains.peers import PullExchange
-from gpu_backend.domains.windows import OnGpus
-from model.core.options import Options
-from model.domains.exchange import Exchange
-from model.domains.partitioned import PartitionedBodies, partitions
-from model.domains.partitions import Message, Partitions
-from model.scene.scene import Scene
+from softlab.gpu_backend.core.device import require_gpu
+from softlab.gpu_backend.core.substeps import launched_kernel
+from softlab.gpu_backend.domains.devices import at, connect, devices_for
+from softlab.gpu_backend.domains.peers import PullExchange
+from softlab.gpu_backend.domains.windows import OnGpus
+from softlab.model.core.options import Options
+from softlab.model.domains.exchange import Exchange
+from softlab.model.domains.partitioned import PartitionedBodies, partitions
+from softlab.model.domains.partitions import Message, Partitions
+from softlab.model.scene.scene import Scene
 
 THREADS = 256  # per block that reads
 

@@ -13,16 +13,16 @@ from typing import Any
 
 import numpy as np
 
-from gpu_backend.core.device import require_gpu
-from gpu_backend.domains.devices import at, connect, devices_for, new_event
-from gpu_backend.domains.kernels import make_border_kernels
-from gpu_backend.domains.units import StateUnits
-from gpu_backend.domains.windows import OnGpus
-from model.core.options import Options
-from model.domains.decomposition import Border, Decomposition
-from model.domains.exchange import Exchange
-from model.domains.simulation import DecomposedSimulation, cut
-from model.scene.scene import Scene
+from softlab.gpu_backend.core.device import require_gpu
+from softlab.gpu_backend.domains.devices import at, connect, devices_for, new_event
+from softlab.gpu_backend.domains.kernels import make_border_kernels
+from softlab.gpu_backend.domains.units import StateUnits
+from softlab.gpu_backend.domains.windows import OnGpus
+from softlab.model.core.options import Options
+from softlab.model.domains.decomposition import Border, Decomposition
+from softlab.model.domains.exchange import Exchange
+from softlab.model.domains.simulation import DecomposedSimulation, cut
+from softlab.model.scene.scene import Scene
 
 
 class PullExchange(Exchange):

@@ -6,8 +6,8 @@ from __future__ import annotations
 
 import time
 
-from gpu_backend.core.blocks import make_flags
-from gpu_backend.core.device import simulated
+from softlab.gpu_backend.core.blocks import make_flags
+from softlab.gpu_backend.core.device import simulated
 
 raise_system_flag, read_system_flag = make_flags("sys")
 
@@ -22,7 +22,7 @@ else:
     from numba.cuda import types
     from numba.cuda.extending import intrinsic
 
-    from gpu_backend.core.blocks import _assembly
+    from softlab.gpu_backend.core.blocks import _assembly
 
     @intrinsic
     def nanoseconds(typing_context):

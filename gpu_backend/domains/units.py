@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from gpu_backend.core.device import simulated
-from gpu_backend.core.quads import SIZE
-from gpu_backend.domains.kernels import unit_of
+from softlab.gpu_backend.core.device import simulated
+from softlab.gpu_backend.core.quads import SIZE
+from softlab.gpu_backend.domains.kernels import unit_of
 
 
 def _address(array: Any) -> int:

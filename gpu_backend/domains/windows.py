@@ -6,14 +6,14 @@ from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from typing import Any
 
-from gpu_backend.core.simulation import CudaSimulation
-from gpu_backend.domains.devices import at
-from model.core.families import family_of
-from model.core.family import named
-from model.core.options import Options
-from model.core.simulation import Simulation
-from model.domains.windows import WindowedSimulation
-from model.scene.scene import Scene
+from softlab.gpu_backend.core.simulation import CudaSimulation
+from softlab.gpu_backend.domains.devices import at
+from softlab.model.core.families import family_of
+from softlab.model.core.family import named
+from softlab.model.core.options import Options
+from softlab.model.core.simulation import Simulation
+from softlab.model.domains.windows import WindowedSimulation
+from softlab.model.scene.scene import Scene
 
 
 class OnGpus(WindowedSimulation):

@@ -10,15 +10,15 @@ from typing import Any, Protocol
 import numpy as np
 from numba import cuda
 
-from gpu_backend.fluid.solids import make_sampling, make_solid_kernels
-from gpu_backend.fluid.solver import Fluid
-from gpu_backend.fluid.stages import bind_fluid_stages
-from model.core.plan import Executor, Moment, StageRun
-from model.core.simulation import Options
-from model.fluid.among_solids import kinds_of
-from model.fluid.plan import SHAPES, SMOOTHING
-from model.fluid.samples import Samples
-from model.scene.scene import Scene
+from softlab.gpu_backend.fluid.solids import make_sampling, make_solid_kernels
+from softlab.gpu_backend.fluid.solver import Fluid
+from softlab.gpu_backend.fluid.stages import bind_fluid_stages
+from softlab.model.core.plan import Executor, Moment, StageRun
+from softlab.model.core.simulation import Options
+from softlab.model.fluid.among_solids import kinds_of
+from softlab.model.fluid.plan import SHAPES, SMOOTHING
+from softlab.model.fluid.samples import Samples
+from softlab.model.scene.scene import Scene
 
 COUNTED = 128  # threads per block, over samples and over particles of solids
 

@@ -23,8 +23,8 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.device import simulated
-from gpu_backend.fluid.sort_kernels import BOX, CHUNK, NUMBERS, REALS, THREADS, make_cell_sort
+from softlab.gpu_backend.core.device import simulated
+from softlab.gpu_backend.fluid.sort_kernels import BOX, CHUNK, NUMBERS, REALS, THREADS, make_cell_sort
 
 MOST_BOXES = 3 if simulated() else 1024  # blocks that compute the particles' bounding box
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from gpu_backend.core.compile import inlined
+from softlab.gpu_backend.core.compile import inlined
 
 FLOWS = frozenset({"emitter", "sink"})
 

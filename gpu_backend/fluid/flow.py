@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.fluid.flow_kernels import DUE_FIELDS, THREADS, make_flow_kernels
-from model.fluid.flow import emitter_rows, fluid_starts, nozzle_points, sink_rows
+from softlab.gpu_backend.fluid.flow_kernels import DUE_FIELDS, THREADS, make_flow_kernels
+from softlab.model.fluid.flow import emitter_rows, fluid_starts, nozzle_points, sink_rows
 
 
 class Flow:

@@ -15,14 +15,14 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.compile import inlined, kernel_options, make_kernels, variant_name
-from gpu_backend.core.device import simulated
-from gpu_backend.core.formulas import device_formulas
-from gpu_backend.core.quads import load_quad, store_quad
-from gpu_backend.core.scan import make_before, make_strips
-from gpu_backend.fluid.sort_kernels import DEPTH, HEIGHT, INVERSE, KEPT, LOW, WIDTH
-from gpu_backend.xpbd.kernels import make_clock
-from model.fluid.flow import (
+from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernels, variant_name
+from softlab.gpu_backend.core.device import simulated
+from softlab.gpu_backend.core.formulas import device_formulas
+from softlab.gpu_backend.core.quads import load_quad, store_quad
+from softlab.gpu_backend.core.scan import make_before, make_strips
+from softlab.gpu_backend.fluid.sort_kernels import DEPTH, HEIGHT, INVERSE, KEPT, LOW, WIDTH
+from softlab.gpu_backend.xpbd.kernels import make_clock
+from softlab.model.fluid.flow import (
     E_BEFORE,
     E_COUNT,
     E_DISTANCE,
@@ -49,9 +49,9 @@ from model.fluid.flow import (
     SINK_FIELDS,
     SINK_SHAPES,
 )
-from model.formulas import cloth
-from model.formulas.fluid import cells as grid
-from model.formulas.fluid import flow
+from softlab.model.formulas import cloth
+from softlab.model.formulas.fluid import cells as grid
+from softlab.model.formulas.fluid import flow
 
 THREADS = 32 if simulated() else 256  # of a block that sums
 BOX, SPHERE, _ = range(len(SINK_SHAPES))

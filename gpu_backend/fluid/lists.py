@@ -18,12 +18,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.compile import inlined
-from gpu_backend.core.device import simulated
-from gpu_backend.core.formulas import device_formulas
-from gpu_backend.core.quads import load_quad
-from gpu_backend.fluid.sort_kernels import DEPTH, HEIGHT, WIDTH, WRAPS
-from model.formulas.fluid import density
+from softlab.gpu_backend.core.compile import inlined
+from softlab.gpu_backend.core.device import simulated
+from softlab.gpu_backend.core.formulas import device_formulas
+from softlab.gpu_backend.core.quads import load_quad
+from softlab.gpu_backend.fluid.sort_kernels import DEPTH, HEIGHT, WIDTH, WRAPS
+from softlab.model.formulas.fluid import density
 
 WORD = 32  # candidates per word of bits
 TOGETHER = 4  # candidates whose loads are in flight at a time

@@ -15,20 +15,20 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.contact.colliders import make_collide
-from gpu_backend.core.compile import inlined, kernel_options, make_kernels, variant_name
-from gpu_backend.core.forces import make_own_force
-from gpu_backend.core.formulas import device_formulas
-from gpu_backend.core.integers import COLLIDERS
-from gpu_backend.core.quads import SIZE, load_quad, store_quad
-from gpu_backend.core.world import World
-from gpu_backend.fluid.extent import make_extent
-from gpu_backend.fluid.kernels import make_move, walk_options
-from gpu_backend.fluid.sort_kernels import make_box
-from gpu_backend.fluid.sums import List, make_row
-from gpu_backend.fluid.walls import make_settled
-from gpu_backend.xpbd.kernels import make_clock
-from model.fluid.parameters import (
+from softlab.gpu_backend.contact.colliders import make_collide
+from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernels, variant_name
+from softlab.gpu_backend.core.forces import make_own_force
+from softlab.gpu_backend.core.formulas import device_formulas
+from softlab.gpu_backend.core.integers import COLLIDERS
+from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
+from softlab.gpu_backend.core.world import World
+from softlab.gpu_backend.fluid.extent import make_extent
+from softlab.gpu_backend.fluid.kernels import make_move, walk_options
+from softlab.gpu_backend.fluid.sort_kernels import make_box
+from softlab.gpu_backend.fluid.sums import List, make_row
+from softlab.gpu_backend.fluid.walls import make_settled
+from softlab.gpu_backend.xpbd.kernels import make_clock
+from softlab.model.fluid.parameters import (
     F_BUOYANCY,
     F_CHANGE,
     F_DRAG,
@@ -36,8 +36,8 @@ from model.fluid.parameters import (
     F_SURFACE_DRAG,
     F_WEIGHT,
 )
-from model.fluid.plan import SMOOTHING
-from model.formulas.fluid import impact, motion
+from softlab.model.fluid.plan import SMOOTHING
+from softlab.model.formulas.fluid import impact, motion
 
 SLOWED = 1  # index in `counts`
 

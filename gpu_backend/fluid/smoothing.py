@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
-from gpu_backend.core.formulas import device_formulas
-from gpu_backend.core.quads import load_quad, store_quad
-from gpu_backend.fluid.extent import make_extent
-from gpu_backend.fluid.motion import make_ends
-from gpu_backend.fluid.sums import make_pair, make_row
-from model.fluid.parameters import F_COHESION, F_CONFINEMENT, F_TENSION, F_VISCOSITY, F_WEIGHT
-from model.formulas.fluid import density, motion
+from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
+from softlab.gpu_backend.core.formulas import device_formulas
+from softlab.gpu_backend.core.quads import load_quad, store_quad
+from softlab.gpu_backend.fluid.extent import make_extent
+from softlab.gpu_backend.fluid.motion import make_ends
+from softlab.gpu_backend.fluid.sums import make_pair, make_row
+from softlab.model.fluid.parameters import F_COHESION, F_CONFINEMENT, F_TENSION, F_VISCOSITY, F_WEIGHT
+from softlab.model.formulas.fluid import density, motion
 
 
 @cache

@@ -13,18 +13,18 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.contact.colliders import make_collide
-from gpu_backend.core.compile import inlined, kernel_options, make_kernels, variant_name
-from gpu_backend.core.formulas import device_formulas
-from gpu_backend.core.quads import SIZE, load_quad, store_quad
-from gpu_backend.core.world import World
-from gpu_backend.fluid.kernels import WALL, make_meet_walls, make_relax
-from gpu_backend.fluid.sums import List, make_row
-from gpu_backend.xpbd.kernels import make_clock
-from model.fluid.among_solids import K_GRIP, K_LIGHTNESS, K_VOLUME
-from model.fluid.parameters import F_VISCOSITY, F_WEIGHT
-from model.fluid.samples import CORNERS
-from model.formulas.fluid import density, solids
+from softlab.gpu_backend.contact.colliders import make_collide
+from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernels, variant_name
+from softlab.gpu_backend.core.formulas import device_formulas
+from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
+from softlab.gpu_backend.core.world import World
+from softlab.gpu_backend.fluid.kernels import WALL, make_meet_walls, make_relax
+from softlab.gpu_backend.fluid.sums import List, make_row
+from softlab.gpu_backend.xpbd.kernels import make_clock
+from softlab.model.fluid.among_solids import K_GRIP, K_LIGHTNESS, K_VOLUME
+from softlab.model.fluid.parameters import F_VISCOSITY, F_WEIGHT
+from softlab.model.fluid.samples import CORNERS
+from softlab.model.formulas.fluid import density, solids
 
 
 @cache

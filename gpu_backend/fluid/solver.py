@@ -12,31 +12,31 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.device import simulated
-from gpu_backend.core.launch import Graphs, can_capture
-from gpu_backend.core.quads import SIZE
-from gpu_backend.core.simulation import NOTHING_BAD
-from gpu_backend.core.substeps import SubstepSimulation, launched_kernel
-from gpu_backend.fluid import divergence_free
-from gpu_backend.fluid.cells import Cells, cell_bytes
-from gpu_backend.fluid.extent import FLOWS
-from gpu_backend.fluid.flow import Flow
-from gpu_backend.fluid.kernels import WALL, make_density_kernels
-from gpu_backend.fluid.lists import LANES, TOGETHER
-from gpu_backend.fluid.motion import make_begin, make_settle
-from gpu_backend.fluid.smoothing import make_smoothing
-from gpu_backend.fluid.sort_kernels import THREADS as SORT_THREADS
-from gpu_backend.fluid.stages import bind_fluid_stages
-from gpu_backend.fluid.tools import make_fluid_tools
-from model.core.errors import SceneError
-from model.core.plan import Executor
-from model.core.simulation import Options
-from model.fluid.fluid_set import PARKED
-from model.fluid.parameters import MAX_NEIGHBOURS, fluid_rows, most_cells
-from model.fluid.plan import SHAPES, SMOOTHING, fluid_plan
-from model.fluid.samples import Samples
-from model.mass_spring.cloth_parameters import collider_numbers
-from model.scene.scene import Scene
+from softlab.gpu_backend.core.device import simulated
+from softlab.gpu_backend.core.launch import Graphs, can_capture
+from softlab.gpu_backend.core.quads import SIZE
+from softlab.gpu_backend.core.simulation import NOTHING_BAD
+from softlab.gpu_backend.core.substeps import SubstepSimulation, launched_kernel
+from softlab.gpu_backend.fluid import divergence_free
+from softlab.gpu_backend.fluid.cells import Cells, cell_bytes
+from softlab.gpu_backend.fluid.extent import FLOWS
+from softlab.gpu_backend.fluid.flow import Flow
+from softlab.gpu_backend.fluid.kernels import WALL, make_density_kernels
+from softlab.gpu_backend.fluid.lists import LANES, TOGETHER
+from softlab.gpu_backend.fluid.motion import make_begin, make_settle
+from softlab.gpu_backend.fluid.smoothing import make_smoothing
+from softlab.gpu_backend.fluid.sort_kernels import THREADS as SORT_THREADS
+from softlab.gpu_backend.fluid.stages import bind_fluid_stages
+from softlab.gpu_backend.fluid.tools import make_fluid_tools
+from softlab.model.core.errors import SceneError
+from softlab.model.core.plan import Executor
+from softlab.model.core.simulation import Options
+from softlab.model.fluid.fluid_set import PARKED
+from softlab.model.fluid.parameters import MAX_NEIGHBOURS, fluid_rows, most_cells
+from softlab.model.fluid.plan import SHAPES, SMOOTHING, fluid_plan
+from softlab.model.fluid.samples import Samples
+from softlab.model.mass_spring.cloth_parameters import collider_numbers
+from softlab.model.scene.scene import Scene
 
 THREADS = LANES  # per block
 FEWER = {8192: 32, 32768: 64}  # threads for at most so many particles, so that each multiprocessor has some

@@ -20,12 +20,12 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.compile import inlined, kernel_options, make_kernels, variant_name
-from gpu_backend.core.device import simulated
-from gpu_backend.core.formulas import device_formulas
-from gpu_backend.core.quads import SIZE, load_quad, store_quad
-from gpu_backend.core.scan import make_before, make_strips
-from model.formulas.fluid import cells as grid
+from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernels, variant_name
+from softlab.gpu_backend.core.device import simulated
+from softlab.gpu_backend.core.formulas import device_formulas
+from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
+from softlab.gpu_backend.core.scan import make_before, make_strips
+from softlab.model.formulas.fluid import cells as grid
 
 THREADS = 32 if simulated() else 256  # of a block that reduces; the simulator runs each one as a Python thread
 EACH = 4 if simulated() else 8  # cells per thread of a scan

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from model.core.plan import Moment, StageRun
+from softlab.model.core.plan import Moment, StageRun
 
 
 class Bound(NamedTuple):

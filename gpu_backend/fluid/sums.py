@@ -13,12 +13,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gpu_backend.core.compile import inlined
-from gpu_backend.core.formulas import device_formulas
-from gpu_backend.core.quads import load_quad
-from gpu_backend.fluid.lists import make_ways
-from model.fluid.parameters import F_WEIGHT, FLUID_FIELDS
-from model.formulas.fluid import density
+from softlab.gpu_backend.core.compile import inlined
+from softlab.gpu_backend.core.formulas import device_formulas
+from softlab.gpu_backend.core.quads import load_quad
+from softlab.gpu_backend.fluid.lists import make_ways
+from softlab.model.fluid.parameters import F_WEIGHT, FLUID_FIELDS
+from softlab.model.formulas.fluid import density
 
 
 class List(NamedTuple):

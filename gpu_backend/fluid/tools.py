@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.compile import make_kernels, variant_name
-from gpu_backend.core.quads import load_quad
-from gpu_backend.fluid.extent import FLOWS, make_extent
-from model.fluid.fluid_set import PARKED
+from softlab.gpu_backend.core.compile import make_kernels, variant_name
+from softlab.gpu_backend.core.quads import load_quad
+from softlab.gpu_backend.fluid.extent import FLOWS, make_extent
+from softlab.model.fluid.fluid_set import PARKED
 
 
 @cache

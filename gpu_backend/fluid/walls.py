@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from gpu_backend.contact.colliders import make_place_of
-from gpu_backend.contact.rows import (
+from softlab.gpu_backend.contact.colliders import make_place_of
+from softlab.gpu_backend.contact.rows import (
     B_RADIUS,
     B_SPIN,
     B_THICKNESS,
@@ -27,11 +27,11 @@ from gpu_backend.contact.rows import (
     FIRST_ROW,
     ROW,
 )
-from gpu_backend.core.compile import inlined
-from gpu_backend.core.formulas import device_formulas
-from gpu_backend.core.integers import BOXES, CAPSULES, FIELDS, MESHES, PLANES, SPHERES
-from model.formulas import cloth, colliders
-from model.formulas.fluid import density, impact, surfaces
+from softlab.gpu_backend.core.compile import inlined
+from softlab.gpu_backend.core.formulas import device_formulas
+from softlab.gpu_backend.core.integers import BOXES, CAPSULES, FIELDS, MESHES, PLANES, SPHERES
+from softlab.model.formulas import cloth, colliders
+from softlab.model.formulas.fluid import density, impact, surfaces
 
 
 @cache

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from gpu_backend.core.simulation import CudaSimulation
-from gpu_backend.core.tiling import Tile
-from model.core.errors import BackendUnavailable
+from softlab.gpu_backend.core.simulation import CudaSimulation
+from softlab.gpu_backend.core.tiling import Tile
+from softlab.model.core.errors import BackendUnavailable
 
 
 class SheetPasses(CudaSimulation):

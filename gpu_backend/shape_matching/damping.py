@@ -11,16 +11,16 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.compile import inlined, kernel_options, make_kernel, make_kernels, variant_name
-from gpu_backend.core.formulas import device_formulas
-from gpu_backend.core.quads import SIZE, load_quad, store_quad
-from gpu_backend.core.world import World
-from gpu_backend.shape_matching.kernels import AXES, PITCH, ROWS, TOGETHER, make_move
-from gpu_backend.xpbd.kernels import make_clock
-from gpu_backend.xpbd.point import make_motion
-from model.formulas.shape_matching import cluster, pace
-from model.formulas.shape_matching.cluster import LANES
-from model.formulas.shape_matching.pace import MOMENTA
+from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernel, make_kernels, variant_name
+from softlab.gpu_backend.core.formulas import device_formulas
+from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
+from softlab.gpu_backend.core.world import World
+from softlab.gpu_backend.shape_matching.kernels import AXES, PITCH, ROWS, TOGETHER, make_move
+from softlab.gpu_backend.xpbd.kernels import make_clock
+from softlab.gpu_backend.xpbd.point import make_motion
+from softlab.model.formulas.shape_matching import cluster, pace
+from softlab.model.formulas.shape_matching.cluster import LANES
+from softlab.model.formulas.shape_matching.pace import MOMENTA
 
 SHARED = TOGETHER * MOMENTA * PITCH  # numbers per block
 

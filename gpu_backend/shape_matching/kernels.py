@@ -14,16 +14,16 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.compile import inlined, kernel_options, make_kernels, variant_name
-from gpu_backend.core.forces import make_forces
-from gpu_backend.core.formulas import device_formulas
-from gpu_backend.core.quads import SIZE, load_quad, store_quad
-from gpu_backend.core.world import World
-from gpu_backend.xpbd.kernels import make_clock
-from gpu_backend.xpbd.point import make_motion
-from model.formulas import rotation
-from model.formulas.shape_matching import cluster
-from model.formulas.shape_matching.cluster import LANES, MOMENTS
+from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernels, variant_name
+from softlab.gpu_backend.core.forces import make_forces
+from softlab.gpu_backend.core.formulas import device_formulas
+from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
+from softlab.gpu_backend.core.world import World
+from softlab.gpu_backend.xpbd.kernels import make_clock
+from softlab.gpu_backend.xpbd.point import make_motion
+from softlab.model.formulas import rotation
+from softlab.model.formulas.shape_matching import cluster
+from softlab.model.formulas.shape_matching.cluster import LANES, MOMENTS
 
 AXES = 3
 THREADS = 128  # per block

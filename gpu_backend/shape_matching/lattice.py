@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.quads import SIZE
-from gpu_backend.shape_matching.lattice_kernels import (
+from softlab.gpu_backend.core.quads import SIZE
+from softlab.gpu_backend.shape_matching.lattice_kernels import (
     N_COPIES,
     N_REGION,
     NUMBERS,
@@ -16,9 +16,9 @@ from gpu_backend.shape_matching.lattice_kernels import (
     THREADS,
     make_lattice_kernels,
 )
-from model.scene.method import Method
-from model.shape_matching.body_set import BodySet
-from model.shape_matching.lattice import VALUES
+from softlab.model.scene.method import Method
+from softlab.model.shape_matching.body_set import BodySet
+from softlab.model.shape_matching.lattice import VALUES
 
 FRAME = 12
 BUSY = 2**17  # threads that occupy a large device: a hundred multiprocessors with a thousand each

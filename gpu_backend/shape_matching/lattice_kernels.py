@@ -13,12 +13,21 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.compile import kernel_options, make_kernels, variant_name
-from gpu_backend.core.formulas import device_formulas
-from gpu_backend.core.quads import load_quad, store_quad
-from model.formulas import rotation
-from model.formulas.shape_matching import lattice
-from model.shape_matching.lattice import T_CENTRE, T_COUNT, T_INVERSE, T_MASS, T_SHARE, V_MATCHING, V_SPACING, V_TURN
+from softlab.gpu_backend.core.compile import kernel_options, make_kernels, variant_name
+from softlab.gpu_backend.core.formulas import device_formulas
+from softlab.gpu_backend.core.quads import load_quad, store_quad
+from softlab.model.formulas import rotation
+from softlab.model.formulas.shape_matching import lattice
+from softlab.model.shape_matching.lattice import (
+    T_CENTRE,
+    T_COUNT,
+    T_INVERSE,
+    T_MASS,
+    T_SHARE,
+    V_MATCHING,
+    V_SPACING,
+    V_TURN,
+)
 
 THREADS = 128  # per block
 PLANES = 12

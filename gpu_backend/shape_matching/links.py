@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.constraints import make_projections
-from gpu_backend.core.quads import pack
-from gpu_backend.shape_matching.kernels import THREADS
-from model.scene.method import Method
-from model.shape_matching.body_set import BodySet
-from model.shape_matching.links import LINKS
+from softlab.gpu_backend.core.constraints import make_projections
+from softlab.gpu_backend.core.quads import pack
+from softlab.gpu_backend.shape_matching.kernels import THREADS
+from softlab.model.scene.method import Method
+from softlab.model.shape_matching.body_set import BodySet
+from softlab.model.shape_matching.links import LINKS
 
 
 class DeviceLinks:

@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.compile import inlined, kernel_options, make_kernels, variant_name
-from gpu_backend.core.formulas import device_formulas
-from gpu_backend.core.quads import SIZE, load_quad, store_quad
-from gpu_backend.xpbd.kernels import make_place
-from model.formulas.shape_matching import grid as shape_matching
-from model.scene.scene import Scene
-from model.shape_matching.lattice import matching_axis
+from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernels, variant_name
+from softlab.gpu_backend.core.formulas import device_formulas
+from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
+from softlab.gpu_backend.xpbd.kernels import make_place
+from softlab.model.formulas.shape_matching import grid as shape_matching
+from softlab.model.scene.scene import Scene
+from softlab.model.shape_matching.lattice import matching_axis
 
 SHARE, INVERSE, CENTRE, MASS, COUNT = range(5)  # of a table (5, rows or columns), model/shape_matching/matching.py
 

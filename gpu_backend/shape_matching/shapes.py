@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.compile import kernel_options, make_kernel, variant_name
-from gpu_backend.core.formulas import device_formulas
-from gpu_backend.core.quads import load_quad, store_quad
-from gpu_backend.shape_matching.kernels import ROWS
-from model.formulas import rotation
-from model.formulas.shape_matching import cluster, deformation
-from model.formulas.shape_matching.cluster import MOMENTS
+from softlab.gpu_backend.core.compile import kernel_options, make_kernel, variant_name
+from softlab.gpu_backend.core.formulas import device_formulas
+from softlab.gpu_backend.core.quads import load_quad, store_quad
+from softlab.gpu_backend.shape_matching.kernels import ROWS
+from softlab.model.formulas import rotation
+from softlab.model.formulas.shape_matching import cluster, deformation
+from softlab.model.formulas.shape_matching.cluster import MOMENTS
 
 
 @cache

@@ -14,20 +14,20 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.contact.particles_project import make_contact_ends
-from gpu_backend.core.device import simulated
-from gpu_backend.core.launch import Graphs, can_capture
-from gpu_backend.core.substeps import launched_kernel
-from gpu_backend.mass_spring.cloth.kernels import make_cloth_tools
-from gpu_backend.shape_matching.couples import Couples
-from gpu_backend.shape_matching.kernels import THREADS, TOGETHER, make_bodies_clusters, make_bodies_ends
-from gpu_backend.shape_matching.rebound import Rebounds
-from gpu_backend.shape_matching.stages import bind_bodies_stages
-from gpu_backend.shape_matching.state import BodiesState
-from model.core.plan import Executor
-from model.core.simulation import Options
-from model.scene.scene import Scene
-from model.xpbd.plan import xpbd_plan
+from softlab.gpu_backend.contact.particles_project import make_contact_ends
+from softlab.gpu_backend.core.device import simulated
+from softlab.gpu_backend.core.launch import Graphs, can_capture
+from softlab.gpu_backend.core.substeps import launched_kernel
+from softlab.gpu_backend.mass_spring.cloth.kernels import make_cloth_tools
+from softlab.gpu_backend.shape_matching.couples import Couples
+from softlab.gpu_backend.shape_matching.kernels import THREADS, TOGETHER, make_bodies_clusters, make_bodies_ends
+from softlab.gpu_backend.shape_matching.rebound import Rebounds
+from softlab.gpu_backend.shape_matching.stages import bind_bodies_stages
+from softlab.gpu_backend.shape_matching.state import BodiesState
+from softlab.model.core.plan import Executor
+from softlab.model.core.simulation import Options
+from softlab.model.scene.scene import Scene
+from softlab.model.xpbd.plan import xpbd_plan
 
 
 class Bodies(BodiesState):

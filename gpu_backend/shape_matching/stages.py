@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from gpu_backend.core.forces import bind_forces
-from gpu_backend.core.quads import SIZE
-from gpu_backend.shape_matching.kernels import AXES
-from gpu_backend.xpbd.stages import make_xpbd_stages
-from model.core.plan import Moment, StageRun
+from softlab.gpu_backend.core.forces import bind_forces
+from softlab.gpu_backend.core.quads import SIZE
+from softlab.gpu_backend.shape_matching.kernels import AXES
+from softlab.gpu_backend.xpbd.stages import make_xpbd_stages
+from softlab.model.core.plan import Moment, StageRun
 
 
 def bind_bodies_stages(sim: Any) -> dict[str, StageRun]:

@@ -7,20 +7,20 @@ from typing import Any
 
 import numpy as np
 
-from gpu_backend.contact.particles import ParticleContacts, particle_contact_bytes
-from gpu_backend.core.quads import SIZE
-from gpu_backend.core.substeps import SubstepSimulation
-from gpu_backend.shape_matching.couples import Couples
-from gpu_backend.shape_matching.kernels import AXES, ROWS
-from gpu_backend.shape_matching.lattice import Lattices, lattice_bytes
-from gpu_backend.shape_matching.links import DeviceLinks
-from gpu_backend.shape_matching.material import ClusterMaterial
-from gpu_backend.shape_matching.rebound import Rebounds
-from gpu_backend.shape_matching.rigid import RigidMotion
-from model.formulas.shape_matching.cluster import MOMENTS
-from model.mass_spring.cloth_parameters import collider_numbers
-from model.shape_matching.cluster_tables import first_particles, leans, matching_factors
-from model.shape_matching.clusters import Clusters
+from softlab.gpu_backend.contact.particles import ParticleContacts, particle_contact_bytes
+from softlab.gpu_backend.core.quads import SIZE
+from softlab.gpu_backend.core.substeps import SubstepSimulation
+from softlab.gpu_backend.shape_matching.couples import Couples
+from softlab.gpu_backend.shape_matching.kernels import AXES, ROWS
+from softlab.gpu_backend.shape_matching.lattice import Lattices, lattice_bytes
+from softlab.gpu_backend.shape_matching.links import DeviceLinks
+from softlab.gpu_backend.shape_matching.material import ClusterMaterial
+from softlab.gpu_backend.shape_matching.rebound import Rebounds
+from softlab.gpu_backend.shape_matching.rigid import RigidMotion
+from softlab.model.formulas.shape_matching.cluster import MOMENTS
+from softlab.model.mass_spring.cloth_parameters import collider_numbers
+from softlab.model.shape_matching.cluster_tables import first_particles, leans, matching_factors
+from softlab.model.shape_matching.clusters import Clusters
 
 
 class BodiesState(SubstepSimulation):

@@ -12,20 +12,20 @@ from typing import Any
 
 import numpy as np
 
-from gpu_backend.core.quads import SIZE, pack
-from gpu_backend.core.substeps import launched_kernel
-from gpu_backend.tetrahedra.descent_kernels import make_accelerate, make_visits
-from gpu_backend.tetrahedra.solver import Tetrahedra
-from gpu_backend.xpbd.mesh import THREADS
-from model.core.constraints import ConstraintSet, Projection
-from model.core.plan import Moment, Plan, StageRun
-from model.formulas.elastic.chebyshev import weights
-from model.formulas.elastic.descent import STRAINS
-from model.scene.scene import Scene
-from model.tetrahedra.constraints import DAMPED
-from model.tetrahedra.descent import ACCELERATE, CHEBYSHEV, Descent, descents, stage_name, vbd_plan, visited
-from model.tetrahedra.newton import holding
-from model.tetrahedra.springs import springs
+from softlab.gpu_backend.core.quads import SIZE, pack
+from softlab.gpu_backend.core.substeps import launched_kernel
+from softlab.gpu_backend.tetrahedra.descent_kernels import make_accelerate, make_visits
+from softlab.gpu_backend.tetrahedra.solver import Tetrahedra
+from softlab.gpu_backend.xpbd.mesh import THREADS
+from softlab.model.core.constraints import ConstraintSet, Projection
+from softlab.model.core.plan import Moment, Plan, StageRun
+from softlab.model.formulas.elastic.chebyshev import weights
+from softlab.model.formulas.elastic.descent import STRAINS
+from softlab.model.scene.scene import Scene
+from softlab.model.tetrahedra.constraints import DAMPED
+from softlab.model.tetrahedra.descent import ACCELERATE, CHEBYSHEV, Descent, descents, stage_name, vbd_plan, visited
+from softlab.model.tetrahedra.newton import holding
+from softlab.model.tetrahedra.springs import springs
 
 Launch = Callable[[Any, Any, Any, Any], None]  # (before, velocity, position: quads; time: see _drive)
 

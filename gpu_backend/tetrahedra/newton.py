@@ -10,23 +10,23 @@ from typing import Any
 
 import numpy as np
 
-from gpu_backend.core.cooperative import Cooperative
-from gpu_backend.core.driven import DrivenSimulation
-from gpu_backend.core.quads import SIZE
-from gpu_backend.mass_spring.cloth.kernels import make_cloth_tools
-from gpu_backend.tetrahedra.newton_kernel import DONE, WORKING, Lists, make_newton, packed
-from gpu_backend.tetrahedra.newton_sums import THREADS, UNIT
-from gpu_backend.xpbd.mesh_kernels import make_mesh_tools
-from model.core.options import unknown_kernel
-from model.core.plan import Executor
-from model.core.simulation import Options
-from model.mass_spring.cloth_parameters import PIN_FIELDS
-from model.scene.scene import Scene
-from model.tetrahedra.aggregates import Couplings, aggregates, couplings
-from model.tetrahedra.block_rows import BLOCKS, block_rows
-from model.tetrahedra.constraints import ITERATED
-from model.tetrahedra.material import material_of
-from model.tetrahedra.newton import (
+from softlab.gpu_backend.core.cooperative import Cooperative
+from softlab.gpu_backend.core.driven import DrivenSimulation
+from softlab.gpu_backend.core.quads import SIZE
+from softlab.gpu_backend.mass_spring.cloth.kernels import make_cloth_tools
+from softlab.gpu_backend.tetrahedra.newton_kernel import DONE, WORKING, Lists, make_newton, packed
+from softlab.gpu_backend.tetrahedra.newton_sums import THREADS, UNIT
+from softlab.gpu_backend.xpbd.mesh_kernels import make_mesh_tools
+from softlab.model.core.options import unknown_kernel
+from softlab.model.core.plan import Executor
+from softlab.model.core.simulation import Options
+from softlab.model.mass_spring.cloth_parameters import PIN_FIELDS
+from softlab.model.scene.scene import Scene
+from softlab.model.tetrahedra.aggregates import Couplings, aggregates, couplings
+from softlab.model.tetrahedra.block_rows import BLOCKS, block_rows
+from softlab.model.tetrahedra.constraints import ITERATED
+from softlab.model.tetrahedra.material import material_of
+from softlab.model.tetrahedra.newton import (
     SUMMED,
     element_values,
     holding,
@@ -35,8 +35,8 @@ from model.tetrahedra.newton import (
     stage_vectors,
     stages_of,
 )
-from model.tetrahedra.springs import rounding_of, springs
-from model.tetrahedra.tables import surface_lists
+from softlab.model.tetrahedra.springs import rounding_of, springs
+from softlab.model.tetrahedra.tables import surface_lists
 
 CODELESS = {"gauss-seidel", ITERATED}  # parts that change no kernel
 

@@ -13,14 +13,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.compile import inlined
-from gpu_backend.core.formulas import device_formulas
-from gpu_backend.core.quads import load_quad, store_quad
-from gpu_backend.tetrahedra.newton_elements import make_block_access
-from gpu_backend.tetrahedra.newton_sums import ROOM, TEAM, TEAMS, make_sums
-from model.formulas.elastic import coarse as formulas_of
-from model.formulas.elastic import newton, solving
-from model.tetrahedra.aggregates import MODES, MOST
+from softlab.gpu_backend.core.compile import inlined
+from softlab.gpu_backend.core.formulas import device_formulas
+from softlab.gpu_backend.core.quads import load_quad, store_quad
+from softlab.gpu_backend.tetrahedra.newton_elements import make_block_access
+from softlab.gpu_backend.tetrahedra.newton_sums import ROOM, TEAM, TEAMS, make_sums
+from softlab.model.formulas.elastic import coarse as formulas_of
+from softlab.model.formulas.elastic import newton, solving
+from softlab.model.tetrahedra.aggregates import MODES, MOST
 
 TILE = 64  # blocks of a pair of groups that are projected onto rigid motions at once
 ENTRIES = MODES * MODES

@@ -6,11 +6,11 @@ from functools import cache
 from types import SimpleNamespace
 from typing import Any
 
-from gpu_backend.contact.colliders import make_collide
-from gpu_backend.core.compile import inlined
-from gpu_backend.core.formulas import device_formulas
-from gpu_backend.core.integers import COLLIDERS
-from model.formulas.elastic import newton, solving
+from softlab.gpu_backend.contact.colliders import make_collide
+from softlab.gpu_backend.core.compile import inlined
+from softlab.gpu_backend.core.formulas import device_formulas
+from softlab.gpu_backend.core.integers import COLLIDERS
+from softlab.model.formulas.elastic import newton, solving
 
 
 @cache

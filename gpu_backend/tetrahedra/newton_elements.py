@@ -12,14 +12,14 @@ from typing import Any
 
 import numpy as np
 
-from gpu_backend.core.compile import inlined
-from gpu_backend.core.formulas import device_formulas
-from gpu_backend.core.quads import load_quad, store_quad
-from model.core.tuples import tuple_of
-from model.formulas.constraints.tetrahedron import HOOKEAN
-from model.formulas.elastic import damper, deformation, newton, solving, tangent
-from model.tetrahedra.block_rows import BLOCKS
-from model.tetrahedra.newton import AT_ALPHA, AT_DAMPING, AT_LAME, AT_MU, AT_VOLUME, DAMPED, STAGED
+from softlab.gpu_backend.core.compile import inlined
+from softlab.gpu_backend.core.formulas import device_formulas
+from softlab.gpu_backend.core.quads import load_quad, store_quad
+from softlab.model.core.tuples import tuple_of
+from softlab.model.formulas.constraints.tetrahedron import HOOKEAN
+from softlab.model.formulas.elastic import damper, deformation, newton, solving, tangent
+from softlab.model.tetrahedra.block_rows import BLOCKS
+from softlab.model.tetrahedra.newton import AT_ALPHA, AT_DAMPING, AT_LAME, AT_MU, AT_VOLUME, DAMPED, STAGED
 
 
 @cache

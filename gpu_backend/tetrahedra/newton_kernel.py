@@ -15,14 +15,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
-from gpu_backend.core.formulas import device_formulas
-from gpu_backend.core.integers import knows_time
-from gpu_backend.core.meeting import make_meet
-from gpu_backend.core.quads import SIZE
-from gpu_backend.core.world import World
-from gpu_backend.tetrahedra.newton_coarse import Coarse
-from gpu_backend.tetrahedra.newton_passes import (
+from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
+from softlab.gpu_backend.core.formulas import device_formulas
+from softlab.gpu_backend.core.integers import knows_time
+from softlab.gpu_backend.core.meeting import make_meet
+from softlab.gpu_backend.core.quads import SIZE
+from softlab.gpu_backend.core.world import World
+from softlab.gpu_backend.tetrahedra.newton_coarse import Coarse
+from softlab.gpu_backend.tetrahedra.newton_passes import (
     BACK,
     FACTOR,
     INVERT,
@@ -30,10 +30,10 @@ from gpu_backend.tetrahedra.newton_passes import (
     make_quick_passes,
     make_unit_passes,
 )
-from gpu_backend.tetrahedra.newton_rows import Matrix, Vectors
-from gpu_backend.tetrahedra.newton_sums import ROOM, THREADS, UNIT, make_sums
-from model.formulas.elastic import newton
-from model.formulas.elastic.newton import (
+from softlab.gpu_backend.tetrahedra.newton_rows import Matrix, Vectors
+from softlab.gpu_backend.tetrahedra.newton_sums import ROOM, THREADS, UNIT, make_sums
+from softlab.model.formulas.elastic import newton
+from softlab.model.formulas.elastic.newton import (
     BEGIN,
     BLOCKS,
     CENTRES,
@@ -50,7 +50,7 @@ from model.formulas.elastic.newton import (
     UPDATE,
     WEIGH,
 )
-from model.tetrahedra.newton import SUMMED
+from softlab.model.tetrahedra.newton import SUMMED
 
 DONE = ("solves", "looks", "matrices", "products", "steps")  # counters of a simulation
 WORKING = len(Vectors._fields) - 4  # besides the state; two directions, and not the last three, which few scenes have

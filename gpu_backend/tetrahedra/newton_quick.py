@@ -17,17 +17,17 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.compile import inlined
-from gpu_backend.core.formulas import device_formulas
-from gpu_backend.core.quads import load_quad, store_quad
-from gpu_backend.tetrahedra.newton_coarse import make_arm
-from gpu_backend.tetrahedra.newton_elements import make_block_access
-from gpu_backend.tetrahedra.newton_sums import TEAM, make_quick_sums, make_sums
-from model.formulas.elastic import coarse as formulas_of
-from model.formulas.elastic import newton, solving
-from model.formulas.elastic.newton import SOLVE
-from model.tetrahedra.aggregates import MODES, MOST
-from model.tetrahedra.newton import SUMMED
+from softlab.gpu_backend.core.compile import inlined
+from softlab.gpu_backend.core.formulas import device_formulas
+from softlab.gpu_backend.core.quads import load_quad, store_quad
+from softlab.gpu_backend.tetrahedra.newton_coarse import make_arm
+from softlab.gpu_backend.tetrahedra.newton_elements import make_block_access
+from softlab.gpu_backend.tetrahedra.newton_sums import TEAM, make_quick_sums, make_sums
+from softlab.model.formulas.elastic import coarse as formulas_of
+from softlab.model.formulas.elastic import newton, solving
+from softlab.model.formulas.elastic.newton import SOLVE
+from softlab.model.tetrahedra.aggregates import MODES, MOST
+from softlab.model.tetrahedra.newton import SUMMED
 
 
 @cache

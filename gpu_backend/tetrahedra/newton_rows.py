@@ -12,15 +12,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gpu_backend.core.compile import inlined
-from gpu_backend.core.formulas import device_formulas
-from gpu_backend.core.quads import load_quad, store_quad
-from gpu_backend.tetrahedra.newton_contact import make_contact
-from gpu_backend.tetrahedra.newton_elements import make_block_access
-from gpu_backend.tetrahedra.springs import make_pulled
-from model.formulas.elastic import newton, solving
-from model.formulas.elastic.newton import AHEAD, CORRECT, DIRECTION, MOVE, PRODUCT, RETURN, SOLVE, UPDATE
-from model.tetrahedra.springs import PARTS
+from softlab.gpu_backend.core.compile import inlined
+from softlab.gpu_backend.core.formulas import device_formulas
+from softlab.gpu_backend.core.quads import load_quad, store_quad
+from softlab.gpu_backend.tetrahedra.newton_contact import make_contact
+from softlab.gpu_backend.tetrahedra.newton_elements import make_block_access
+from softlab.gpu_backend.tetrahedra.springs import make_pulled
+from softlab.model.formulas.elastic import newton, solving
+from softlab.model.formulas.elastic.newton import AHEAD, CORRECT, DIRECTION, MOVE, PRODUCT, RETURN, SOLVE, UPDATE
+from softlab.model.tetrahedra.springs import PARTS
 
 
 class Vectors(NamedTuple):

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.compile import inlined
-from gpu_backend.core.device import simulated
-from model.tetrahedra.newton import SUMMED
+from softlab.gpu_backend.core.compile import inlined
+from softlab.gpu_backend.core.device import simulated
+from softlab.model.tetrahedra.newton import SUMMED
 
 TEAM = 32  # threads
 THREADS = TEAM if simulated() else 256  # per block; the simulator's are Python threads

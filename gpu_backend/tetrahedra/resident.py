@@ -25,17 +25,17 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.blocks import raise_flag, read_flag
-from gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
-from gpu_backend.core.constraints import make_constants, make_run
-from gpu_backend.core.device import simulated
-from gpu_backend.core.forces import make_forces
-from gpu_backend.core.messages import make_messages
-from gpu_backend.core.quads import SIZE, load_quad, store_quad
-from gpu_backend.core.world import World
-from gpu_backend.mass_spring.grid.resident import PATIENCE
-from gpu_backend.mass_spring.grid.strips import ALIGNMENT
-from gpu_backend.tetrahedra.slabs import (
+from softlab.gpu_backend.core.blocks import raise_flag, read_flag
+from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
+from softlab.gpu_backend.core.constraints import make_constants, make_run
+from softlab.gpu_backend.core.device import simulated
+from softlab.gpu_backend.core.forces import make_forces
+from softlab.gpu_backend.core.messages import make_messages
+from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
+from softlab.gpu_backend.core.world import World
+from softlab.gpu_backend.mass_spring.grid.resident import PATIENCE
+from softlab.gpu_backend.mass_spring.grid.strips import ALIGNMENT
+from softlab.gpu_backend.tetrahedra.slabs import (
     ALL,
     BORDER_AFTER,
     BORDER_BEFORE,
@@ -46,10 +46,10 @@ from gpu_backend.tetrahedra.slabs import (
     SHARED,
     STARTS,
 )
-from gpu_backend.xpbd.kernels import make_clock
-from gpu_backend.xpbd.mesh_kernels import AXES
-from gpu_backend.xpbd.point import make_motion
-from model.core.constraints import Projection
+from softlab.gpu_backend.xpbd.kernels import make_clock
+from softlab.gpu_backend.xpbd.mesh_kernels import AXES
+from softlab.gpu_backend.xpbd.point import make_motion
+from softlab.model.core.constraints import Projection
 
 
 @cache

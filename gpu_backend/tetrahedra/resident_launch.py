@@ -8,20 +8,20 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.constraints import device_corners
-from gpu_backend.core.launch import prepare
-from gpu_backend.core.messages import message_size
-from gpu_backend.core.quads import pack
-from gpu_backend.mass_spring.grid import tile_launch
-from gpu_backend.tetrahedra.resident import make_tetrahedra_resident
-from gpu_backend.tetrahedra.slabs import MOST_THREADS, Slabs, make_slabs
-from gpu_backend.xpbd.mesh_kernels import forces_of
-from model.core.constraints import ConstraintSet, Projection
-from model.core.errors import BackendUnavailable, SceneError
-from model.scene.scene import Scene
-from model.tetrahedra.attachments import CORNERS, part_of
-from model.tetrahedra.constraints import CLOTH, SLEEPING, WHOLE, constraint_sets, tetrahedra_of_sets
-from model.xpbd.mesh_plan import BODY_DAMPING
+from softlab.gpu_backend.core.constraints import device_corners
+from softlab.gpu_backend.core.launch import prepare
+from softlab.gpu_backend.core.messages import message_size
+from softlab.gpu_backend.core.quads import pack
+from softlab.gpu_backend.mass_spring.grid import tile_launch
+from softlab.gpu_backend.tetrahedra.resident import make_tetrahedra_resident
+from softlab.gpu_backend.tetrahedra.slabs import MOST_THREADS, Slabs, make_slabs
+from softlab.gpu_backend.xpbd.mesh_kernels import forces_of
+from softlab.model.core.constraints import ConstraintSet, Projection
+from softlab.model.core.errors import BackendUnavailable, SceneError
+from softlab.model.scene.scene import Scene
+from softlab.model.tetrahedra.attachments import CORNERS, part_of
+from softlab.model.tetrahedra.constraints import CLOTH, SLEEPING, WHOLE, constraint_sets, tetrahedra_of_sets
+from softlab.model.xpbd.mesh_plan import BODY_DAMPING
 
 RUNS = 1 << 17  # maximum number of voxels of a set that may be divided into slabs
 

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.compile import kernel_options, make_kernels, variant_name
-from gpu_backend.core.formulas import device_formulas
-from gpu_backend.core.quads import load_quad, store_quad
-from model.formulas.elastic import sleep
+from softlab.gpu_backend.core.compile import kernel_options, make_kernels, variant_name
+from softlab.gpu_backend.core.formulas import device_formulas
+from softlab.gpu_backend.core.quads import load_quad, store_quad
+from softlab.model.formulas.elastic import sleep
 
 
 @cache

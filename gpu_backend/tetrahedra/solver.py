@@ -14,19 +14,25 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.contact.surfaces import SurfaceContacts, surface_contact_bytes
-from gpu_backend.core.device import simulated
-from gpu_backend.core.substeps import launched_kernel
-from gpu_backend.tetrahedra.resident_launch import ResidentSet, chosen_slabs, default_slabs, launched_only, layers_of
-from gpu_backend.tetrahedra.sleep import make_sleep
-from gpu_backend.xpbd.mesh import MeshPositionBased
-from model.core.constraints import ConstraintSet, Projection
-from model.core.errors import SceneError
-from model.core.plan import Executor, Plan, StageRun
-from model.scene.scene import Scene
-from model.tetrahedra.constraints import SLEEP, SLEEPING, constraint_sets, projections_of, tetrahedra_plan
-from model.tetrahedra.tables import cloth_lists, surface_lists
-from model.tetrahedra.topology import neighbours
+from softlab.gpu_backend.contact.surfaces import SurfaceContacts, surface_contact_bytes
+from softlab.gpu_backend.core.device import simulated
+from softlab.gpu_backend.core.substeps import launched_kernel
+from softlab.gpu_backend.tetrahedra.resident_launch import (
+    ResidentSet,
+    chosen_slabs,
+    default_slabs,
+    launched_only,
+    layers_of,
+)
+from softlab.gpu_backend.tetrahedra.sleep import make_sleep
+from softlab.gpu_backend.xpbd.mesh import MeshPositionBased
+from softlab.model.core.constraints import ConstraintSet, Projection
+from softlab.model.core.errors import SceneError
+from softlab.model.core.plan import Executor, Plan, StageRun
+from softlab.model.scene.scene import Scene
+from softlab.model.tetrahedra.constraints import SLEEP, SLEEPING, constraint_sets, projections_of, tetrahedra_plan
+from softlab.model.tetrahedra.tables import cloth_lists, surface_lists
+from softlab.model.tetrahedra.topology import neighbours
 
 
 class Tetrahedra(MeshPositionBased):

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.compile import make_kernels, variant_name
-from gpu_backend.core.formulas import device_formulas
-from gpu_backend.core.quads import SIZE, load_quad, store_quad
-from gpu_backend.core.substeps import SubstepSimulation
-from model.formulas.elastic.descent import make_carried
+from softlab.gpu_backend.core.compile import make_kernels, variant_name
+from softlab.gpu_backend.core.formulas import device_formulas
+from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
+from softlab.gpu_backend.core.substeps import SubstepSimulation
+from softlab.model.formulas.elastic.descent import make_carried
 
 THREADS = 128
 

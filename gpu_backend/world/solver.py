@@ -9,23 +9,23 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.contact.surfaces import SurfaceContacts, surface_contact_bytes
-from gpu_backend.core.device import memory_info, require_gpu, simulated
-from gpu_backend.core.launch import Graphs, can_capture, new_stream
-from gpu_backend.core.substeps import Launched, SubstepSimulation, launched_kernel
-from gpu_backend.fluid.among_solids import FluidAmongSolids
-from gpu_backend.world.joined import THREADS, Joined
-from gpu_backend.world.wetting import Wetting
-from model.core.families import family_of, scene_plan
-from model.core.family import named
-from model.core.memory import require
-from model.core.plan import Executor, StageRun
-from model.core.simulation import Options, Simulation
-from model.scene.scene import Scene
-from model.world.meeting import MEMBERS_MEET, cross_surface
-from model.world.plan import BEGIN, FIND, GIVE, PROJECT, SOAK, TAKE, coupled
-from model.world.simulation import STAGES, WorldSimulation
-from model.world.solids import solids_of
+from softlab.gpu_backend.contact.surfaces import SurfaceContacts, surface_contact_bytes
+from softlab.gpu_backend.core.device import memory_info, require_gpu, simulated
+from softlab.gpu_backend.core.launch import Graphs, can_capture, new_stream
+from softlab.gpu_backend.core.substeps import Launched, SubstepSimulation, launched_kernel
+from softlab.gpu_backend.fluid.among_solids import FluidAmongSolids
+from softlab.gpu_backend.world.joined import THREADS, Joined
+from softlab.gpu_backend.world.wetting import Wetting
+from softlab.model.core.families import family_of, scene_plan
+from softlab.model.core.family import named
+from softlab.model.core.memory import require
+from softlab.model.core.plan import Executor, StageRun
+from softlab.model.core.simulation import Options, Simulation
+from softlab.model.scene.scene import Scene
+from softlab.model.world.meeting import MEMBERS_MEET, cross_surface
+from softlab.model.world.plan import BEGIN, FIND, GIVE, PROJECT, SOAK, TAKE, coupled
+from softlab.model.world.simulation import STAGES, WorldSimulation
+from softlab.model.world.solids import solids_of
 
 
 class World(WorldSimulation, Launched):

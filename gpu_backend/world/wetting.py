@@ -10,16 +10,16 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.compile import kernel_options, make_kernels, variant_name
-from gpu_backend.core.formulas import device_formulas
-from gpu_backend.core.quads import SIZE
-from gpu_backend.core.substeps import SubstepSimulation
-from gpu_backend.fluid.among_solids import COUNTED, FluidAmongSolids
-from model.fluid.among_solids import K_LIGHTNESS
-from model.fluid.samples import CORNERS
-from model.formulas.fluid import wetting
-from model.scene.scene import Scene
-from model.world.wetting import drinkers_of, rates_of
+from softlab.gpu_backend.core.compile import kernel_options, make_kernels, variant_name
+from softlab.gpu_backend.core.formulas import device_formulas
+from softlab.gpu_backend.core.quads import SIZE
+from softlab.gpu_backend.core.substeps import SubstepSimulation
+from softlab.gpu_backend.fluid.among_solids import COUNTED, FluidAmongSolids
+from softlab.model.fluid.among_solids import K_LIGHTNESS
+from softlab.model.fluid.samples import CORNERS
+from softlab.model.formulas.fluid import wetting
+from softlab.model.scene.scene import Scene
+from softlab.model.world.wetting import drinkers_of, rates_of
 
 
 @cache

@@ -14,15 +14,15 @@ import re
 from dataclasses import dataclass
 from typing import Any
 
-from gpu_backend.core.launch import can_capture
-from gpu_backend.mass_spring.grid.tile_launch import device_limits
-from gpu_backend.xpbd.sweep import shared_bytes
-from gpu_backend.xpbd.tile import SheetTile, span, whole
-from model.core.errors import SceneError
-from model.core.options import unknown_kernel
-from model.scene.scene import Scene
-from model.xpbd.plan import colour_order, families
-from model.xpbd.reach import PERIOD
+from softlab.gpu_backend.core.launch import can_capture
+from softlab.gpu_backend.mass_spring.grid.tile_launch import device_limits
+from softlab.gpu_backend.xpbd.sweep import shared_bytes
+from softlab.gpu_backend.xpbd.tile import SheetTile, span, whole
+from softlab.model.core.errors import SceneError
+from softlab.model.core.options import unknown_kernel
+from softlab.model.scene.scene import Scene
+from softlab.model.xpbd.plan import colour_order, families
+from softlab.model.xpbd.reach import PERIOD
 
 XPBD_KERNELS = ("one-block", "tiled", "graph", "launch", "stages")
 MAX_THREADS = 1024

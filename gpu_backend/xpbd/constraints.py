@@ -9,16 +9,16 @@ from __future__ import annotations
 from functools import cache
 from typing import Any
 
-from gpu_backend.core.compile import inlined
-from gpu_backend.core.formulas import device_formulas
-from gpu_backend.core.quads import load_quad, store_quad
-from model.core.tuples import reader
-from model.formulas import distance
-from model.xpbd.parameters import (
+from softlab.gpu_backend.core.compile import inlined
+from softlab.gpu_backend.core.formulas import device_formulas
+from softlab.gpu_backend.core.quads import load_quad, store_quad
+from softlab.model.core.tuples import reader
+from softlab.model.formulas import distance
+from softlab.model.xpbd.parameters import (
     CONSTANTS,
     OF_SHEETS,
 )
-from model.xpbd.plan import Family
+from softlab.model.xpbd.plan import Family
 
 KINDS = ("structural", "shear", "bending")
 

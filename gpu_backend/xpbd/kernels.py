@@ -14,16 +14,16 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
-from gpu_backend.core.integers import knows_time
-from gpu_backend.core.quads import SIZE, load_quad, store_quad
-from gpu_backend.core.sheet import BLOCK
-from gpu_backend.core.world import Cell, World
-from gpu_backend.mass_spring.cloth.kernels import make_block_air
-from gpu_backend.xpbd.constraints import compliant, make_constants, make_pair
-from gpu_backend.xpbd.gather import make_gather
-from gpu_backend.xpbd.point import make_accelerations, make_motion, make_tethers
-from model.xpbd.plan import JACOBI, Family, families
+from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
+from softlab.gpu_backend.core.integers import knows_time
+from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
+from softlab.gpu_backend.core.sheet import BLOCK
+from softlab.gpu_backend.core.world import Cell, World
+from softlab.gpu_backend.mass_spring.cloth.kernels import make_block_air
+from softlab.gpu_backend.xpbd.constraints import compliant, make_constants, make_pair
+from softlab.gpu_backend.xpbd.gather import make_gather
+from softlab.gpu_backend.xpbd.point import make_accelerations, make_motion, make_tethers
+from softlab.model.xpbd.plan import JACOBI, Family, families
 
 
 def compact_shape(family: Family, rows: int, columns: int) -> tuple[int, int]:

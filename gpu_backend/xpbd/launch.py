@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from gpu_backend.core.launch import prepare
-from gpu_backend.xpbd.choice import Choice
-from gpu_backend.xpbd.kernels import multiplier_planes
-from gpu_backend.xpbd.sweep import shared_bytes
-from gpu_backend.xpbd.tiled import make_one_block, make_tiled
+from softlab.gpu_backend.core.launch import prepare
+from softlab.gpu_backend.xpbd.choice import Choice
+from softlab.gpu_backend.xpbd.kernels import multiplier_planes
+from softlab.gpu_backend.xpbd.sweep import shared_bytes
+from softlab.gpu_backend.xpbd.tiled import make_one_block, make_tiled
 
 MAX_ITERATIONS = 1 << 14  # of one launch of `one-block`, which cannot be interrupted: a few 10 ms
 

@@ -15,25 +15,25 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.contact.pins import make_drive
-from gpu_backend.core.constraints import device_corners, make_projections, places
-from gpu_backend.core.device import simulated
-from gpu_backend.core.driven import DrivenSimulation
-from gpu_backend.core.launch import Graphs, can_capture
-from gpu_backend.core.quads import SIZE, pack
-from gpu_backend.core.substeps import SubstepSimulation, launched_kernel
-from gpu_backend.mass_spring.cloth.kernels import make_cloth_tools
-from gpu_backend.xpbd.kernels import make_end
-from gpu_backend.xpbd.mesh_kernels import AXES, forces_of, make_mesh_begin, make_mesh_tools, make_slow
-from gpu_backend.xpbd.stages import make_xpbd_stages
-from model.core.constraints import ConstraintSet, Projection
-from model.core.plan import Executor, Moment, Plan, StageRun
-from model.core.simulation import Options
-from model.geometry.tables import wind_lists
-from model.geometry.topology import mesh_of
-from model.scene.scene import Scene
-from model.xpbd.mesh_constraints import attachment_set, constraint_sets, projections_of
-from model.xpbd.mesh_plan import BODY_DAMPING, stage_name, xpbd_mesh_plan
+from softlab.gpu_backend.contact.pins import make_drive
+from softlab.gpu_backend.core.constraints import device_corners, make_projections, places
+from softlab.gpu_backend.core.device import simulated
+from softlab.gpu_backend.core.driven import DrivenSimulation
+from softlab.gpu_backend.core.launch import Graphs, can_capture
+from softlab.gpu_backend.core.quads import SIZE, pack
+from softlab.gpu_backend.core.substeps import SubstepSimulation, launched_kernel
+from softlab.gpu_backend.mass_spring.cloth.kernels import make_cloth_tools
+from softlab.gpu_backend.xpbd.kernels import make_end
+from softlab.gpu_backend.xpbd.mesh_kernels import AXES, forces_of, make_mesh_begin, make_mesh_tools, make_slow
+from softlab.gpu_backend.xpbd.stages import make_xpbd_stages
+from softlab.model.core.constraints import ConstraintSet, Projection
+from softlab.model.core.plan import Executor, Moment, Plan, StageRun
+from softlab.model.core.simulation import Options
+from softlab.model.geometry.tables import wind_lists
+from softlab.model.geometry.topology import mesh_of
+from softlab.model.scene.scene import Scene
+from softlab.model.xpbd.mesh_constraints import attachment_set, constraint_sets, projections_of
+from softlab.model.xpbd.mesh_plan import BODY_DAMPING, stage_name, xpbd_mesh_plan
 
 THREADS = 128  # per block: small blocks distribute a colour's few thousand constraints over more processors
 

@@ -12,15 +12,15 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
-from gpu_backend.core.forces import make_forces
-from gpu_backend.core.formulas import device_formulas
-from gpu_backend.core.quads import SIZE, load_quad, store_quad
-from gpu_backend.mass_spring.cloth.kernels import make_block_air
-from gpu_backend.xpbd.kernels import make_clock
-from gpu_backend.xpbd.point import make_motion
-from model.formulas import cloth, distance, wind
-from model.scene.cloth import CONSTRAINT_KINDS
+from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
+from softlab.gpu_backend.core.forces import make_forces
+from softlab.gpu_backend.core.formulas import device_formulas
+from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
+from softlab.gpu_backend.mass_spring.cloth.kernels import make_block_air
+from softlab.gpu_backend.xpbd.kernels import make_clock
+from softlab.gpu_backend.xpbd.point import make_motion
+from softlab.model.formulas import cloth, distance, wind
+from softlab.model.scene.cloth import CONSTRAINT_KINDS
 
 AXES = 3
 

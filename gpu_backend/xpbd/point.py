@@ -10,13 +10,13 @@ from functools import cache
 from types import SimpleNamespace
 from typing import Any
 
-from gpu_backend.contact.colliders import make_collide
-from gpu_backend.core.compile import inlined
-from gpu_backend.core.forces import make_forces
-from gpu_backend.core.formulas import device_formulas
-from gpu_backend.core.quads import load_quad
-from gpu_backend.mass_spring.cloth.point import make_wind
-from model.formulas import distance
+from softlab.gpu_backend.contact.colliders import make_collide
+from softlab.gpu_backend.core.compile import inlined
+from softlab.gpu_backend.core.forces import make_forces
+from softlab.gpu_backend.core.formulas import device_formulas
+from softlab.gpu_backend.core.quads import load_quad
+from softlab.gpu_backend.mass_spring.cloth.point import make_wind
+from softlab.model.formulas import distance
 
 
 @cache

@@ -19,17 +19,17 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.contact.self_contact import Contacts, contact_bytes
-from gpu_backend.core.device import simulated
-from gpu_backend.core.launch import Graphs, can_capture
-from gpu_backend.core.quads import SIZE
-from gpu_backend.core.sheet import BLOCK
-from gpu_backend.core.substeps import SubstepSimulation
-from gpu_backend.mass_spring.cloth.kernels import make_cloth_tools
-from gpu_backend.shape_matching.matching import Matching
-from gpu_backend.xpbd.choice import xpbd_kernel
-from gpu_backend.xpbd.constraints import compliant
-from gpu_backend.xpbd.kernels import (
+from softlab.gpu_backend.contact.self_contact import Contacts, contact_bytes
+from softlab.gpu_backend.core.device import simulated
+from softlab.gpu_backend.core.launch import Graphs, can_capture
+from softlab.gpu_backend.core.quads import SIZE
+from softlab.gpu_backend.core.sheet import BLOCK
+from softlab.gpu_backend.core.substeps import SubstepSimulation
+from softlab.gpu_backend.mass_spring.cloth.kernels import make_cloth_tools
+from softlab.gpu_backend.shape_matching.matching import Matching
+from softlab.gpu_backend.xpbd.choice import xpbd_kernel
+from softlab.gpu_backend.xpbd.constraints import compliant
+from softlab.gpu_backend.xpbd.kernels import (
     blocks_over,
     compact_shape,
     make_attach,
@@ -40,15 +40,15 @@ from gpu_backend.xpbd.kernels import (
     make_plane_tools,
     multiplier_planes,
 )
-from gpu_backend.xpbd.launch import BlockLauncher, TiledLauncher
-from gpu_backend.xpbd.stages import bind_xpbd_stages
-from model.core.errors import SceneError
-from model.core.plan import Executor
-from model.core.simulation import Options
-from model.geometry.tables import sheet_reaches
-from model.mass_spring.cloth_parameters import collider_numbers
-from model.scene.scene import Scene
-from model.xpbd.plan import colour_order, families, xpbd_plan
+from softlab.gpu_backend.xpbd.launch import BlockLauncher, TiledLauncher
+from softlab.gpu_backend.xpbd.stages import bind_xpbd_stages
+from softlab.model.core.errors import SceneError
+from softlab.model.core.plan import Executor
+from softlab.model.core.simulation import Options
+from softlab.model.geometry.tables import sheet_reaches
+from softlab.model.mass_spring.cloth_parameters import collider_numbers
+from softlab.model.scene.scene import Scene
+from softlab.model.xpbd.plan import colour_order, families, xpbd_plan
 
 NOT_YET = ("motion", "mesh")
 

@@ -14,14 +14,14 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.compile import inlined
-from gpu_backend.core.quads import load_quad, store_quad
-from gpu_backend.core.world import Cell
-from gpu_backend.xpbd.constraints import KINDS, compliant, dampers, make_pair
-from gpu_backend.xpbd.gather import make_gather
-from gpu_backend.xpbd.kernels import compact_shape
-from gpu_backend.xpbd.tile import SheetTile
-from model.xpbd.plan import Family, colour_order
+from softlab.gpu_backend.core.compile import inlined
+from softlab.gpu_backend.core.quads import load_quad, store_quad
+from softlab.gpu_backend.core.world import Cell
+from softlab.gpu_backend.xpbd.constraints import KINDS, compliant, dampers, make_pair
+from softlab.gpu_backend.xpbd.gather import make_gather
+from softlab.gpu_backend.xpbd.kernels import compact_shape
+from softlab.gpu_backend.xpbd.tile import SheetTile
+from softlab.model.xpbd.plan import Family, colour_order
 
 
 def masses_each(tile: SheetTile) -> int:

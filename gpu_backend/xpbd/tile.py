@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cache
 
-from model.xpbd.reach import PERIOD, dependencies
+from softlab.model.xpbd.reach import PERIOD, dependencies
 
 
 @dataclass(frozen=True)

@@ -13,15 +13,15 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.compile import inlined
-from gpu_backend.core.quads import load_quad, store_quad
-from gpu_backend.core.world import Cell
-from gpu_backend.xpbd.constraints import KINDS, compliant, dampers
-from gpu_backend.xpbd.gather import make_gather
-from gpu_backend.xpbd.point import make_accelerations, make_motion, make_tethers
-from gpu_backend.xpbd.sweep import colour_slots, make_constraint_place, make_lattice, masses_each
-from gpu_backend.xpbd.tile import SheetTile
-from model.xpbd.plan import colour_order, families
+from softlab.gpu_backend.core.compile import inlined
+from softlab.gpu_backend.core.quads import load_quad, store_quad
+from softlab.gpu_backend.core.world import Cell
+from softlab.gpu_backend.xpbd.constraints import KINDS, compliant, dampers
+from softlab.gpu_backend.xpbd.gather import make_gather
+from softlab.gpu_backend.xpbd.point import make_accelerations, make_motion, make_tethers
+from softlab.gpu_backend.xpbd.sweep import colour_slots, make_constraint_place, make_lattice, masses_each
+from softlab.gpu_backend.xpbd.tile import SheetTile
+from softlab.model.xpbd.plan import colour_order, families
 
 
 def _make_places(math: str, tile: SheetTile) -> tuple[Any, Any]:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import re
 
-from bench.experiments.advise.ablation_results import NEEDED, NOT_NEEDED
-from labbook.claims.claim import Claim, Claims
-from labbook.words import count, number
-from plots.core.data import Results
-from plots.figures.ablation import told_tables
+from softlab.bench.experiments.advise.ablation_results import NEEDED, NOT_NEEDED
+from softlab.labbook.claims.claim import Claim, Claims
+from softlab.labbook.words import count, number
+from softlab.plots.core.data import Results
+from softlab.plots.figures.ablation import told_tables
 
 
 def typeset(sentence: str) -> str:

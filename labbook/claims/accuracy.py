@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from bench.experiments.accuracy.equal_error import equal_error as ways_to
-from bench.experiments.accuracy.points import SIZES
-from labbook import words
-from labbook.claims.claim import MARK, Claim, Claims, named, on_gpu, suspicion
-from labbook.claims.comparison import NOT_COMPARED
-from labbook.words import number, seconds
-from model.core.integrators import INTEGRATORS
-from model.scene.scene import load_scene
-from plots.core.accuracy_points import SIDE, Point, observed_order, order_points, points, reaching
-from plots.core.apart import small
-from plots.core.data import Results, Source
-from plots.figures.work_precision import accurate_source
+from softlab.bench.experiments.accuracy.equal_error import equal_error as ways_to
+from softlab.bench.experiments.accuracy.points import SIZES
+from softlab.labbook import words
+from softlab.labbook.claims.claim import MARK, Claim, Claims, named, on_gpu, suspicion
+from softlab.labbook.claims.comparison import NOT_COMPARED
+from softlab.labbook.words import number, seconds
+from softlab.model.core.integrators import INTEGRATORS
+from softlab.model.scene.scene import load_scene
+from softlab.plots.core.accuracy_points import SIDE, Point, observed_order, order_points, points, reaching
+from softlab.plots.core.apart import small
+from softlab.plots.core.data import Results, Source
+from softlab.plots.figures.work_precision import accurate_source
 
 NEAR = 0.25  # largest difference between an observed and the declared order that still counts as agreement
 FAMILIES = ("explicit", "position-based", "implicit")

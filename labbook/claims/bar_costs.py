@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import re
 
-from bench.experiments.bar_costs import CLOSE, Cost
-from labbook import words
-from labbook.claims.claim import SUSPECT, Claim, Claims, where
-from plots.core.backends import on_backends
-from plots.core.data import Results
-from plots.figures.bar_costs import on
+from softlab.bench.experiments.bar_costs import CLOSE, Cost
+from softlab.labbook import words
+from softlab.labbook.claims.claim import SUSPECT, Claim, Claims, where
+from softlab.plots.core.backends import on_backends
+from softlab.plots.core.data import Results
+from softlab.plots.figures.bar_costs import on
 
 
 def costs_of(results: Results) -> Claim:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from bench.experiments.bar import FINEST, SOME_LAYERS, SOME_LINKS, SOME_OVERLAP, SOME_VOXELS
-from bench.experiments.bar_body import CLUSTERS, REACH
-from bench.experiments.bar_rows import JELLY, Bar, first_backend, series
-from bench.experiments.bar_strip import (
+from softlab.bench.experiments.bar import FINEST, SOME_LAYERS, SOME_LINKS, SOME_OVERLAP, SOME_VOXELS
+from softlab.bench.experiments.bar_body import CLUSTERS, REACH
+from softlab.bench.experiments.bar_rows import JELLY, Bar, first_backend, series
+from softlab.bench.experiments.bar_strip import (
     ACROSS,
     DECAY,
     FRAME,
@@ -21,11 +21,11 @@ from bench.experiments.bar_strip import (
     strip,
     verlet_frequency,
 )
-from labbook import words
-from labbook.claims.claim import Claim, Claims, committed_of
-from labbook.words import number, percent
-from plots.core.data import Results
-from plots.figures.bar import bars
+from softlab.labbook import words
+from softlab.labbook.claims.claim import Claim, Claims, committed_of
+from softlab.labbook.words import number, percent
+from softlab.plots.core.data import Results
+from softlab.plots.figures.bar import bars
 
 NEAR = 1e-4  # largest relative difference from a closed form that counts as agreement
 EQUAL = 1e-6  # relative: largest difference between two backends in exact math

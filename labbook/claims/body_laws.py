@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from bench.experiments.bar_rows import Bar
-from bench.experiments.body_laws import DROP, ENERGY, FLIGHT, KEPT, MOMENTUM, SECONDS, SPIN, SPIN_LAW, STILL
-from labbook import words
-from labbook.claims.bodies import EQUAL, measured_bars, substeps_of
-from labbook.claims.claim import Claim, Claims
-from labbook.words import number, percent, seconds
-from plots.core.data import Results
+from softlab.bench.experiments.bar_rows import Bar
+from softlab.bench.experiments.body_laws import DROP, ENERGY, FLIGHT, KEPT, MOMENTUM, SECONDS, SPIN, SPIN_LAW, STILL
+from softlab.labbook import words
+from softlab.labbook.claims.bodies import EQUAL, measured_bars, substeps_of
+from softlab.labbook.claims.claim import Claim, Claims
+from softlab.labbook.words import number, percent, seconds
+from softlab.plots.core.data import Results
 
 
 def _laws(results: Results, law: str) -> list[Bar]:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from bench.experiments.busy import ALONE, LIMIT, NICED, SAME, BusyPoint, points
-from labbook import words
-from labbook.claims.claim import Claim, Claims
-from plots.core.data import Results
+from softlab.bench.experiments.busy import ALONE, LIMIT, NICED, SAME, BusyPoint, points
+from softlab.labbook import words
+from softlab.labbook.claims.claim import Claim, Claims
+from softlab.plots.core.data import Results
 
 NAMES = {
     ALONE: "with the cores to themselves",

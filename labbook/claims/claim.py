@@ -12,14 +12,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from bench.experiments.accuracy.points import AccuracyPoint
-from bench.store.results import Timing
-from labbook import words
-from labbook.words import masses, percent, seconds, times
-from plots.core.apart import apart, too_few
-from plots.core.bandwidth import copy_bandwidth, disturbed, fraction
-from plots.core.data import THREAD_WORDS, Results, Source, is_suspect, sound
-from plots.core.pairs import at_one_size, float64_pairs
+from softlab.bench.experiments.accuracy.points import AccuracyPoint
+from softlab.bench.store.results import Timing
+from softlab.labbook import words
+from softlab.labbook.words import masses, percent, seconds, times
+from softlab.plots.core.apart import apart, too_few
+from softlab.plots.core.bandwidth import copy_bandwidth, disturbed, fraction
+from softlab.plots.core.data import THREAD_WORDS, Results, Source, is_suspect, sound
+from softlab.plots.core.pairs import at_one_size, float64_pairs
 
 FLAT = 1.5  # a time that grew by less than this factor counts as constant
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from bench.experiments.discretisation import BIAS, FINDING, RATIO, WAYS, exact_ratio
-from bench.experiments.projections import ProjectionPoint, beside_published
-from labbook import words
-from labbook.claims.claim import Claim, Claims, where
-from plots.core.data import Results
-from plots.figures.projections import panels
+from softlab.bench.experiments.discretisation import BIAS, FINDING, RATIO, WAYS, exact_ratio
+from softlab.bench.experiments.projections import ProjectionPoint, beside_published
+from softlab.labbook import words
+from softlab.labbook.claims.claim import Claim, Claims, where
+from softlab.plots.core.data import Results
+from softlab.plots.figures.projections import panels
 
 SIZE = 256  # rows and columns of the sheet whose rates are quoted
 NAMES = {"gauss-seidel": "coloured Gauss-Seidel", "jacobi": "Jacobi"}

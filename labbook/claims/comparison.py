@@ -5,17 +5,17 @@ Rules in labbook/claims/claim.py.
 
 from __future__ import annotations
 
-from bench.peers.registry import label
-from labbook import words
-from labbook.claims.claim import MARK, SUSPECT, Claim, Claims, cpu_source, named, on, on_gpu, trusted, where
-from labbook.words import masses, percent, times
-from plots.core.apart import apart, too_few
-from plots.core.backends import on_backends
-from plots.core.data import Results, Source, is_suspect, is_wrong
-from plots.core.pairs import shape_ratios
-from plots.figures.crossover import Pair, crossing, pairs
-from plots.figures.graphics import drawing_costs, skipped_reason
-from plots.figures.peers import square_ratios
+from softlab.bench.peers.registry import label
+from softlab.labbook import words
+from softlab.labbook.claims.claim import MARK, SUSPECT, Claim, Claims, cpu_source, named, on, on_gpu, trusted, where
+from softlab.labbook.words import masses, percent, times
+from softlab.plots.core.apart import apart, too_few
+from softlab.plots.core.backends import on_backends
+from softlab.plots.core.data import Results, Source, is_suspect, is_wrong
+from softlab.plots.core.pairs import shape_ratios
+from softlab.plots.figures.crossover import Pair, crossing, pairs
+from softlab.plots.figures.graphics import drawing_costs, skipped_reason
+from softlab.plots.figures.peers import square_ratios
 
 
 def compared(results: Results, graphics: bool = False) -> tuple[Source | None, list[Pair], str]:

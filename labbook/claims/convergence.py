@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from bench.experiments.accuracy.methods import XPBD
-from bench.experiments.accuracy.points import method_words
-from bench.experiments.convergence import colours
-from labbook import words
-from labbook.claims.claim import MARK, Claim, Claims, named, suspicion
-from labbook.words import number, seconds
-from plots.core.accuracy_points import Point, observed_order, points, reaching
-from plots.core.data import Results
+from softlab.bench.experiments.accuracy.methods import XPBD
+from softlab.bench.experiments.accuracy.points import method_words
+from softlab.bench.experiments.convergence import colours
+from softlab.labbook import words
+from softlab.labbook.claims.claim import MARK, Claim, Claims, named, suspicion
+from softlab.labbook.words import number, seconds
+from softlab.plots.core.accuracy_points import Point, observed_order, points, reaching
+from softlab.plots.core.data import Results
 
 EQUAL = 0.1  # largest relative difference of errors that count as equal
 NEAR = 0.25  # largest difference of an observed order from 1 that counts as agreement

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from bench.experiments.findings.determinism import DETERMINISM, RUNS
-from labbook import words
-from labbook.claims.claim import Claim, Claims, on_gpu
-from labbook.words import percent
-from plots.core.backends import on_backends
-from plots.core.data import Results, Source
-from plots.findings.points import Cost, costs, look_costs
+from softlab.bench.experiments.findings.determinism import DETERMINISM, RUNS
+from softlab.labbook import words
+from softlab.labbook.claims.claim import Claim, Claims, on_gpu
+from softlab.labbook.words import percent
+from softlab.plots.core.backends import on_backends
+from softlab.plots.core.data import Results, Source
+from softlab.plots.findings.points import Cost, costs, look_costs
 
 BOUND = 1.0  # per cent of the time: largest cost of the divergence check
 NAMES = {"cpu": "the CPU", "gpu": "the GPU"}

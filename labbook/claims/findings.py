@@ -11,17 +11,17 @@ from functools import cache
 
 import numpy as np
 
-from bench.experiments.findings.experiment import AWAY, DAMPERS, DAMPING, DISSIPATION, FLOOR, oscillator
-from labbook import words
-from labbook.claims.accuracy import NEAR, SCENE, found_points
-from labbook.claims.claim import Claim, Claims, on_gpu
-from labbook.words import number, percent, seconds
-from model.core.integrators import INTEGRATORS, amplification_matrix
-from plots.core.accuracy_points import observed_order
-from plots.core.apart import apart
-from plots.core.backends import on_backends
-from plots.core.data import Results
-from plots.findings.points import Row, exact_pairs, of_finding
+from softlab.bench.experiments.findings.experiment import AWAY, DAMPERS, DAMPING, DISSIPATION, FLOOR, oscillator
+from softlab.labbook import words
+from softlab.labbook.claims.accuracy import NEAR, SCENE, found_points
+from softlab.labbook.claims.claim import Claim, Claims, on_gpu
+from softlab.labbook.words import number, percent, seconds
+from softlab.model.core.integrators import INTEGRATORS, amplification_matrix
+from softlab.plots.core.accuracy_points import observed_order
+from softlab.plots.core.apart import apart
+from softlab.plots.core.backends import on_backends
+from softlab.plots.core.data import Results
+from softlab.plots.findings.points import Row, exact_pairs, of_finding
 
 NOTHING = 1e-10  # 1/s: rounding of the measurement; smaller rates of dissipation are called none
 # The compute-shader cloth (its own constants): stiffness [N/m], mass [kg], damping [N s/m], the step size that it uses

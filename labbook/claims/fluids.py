@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from bench.experiments.fluid_rest import DEPTH, ENERGY_BOUND, SETTLED, SPEED_BOUND
-from bench.experiments.fluid_rest import TANK as STILL_TANK
-from bench.experiments.fluid_truth import laws
-from bench.experiments.fluid_truth.laws import start_off
-from bench.experiments.fluid_truth.rows import Judged
-from bench.experiments.fluid_truth.scenes import COLUMN, DAM, DROP, TANK, VORTICES
-from labbook import words
-from labbook.claims.claim import SUSPECT, Claim, Claims, where
-from plots.core.backends import on_backends
-from plots.core.data import Results, Source
-from plots.figures.fluids import phases, truth
-from plots.figures.fluids import rest as rest_figure
+from softlab.bench.experiments.fluid_rest import DEPTH, ENERGY_BOUND, SETTLED, SPEED_BOUND
+from softlab.bench.experiments.fluid_rest import TANK as STILL_TANK
+from softlab.bench.experiments.fluid_truth import laws
+from softlab.bench.experiments.fluid_truth.laws import start_off
+from softlab.bench.experiments.fluid_truth.rows import Judged
+from softlab.bench.experiments.fluid_truth.scenes import COLUMN, DAM, DROP, TANK, VORTICES
+from softlab.labbook import words
+from softlab.labbook.claims.claim import SUSPECT, Claim, Claims, where
+from softlab.plots.core.backends import on_backends
+from softlab.plots.core.data import Results, Source
+from softlab.plots.figures.fluids import phases, truth
+from softlab.plots.figures.fluids import rest as rest_figure
 
 # all must hold at once
 BOUNDS = {laws.MEAN: 0.01, laws.LARGEST: 0.03, laws.HEIGHT: 0.01, laws.SPEED: 0.01, laws.PRESSURE: 0.03}

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from bench.experiments.scaling.experiment import ScalingPoint, shares, speedups
-from labbook import words
-from labbook.claims.claim import Claim, Claims
-from plots.core.backends import on_backends
-from plots.core.data import Results, Source
-from plots.figures.scaling.gpus import found_by, masses
+from softlab.bench.experiments.scaling.experiment import ScalingPoint, shares, speedups
+from softlab.labbook import words
+from softlab.labbook.claims.claim import Claim, Claims
+from softlab.plots.core.backends import on_backends
+from softlab.plots.core.data import Results, Source
+from softlab.plots.figures.scaling.gpus import found_by, masses
 
 USUAL = "flags"  # the default link
 Told = Sequence[tuple[ScalingPoint, float, float | None]]

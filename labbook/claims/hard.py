@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from bench.stress.numbers import SLOW_DOWN
-from bench.stress.results import CODES, HardRow, disagreements, in_full, rounding_differences
-from labbook import words
-from labbook.claims.claim import Claim, Claims, committed_of
-from labbook.words import count, number
-from plots.core.data import Results, Source
-from plots.figures.hard import hard_rows
+from softlab.bench.stress.numbers import SLOW_DOWN
+from softlab.bench.stress.results import CODES, HardRow, disagreements, in_full, rounding_differences
+from softlab.labbook import words
+from softlab.labbook.claims.claim import Claim, Claims, committed_of
+from softlab.labbook.words import count, number
+from softlab.plots.core.data import Results, Source
+from softlab.plots.figures.hard import hard_rows
 
 NOT_RUN = "The hard cases were not run."
 HOME = 1e-6  # m: a smaller distance from the hanging grid counts as having returned to it

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from bench.experiments.body_laws import SECONDS, SPIN
-from bench.stress.bodies import OFF_LAW, OFF_NEWTON, OUT_OF_SHAPE, PARTING, SPIN_KEPT
-from bench.stress.piles import BORNE, DEPTH, LOWERED, RATIO, SINKING
-from bench.stress.results import HardRow
-from labbook import words
-from labbook.claims.claim import Claim, Claims
-from labbook.claims.hard import compare_backends, count_verdicts, told
-from labbook.words import count, number, percent, seconds
-from plots.core.data import Results
-from plots.figures.hard_bodies import body_rows
+from softlab.bench.experiments.body_laws import SECONDS, SPIN
+from softlab.bench.stress.bodies import OFF_LAW, OFF_NEWTON, OUT_OF_SHAPE, PARTING, SPIN_KEPT
+from softlab.bench.stress.piles import BORNE, DEPTH, LOWERED, RATIO, SINKING
+from softlab.bench.stress.results import HardRow
+from softlab.labbook import words
+from softlab.labbook.claims.claim import Claim, Claims
+from softlab.labbook.claims.hard import compare_backends, count_verdicts, told
+from softlab.labbook.words import count, number, percent, seconds
+from softlab.plots.core.data import Results
+from softlab.plots.figures.hard_bodies import body_rows
 
 FEW = 0.02  # fraction of the spin that rounding may take without a remark
 

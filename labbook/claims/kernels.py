@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from bench.measure.starts import COLD, WARM
-from labbook import words
-from labbook.claims.claim import Claim, Claims, on, trusted, where
-from labbook.words import masses, number, percent, seconds, times
-from plots.core.apart import apart, too_few
-from plots.core.backends import on_backends
-from plots.core.bandwidth import disturbed, from_memory
-from plots.core.data import Results, Source, sound
-from plots.core.ladder import defaults, fastest, machine_of
-from plots.core.pairs import at_one_size
-from plots.figures.joules import counted_joules, watts
-from plots.figures.roofline import ceilings
+from softlab.bench.measure.starts import COLD, WARM
+from softlab.labbook import words
+from softlab.labbook.claims.claim import Claim, Claims, on, trusted, where
+from softlab.labbook.words import masses, number, percent, seconds, times
+from softlab.plots.core.apart import apart, too_few
+from softlab.plots.core.backends import on_backends
+from softlab.plots.core.bandwidth import disturbed, from_memory
+from softlab.plots.core.data import Results, Source, sound
+from softlab.plots.core.ladder import defaults, fastest, machine_of
+from softlab.plots.core.pairs import at_one_size
+from softlab.plots.figures.joules import counted_joules, watts
+from softlab.plots.figures.roofline import ceilings
 
 
 def choice(results: Results, backend: str) -> Claim:

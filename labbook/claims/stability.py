@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from math import isfinite
 
-from bench.experiments.stability.points import Edge, MapPoint, disagreements
-from labbook import words
-from labbook.claims.claim import Claim, Claims, committed_of
-from labbook.words import percent, seconds, times
-from plots.core.data import Results
-from plots.figures.stability import stability_runs
+from softlab.bench.experiments.stability.points import Edge, MapPoint, disagreements
+from softlab.labbook import words
+from softlab.labbook.claims.claim import Claim, Claims, committed_of
+from softlab.labbook.words import percent, seconds, times
+from softlab.plots.core.data import Results
+from softlab.plots.figures.stability import stability_runs
 
 CLOSE = 0.01  # largest relative difference of a measured edge from the analytic one
 TRAP, REPAIR = "taylor", "semi-implicit-euler"

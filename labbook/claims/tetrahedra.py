@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from math import log10
 
-from bench.experiments.tetrahedral.bars import Bar, bars
-from bench.experiments.tetrahedral.cantilever import BLOCKS, SECOND
-from bench.experiments.tetrahedral.decides import STIFF, Decision, decisions
-from bench.experiments.tetrahedral.meshes import MESH, STEP, meshes, steps
-from bench.experiments.tetrahedral.promised import WITHIN
-from labbook import words
-from labbook.claims.claim import SUSPECT, Claim, Claims, where
-from plots.core.backends import on_backends
-from plots.core.data import Results, Source, judgements
-from plots.figures.tetrahedra import middle
+from softlab.bench.experiments.tetrahedral.bars import Bar, bars
+from softlab.bench.experiments.tetrahedral.cantilever import BLOCKS, SECOND
+from softlab.bench.experiments.tetrahedral.decides import STIFF, Decision, decisions
+from softlab.bench.experiments.tetrahedral.meshes import MESH, STEP, meshes, steps
+from softlab.bench.experiments.tetrahedral.promised import WITHIN
+from softlab.labbook import words
+from softlab.labbook.claims.claim import SUSPECT, Claim, Claims, where
+from softlab.plots.core.backends import on_backends
+from softlab.plots.core.data import Results, Source, judgements
+from softlab.plots.figures.tetrahedra import middle
 
 ENOUGH = 0.05  # of the displacement: the requested error in motion
 PRECISION = "float64"  # the precision in which rounding does not add to the solver's error

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from bench.experiments.throughput import ThroughputPoint
-from labbook import words
-from labbook.claims.claim import Claim, Claims, where
-from plots.core.data import Results
-from plots.figures.throughput import panels
+from softlab.bench.experiments.throughput import ThroughputPoint
+from softlab.labbook import words
+from softlab.labbook.claims.claim import Claim, Claims, where
+from softlab.plots.core.data import Results
+from softlab.plots.figures.throughput import panels
 
 
 def heaps(results: Results) -> Claim:

@@ -8,13 +8,13 @@ from time import perf_counter
 
 from PIL import Image
 
-from app.driver import open_simulation
-from app.output.offscreen import OffscreenRenderer
-from labbook.film.canvas import FAINT, INK, MARGIN, Area
-from labbook.words import count as counted
-from labbook.words import seconds
-from model.core.simulation import Simulation
-from model.scene.scene import load_scene
+from softlab.app.driver import open_simulation
+from softlab.app.output.offscreen import OffscreenRenderer
+from softlab.labbook.film.canvas import FAINT, INK, MARGIN, Area
+from softlab.labbook.words import count as counted
+from softlab.labbook.words import seconds
+from softlab.model.core.simulation import Simulation
+from softlab.model.scene.scene import load_scene
 
 SHOWN = ("cloth-sphere", "soft-pile")
 SLOWED = 2.0  # times: a fall of half a metre is too short to follow at true speed

@@ -1,7 +1,7 @@
 """Makes the film: script, narration, frames, and one MP4 with a file of captions.
 
->>> from labbook.film.film import write_film
->>> from plots.core.read import load
+>>> from softlab.labbook.film.film import write_film
+>>> from softlab.plots.core.read import load
 >>> write_film(load("softlab-results/results.sqlite"), Path("film.mp4"))
 """
 
@@ -16,19 +16,19 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from app.output.offscreen import OffscreenRenderer
-from app.output.video import CLIP, VideoWriter, ffmpeg_path
-from app.output.voice import speak
-from bench.measure.progress import progress_bar
-from gpu_backend.core.device import gpu_available, simulated
-from labbook.film.canvas import FULL, Format, Stage
-from labbook.film.script import script
-from labbook.film.sound import breaths, read_sound, spoken, write_track
-from labbook.film.timeline import Part, Shot, caption_at, fitted, reading_seconds, subtitles, timeline
-from model.core.errors import InputError
-from model.core.files import check_target, replacing
-from model.scene.scene import load_scene
-from plots.core.data import Results
+from softlab.app.output.offscreen import OffscreenRenderer
+from softlab.app.output.video import CLIP, VideoWriter, ffmpeg_path
+from softlab.app.output.voice import speak
+from softlab.bench.measure.progress import progress_bar
+from softlab.gpu_backend.core.device import gpu_available, simulated
+from softlab.labbook.film.canvas import FULL, Format, Stage
+from softlab.labbook.film.script import script
+from softlab.labbook.film.sound import breaths, read_sound, spoken, write_track
+from softlab.labbook.film.timeline import Part, Shot, caption_at, fitted, reading_seconds, subtitles, timeline
+from softlab.model.core.errors import InputError
+from softlab.model.core.files import check_target, replacing
+from softlab.model.scene.scene import load_scene
+from softlab.plots.core.data import Results
 
 BEGUN, SPEECH = 0.02, 0.25  # fractions of the progress bar: the script, and the narration, if there is a voice
 SUBTITLES = ".srt"

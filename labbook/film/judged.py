@@ -13,19 +13,19 @@ from math import log10
 import numpy as np
 from PIL import Image, ImageDraw
 
-from app.driver import open_simulation
-from app.output.offscreen import OffscreenRenderer
-from bench.experiments.accuracy.judge import distance
-from bench.experiments.accuracy.points import SCENES, end_of
-from labbook.film.canvas import CPU, FAINT, GPU, INK, LINE, MARGIN, WARNING, WHITE, Area, Canvas, Colour
-from labbook.words import number, seconds
-from model.core.build import build
-from model.core.errors import Diverged
-from model.core.families import stability_limit
-from model.scene.scene import Scene, load_scene
-from plots.core.accuracy_points import Point, points
-from plots.core.data import Results
-from plots.figures.work_precision import accurate_source
+from softlab.app.driver import open_simulation
+from softlab.app.output.offscreen import OffscreenRenderer
+from softlab.bench.experiments.accuracy.judge import distance
+from softlab.bench.experiments.accuracy.points import SCENES, end_of
+from softlab.labbook.film.canvas import CPU, FAINT, GPU, INK, LINE, MARGIN, WARNING, WHITE, Area, Canvas, Colour
+from softlab.labbook.words import number, seconds
+from softlab.model.core.build import build
+from softlab.model.core.errors import Diverged
+from softlab.model.core.families import stability_limit
+from softlab.model.scene.scene import Scene, load_scene
+from softlab.plots.core.accuracy_points import Point, points
+from softlab.plots.core.data import Results
+from softlab.plots.figures.work_precision import accurate_source
 
 SCENE = "S1"
 METHODS: tuple[tuple[str, str, Colour], ...] = (

@@ -8,15 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 from PIL import Image
 
-from app.driver import open_simulation
-from app.output.offscreen import OffscreenRenderer
-from bench.store.results import Timing
-from labbook.film.canvas import CPU, FAINT, FOOT, GPU, LINE, MARGIN, Area, Canvas, Colour
-from labbook.words import count as counted
-from labbook.words import number, seconds
-from model.scene.scene import Scene
-from plots.core.data import Results, Source, is_suspect, is_wrong
-from plots.figures.crossover import pairs
+from softlab.app.driver import open_simulation
+from softlab.app.output.offscreen import OffscreenRenderer
+from softlab.bench.store.results import Timing
+from softlab.labbook.film.canvas import CPU, FAINT, FOOT, GPU, LINE, MARGIN, Area, Canvas, Colour
+from softlab.labbook.words import count as counted
+from softlab.labbook.words import number, seconds
+from softlab.model.scene.scene import Scene
+from softlab.plots.core.data import Results, Source, is_suspect, is_wrong
+from softlab.plots.figures.crossover import pairs
 
 MOST_LINES = 64  # lines of a grid that are drawn; of a finer one every n-th
 # fraction of its height that a grid falls, at the speed that its dampers allow: the visible part of the motion

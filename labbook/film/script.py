@@ -7,15 +7,15 @@ from __future__ import annotations
 
 from functools import partial
 
-from labbook.build import told
-from labbook.film import stills
-from labbook.film.bodies import SLOWED, draw_bodies
-from labbook.film.canvas import Format
-from labbook.film.judged import METHODS, SCENE, Judged, breaking, draw_breaking, draw_errors, judged
-from labbook.film.race import Race, draw_race, races
-from labbook.film.timeline import Line, Shot
-from labbook.words import listed, masses, number, seconds, times
-from plots.core.data import Results
+from softlab.labbook.build import told
+from softlab.labbook.film import stills
+from softlab.labbook.film.bodies import SLOWED, draw_bodies
+from softlab.labbook.film.canvas import Format
+from softlab.labbook.film.judged import METHODS, SCENE, Judged, breaking, draw_breaking, draw_errors, judged
+from softlab.labbook.film.race import Race, draw_race, races
+from softlab.labbook.film.timeline import Line, Shot
+from softlab.labbook.words import listed, masses, number, seconds, times
+from softlab.plots.core.data import Results
 
 INTRODUCTION = "A grid of masses and springs, computed twice: by the threads of a CPU, and by CUDA on a GPU."
 QUESTION = "How fast is it, how wrong, and where does it break?"

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from labbook import words
-from labbook.film.timeline import Part
+from softlab.labbook import words
+from softlab.labbook.film.timeline import Part
 
 LOUDNESS = -20.0  # dB of full scale: root mean square while a voice speaks
 PEAK = -1.5  # dB of full scale: largest value

@@ -9,15 +9,15 @@ from itertools import repeat
 import numpy as np
 from PIL import Image
 
-from app.output.offscreen import OffscreenRenderer
-from labbook.answer import answer_tables
-from labbook.film.canvas import BAND, CPU, FAINT, FOOT, GPU, INK, LINE, MARGIN, Area
-from labbook.film.judged import Judged
-from model.core.errors import SoftlabError
-from plots.core.data import Results
-from plots.core.draw import FIGURES
-from plots.core.files import lay_out
-from plots.core.style import Drawing, settings
+from softlab.app.output.offscreen import OffscreenRenderer
+from softlab.labbook.answer import answer_tables
+from softlab.labbook.film.canvas import BAND, CPU, FAINT, FOOT, GPU, INK, LINE, MARGIN, Area
+from softlab.labbook.film.judged import Judged
+from softlab.model.core.errors import SoftlabError
+from softlab.plots.core.data import Results
+from softlab.plots.core.draw import FIGURES
+from softlab.plots.core.files import lay_out
+from softlab.plots.core.style import Drawing, settings
 
 TITLE = "Soft-body lab"
 ROW = 31.0  # pixels

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from labbook.film.canvas import Format, Picture
+from softlab.labbook.film.canvas import Format, Picture
 
 LEAD, PAUSE, TAIL = 0.4, 0.35, 0.5  # s before the first sentence of a shot, between two, and after the last
 READING = 17.0  # characters per second, of captions without a voice

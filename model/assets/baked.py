@@ -14,18 +14,18 @@ from typing import Any
 
 import numpy as np
 
-from model.assets.baked_body import BakedBody, Report
-from model.assets.skin import INFLUENCES, Skin
-from model.assets.soft_body import MATERIAL, Meshes, RigidBody
-from model.assets.soft_sheet import SoftSheet
-from model.core.digest import ROOT, source_digest
-from model.core.disk_cache import cache_folder, kept
-from model.core.errors import InputError, SoftlabError
-from model.core.waiting import work
-from model.geometry.mesh import mesh_bytes, read_mesh
-from model.geometry.shapes import Shape
-from model.shape_matching.clusters import Clusters
-from model.shape_matching.lattice import Lattice
+from softlab.model.assets.baked_body import BakedBody, Report
+from softlab.model.assets.skin import INFLUENCES, Skin
+from softlab.model.assets.soft_body import MATERIAL, Meshes, RigidBody
+from softlab.model.assets.soft_sheet import SoftSheet
+from softlab.model.core.digest import ROOT, source_digest
+from softlab.model.core.disk_cache import cache_folder, kept
+from softlab.model.core.errors import InputError, SoftlabError
+from softlab.model.core.waiting import work
+from softlab.model.geometry.mesh import mesh_bytes, read_mesh
+from softlab.model.geometry.shapes import Shape
+from softlab.model.shape_matching.clusters import Clusters
+from softlab.model.shape_matching.lattice import Lattice
 
 VERSION = 2  # of the files: what is in them, and how
 ROOMS = ("assets", "geometry", "shape_matching")  # of the model: the code that makes bodies

@@ -14,8 +14,8 @@ from weakref import WeakValueDictionary
 
 import numpy as np
 
-from model.assets import tetrahedral_body
-from model.assets.tetrahedral_body import (
+from softlab.model.assets import tetrahedral_body
+from softlab.model.assets.tetrahedral_body import (
     DENSITY,
     CookedBody,
     body_of_surface,
@@ -23,21 +23,21 @@ from model.assets.tetrahedral_body import (
     body_of_voxels,
     scaled,
 )
-from model.core.digest import ROOT, source_digest
-from model.core.disk_cache import cache_folder, kept
-from model.core.errors import InputError, SceneError, SoftlabError
-from model.core.files import check_source, is_there, read_archive
-from model.core.waiting import work
-from model.geometry.mesh import TriangleMesh, mesh_bytes, read_mesh, triangle_mesh
-from model.geometry.mesh_files import FORMATS, read_arrays
-from model.geometry.repair import simplified, united
-from model.geometry.shapes import Shape, ShapeName
-from model.geometry.solid import as_mesh, filled
-from model.geometry.tetrahedra.embedding import Embedding
-from model.geometry.tetrahedra.files import READERS, files_of, holds_tetrahedra, read_tetrahedra, write_arrays
-from model.geometry.tetrahedra.mesh import TetrahedralMesh, check_density
-from model.geometry.tetrahedra.report import Report
-from model.geometry.tetrahedra.voxels import PerVoxel
+from softlab.model.core.digest import ROOT, source_digest
+from softlab.model.core.disk_cache import cache_folder, kept
+from softlab.model.core.errors import InputError, SceneError, SoftlabError
+from softlab.model.core.files import check_source, is_there, read_archive
+from softlab.model.core.waiting import work
+from softlab.model.geometry.mesh import TriangleMesh, mesh_bytes, read_mesh, triangle_mesh
+from softlab.model.geometry.mesh_files import FORMATS, read_arrays
+from softlab.model.geometry.repair import simplified, united
+from softlab.model.geometry.shapes import Shape, ShapeName
+from softlab.model.geometry.solid import as_mesh, filled
+from softlab.model.geometry.tetrahedra.embedding import Embedding
+from softlab.model.geometry.tetrahedra.files import READERS, files_of, holds_tetrahedra, read_tetrahedra, write_arrays
+from softlab.model.geometry.tetrahedra.mesh import TetrahedralMesh, check_density
+from softlab.model.geometry.tetrahedra.report import Report
+from softlab.model.geometry.tetrahedra.voxels import PerVoxel
 
 VERSION = 2  # of the files: what is in them, and how
 SHAPES = tuple(

@@ -10,18 +10,18 @@ from typing import Any
 
 import numpy as np
 
-from model.core.errors import InputError, SoftlabError
-from model.core.waiting import report
-from model.geometry.arithmetic.ordered import norm, total
-from model.geometry.edges import NonManifold, components, edge_uses
-from model.geometry.measures import triangle_areas
-from model.geometry.mending.holes import rims, width
-from model.geometry.mending.welding import many, welded
-from model.geometry.mesh import TriangleMesh, triangle_mesh
-from model.geometry.mesh_files import READERS as SURFACES
-from model.geometry.mesh_files import read_arrays
-from model.geometry.solid import Solid, solid
-from model.geometry.tetrahedra.files import holds_tetrahedra, read_tetrahedra
+from softlab.model.core.errors import InputError, SoftlabError
+from softlab.model.core.waiting import report
+from softlab.model.geometry.arithmetic.ordered import norm, total
+from softlab.model.geometry.edges import NonManifold, components, edge_uses
+from softlab.model.geometry.measures import triangle_areas
+from softlab.model.geometry.mending.holes import rims, width
+from softlab.model.geometry.mending.welding import many, welded
+from softlab.model.geometry.mesh import TriangleMesh, triangle_mesh
+from softlab.model.geometry.mesh_files import READERS as SURFACES
+from softlab.model.geometry.mesh_files import read_arrays
+from softlab.model.geometry.solid import Solid, solid
+from softlab.model.geometry.tetrahedra.files import holds_tetrahedra, read_tetrahedra
 
 METRES = (".glb", ".gltf")  # formats whose unit is the metre
 LARGEST_IN_METRES, LARGEST_IN_CENTIMETRES, LARGEST_IN_MILLIMETRES = 20.0, 250.0, 20_000.0  # longest sides, guessed

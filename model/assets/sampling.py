@@ -11,13 +11,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from model.core.errors import InputError, SceneError
-from model.geometry.arithmetic.functions import whole_power
-from model.geometry.arithmetic.ordered import dot, mean, norm, total
-from model.geometry.measures import triangle_areas
-from model.geometry.neighbours import nearest, spread
-from model.geometry.solid import Solid
-from model.geometry.voxels import Runs, divided, runs_inside
+from softlab.model.core.errors import InputError, SceneError
+from softlab.model.geometry.arithmetic.functions import whole_power
+from softlab.model.geometry.arithmetic.ordered import dot, mean, norm, total
+from softlab.model.geometry.measures import triangle_areas
+from softlab.model.geometry.neighbours import nearest, spread
+from softlab.model.geometry.solid import Solid
+from softlab.model.geometry.voxels import Runs, divided, runs_inside
 
 CLOSEST = 0.9  # spacings: over sqrt(3)/2, the farthest from a full lattice's points, so that none is added within it
 REACH = 3**0.5 / 2  # spacings: what lies so near to a particle counts as covered, as all does in a full lattice

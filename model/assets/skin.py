@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from model.geometry.measures import unit
-from model.geometry.normals import mesh_normals
+from softlab.model.geometry.measures import unit
+from softlab.model.geometry.normals import mesh_normals
 
 INFLUENCES = 4  # clusters of a vertex
 BATCH = 1 << 22  # distances at once

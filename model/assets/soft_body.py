@@ -11,18 +11,18 @@ from typing import Annotated, Any, ClassVar, TypeVar
 import numpy as np
 from pydantic import Field, ValidationError, model_validator
 
-from model.assets.baked_body import BakedBody, Report, report_of
-from model.assets.material import Material, even
-from model.assets.sampling import sample
-from model.assets.skin import make_skin
-from model.core.errors import SceneError
-from model.geometry.mesh import TriangleMesh
-from model.geometry.neighbours import TooMany, close_pairs
-from model.geometry.solid import as_mesh, solid
-from model.scene.parts import Flag, NotNegative, Part, Positive
-from model.scene.words import scene_error
-from model.shape_matching.clustering import check, gather, one_cluster
-from model.shape_matching.clusters import Clusters
+from softlab.model.assets.baked_body import BakedBody, Report, report_of
+from softlab.model.assets.material import Material, even
+from softlab.model.assets.sampling import sample
+from softlab.model.assets.skin import make_skin
+from softlab.model.core.errors import SceneError
+from softlab.model.geometry.mesh import TriangleMesh
+from softlab.model.geometry.neighbours import TooMany, close_pairs
+from softlab.model.geometry.solid import as_mesh, solid
+from softlab.model.scene.parts import Flag, NotNegative, Part, Positive
+from softlab.model.scene.words import scene_error
+from softlab.model.shape_matching.clustering import check, gather, one_cluster
+from softlab.model.shape_matching.clusters import Clusters
 
 SPACINGS = 2.0  # of the clusters' centres in particle spacings, unless given
 OVERLAP = 1.25  # of their radius in their spacings, unless given

@@ -11,8 +11,8 @@ from functools import cache
 
 import numpy as np
 
-from model.geometry.arithmetic.functions import cosine, sine
-from model.geometry.surfaces.surface_nets import Field
+from softlab.model.geometry.arithmetic.functions import cosine, sine
+from softlab.model.geometry.surfaces.surface_nets import Field
 
 
 def _segments(points: np.ndarray, nodes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -7,17 +7,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from model.core.errors import InputError
-from model.geometry.arithmetic.ordered import dot, mean, total
-from model.geometry.mesh import TriangleMesh
-from model.geometry.mesh_files import check_vertices
-from model.geometry.solid import as_mesh, solid
-from model.geometry.tetrahedra.conforming import conforming_mesh
-from model.geometry.tetrahedra.embedding import Embedding
-from model.geometry.tetrahedra.fractions import MIN_STIFFNESS, mean_of_four
-from model.geometry.tetrahedra.mesh import TetrahedralMesh, check_density
-from model.geometry.tetrahedra.report import Report, report_of
-from model.geometry.tetrahedra.voxels import PerVoxel, edge_of, voxel_mesh
+from softlab.model.core.errors import InputError
+from softlab.model.geometry.arithmetic.ordered import dot, mean, total
+from softlab.model.geometry.mesh import TriangleMesh
+from softlab.model.geometry.mesh_files import check_vertices
+from softlab.model.geometry.solid import as_mesh, solid
+from softlab.model.geometry.tetrahedra.conforming import conforming_mesh
+from softlab.model.geometry.tetrahedra.embedding import Embedding
+from softlab.model.geometry.tetrahedra.fractions import MIN_STIFFNESS, mean_of_four
+from softlab.model.geometry.tetrahedra.mesh import TetrahedralMesh, check_density
+from softlab.model.geometry.tetrahedra.report import Report, report_of
+from softlab.model.geometry.tetrahedra.voxels import PerVoxel, edge_of, voxel_mesh
 
 DENSITY = 1000.0  # kg/m^3: water's, as jelly's
 

@@ -7,14 +7,14 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from model.contact.surface_collider import SurfaceCollider
-from model.core.errors import InputError
-from model.formulas.triangle_tree import CORNERS, NODE
-from model.geometry.measures import triangle_areas
-from model.geometry.mending.welding import without_flat
-from model.geometry.mesh_files import read_arrays
-from model.geometry.topology import mesh_path
-from model.geometry.triangle_tree import order_of, tree_numbers
+from softlab.model.contact.surface_collider import SurfaceCollider
+from softlab.model.core.errors import InputError
+from softlab.model.formulas.triangle_tree import CORNERS, NODE
+from softlab.model.geometry.measures import triangle_areas
+from softlab.model.geometry.mending.welding import without_flat
+from softlab.model.geometry.mesh_files import read_arrays
+from softlab.model.geometry.topology import mesh_path
+from softlab.model.geometry.triangle_tree import order_of, tree_numbers
 
 MIN_AREA = 5e-18  # m^2: the square of a smaller area is 0 in float32
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from model.core.parameters import rounded_record
-from model.scene.scene import Scene
+from softlab.model.core.parameters import rounded_record
+from softlab.model.scene.scene import Scene
 
 MAX_NEIGHBOURS = 32  # of one particle; those beyond are counted as lost
 MARGIN = 0.2  # of the distance: additional search distance, as iterations may bring particles nearer

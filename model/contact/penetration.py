@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from model.geometry.measures import nearest_weights
-from model.geometry.neighbours import SLACK
-from model.geometry.sheets import cell_corners, split_cells
+from softlab.model.geometry.measures import nearest_weights
+from softlab.model.geometry.neighbours import SLACK
+from softlab.model.geometry.sheets import cell_corners, split_cells
 
 NEAR = 0.8  # of the thickness: nearer pairs of edges count as missed
 BATCH = 1 << 20  # pairs per batch

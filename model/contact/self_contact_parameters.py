@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from model.core.parameters import rounded_record
-from model.scene.scene import Scene
-from model.scene.self_collision import MAX_CONTACTS as MAX_CONTACTS
+from softlab.model.core.parameters import rounded_record
+from softlab.model.scene.scene import Scene
+from softlab.model.scene.self_collision import MAX_CONTACTS as MAX_CONTACTS
 
 SELF_CONTACT_PARAMETERS = (
     "thickness",  # m

@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from model.contact.particle_parameters import G_DISTANCE, kinds_of_particles, pair_rows
-from model.contact.surface_parameters import APART, contact_surface
-from model.geometry.neighbours import TooMany, close_pairs
-from model.scene.scene import Scene
+from softlab.model.contact.particle_parameters import G_DISTANCE, kinds_of_particles, pair_rows
+from softlab.model.contact.surface_parameters import APART, contact_surface
+from softlab.model.geometry.neighbours import TooMany, close_pairs
+from softlab.model.scene.scene import Scene
 
 CAUGHT = 0.7  # of the contact distance: nearer pairs are not at rest in a heap
 MAX_PARTICLES = 200_000  # above this number the search for trapped particles takes too long, and is omitted

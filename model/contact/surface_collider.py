@@ -9,12 +9,12 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from model.core.errors import SceneError
-from model.geometry.arithmetic.ordered import applied, norm
-from model.geometry.measures import rotation_matrix
-from model.scene.cloth import Collider
-from model.scene.mesh_source import MeshSource
-from model.scene.parts import ZERO, Positive, Vector
+from softlab.model.core.errors import SceneError
+from softlab.model.geometry.arithmetic.ordered import applied, norm
+from softlab.model.geometry.measures import rotation_matrix
+from softlab.model.scene.cloth import Collider
+from softlab.model.scene.mesh_source import MeshSource
+from softlab.model.scene.parts import ZERO, Positive, Vector
 
 
 class SurfaceCollider(MeshSource, Collider):

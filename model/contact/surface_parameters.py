@@ -9,7 +9,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from model.contact.particle_parameters import (
+from softlab.model.contact.particle_parameters import (
     G_DISTANCE,
     G_NEIGHBOURS,
     G_OWN,
@@ -18,8 +18,8 @@ from model.contact.particle_parameters import (
     PAIR_FIELDS,
     PAIRS,
 )
-from model.core.parameters import rounded_record
-from model.formulas.contact import (
+from softlab.model.core.parameters import rounded_record
+from softlab.model.formulas.contact import (
     FACE,
     FIRST,
     FIRST_SECOND,
@@ -29,11 +29,11 @@ from model.formulas.contact import (
     SHEET,
     THIRD,
 )
-from model.geometry.arithmetic.ordered import norm
-from model.geometry.lists import Lists, grouped
-from model.scene.scene import Scene
-from model.tetrahedra.attachments import contact_free
-from model.tetrahedra.body_set import TetrahedraSet
+from softlab.model.geometry.arithmetic.ordered import norm
+from softlab.model.geometry.lists import Lists, grouped
+from softlab.model.scene.scene import Scene
+from softlab.model.tetrahedra.attachments import contact_free
+from softlab.model.tetrahedra.body_set import TetrahedraSet
 
 SURFACE_CONTACT_PARAMETERS = (
     "thickness",  # m, distance between surfaces

@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from model.core.errors import InputError
-from model.fluid.measure import pressures
-from model.scene.scene import Scene
-from model.scene.sheets import scene_normals
+from softlab.model.core.errors import InputError
+from softlab.model.fluid.measure import pressures
+from softlab.model.scene.scene import Scene
+from softlab.model.scene.sheets import scene_normals
 
 
 class Backend(ABC):

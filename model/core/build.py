@@ -11,21 +11,21 @@ from weakref import WeakValueDictionary
 
 import numpy as np
 
-from model.core.memory import require_sheet
-from model.core.pins import pin_indices
-from model.fluid.fluid_set import PARKED, FluidSet
-from model.geometry.arithmetic.functions import cosine, sine
-from model.geometry.sheets import sheet_positions
-from model.geometry.topology import mesh_of, pinned_vertices, vertex_masses
-from model.scene.cloth import Cloth, Fold
-from model.scene.kinds import SHEETS
-from model.scene.mesh import Mesh
-from model.scene.parts import Grid
-from model.scene.scene import Scene
-from model.scene.self_collision import CONTACT_BYTES
-from model.shape_matching.body_set import BodySet
-from model.tetrahedra.body_set import TetrahedraSet
-from model.world.world_set import WorldSet
+from softlab.model.core.memory import require_sheet
+from softlab.model.core.pins import pin_indices
+from softlab.model.fluid.fluid_set import PARKED, FluidSet
+from softlab.model.geometry.arithmetic.functions import cosine, sine
+from softlab.model.geometry.sheets import sheet_positions
+from softlab.model.geometry.topology import mesh_of, pinned_vertices, vertex_masses
+from softlab.model.scene.cloth import Cloth, Fold
+from softlab.model.scene.kinds import SHEETS
+from softlab.model.scene.mesh import Mesh
+from softlab.model.scene.parts import Grid
+from softlab.model.scene.scene import Scene
+from softlab.model.scene.self_collision import CONTACT_BYTES
+from softlab.model.shape_matching.body_set import BodySet
+from softlab.model.tetrahedra.body_set import TetrahedraSet
+from softlab.model.world.world_set import WorldSet
 
 MASS_BYTES = 160  # host memory per mass: position, velocity and inverse mass in float64, two solver states, a snapshot
 

@@ -17,7 +17,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[2]  # where the layers lie: the checkout, or the installed package
 FOREIGN = frozenset(
     {"numba", "numpy", "llvmlite", *sys.stdlib_module_names}
 )  # told by name: kernels name their versions
@@ -157,7 +157,8 @@ def backend_sources(backend: str) -> tuple[Path, ...]:
     """What a backend (`cpu` or `gpu`) is made of, for `source_digest`: its package, the formulas, the records of
     constants, and the modules of `model` that it imports."""
     package, formulas = ROOT / f"{backend}_backend", ROOT / "model" / "formulas"
-    files = {ROOT / f"{name.replace('.', '/')}.py" for file in package.rglob("*.py") for name in _imported(file)}
+    imported = {name.removeprefix("softlab.") for file in package.rglob("*.py") for name in _imported(file)}
+    files = {ROOT / f"{name.replace('.', '/')}.py" for name in imported}
     files |= set(
         (ROOT / "model").glob("*/*parameters.py")
     )  # kernels read their fields by name and import nothing of them

@@ -15,8 +15,8 @@ from typing import TypeVar
 
 import numpy as np
 
-from model.core.errors import InputError
-from model.core.files import replacing
+from softlab.model.core.errors import InputError
+from softlab.model.core.files import replacing
 
 Kept = TypeVar("Kept")
 

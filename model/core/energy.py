@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from model.core.build import masses
-from model.core.families import family_of
-from model.scene.scene import Scene
-from model.shape_matching.spare import absent
+from softlab.model.core.build import masses
+from softlab.model.core.families import family_of
+from softlab.model.scene.scene import Scene
+from softlab.model.shape_matching.spare import absent
 
 
 def spring_strain(

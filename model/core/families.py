@@ -3,18 +3,18 @@ each backend's package."""
 
 from __future__ import annotations
 
-from model.core.errors import SceneError
-from model.core.family import SolverFamily
-from model.core.plan import Plan
-from model.fluid.family import FLUID
-from model.mass_spring.family import CLOTH, GRID
-from model.scene.scene import Scene
-from model.shape_matching.family import BODIES, WINDOWS
-from model.tetrahedra.family import TETRAHEDRA
-from model.tetrahedra.newton import TETRAHEDRA_NEWTON
-from model.tetrahedra.vbd import TETRAHEDRA_VBD
-from model.world.family import WORLD
-from model.xpbd.family import MESH, SHEET
+from softlab.model.core.errors import SceneError
+from softlab.model.core.family import SolverFamily
+from softlab.model.core.plan import Plan
+from softlab.model.fluid.family import FLUID
+from softlab.model.mass_spring.family import CLOTH, GRID
+from softlab.model.scene.scene import Scene
+from softlab.model.shape_matching.family import BODIES, WINDOWS
+from softlab.model.tetrahedra.family import TETRAHEDRA
+from softlab.model.tetrahedra.newton import TETRAHEDRA_NEWTON
+from softlab.model.tetrahedra.vbd import TETRAHEDRA_VBD
+from softlab.model.world.family import WORLD
+from softlab.model.xpbd.family import MESH, SHEET
 
 FAMILIES = (GRID, CLOTH, SHEET, MESH, WINDOWS, BODIES, TETRAHEDRA, TETRAHEDRA_VBD, TETRAHEDRA_NEWTON, FLUID, WORLD)
 
@@ -29,11 +29,34 @@ def family_of(scene: Scene) -> SolverFamily:
 
 
 def scene_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
-    """What one step of the scene consists of; `live`: parts that may be switched on while running."""
+    """List what one step of a scene consists of.
+
+    Parameters
+    ----------
+    scene : Scene
+    live : frozenset of str
+        Parts that may be switched on while running.
+
+    Returns
+    -------
+    Plan
+        Stages, with bytes and operations per particle, in order.
+    """
     return family_of(scene).plan(scene, live)
 
 
 def stability_limit(scene: Scene, frequency: float | None = None) -> float:
-    """The largest step size [s] at which the scene's method is stable for any state (may be inf or 0), also once its pins
-    have let go; `frequency`: see SolverFamily."""
+    """Compute the largest step size at which the scene's method is stable for any state.
+
+    Parameters
+    ----------
+    scene : Scene
+    frequency : float, optional
+        Largest angular frequency of the scene, rad/s, where it is known already.
+
+    Returns
+    -------
+    float
+        Step size, s; may be inf or 0.
+    """
     return min(family_of(one).limit(one, frequency) for one in (scene, *(later for _, later in scene.phases)))

@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from model.core.clock import Clock
-from model.core.plan import Plan
-from model.domains.bodies import Apart
-from model.domains.decomposition import Reach
-from model.domains.partitions import SharedMesh
-from model.scene.motion import RELEASE
-from model.scene.scene import Scene
+from softlab.model.core.clock import Clock
+from softlab.model.core.plan import Plan
+from softlab.model.domains.bodies import Apart
+from softlab.model.domains.decomposition import Reach
+from softlab.model.domains.partitions import SharedMesh
+from softlab.model.scene.motion import RELEASE
+from softlab.model.scene.scene import Scene
 
 
 @dataclass(frozen=True)

@@ -13,10 +13,10 @@ from math import inf, sqrt
 
 import numpy as np
 
-from model.core.build import pinned_indices
-from model.geometry.topology import vertex_masses
-from model.mass_spring.cloth_bounds import laplacian_bound
-from model.scene.scene import Scene
+from softlab.model.core.build import pinned_indices
+from softlab.model.geometry.topology import vertex_masses
+from softlab.model.mass_spring.cloth_bounds import laplacian_bound
+from softlab.model.scene.scene import Scene
 
 
 def _lab_limit(w: float, gamma: float) -> float:

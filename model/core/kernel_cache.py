@@ -21,10 +21,10 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from model.core.disk_cache import user_cache
-from model.core.errors import InputError
-from model.core.files import replacing
-from model.core.waiting import Watchers
+from softlab.model.core.disk_cache import user_cache
+from softlab.model.core.errors import InputError
+from softlab.model.core.files import replacing
+from softlab.model.core.waiting import Watchers
 
 MAX_BYTES = 1 << 30  # of cached machine code; above it the half that was unused for longest is deleted
 SECONDS = "seconds.json"  # of each kernel's last compilation, by label

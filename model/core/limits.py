@@ -10,8 +10,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from math import pi
 
-from model.fluid.family import RESTS
-from model.scene.scene import Scene
+from softlab.model.fluid.family import RESTS
+from softlab.model.scene.scene import Scene
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from model.core.errors import SceneError
-from model.scene.cloth import CONSTRAINT_KINDS
-from model.scene.scene import Scene
+from softlab.model.core.errors import SceneError
+from softlab.model.scene.cloth import CONSTRAINT_KINDS
+from softlab.model.scene.scene import Scene
 
 PRECISIONS = {"float32": np.float32, "float64": np.float64}
 MATHS = ("fast", "exact")

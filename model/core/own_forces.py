@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from model.core.plan import Plan
-from model.formulas import distance, random
-from model.scene.scene import Scene
+from softlab.model.core.plan import Plan
+from softlab.model.formulas import distance, random
+from softlab.model.scene.scene import Scene
 
 # indices into the integers that kernels read; POKED: 1 + the particle, 0 for none; FIRST: window's first particle
 # (grids)

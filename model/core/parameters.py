@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from model.core.clock import START, Clock
-from model.core.errors import SceneError
-from model.core.integrators import damping_rate
-from model.core.own_forces import own_fields, own_names, own_values
-from model.scene.scene import Scene
+from softlab.model.core.clock import START, Clock
+from softlab.model.core.errors import SceneError
+from softlab.model.core.integrators import damping_rate
+from softlab.model.core.own_forces import own_fields, own_names, own_values
+from softlab.model.scene.scene import Scene
 
 PARAMETERS = (
     "dt",  # s

@@ -15,20 +15,20 @@ from typing import Any
 
 import numpy as np
 
-from model.core.build import Body, build
-from model.core.clock import START, Clock, clock_of
-from model.core.energy import energies, spring_strain
-from model.core.errors import Diverged, InputError, SceneError
-from model.core.families import family_of, stability_limit
-from model.core.options import PRECISIONS, Options, check_live
-from model.core.plan import Executor, Plan, StageRun
-from model.core.stability.divergence import DIVERGED_SIZE, check_interval
-from model.core.state import State, checked_arrays
-from model.core.stepping import Stepping
-from model.fluid.flow import taps_at_start, turned
-from model.scene.scene import Scene
-from model.shape_matching import spare
-from model.shape_matching.cluster_tables import checked_clusters, every_plastic
+from softlab.model.core.build import Body, build
+from softlab.model.core.clock import START, Clock, clock_of
+from softlab.model.core.energy import energies, spring_strain
+from softlab.model.core.errors import Diverged, InputError, SceneError
+from softlab.model.core.families import family_of, stability_limit
+from softlab.model.core.options import PRECISIONS, Options, check_live
+from softlab.model.core.plan import Executor, Plan, StageRun
+from softlab.model.core.stability.divergence import DIVERGED_SIZE, check_interval
+from softlab.model.core.state import State, checked_arrays
+from softlab.model.core.stepping import Stepping
+from softlab.model.fluid.flow import taps_at_start, turned
+from softlab.model.scene.scene import Scene
+from softlab.model.shape_matching import spare
+from softlab.model.shape_matching.cluster_tables import checked_clusters, every_plastic
 
 
 class Simulation(Stepping):
@@ -76,8 +76,15 @@ class Simulation(Stepping):
         return self._executor.stages
 
     def warm_up(self, steps: int = 1) -> None:
-        """Compile, and on a GPU capture, what `steps` steps need, and keep the state: the first `advance` of a simulation
-        contains this otherwise, up to a minute."""
+        """Compile, and on a GPU capture, what `steps` steps need, and keep the state.
+
+        Otherwise the first `advance` includes compiling, which takes up to a minute.
+
+        Parameters
+        ----------
+        steps : int
+            Steps of the later calls of `advance`.
+        """
         start = self.state()
         with suppress(Diverged):  # the run itself will detect and report it
             self.advance(steps)
@@ -98,7 +105,17 @@ class Simulation(Stepping):
         self.close()
 
     def state(self) -> State:
-        """A copy of the state on the host. Raises Diverged rather than hand out a bad one."""
+        """Copy the state to the host.
+
+        Returns
+        -------
+        State
+
+        Raises
+        ------
+        Diverged
+            The state is not finite.
+        """
         self.require_open()
         self.check()
         position, velocity = self._download()
@@ -110,10 +127,17 @@ class Simulation(Stepping):
         return State(position, velocity, inverse_mass, self.time, self.step, *bodies, self._clock, taps, wetness)
 
     def load(self, state: State) -> None:
-        """Continue from `state` (bit for bit, if it was this scene's in the same precision and `exact` math).
+        """Continue from a state: bit for bit, if it is of this scene in the same precision and `exact` math.
 
-        Raises InputError for arrays of another shape, non-finite values, pins other than the scene's, rotations that are
-        no unit quaternions, or plastic strains that are not of volume 1 or of a scene without.
+        Parameters
+        ----------
+        state : State
+
+        Raises
+        ------
+        InputError
+            Arrays have another shape, values are not finite, pins differ from the scene's, rotations are not unit
+            quaternions, or plastic deformations do not have determinant 1 or belong to another scene.
         """
         self.require_open()
         arrays, inverse_mass = checked_arrays(state, self.body.position.shape, self.options.precision)
@@ -184,7 +208,7 @@ class Simulation(Stepping):
         return self.scene.body_set.clusters.count if self.scene.bodies else 0
 
     def reset(self) -> None:
-        """Back to the scene's start."""
+        """Return to the scene's start."""
         self._enter(0.0)
         body = self._first_body
         self.load(State(body.position, body.velocity, body.inverse_mass, 0.0, 0))
@@ -192,29 +216,73 @@ class Simulation(Stepping):
     def add_body(
         self, name: str, origin: Sequence[float] | None = None, velocity: Sequence[float] = spare.STILL
     ) -> int:
-        """Bring in a spare copy of the body `name`: its mesh's origin at `origin` (that of the part) [m], turned as the part
-        says, moving at `velocity` [m/s]. The number of the copy (in `scene.body_set.copies`).
+        """Activate a spare copy of a body.
 
-        Raises SceneError: no such body, or none left (its `spare` says how many there are).
+        Parameters
+        ----------
+        name : str
+            Body of the scene with spare copies.
+        origin : (3,) sequence of float, optional
+            Where to put the origin of its mesh, m; by default where the scene has it.
+        velocity : (3,) sequence of float
+            Its velocity, m/s.
+
+        Returns
+        -------
+        int
+            Number of the copy, in `scene.body_set.copies`.
+
+        Raises
+        ------
+        SceneError
+            There is no such body, or no spare copy is left.
         """
         found, state = spare.added(self.scene, self.state(), name, origin, velocity)
         self.load(state)
         return found
 
     def remove_body(self, number: int) -> None:
-        """Take a copy out; it is a spare one from now on. Raises SceneError: no such copy, or it waits already, or the scene
-        was made without spare ones."""
+        """Deactivate a copy of a body, which is a spare one from now on.
+
+        Parameters
+        ----------
+        number : int
+            Number of the copy.
+
+        Raises
+        ------
+        SceneError
+            There is no such copy, it is inactive already, or the scene has no spare copies.
+        """
         self.load(spare.removed(self.scene, self.state(), self.plan.parts, number))
 
     def read(self, name: str, into: Any = None) -> Any:
-        """`position`, `velocity` (particles, dimensions), `strain` (springs,) or, of a cloth, `normal` (particles, 3): the
-        unit normals for drawing it; of bodies `rotation` (clusters, 4), unit quaternions (w, x, y, z), and `centre`
-        (clusters, 3) [m], of mass, with particles where they are now, for skins; `deformation` (clusters, 3, 3): the
-        rotation, or whatever else takes rest offsets to where a cluster wants them; of plastic ones `plastic`, as in State:
-        what has bent their rest offsets; of fluids `strain`, density over that at rest less 1, and `pressure` [Pa]; of a
-        cloth that drinks `wetness`, 0 to 1. Computed when asked. `into`: a host array, or (GPU, position and normal)
-        anything with `__cuda_array_interface__`; None: a new one. Does not check for divergence: it is what the window
-        draws.
+        """Read an output, which is computed when it is asked for. Does not check for divergence.
+
+        Parameters
+        ----------
+        name : str
+            `position` or `velocity` : (particles, dimensions), m or m/s.
+            `strain` : (springs,); of fluids (particles,), density over rest density minus 1.
+            `normal` : (particles, 3), unit normals of a cloth.
+            `rotation` : (clusters, 4), unit quaternions (w, x, y, z) of bodies.
+            `centre` : (clusters, 3), m, centres of mass of bodies' clusters.
+            `deformation` : (clusters, 3, 3), the matrix from rest offsets to goal offsets.
+            `plastic` : (clusters, 3, 3), as in State.
+            `pressure` : (particles,), Pa, of fluids.
+            `wetness` : (particles,), of a cloth that absorbs fluid, 0 to 1.
+        into : array, optional
+            Where to write: a host array, or on a GPU for position and normal anything with `__cuda_array_interface__`.
+
+        Returns
+        -------
+        array
+            `into`, or a new host array.
+
+        Raises
+        ------
+        SceneError
+            The scene has no such output.
         """
         self.require_open()
         if name == "position":
@@ -248,15 +316,37 @@ class Simulation(Stepping):
         return into
 
     def read_clusters(self) -> tuple[np.ndarray, np.ndarray]:
-        """`rotation` and `centre` of bodies at one look, as `read` tells each of them. Raises SceneError: no bodies."""
+        """Read rotations and centres of all clusters of bodies at the same instant.
+
+        Returns
+        -------
+        rotation : (clusters, 4) float array
+            Unit quaternions (w, x, y, z).
+        centre : (clusters, 3) float array, m
+
+        Raises
+        ------
+        SceneError
+            The scene has no bodies.
+        """
         if not self.scene.bodies:
             raise SceneError("read", "clusters", "are those of bodies, and this scene has none")
         return self._read_clusters()
 
     def set(self, path: str, value: Any) -> None:
-        """Change a live field (`gravity.enabled`, `method.dt`, ...) from the next step on.
+        """Change a live field from the next step on.
 
-        Raises SceneError for a value the scene refuses, or a field not named in `live` when the simulation was opened.
+        Parameters
+        ----------
+        path : str
+            Dotted path: `gravity.enabled`, `method.dt`, ...
+        value : object
+            New value.
+
+        Raises
+        ------
+        SceneError
+            The scene refuses the value, or `live` did not name the field when the simulation was opened.
         """
         self.require_open()
         check_live(self.scene, self.options.live, path, value)
@@ -272,7 +362,15 @@ class Simulation(Stepping):
         self._parameters_changed()
 
     def poke(self, particle: int | None, force: Sequence[float] = ()) -> None:
-        """Hold a force [N] on one particle until the next call; `poke(None)` lets go. Needs `live` to name poke."""
+        """Apply a force to one particle until the next call. Needs `live` to name poke.
+
+        Parameters
+        ----------
+        particle : int or None
+            Number of the particle; None releases it.
+        force : (dimensions,) sequence of float
+            Force, N.
+        """
         self.require_open()
         if "poke" not in self.options.live:
             raise SceneError("poke", particle, "not live; open the simulation with live including 'poke'")
@@ -291,9 +389,17 @@ class Simulation(Stepping):
         self._parameters_changed()
 
     def energies(self) -> dict[str, float]:
-        """Kinetic, spring and gravity energy [J] with the true mass, their sum, and the scheme's own `conserved`.
+        """Compute energies in float64 on the host (model/core/energy.py).
 
-        See model/core/energy.py. float64 on the host. Raises Diverged.
+        Returns
+        -------
+        dict of str to float
+            Kinetic, spring and gravitational energy, their sum, and `conserved`: what the scheme itself conserves, J.
+
+        Raises
+        ------
+        Diverged
+            The state is not finite.
         """
         state = self.state()
         return energies(self.scene, state.position, state.velocity, state.plastic, state.inverse_mass, state.wetness)

@@ -6,21 +6,36 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from model.core.clock import START, Clock
-from model.core.errors import InputError
-from model.core.options import PRECISIONS
+from softlab.model.core.clock import START, Clock
+from softlab.model.core.errors import InputError
+from softlab.model.core.options import PRECISIONS
 
 
 @dataclass(frozen=True)
 class State:
-    """Every array the next step reads. `position`, `velocity` (particles, dimensions), C-contiguous, in builder order, in
-    the simulation's precision; `inverse_mass` (particles,) [1/kg], 0 where pinned; `time` [s]; `step`; of bodies
-    `rotation` (clusters, 4), the unit quaternions (w, x, y, z) that the next rotations are looked for from: None where there
-    are none, or they are to be found anew; of plastic bodies `plastic` (clusters, 3, 3), of volume 1: what their rest offsets
-    have been bent by, None: nothing; `clock`: since when `time` goes by the present step size; of emitters `taps`
-    (emitters, 2): since when [s] each has its speed, and how many layers had left it by then, None: as the scene says;
-    `wetness` (particles,): of a cloth that drinks, of what it can hold, 0 to 1, None: nothing. Of fluids what waits for an
-    emitter has inverse mass 0, and is PARKED (model/fluid/fluid_set.py)."""
+    """State of a simulation: every array that the next step reads.
+
+    Attributes
+    ----------
+    position, velocity : (particles, dimensions) float arrays, m and m/s
+        In the order of the scene, in the simulation's precision.
+    inverse_mass : (particles,) float array, 1/kg
+        0 where a particle is pinned, or waits for an emitter (model/fluid/fluid_set.py).
+    time : float
+        Simulated time, s.
+    step : int
+        Steps since the scene's start.
+    rotation : (clusters, 4) float array, optional
+        Unit quaternions (w, x, y, z) of bodies, from which the next rotations are computed; None: computed anew.
+    plastic : (clusters, 3, 3) float array, optional
+        Plastic deformation of bodies' rest offsets, of determinant 1; None: no deformation.
+    clock : Clock
+        Time and step at which the present step size began.
+    taps : (emitters, 2) float array, optional
+        Per emitter the time since which it has its speed, s, and the layers that had left it by then; None: as in the scene.
+    wetness : (particles,) float array, optional
+        Fraction of a cloth's capacity that is filled with fluid; None: dry.
+    """
 
     position: np.ndarray
     velocity: np.ndarray

@@ -15,13 +15,13 @@ from dataclasses import replace
 from math import ceil, isqrt
 from numbers import Integral
 
-from model.core.backend import Backend
-from model.core.build import Body, build
-from model.core.clock import UNSEEN, Clock
-from model.core.errors import Diverged, SceneError
-from model.core.options import Options
-from model.core.stability.diagnosis import diagnose
-from model.core.state import State
+from softlab.model.core.backend import Backend
+from softlab.model.core.build import Body, build
+from softlab.model.core.clock import UNSEEN, Clock
+from softlab.model.core.errors import Diverged, SceneError
+from softlab.model.core.options import Options
+from softlab.model.core.stability.diagnosis import diagnose
+from softlab.model.core.state import State
 
 NEVER = 2**62  # steps
 
@@ -85,7 +85,7 @@ class Releasing(Backend):
         if scene is self.scene or self._entering:
             return
         self.require_open()
-        from model.contact.shortfalls import lost, lost_so_far
+        from softlab.model.contact.shortfalls import lost, lost_so_far
 
         poke, count, before = (self._poke_particle, self._poke_force), self.kept, lost(self)
         options, reason = self.options, self.threads_reason
@@ -116,11 +116,23 @@ class Stepping(Releasing):
     _clock: Clock
 
     def advance(self, steps: int) -> None:
-        """Do `steps` steps of `method.dt` each. Raises Diverged (then the state is the last checked finite one).
+        """Advance by `steps` steps of `method.dt` each.
 
-        The state is looked at every `check_interval` steps, and whenever it is read; the interval in which it went bad is
-        then replayed to name the first bad step and particle. Raises SceneError for steps that are no number of them, and
-        InputError when it was closed.
+        The state is checked every `check_interval` steps, and whenever it is read. An interval in which it became bad is
+        replayed to find the first bad step and particle.
+
+        Parameters
+        ----------
+        steps : int
+
+        Raises
+        ------
+        Diverged
+            The state is bad; the simulation then holds the last checked finite one.
+        SceneError
+            `steps` is no number of steps.
+        InputError
+            The simulation is closed.
         """
         self.require_open()
         if not isinstance(steps, Integral) or steps < 0:
@@ -139,7 +151,18 @@ class Stepping(Releasing):
         self.time = self._clock.at(self.step, self.scene.method.dt)
 
     def check(self, keep: bool = True) -> None:
-        """Look at the state now; raise Diverged if it is bad, else put it aside as the last good one (if `keep`)."""
+        """Check the state now.
+
+        Parameters
+        ----------
+        keep : bool
+            Store a good state as the snapshot to which `rewind` returns.
+
+        Raises
+        ------
+        Diverged
+            The state is bad.
+        """
         if self.step == self._kept_step:
             return
         if self._first_diverged() < 0:
@@ -177,10 +200,10 @@ class Stepping(Releasing):
         self.kept += 1
 
     def rewind(self) -> None:
-        """Back to the state that was put aside last, without a copy through the host.
+        """Return to the last snapshot, without a copy through the host.
 
-        That is the one loaded last, until `kept` moves on: a look at the state (`check`, `state`, and `advance` every
-        `check_interval` steps) puts a newer one aside.
+        The snapshot is the state that was loaded last, until a check of the state (`check`, `state`, and `advance` every
+        `check_interval` steps) stores a newer one.
         """
         self._restore()
         self.step, self.time = self._kept_step, self._kept_time

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 
-from model.core.errors import SceneError
+from softlab.model.core.errors import SceneError
 
 MOST_STEPS = 32  # between two exchanges: beyond it their cost is small relative to that of the rows computed twice
 SHARE = 64  # owned rows for each step between exchanges: the two halos are then a thirty-second of the rows

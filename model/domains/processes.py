@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from model.core.errors import BackendUnavailable, SceneError
-from model.domains.exchange import PATIENCE
-from model.domains.launched import launched_ranks
+from softlab.model.core.errors import BackendUnavailable, SceneError
+from softlab.model.domains.exchange import PATIENCE
+from softlab.model.domains.launched import launched_ranks
 
 INSTALL = "pip install -e \".[mpi]\" in the lab's folder, or the system's MPI and mpi4py"
 LOOKS = 1000  # tests of a message before a waiting process yields its core

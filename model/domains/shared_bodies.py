@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from model.core.build import some_of
-from model.core.errors import SceneError
-from model.core.families import family_of, scene_plan
-from model.core.options import Options
-from model.domains.bodies import Apart, Division, Share, divide
-from model.domains.windows import WindowedSimulation, refuse_targets
-from model.scene.scene import Scene
+from softlab.model.core.build import some_of
+from softlab.model.core.errors import SceneError
+from softlab.model.core.families import family_of, scene_plan
+from softlab.model.core.options import Options
+from softlab.model.domains.bodies import Apart, Division, Share, divide
+from softlab.model.domains.windows import WindowedSimulation, refuse_targets
+from softlab.model.scene.scene import Scene
 
 TURN = 64  # steps requested of one GPU before the next one: a full queue blocks the caller
 

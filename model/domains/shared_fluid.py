@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from model.core.families import scene_plan
-from model.core.options import Options, unknown_kernel
-from model.domains.slabs import Slabs, fluid_halo_of, slabs_of
-from model.domains.windows import WindowedSimulation
-from model.scene.scene import Scene
+from softlab.model.core.families import scene_plan
+from softlab.model.core.options import Options, unknown_kernel
+from softlab.model.domains.slabs import Slabs, fluid_halo_of, slabs_of
+from softlab.model.domains.windows import WindowedSimulation
+from softlab.model.scene.scene import Scene
 
 BALANCED_EVERY = 64  # steps
 NOTHING = np.zeros(0, np.uint8)

@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from model.core.build import some_of
-from model.core.errors import SceneError
-from model.core.families import family_of, scene_plan
-from model.core.options import Options
-from model.core.own_forces import own_parts
-from model.domains.decomposition import Decomposition, Domain, Reach, decompose
-from model.domains.windows import WindowedSimulation
-from model.scene.scene import Scene
+from softlab.model.core.build import some_of
+from softlab.model.core.errors import SceneError
+from softlab.model.core.families import family_of, scene_plan
+from softlab.model.core.options import Options
+from softlab.model.core.own_forces import own_parts
+from softlab.model.domains.decomposition import Decomposition, Domain, Reach, decompose
+from softlab.model.domains.windows import WindowedSimulation
+from softlab.model.scene.scene import Scene
 
 
 def cut(scene: Scene, count: int, steps: int | None, option: str) -> Decomposition:

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from model.core.errors import SceneError
-from model.core.families import family_of
-from model.scene.scene import Scene
+from softlab.model.core.errors import SceneError
+from softlab.model.core.families import family_of
+from softlab.model.scene.scene import Scene
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,12 +6,12 @@ from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from typing import Any
 
-from model.core.build import Body, given
-from model.core.errors import SceneError
-from model.core.options import Options
-from model.core.simulation import Simulation
-from model.domains.exchange import Exchange
-from model.scene.scene import Scene
+from softlab.model.core.build import Body, given
+from softlab.model.core.errors import SceneError
+from softlab.model.core.options import Options
+from softlab.model.core.simulation import Simulation
+from softlab.model.domains.exchange import Exchange
+from softlab.model.scene.scene import Scene
 
 NOBODY = 2**62  # exceeds any particle's number
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from model.fluid.samples import Samples
-from model.scene.scene import Scene
+from softlab.model.fluid.samples import Samples
+from softlab.model.scene.scene import Scene
 
 KINDS = 3
 K_VOLUME, K_GRIP, K_LIGHTNESS = range(KINDS)  # rows of `kinds_of`

@@ -32,8 +32,8 @@ column never comes to rest.)
 
 from __future__ import annotations
 
-from model.core.plan import Node, Stage
-from model.formulas.fluid import density, divergence, motion
+from softlab.model.core.plan import Node, Stage
+from softlab.model.formulas.fluid import density, divergence, motion
 
 FIRST, SECOND = 0.0, 1.0  # arguments of the solves' stages
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from math import hypot, inf
 
-from model.core.family import SolverFamily
-from model.fluid.halo import fluid_halo
-from model.fluid.measure import density_errors
-from model.fluid.parameters import fluid_record, highest_viscosity, speed_limit
-from model.fluid.plan import fluid_plan
-from model.scene.cloth import COLLIDER_KINDS
-from model.scene.scene import Scene
+from softlab.model.core.family import SolverFamily
+from softlab.model.fluid.halo import fluid_halo
+from softlab.model.fluid.measure import density_errors
+from softlab.model.fluid.parameters import fluid_record, highest_viscosity, speed_limit
+from softlab.model.fluid.plan import fluid_plan
+from softlab.model.scene.cloth import COLLIDER_KINDS
+from softlab.model.scene.scene import Scene
 
 RESTS = 0.03  # rest distances by which gravity moves a particle in a substep, up to which every scheme comes to rest
 
@@ -71,9 +71,9 @@ FLUID = SolverFamily(
     stored=lambda scene, position, plastic: (0.0, {}),
     strain=lambda scene, position, kind, plastic: density_errors(scene, position),
     spring_count=lambda scene: 0,
-    solvers={"cpu": "cpu_backend.fluid.solver:Fluid", "gpu": "gpu_backend.fluid.solver:Fluid"},
-    passes={"cpu": "app.plan.fluid:fluid_on_cpu", "gpu": "app.plan.fluid_gpu:fluid_on_gpu"},
-    reference="bench.reference.fluid",
+    solvers={"cpu": "softlab.cpu_backend.fluid.solver:Fluid", "gpu": "softlab.gpu_backend.fluid.solver:Fluid"},
+    passes={"cpu": "softlab.app.plan.fluid:fluid_on_cpu", "gpu": "softlab.app.plan.fluid_gpu:fluid_on_gpu"},
+    reference="softlab.bench.reference.fluid",
     halo=fluid_halo,
     unknown="no converged motion of a fluid's particles is known; its density error is told instead",
 )

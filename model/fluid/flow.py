@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from model.core.errors import SceneError
-from model.fluid.fluid_set import FluidSet
-from model.geometry.arithmetic.ordered import dot, norm
-from model.scene.cloth import COLLIDER_KINDS
-from model.scene.flow import Emitter, spatial
+from softlab.model.core.errors import SceneError
+from softlab.model.fluid.fluid_set import FluidSet
+from softlab.model.geometry.arithmetic.ordered import dot, norm
+from softlab.model.scene.cloth import COLLIDER_KINDS
+from softlab.model.scene.flow import Emitter, spatial
 
 # Row of an emitter:
 EMITTER_FIELDS = 14

@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from model.core.errors import SceneError
-from model.core.memory import MAX_PARTICLES, available_bytes, require
-from model.fluid.lattice import Lattice, lattice_of
-from model.geometry.arithmetic.functions import cosine, sine, whole_power
-from model.geometry.particle_row import ParticleRow
-from model.scene.fluid import REPEATED, WIDER, Domain, Fluid
+from softlab.model.core.errors import SceneError
+from softlab.model.core.memory import MAX_PARTICLES, available_bytes, require
+from softlab.model.fluid.lattice import Lattice, lattice_of
+from softlab.model.geometry.arithmetic.functions import cosine, sine, whole_power
+from softlab.model.geometry.particle_row import ParticleRow
+from softlab.model.scene.fluid import REPEATED, WIDER, Domain, Fluid
 
 PARTICLE_BYTES = 700  # on the host: state, sorted copies, a list of 64 neighbours
 OF_ALL = ("dimensions", "rest_distance", "support_radius")  # fields in which fluids of a scene must agree

@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 from scipy.spatial import cKDTree
 
-from model.fluid.foam_sources import foaming_speed, full_count, sources
-from model.fluid.foam_walls import kept_out
-from model.formulas.random import make_philox
-from model.scene.fluid import Foam
-from model.scene.scene import Scene
+from softlab.model.fluid.foam_sources import foaming_speed, full_count, sources
+from softlab.model.fluid.foam_walls import kept_out
+from softlab.model.formulas.random import make_philox
+from softlab.model.scene.fluid import Foam
+from softlab.model.scene.scene import Scene
 
 SPRAY, FOAM, BUBBLE = range(3)
 NAMES = ("spray", "foam", "bubbles")

@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from model.contact.mesh_collider import MeshCollider
-from model.contact.surface_collider import SurfaceCollider
-from model.geometry.crossings import corners_of, first_crossings
-from model.geometry.distance_field import DistanceField
-from model.scene.cloth import Box, Capsule, Plane, Sphere
-from model.scene.scene import Scene
+from softlab.model.contact.mesh_collider import MeshCollider
+from softlab.model.contact.surface_collider import SurfaceCollider
+from softlab.model.geometry.crossings import corners_of, first_crossings
+from softlab.model.geometry.distance_field import DistanceField
+from softlab.model.scene.cloth import Box, Capsule, Plane, Sphere
+from softlab.model.scene.scene import Scene
 
 ROUNDS = 4  # corrections of a point to its side of a mesh, before it stays where it was
 GAP = 1e-3  # rest distances from a mesh, where it is put: on a triangle rounding would decide the side

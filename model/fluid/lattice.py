@@ -13,8 +13,8 @@ from math import ceil, pi
 
 import numpy as np
 
-from model.geometry.arithmetic.functions import whole_power
-from model.geometry.arithmetic.ordered import norm, total
+from softlab.model.geometry.arithmetic.functions import whole_power
+from softlab.model.geometry.arithmetic.ordered import norm, total
 
 POLY6 = {2: 4 / pi, 3: 315 / (64 * pi)}  # for a support of 1
 SPIKY = {2: 30 / pi, 3: 45 / pi}  # scale of its slope

@@ -83,14 +83,14 @@ from __future__ import annotations
 
 from math import pi
 
-from model.core.own_forces import own_forces, own_parts
-from model.core.plan import Node, Plan, Stage
-from model.fluid.divergence_plan import divergence_stages
-from model.formulas import colliders
-from model.formulas.fluid import density, motion
-from model.formulas.fluid.flow import OPERATIONS_SINK
-from model.scene.cloth import COLLIDER_KINDS, Collider
-from model.scene.scene import Scene
+from softlab.model.core.own_forces import own_forces, own_parts
+from softlab.model.core.plan import Node, Plan, Stage
+from softlab.model.fluid.divergence_plan import divergence_stages
+from softlab.model.formulas import colliders
+from softlab.model.formulas.fluid import density, motion
+from softlab.model.formulas.fluid.flow import OPERATIONS_SINK
+from softlab.model.scene.cloth import COLLIDER_KINDS, Collider
+from softlab.model.scene.scene import Scene
 
 WALLS = COLLIDER_KINDS  # all add to a fluid's density
 LOOKED_AT = {2: 9, 3: 27}  # cells that a search visits

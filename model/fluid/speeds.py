@@ -6,10 +6,10 @@ from math import ceil, hypot, sqrt
 
 import numpy as np
 
-from model.fluid.parameters import speed_limit
-from model.scene.cloth import Plane
-from model.scene.fluid import SPEED_SHARE
-from model.scene.scene import Scene
+from softlab.model.fluid.parameters import speed_limit
+from softlab.model.scene.cloth import Plane
+from softlab.model.scene.fluid import SPEED_SHARE
+from softlab.model.scene.scene import Scene
 
 UPRIGHT = 0.9  # component along y of the unit normal of a floor, at least
 

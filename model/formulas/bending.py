@@ -26,8 +26,8 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from model.formulas import joined, plain
-from model.formulas.lengths import make as make_lengths
+from softlab.model.formulas import joined, plain
+from softlab.model.formulas.lengths import make as make_lengths
 
 OPERATIONS_ISOMETRIC = 75  # 21 for the vector, 10 for its length, 12 for the change, 9 for the weight, 24 to apply
 OPERATIONS_DIHEDRAL = 170

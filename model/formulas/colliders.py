@@ -13,7 +13,7 @@ from __future__ import annotations
 from math import sqrt
 from types import SimpleNamespace
 
-from model.formulas import joined, plain
+from softlab.model.formulas import joined, plain
 
 # Per mass and collider, contact included. Mesh: a mass that rests on the 8192 triangles of soft-on-mesh and is tested
 # twice: its path meets the boxes of 24 nodes (6 comparisons each) and half a triangle (110), its thickness those of 32

@@ -20,8 +20,8 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from model.formulas import joined, plain
-from model.formulas.lengths import make as make_lengths
+from softlab.model.formulas import joined, plain
+from softlab.model.formulas.lengths import make as make_lengths
 
 FACE, FIRST, SECOND, THIRD, FIRST_SECOND, FIRST_THIRD, SECOND_THIRD = range(7)  # where a triangle's nearest point lies
 SHEET = 7  # bits of the features that a triangle owns: it belongs to a cloth, whose two sides are both outside

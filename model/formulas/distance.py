@@ -11,8 +11,8 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
-from model.formulas import joined, plain
-from model.formulas.lengths import make as make_lengths
+from softlab.model.formulas import joined, plain
+from softlab.model.formulas.lengths import make as make_lengths
 
 OPERATIONS_RIGID = (
     22  # 3 differences, 5 for the square, 2 for 1/length, 4 for the change, 1 for its scale, 6 to apply it

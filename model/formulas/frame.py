@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
-from model.formulas import plain
-from model.formulas.cloth import make as make_cloth
-from model.formulas.motion import make as make_motion
+from softlab.model.formulas import plain
+from softlab.model.formulas.cloth import make as make_cloth
+from softlab.model.formulas.motion import make as make_motion
 
 
 def make(real, compiled=plain):

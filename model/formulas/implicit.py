@@ -15,8 +15,8 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
-from model.formulas import plain
-from model.formulas.lengths import make as make_lengths
+from softlab.model.formulas import plain
+from softlab.model.formulas.lengths import make as make_lengths
 
 OPERATIONS_PRODUCT = 30  # a spring: 6 differences, 5 for the square, 5 for the speed, 6 for the scales, 8 for the sum
 OPERATIONS_DOT = 6

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
-from model.formulas import plain
+from softlab.model.formulas import plain
 
 OPERATIONS = {  # floating-point operations per axis and step, without the force
     "lab": 6,

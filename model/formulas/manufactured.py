@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from math import cos, sin
 
-from model.formulas import plain
-from model.formulas.springs import make as make_springs
+from softlab.model.formulas import plain
+from softlab.model.formulas.springs import make as make_springs
 
 OPERATIONS = 150
 

@@ -11,7 +11,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from model.formulas import plain
+from softlab.model.formulas import plain
 
 # Taylor's terms up to x^16 / 16! and x^17 / 17! on |x| <= pi/4: the truncation error is below 3e-18 of the value.
 SINE_TERMS = tuple((-1) ** k / factorial(2 * k + 1) for k in range(1, 9))

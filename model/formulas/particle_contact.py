@@ -19,8 +19,8 @@ from __future__ import annotations
 from math import sqrt
 from types import SimpleNamespace
 
-from model.formulas import joined, plain
-from model.formulas.lengths import make as make_lengths
+from softlab.model.formulas import joined, plain
+from softlab.model.formulas.lengths import make as make_lengths
 
 LEFT = 2.0**-8  # of the settling speed: separation speed allowed to two rigid bodies that were pressed apart
 OPERATIONS_SEARCH = 9  # a tested particle: the distance's square and its comparison

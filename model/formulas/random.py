@@ -11,7 +11,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from model.formulas import plain
+from softlab.model.formulas import plain
 
 LOW = np.uint64(0xFFFFFFFF)
 THIRTY_TWO = np.uint64(32)

@@ -36,8 +36,8 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from model.formulas import joined, plain
-from model.formulas.lengths import make as make_lengths
+from softlab.model.formulas import joined, plain
+from softlab.model.formulas.lengths import make as make_lengths
 
 # Counted on numbers; a comparison, a maximum and an absolute value are one each.
 OPERATIONS_2D = 22

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
-from model.formulas import plain
-from model.formulas.lengths import make as make_lengths
+from softlab.model.formulas import plain
+from softlab.model.formulas.lengths import make as make_lengths
 
 OPERATIONS_SPRING_2D = 12  # 2 differences, 3 for the square, 2 for 1/length, 2 for the scale, 2 products, 1 comparison
 OPERATIONS_SPRING = 15  # in space: 3 differences, 5 for the square, 2 for 1/length, 2 for the scale, 3 products

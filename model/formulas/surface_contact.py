@@ -12,9 +12,9 @@ from __future__ import annotations
 from math import sqrt
 from types import SimpleNamespace
 
-from model.formulas import plain
-from model.formulas.contact import make as make_contact
-from model.formulas.lengths import make as make_lengths
+from softlab.model.formulas import plain
+from softlab.model.formulas.contact import make as make_contact
+from softlab.model.formulas.lengths import make as make_lengths
 
 UPRIGHT = 0.99999  # cosine of n with the triangle's normal above which n is valid wherever the vertex slides
 PAST = 1 / 16  # of a triangle beyond its edges: a vertex that crosses its plane there crosses a neighbour, or nearly

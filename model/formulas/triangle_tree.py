@@ -18,11 +18,11 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from model.formulas import joined, plain
-from model.formulas.cloth import make as make_cloth
-from model.formulas.colliders import make as make_colliders
-from model.formulas.frame import make as make_frame
-from model.formulas.lengths import make as make_lengths
+from softlab.model.formulas import joined, plain
+from softlab.model.formulas.cloth import make as make_cloth
+from softlab.model.formulas.colliders import make as make_colliders
+from softlab.model.formulas.frame import make as make_frame
+from softlab.model.formulas.lengths import make as make_lengths
 
 NODE, CORNERS = 8, 9  # numbers per node and per triangle
 ROUNDS = 4  # largest number of corrections before the final check: two folds, each tested twice

@@ -12,9 +12,9 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from model.formulas import plain
-from model.formulas.lengths import make as make_lengths
-from model.formulas.random import make as make_random
+from softlab.model.formulas import plain
+from softlab.model.formulas.lengths import make as make_lengths
+from softlab.model.formulas.random import make as make_random
 
 OPERATIONS_TRIANGLE = 62
 GUST_STREAM = 0  # particle number under which the random generator draws gusts

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from model.formulas.triangle_tree import CORNERS, NODE
+from softlab.model.formulas.triangle_tree import CORNERS, NODE
 
 
 def first_crossings(tree: np.ndarray, begin: np.ndarray, end: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -10,8 +10,8 @@ from functools import cached_property
 
 import numpy as np
 
-from model.core.errors import InputError
-from model.geometry.lists import Lists, grouped
+from softlab.model.core.errors import InputError
+from softlab.model.geometry.lists import Lists, grouped
 
 
 class NonManifold(InputError):

@@ -10,11 +10,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from model.core.errors import SceneError
-from model.geometry.arithmetic.ordered import mean, norm
-from model.geometry.edges import MeshEdges
-from model.geometry.lists import Lists, ranges
-from model.geometry.measures import edge_lengths
+from softlab.model.core.errors import SceneError
+from softlab.model.geometry.arithmetic.ordered import mean, norm
+from softlab.model.geometry.edges import MeshEdges
+from softlab.model.geometry.lists import Lists, ranges
+from softlab.model.geometry.measures import edge_lengths
 
 BLOCK = 2**18  # particles at once: some 50 MB
 KEY_BITS = 31  # of a distance over the largest: what is nearer together than that counts as equal

@@ -7,8 +7,8 @@ from math import fmod
 
 import numpy as np
 
-from model.geometry.arithmetic.functions import sine_and_cosine
-from model.geometry.arithmetic.ordered import combined, dot, norm, product
+from softlab.model.geometry.arithmetic.functions import sine_and_cosine
+from softlab.model.geometry.arithmetic.ordered import combined, dot, norm, product
 
 
 def edge_lengths(position: np.ndarray, ends: np.ndarray) -> np.ndarray:

@@ -14,12 +14,12 @@ from pathlib import Path
 
 import numpy as np
 
-from model.core.errors import InputError
-from model.core.waiting import work
-from model.geometry.edges import MeshEdges, edge_uses, mesh_edges
-from model.geometry.mending.hull import bounding
-from model.geometry.mending.welding import many, tell, turned, welded
-from model.geometry.mesh_files import check_indices, check_vertices, read_arrays, rows_of_three
+from softlab.model.core.errors import InputError
+from softlab.model.core.waiting import work
+from softlab.model.geometry.edges import MeshEdges, edge_uses, mesh_edges
+from softlab.model.geometry.mending.hull import bounding
+from softlab.model.geometry.mending.welding import many, tell, turned, welded
+from softlab.model.geometry.mesh_files import check_indices, check_vertices, read_arrays, rows_of_three
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,19 +15,19 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from model.core.errors import InputError, SceneError
-from model.core.waiting import work
-from model.geometry.formats.faces import Faces
-from model.geometry.formats.gltf import read_gltf
-from model.geometry.formats.gmsh import read_gmsh
-from model.geometry.formats.medit import read_medit
-from model.geometry.formats.obj import read_obj
-from model.geometry.formats.off import read_off
-from model.geometry.formats.ply import read_ply
-from model.geometry.formats.polygons import triangulated
-from model.geometry.formats.source import BYTES_PER_FILE_BYTE, read_bytes
-from model.geometry.formats.stl import read_stl
-from model.geometry.mending.welding import many
+from softlab.model.core.errors import InputError, SceneError
+from softlab.model.core.waiting import work
+from softlab.model.geometry.formats.faces import Faces
+from softlab.model.geometry.formats.gltf import read_gltf
+from softlab.model.geometry.formats.gmsh import read_gmsh
+from softlab.model.geometry.formats.medit import read_medit
+from softlab.model.geometry.formats.obj import read_obj
+from softlab.model.geometry.formats.off import read_off
+from softlab.model.geometry.formats.ply import read_ply
+from softlab.model.geometry.formats.polygons import triangulated
+from softlab.model.geometry.formats.source import BYTES_PER_FILE_BYTE, read_bytes
+from softlab.model.geometry.formats.stl import read_stl
+from softlab.model.geometry.mending.welding import many
 
 LARGEST = 1e9  # m: products of four lengths, as in squared areas, stay inside float32
 MAX_VERTICES = 2**31 // 6  # indices of half edges are 32-bit

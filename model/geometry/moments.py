@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from model.geometry.arithmetic.ordered import combined, determinant, dot, mean, total
+from softlab.model.geometry.arithmetic.ordered import combined, determinant, dot, mean, total
 
 ONES = np.ones(4)
 Moments = tuple[float, np.ndarray, np.ndarray]  # volume, centre (3,), second moments about the axes through it (3,)

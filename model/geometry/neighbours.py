@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from model.core.errors import InputError
-from model.core.waiting import steps
-from model.geometry.arithmetic.ordered import norm
+from softlab.model.core.errors import InputError
+from softlab.model.core.waiting import steps
+from softlab.model.geometry.arithmetic.ordered import norm
 
 MAX_PAIRS = 2**26  # kept together: 2 GiB
 FIRST_BLOCK = 1 << 10  # darts thrown together at first

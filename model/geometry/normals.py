@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from model.geometry.measures import unit
-from model.geometry.sheets import cell_corners
+from softlab.model.geometry.measures import unit
+from softlab.model.geometry.sheets import cell_corners
 
 
 def vertex_normals(position: np.ndarray, rows: int, columns: int) -> np.ndarray:

@@ -11,10 +11,10 @@ import importlib.util
 
 import numpy as np
 
-from model.core.errors import BackendUnavailable, InputError, SceneError
-from model.geometry.arithmetic.ordered import dot, mean
-from model.geometry.edges import components
-from model.geometry.mesh import TriangleMesh, triangle_mesh
+from softlab.model.core.errors import BackendUnavailable, InputError, SceneError
+from softlab.model.geometry.arithmetic.ordered import dot, mean
+from softlab.model.geometry.edges import components
+from softlab.model.geometry.mesh import TriangleMesh, triangle_mesh
 
 FEWEST = 4  # triangles that a closed surface has at least
 INSTALL = 'pip install -e ".[meshing]"'

@@ -15,13 +15,13 @@ from time import perf_counter
 
 import numpy as np
 
-from model.core.digest import ROOT, source_digest
-from model.core.disk_cache import cache_folder, read_arrays, write_arrays
-from model.core.waiting import steps
-from model.geometry.triangle_tree import order_of, tree_numbers
-from model.geometry.voxels import runs_inside
+from softlab.model.core.digest import ROOT, source_digest
+from softlab.model.core.disk_cache import cache_folder, read_arrays, write_arrays
+from softlab.model.core.waiting import steps
+from softlab.model.geometry.triangle_tree import order_of, tree_numbers
+from softlab.model.geometry.voxels import runs_inside
 
-KERNEL = "cpu_backend.contact.distances"
+KERNEL = "softlab.cpu_backend.contact.distances"
 BATCH = 1 << 14  # points between two reports of progress; Ctrl-C takes effect there
 VERSION = 1  # of the files
 WORTH_KEEPING = 1.0  # s: what takes longer is kept on disk
@@ -49,7 +49,7 @@ def sampled(
 
 @cache
 def _sources() -> str:
-    return source_digest(Path(__file__).parent, ROOT / Path(*KERNEL.split(".")).with_suffix(".py"))
+    return source_digest(Path(__file__).parent, ROOT / Path(*KERNEL.split(".")[1:]).with_suffix(".py"))
 
 
 def signed_distances(

@@ -10,15 +10,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from model.core.errors import InputError
-from model.core.waiting import work
-from model.geometry.arithmetic.ordered import dot, mean, total
-from model.geometry.edges import MeshEdges, NonManifold, components
-from model.geometry.measures import triangle_areas
-from model.geometry.mending.holes import caps, rims, width
-from model.geometry.mending.welding import many
-from model.geometry.mesh import TriangleMesh, triangle_mesh, with_triangles
-from model.geometry.voxels import winding_numbers
+from softlab.model.core.errors import InputError
+from softlab.model.core.waiting import work
+from softlab.model.geometry.arithmetic.ordered import dot, mean, total
+from softlab.model.geometry.edges import MeshEdges, NonManifold, components
+from softlab.model.geometry.measures import triangle_areas
+from softlab.model.geometry.mending.holes import caps, rims, width
+from softlab.model.geometry.mending.welding import many
+from softlab.model.geometry.mesh import TriangleMesh, triangle_mesh, with_triangles
+from softlab.model.geometry.voxels import winding_numbers
 
 PROBES = 16  # vertices of a piece that are asked whether they lie within the others
 EMPTY = 2.0**-20  # volume over that of the box around the mesh: what float32 coordinates cannot tell from 0

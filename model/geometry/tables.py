@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from model.core.build import Body, rest_positions
-from model.geometry.geodesic import mesh_attachments, sheet_attachments
-from model.geometry.mesh import TriangleMesh
-from model.geometry.topology import mesh_of
-from model.scene.scene import Scene
+from softlab.model.core.build import Body, rest_positions
+from softlab.model.geometry.geodesic import mesh_attachments, sheet_attachments
+from softlab.model.geometry.mesh import TriangleMesh
+from softlab.model.geometry.topology import mesh_of
+from softlab.model.scene.scene import Scene
 
 UNREACHED = 1e18  # m: the length of an attachment to nothing; its square is a number in float32
 

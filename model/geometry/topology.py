@@ -10,12 +10,12 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from model.core.errors import InputError, SceneError
-from model.core.memory import require_sheet
-from model.geometry.arithmetic.ordered import mean
-from model.geometry.measures import edge_lengths, triangle_areas
-from model.geometry.mesh import TriangleMesh, read_mesh, triangle_mesh
-from model.geometry.sheets import sheet_positions, sheet_triangles
+from softlab.model.core.errors import InputError, SceneError
+from softlab.model.core.memory import require_sheet
+from softlab.model.geometry.arithmetic.ordered import mean
+from softlab.model.geometry.measures import edge_lengths, triangle_areas
+from softlab.model.geometry.mesh import TriangleMesh, read_mesh, triangle_mesh
+from softlab.model.geometry.sheets import sheet_positions, sheet_triangles
 
 SHEET_BYTES = 600  # of a vertex while a sheet's triangles and edges are made
 FINEST, WIDEST = 1e-150, 1e150  # m: spacings of a sheet whose squares float64 can hold
@@ -40,7 +40,7 @@ class MeshPart(Protocol):
 
 def own_meshes() -> dict[str, Path]:
     """The meshes that come with the lab, by the name that a scene gives them."""
-    folder = Path(str(resources.files("model"))) / "catalogue" / "meshes"
+    folder = Path(str(resources.files("softlab.model"))) / "catalogue" / "meshes"
     return {path.name: path for path in sorted(folder.iterdir())}
 
 

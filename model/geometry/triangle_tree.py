@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from model.core.waiting import work
-from model.formulas.triangle_tree import CORNERS, NODE
-from model.geometry.lists import offsets_of, ranges
+from softlab.model.core.waiting import work
+from softlab.model.formulas.triangle_tree import CORNERS, NODE
+from softlab.model.geometry.lists import offsets_of, ranges
 
 GROWN = 16  # eps of the largest coordinate, by which boxes are larger: rounded distances to them are no larger than the true
 

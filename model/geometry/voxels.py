@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from model.geometry.lists import ranges
+from softlab.model.geometry.lists import ranges
 
 BATCH = 1 << 20  # points at once
 

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from functools import partial
 
-from model.core.integrators import IMPLICIT
-from model.core.plan import Node, Plan, Stage
-from model.formulas import colliders, implicit, integrators
-from model.formulas import springs as spring_formulas
-from model.mass_spring.plan import Stages, force_stages, sheet_parts, stepped
-from model.scene.cloth import SPRING_KINDS
-from model.scene.motion import motions_of_pins
-from model.scene.scene import Scene
+from softlab.model.core.integrators import IMPLICIT
+from softlab.model.core.plan import Node, Plan, Stage
+from softlab.model.formulas import colliders, implicit, integrators
+from softlab.model.formulas import springs as spring_formulas
+from softlab.model.mass_spring.plan import Stages, force_stages, sheet_parts, stepped
+from softlab.model.scene.cloth import SPRING_KINDS
+from softlab.model.scene.motion import motions_of_pins
+from softlab.model.scene.scene import Scene
 
 SPRINGS_EACH = 4  # of a kind, on an interior mass
 PRODUCT_STAGE = "product with the matrix, spring by spring"  # of implicit Euler

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from model.scene.scene import Scene
+from softlab.model.scene.scene import Scene
 
 WAYS = {  # (rows, columns) from one end of a spring to the other, by kind; a grid's are the structural ones
     "structural": ((0, 1), (1, 0)),

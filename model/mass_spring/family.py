@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from model.core.errors import SceneError
-from model.core.family import ANY_SHEET, SolverFamily
-from model.core.integrators import IMPLICIT, explicit_limit, integrators_for
-from model.core.parameters import parameter_record
-from model.domains.decomposition import Reach
-from model.mass_spring.cloth_parameters import cloth_record
-from model.mass_spring.cloth_plan import cloth_parts, cloth_plan, kicks_meet
-from model.mass_spring.energy import sheet_spring_count, sheet_strain, stored_in_springs
-from model.mass_spring.plan import mass_spring_plan
-from model.scene.cloth import COLLIDER_KINDS, SPRING_KINDS
-from model.scene.scene import Scene
+from softlab.model.core.errors import SceneError
+from softlab.model.core.family import ANY_SHEET, SolverFamily
+from softlab.model.core.integrators import IMPLICIT, explicit_limit, integrators_for
+from softlab.model.core.parameters import parameter_record
+from softlab.model.domains.decomposition import Reach
+from softlab.model.mass_spring.cloth_parameters import cloth_record
+from softlab.model.mass_spring.cloth_plan import cloth_parts, cloth_plan, kicks_meet
+from softlab.model.mass_spring.energy import sheet_spring_count, sheet_strain, stored_in_springs
+from softlab.model.mass_spring.plan import mass_spring_plan
+from softlab.model.scene.cloth import COLLIDER_KINDS, SPRING_KINDS
+from softlab.model.scene.scene import Scene
 
 WHOLE_CLOTH = {  # kinds of tables that refer to masses by their place in it, or connect them across it
     "load": "lies at a place of the whole cloth",
@@ -86,11 +86,11 @@ GRID = SolverFamily(
     strain=sheet_strain,
     spring_count=sheet_spring_count,
     solvers={
-        "cpu": "cpu_backend.mass_spring.grid.solver:MassSpring",
-        "gpu": "gpu_backend.mass_spring.grid.solver:MassSpring",
+        "cpu": "softlab.cpu_backend.mass_spring.grid.solver:MassSpring",
+        "gpu": "softlab.gpu_backend.mass_spring.grid.solver:MassSpring",
     },
-    passes={"cpu": "app.plan.grid:grid_on_cpu", "gpu": "app.plan.grid:grid_on_gpu"},
-    reference="bench.reference.mass_spring",
+    passes={"cpu": "softlab.app.plan.grid:grid_on_cpu", "gpu": "softlab.app.plan.grid:grid_on_gpu"},
+    reference="softlab.bench.reference.mass_spring",
     reach=_grid_reach,
 )
 
@@ -103,8 +103,8 @@ CLOTH = replace(
     plan=cloth_plan,
     record=cloth_record,
     solvers={
-        "cpu": "cpu_backend.mass_spring.cloth.solver:ClothMassSpring",
-        "gpu": "gpu_backend.mass_spring.cloth.solver:ClothMassSpring",
+        "cpu": "softlab.cpu_backend.mass_spring.cloth.solver:ClothMassSpring",
+        "gpu": "softlab.gpu_backend.mass_spring.cloth.solver:ClothMassSpring",
     },
-    passes={"cpu": "app.plan.cloth:cloth_on_cpu", "gpu": "app.plan.cloth:cloth_on_gpu"},
+    passes={"cpu": "softlab.app.plan.cloth:cloth_on_cpu", "gpu": "softlab.app.plan.cloth:cloth_on_gpu"},
 )

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from model.core.parameters import rounded_record
-from model.mass_spring.cloth_parameters import CLOTH_PARAMETERS, FIELDS, cloth_values
-from model.scene.cloth import SPRING_KINDS
-from model.scene.scene import Scene
+from softlab.model.core.parameters import rounded_record
+from softlab.model.mass_spring.cloth_parameters import CLOTH_PARAMETERS, FIELDS, cloth_values
+from softlab.model.scene.cloth import SPRING_KINDS
+from softlab.model.scene.scene import Scene
 
 OWN = (  # only in the matrix
     "damping_of_step",  # dt rate

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 
-from model.core.errors import SceneError
-from model.core.own_forces import own_forces, own_parts
-from model.core.plan import Node, Plan, Stage
-from model.formulas import integrators, manufactured, springs, wind
-from model.scene.scene import Scene
+from softlab.model.core.errors import SceneError
+from softlab.model.core.own_forces import own_forces, own_parts
+from softlab.model.core.plan import Node, Plan, Stage
+from softlab.model.formulas import integrators, manufactured, springs, wind
+from softlab.model.scene.scene import Scene
 
 TRIANGLES_EACH = 6  # of a cloth, around a mass
 FRICTION_IN_PLACE = "friction-in-place"  # a part: friction of colliders acts on positions, too

@@ -9,11 +9,11 @@ from typing import Any
 
 from pydantic import model_validator
 
-from model.core.errors import SceneError
-from model.scene.cloth import Collider
-from model.scene.motion import Motion
-from model.scene.parts import NotNegative, Part, Vector
-from model.scene.words import suggestion
+from softlab.model.core.errors import SceneError
+from softlab.model.scene.cloth import Collider
+from softlab.model.scene.motion import Motion
+from softlab.model.scene.parts import NotNegative, Part, Vector
+from softlab.model.scene.words import suggestion
 
 LONGEST = 1e8  # s, or rad: how far ahead a collider's path is known to what is attached to it
 

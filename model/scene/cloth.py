@@ -7,8 +7,18 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from model.scene.motion import Motion
-from model.scene.parts import ZERO, Elastic, Grid, NotNegative, Part, Positive, Seed, Vector, friction_is_ordered
+from softlab.model.scene.motion import Motion
+from softlab.model.scene.parts import (
+    ZERO,
+    Elastic,
+    Grid,
+    NotNegative,
+    Part,
+    Positive,
+    Seed,
+    Vector,
+    friction_is_ordered,
+)
 
 
 class Cloth(Grid):

@@ -9,13 +9,13 @@ from typing import Any, Literal, get_args, get_origin
 from annotated_types import Ge, Gt, Le
 from pydantic.fields import FieldInfo
 
-from model.core.errors import SceneError
-from model.geometry.shapes import Shape
-from model.scene.kinds import KINDS
-from model.scene.mesh_source import MeshSource
-from model.scene.parts import CAMERA, CameraPart, Part
-from model.scene.tank import TANK, Tank
-from model.scene.words import notes_of, suggestion
+from softlab.model.core.errors import SceneError
+from softlab.model.geometry.shapes import Shape
+from softlab.model.scene.kinds import KINDS
+from softlab.model.scene.mesh_source import MeshSource
+from softlab.model.scene.parts import CAMERA, CameraPart, Part
+from softlab.model.scene.tank import TANK, Tank
+from softlab.model.scene.words import notes_of, suggestion
 
 TOLD = KINDS | {TANK: Tank, CAMERA: CameraPart, "shape": Shape}  # a shape is a field of a body or mesh, not a table
 REQUIRED = "(must be given)"

@@ -8,9 +8,9 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import model_validator
 
-from model.geometry.arithmetic.ordered import dot, norm
-from model.scene.fluid import Flat
-from model.scene.parts import ZERO, NotNegative, Part, Positive, Vector
+from softlab.model.geometry.arithmetic.ordered import dot, norm
+from softlab.model.scene.fluid import Flat
+from softlab.model.scene.parts import ZERO, NotNegative, Part, Positive, Vector
 
 Shape = Literal["box", "sphere", "half-space"]
 OF_SHAPE = {"box": ("center", "half_size"), "sphere": ("center", "radius"), "half-space": ("point", "normal")}

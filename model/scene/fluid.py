@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from model.scene.parts import ZERO, Count, NotNegative, Number, Part, Positive, Vector
+from softlab.model.scene.parts import ZERO, Count, NotNegative, Number, Part, Positive, Vector
 
 SUPPORT = 1 / 0.55  # rest distances, by default
 NARROWEST, WIDEST = 1.2, 4.0  # supports in rest distances: 6 and 250 neighbours on the lattice

@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-from model.contact.mesh_collider import MeshCollider
-from model.geometry.distance_field import DistanceField
-from model.scene.attachment import Attachment
-from model.scene.bodies import BODY_KINDS
-from model.scene.cloth import CLOTH_KINDS, COLLIDER_KINDS
-from model.scene.flow import FLOW_KINDS
-from model.scene.fluid import FLUID_KINDS
-from model.scene.mesh import MESH_KINDS
-from model.scene.method import Method
-from model.scene.motion import RELEASE, Release
-from model.scene.particle_contact import Contact
-from model.scene.parts import GRID_KINDS, Part
-from model.scene.regions import Region
-from model.scene.tetrahedra import TETRAHEDRAL_KINDS, Material
-from model.scene.xpbd import XPBD_KINDS
+from softlab.model.contact.mesh_collider import MeshCollider
+from softlab.model.geometry.distance_field import DistanceField
+from softlab.model.scene.attachment import Attachment
+from softlab.model.scene.bodies import BODY_KINDS
+from softlab.model.scene.cloth import CLOTH_KINDS, COLLIDER_KINDS
+from softlab.model.scene.flow import FLOW_KINDS
+from softlab.model.scene.fluid import FLUID_KINDS
+from softlab.model.scene.mesh import MESH_KINDS
+from softlab.model.scene.method import Method
+from softlab.model.scene.motion import RELEASE, Release
+from softlab.model.scene.particle_contact import Contact
+from softlab.model.scene.parts import GRID_KINDS, Part
+from softlab.model.scene.regions import Region
+from softlab.model.scene.tetrahedra import TETRAHEDRAL_KINDS, Material
+from softlab.model.scene.xpbd import XPBD_KINDS
 
 KINDS: dict[str, type[Part]] = (
     GRID_KINDS

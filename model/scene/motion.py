@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from pydantic import field_validator, model_validator
 
-from model.core.errors import SceneError
-from model.core.pins import PIN_RULE, Pins, checked_pins, pin_indices
-from model.scene.parts import Grid, NotNegative, Number, Part, Positive, Vector
+from softlab.model.core.errors import SceneError
+from softlab.model.core.pins import PIN_RULE, Pins, checked_pins, pin_indices
+from softlab.model.scene.parts import Grid, NotNegative, Number, Part, Positive, Vector
 
 RELEASE, ALL = "release", "all"
 MAX_RADIANS = 1e9  # of a whole motion: quarter turns are counted in integers

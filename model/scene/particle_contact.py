@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from model.scene.parts import NotNegative, Part, Positive, Sweeps, friction_is_ordered
+from softlab.model.scene.parts import NotNegative, Part, Positive, Sweeps, friction_is_ordered
 
 MAX_KINDS = 64  # bodies of a scene, copies not counted: their table has all pairs
 

@@ -16,8 +16,8 @@ from pydantic import (
     model_validator,
 )
 
-from model.core.errors import SceneError
-from model.core.pins import Pins, checked_pins
+from softlab.model.core.errors import SceneError
+from softlab.model.core.pins import Pins, checked_pins
 
 Number = Annotated[float, Field(allow_inf_nan=False, strict=True)]
 Vector = tuple[Number, Number, Number]  # x, y (up), z

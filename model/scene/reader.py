@@ -11,14 +11,14 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from model.core.errors import InputError, SceneError, shown
-from model.core.files import is_there, read_text
-from model.geometry.mesh_files import FORMATS
-from model.geometry.topology import is_file, own_meshes
-from model.scene.bodies import BODY_KINDS
-from model.scene.cloth import SURFACE_KINDS
-from model.scene.tetrahedra import TETRAHEDRAL_KINDS
-from model.scene.words import suggestion
+from softlab.model.core.errors import InputError, SceneError, shown
+from softlab.model.core.files import is_there, read_text
+from softlab.model.geometry.mesh_files import FORMATS
+from softlab.model.geometry.topology import is_file, own_meshes
+from softlab.model.scene.bodies import BODY_KINDS
+from softlab.model.scene.cloth import SURFACE_KINDS
+from softlab.model.scene.tetrahedra import TETRAHEDRAL_KINDS
+from softlab.model.scene.words import suggestion
 
 TOO_LONG = re.compile(r"[0-9_]{1000,}")  # digits of an integer that Python may refuse to read
 OF_MESHES = ("mesh", "region", *SURFACE_KINDS, *BODY_KINDS, *TETRAHEDRAL_KINDS)  # kinds of parts that may name a file
@@ -27,7 +27,7 @@ OF_MESHES = ("mesh", "region", *SURFACE_KINDS, *BODY_KINDS, *TETRAHEDRAL_KINDS) 
 @cache
 def catalogue() -> Mapping[str, Path]:
     """Return the scenes that come with the lab: name -> TOML file."""
-    root = Path(str(resources.files("model"))) / "catalogue"
+    root = Path(str(resources.files("softlab.model"))) / "catalogue"
     return {file.relative_to(root).with_suffix("").as_posix(): file for file in sorted(root.rglob("*.toml"))}
 
 

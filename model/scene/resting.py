@@ -9,15 +9,15 @@ from math import ceil, sqrt
 
 import numpy as np
 
-from model.assets.baked_body import BakedBody
-from model.core.errors import InputError, SceneError
-from model.geometry.arithmetic.functions import power
-from model.geometry.arithmetic.ordered import mean
-from model.scene.bodies import BODY_KINDS
-from model.scene.cloth import COLLIDER_KINDS
-from model.scene.members import SUBSTEPS
-from model.scene.scene_parts import SceneParts
-from model.scene.tetrahedra import TETRAHEDRAL_KINDS
+from softlab.model.assets.baked_body import BakedBody
+from softlab.model.core.errors import InputError, SceneError
+from softlab.model.geometry.arithmetic.functions import power
+from softlab.model.geometry.arithmetic.ordered import mean
+from softlab.model.scene.bodies import BODY_KINDS
+from softlab.model.scene.cloth import COLLIDER_KINDS
+from softlab.model.scene.members import SUBSTEPS
+from softlab.model.scene.scene_parts import SceneParts
+from softlab.model.scene.tetrahedra import TETRAHEDRAL_KINDS
 
 SINKING = 0.01  # of the spacing: how far a resting body may sink in a substep
 MIN_THICKNESS = 0.01  # of the spacing, of a collider: rounding does not put a resting particle inside

@@ -12,26 +12,39 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from model.core.clock import UNSEEN
-from model.core.errors import SceneError
-from model.scene.checks.fit import check_fit
-from model.scene.checks.releases import check_releases, tables_without
-from model.scene.checks.solver import check_solver
-from model.scene.kinds import KINDS, SEVERAL, SHEETS
-from model.scene.method import FIELDS_OF_SOLVER, Method
-from model.scene.motion import RELEASE, Release
-from model.scene.parts import CAMERA, CameraPart
-from model.scene.reader import scene_tables
-from model.scene.resting import take_resting_defaults
-from model.scene.scene_parts import SceneParts
-from model.scene.tank import TANK, Tank
-from model.scene.words import suggestion
+from softlab.model.core.clock import UNSEEN
+from softlab.model.core.errors import SceneError
+from softlab.model.scene.checks.fit import check_fit
+from softlab.model.scene.checks.releases import check_releases, tables_without
+from softlab.model.scene.checks.solver import check_solver
+from softlab.model.scene.kinds import KINDS, SEVERAL, SHEETS
+from softlab.model.scene.method import FIELDS_OF_SOLVER, Method
+from softlab.model.scene.motion import RELEASE, Release
+from softlab.model.scene.parts import CAMERA, CameraPart
+from softlab.model.scene.reader import scene_tables
+from softlab.model.scene.resting import take_resting_defaults
+from softlab.model.scene.scene_parts import SceneParts
+from softlab.model.scene.tank import TANK, Tank
+from softlab.model.scene.words import suggestion
 
 OWN_NAMES = KINDS | {TANK: Tank, CAMERA: CameraPart}  # names of tables that need no `kind`
 
 
 class Scene(SceneParts):
-    """A validated scene. Raises SceneError for anything a scene cannot be."""
+    """Validated, immutable scene: tables of parts, their fields and defaults.
+
+    Parameters
+    ----------
+    data : mapping
+        Tables as in a scene file: `{"grid": {"rows": 16, "columns": 16}, "gravity": {}}`.
+    name : str
+        Name of the scene, and its title unless `data` has one.
+
+    Raises
+    ------
+    SceneError
+        A field holds a value that it cannot hold, or parts do not fit together.
+    """
 
     _whole: Scene | None = None
 
@@ -126,9 +139,21 @@ class Scene(SceneParts):
         return found
 
     def replace(self, changes: Mapping[str, Any]) -> Scene:
-        """A new, validated scene with fields replaced by dotted path: `scene.replace({"grid.rows": 64})`.
+        """Return a new, validated scene with some fields replaced.
 
-        A path into a known part that the scene lacks creates that part with its defaults.
+        Parameters
+        ----------
+        changes : mapping
+            Values by dotted path, `{"grid.rows": 64}`. A path into a known part that the scene lacks adds that part.
+
+        Returns
+        -------
+        Scene
+
+        Raises
+        ------
+        SceneError
+            A path or value is not possible.
         """
         tables = self.whole.as_dict()
         for path, value in changes.items():
@@ -163,9 +188,22 @@ def _contradicted(kind: str, field: str, value: Any, table: Mapping[str, Any]) -
 
 
 def load_scene(name_or_path: str | Path) -> Scene:
-    """The scene of a catalogue name (`lab-grid`) or of a TOML file.
+    """Read a scene.
 
-    Raises InputError (no such name, unreadable, not TOML, no mesh where a file is named) or SceneError (a field that cannot
-    be).
+    Parameters
+    ----------
+    name_or_path : str or Path
+        Name of a catalogue scene ("lab-grid") or a TOML file.
+
+    Returns
+    -------
+    Scene
+
+    Raises
+    ------
+    InputError
+        There is no such scene, or a file cannot be read.
+    SceneError
+        A field holds a value that it cannot hold.
     """
     return Scene(*scene_tables(name_or_path))

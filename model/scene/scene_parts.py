@@ -13,11 +13,11 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from model.core.errors import InputError, SceneError
-from model.fluid.fluid_set import FluidSet, make_fluid_set
-from model.scene.attachment import Attachment, motion_with, pins
-from model.scene.bodies import BODY_KINDS, Placed
-from model.scene.cloth import (
+from softlab.model.core.errors import InputError, SceneError
+from softlab.model.fluid.fluid_set import FluidSet, make_fluid_set
+from softlab.model.scene.attachment import Attachment, motion_with, pins
+from softlab.model.scene.bodies import BODY_KINDS, Placed
+from softlab.model.scene.cloth import (
     COLLIDER_KINDS,
     CONSTRAINT_KINDS,
     SPRING_KINDS,
@@ -27,15 +27,15 @@ from model.scene.cloth import (
     Fold,
     Wind,
 )
-from model.scene.flow import Emitter, Sink
-from model.scene.fluid import Domain, Fluid, Foam
-from model.scene.kinds import KINDS
-from model.scene.members import member_tables, members_of
-from model.scene.mesh import Mesh
-from model.scene.method import Method
-from model.scene.motion import Motion
-from model.scene.particle_contact import Contact
-from model.scene.parts import (
+from softlab.model.scene.flow import Emitter, Sink
+from softlab.model.scene.fluid import Domain, Fluid, Foam
+from softlab.model.scene.kinds import KINDS
+from softlab.model.scene.members import member_tables, members_of
+from softlab.model.scene.mesh import Mesh
+from softlab.model.scene.method import Method
+from softlab.model.scene.motion import Motion
+from softlab.model.scene.particle_contact import Contact
+from softlab.model.scene.parts import (
     CAMERA,
     CameraPart,
     Damping,
@@ -48,15 +48,15 @@ from model.scene.parts import (
     Perturbation,
     Springs,
 )
-from model.scene.regions import Region
-from model.scene.self_collision import SelfCollision
-from model.scene.tank import TANK, Tank
-from model.scene.tetrahedra import TETRAHEDRAL_KINDS, Material, TetrahedralBody
-from model.scene.words import scene_error, suggestion
-from model.scene.xpbd import Attachments, Load
-from model.shape_matching.body_set import BodySet, make_body_set
-from model.tetrahedra.body_set import TetrahedraSet, make_tetrahedra_set
-from model.world.world_set import WorldSet, make_world_set
+from softlab.model.scene.regions import Region
+from softlab.model.scene.self_collision import SelfCollision
+from softlab.model.scene.tank import TANK, Tank
+from softlab.model.scene.tetrahedra import TETRAHEDRAL_KINDS, Material, TetrahedralBody
+from softlab.model.scene.words import scene_error, suggestion
+from softlab.model.scene.xpbd import Attachments, Load
+from softlab.model.shape_matching.body_set import BodySet, make_body_set
+from softlab.model.tetrahedra.body_set import TetrahedraSet, make_tetrahedra_set
+from softlab.model.world.world_set import WorldSet, make_world_set
 
 
 def _build_part(name: str, made: Any, fields: dict[str, Any]) -> Any:

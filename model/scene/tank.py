@@ -6,9 +6,9 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from model.core.errors import SceneError
-from model.scene.cloth import Collider, Plane
-from model.scene.parts import NotNegative, Number, Positive
+from softlab.model.core.errors import SceneError
+from softlab.model.scene.cloth import Collider, Plane
+from softlab.model.scene.parts import NotNegative, Number, Positive
 
 TANK = "tank"  # the kind of table
 Sizes = Annotated[tuple[Positive, ...], Field(min_length=2, max_length=3)]

@@ -8,11 +8,11 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
-from model.assets.cooked import cooked, is_settled
-from model.assets.tetrahedral_body import CookedBody
-from model.geometry.topology import mesh_path
-from model.scene.mesh_source import MeshSource
-from model.scene.parts import ZERO, AtLeastOne, Count, Flag, NotNegative, Part, Positive, Vector
+from softlab.model.assets.cooked import cooked, is_settled
+from softlab.model.assets.tetrahedral_body import CookedBody
+from softlab.model.geometry.topology import mesh_path
+from softlab.model.scene.mesh_source import MeshSource
+from softlab.model.scene.parts import ZERO, AtLeastOne, Count, Flag, NotNegative, Part, Positive, Vector
 
 MaterialName = Literal["fixed-corotated", "corotated", "neo-hookean"]
 LARGEST_RATIO = 0.499  # above it lambda / mu is over 500, and linear tetrahedra lock

@@ -9,8 +9,8 @@ from typing import Any, get_args, get_origin
 
 from pydantic import ValidationError
 
-from model.core.errors import SceneError
-from model.scene.parts import Part
+from softlab.model.core.errors import SceneError
+from softlab.model.scene.parts import Part
 
 NOTE = r"^    (\w+): [^#\n]*  (?:# type: ignore\[[\w-]+\]  )?# (?!type:|noqa|fmt:)(.*)$"  # a field's comment
 

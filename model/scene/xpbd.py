@@ -6,8 +6,8 @@ from typing import Annotated
 
 from pydantic import Field
 
-from model.scene.parts import NotNegative, Part, Positive
-from model.scene.self_collision import SelfCollision
+from softlab.model.scene.parts import NotNegative, Part, Positive
+from softlab.model.scene.self_collision import SelfCollision
 
 MAX_ANCHORS = 4  # per particle
 

@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from model.domains.bodies import Apart, require_apart
-from model.geometry.lists import offsets_of, ranges
-from model.scene.scene import Scene
-from model.shape_matching.body_set import BodySet, Copy
-from model.shape_matching.clusters import Clusters
-from model.shape_matching.lattice import LatticeCopies
-from model.shape_matching.links import Links
+from softlab.model.domains.bodies import Apart, require_apart
+from softlab.model.geometry.lists import offsets_of, ranges
+from softlab.model.scene.scene import Scene
+from softlab.model.shape_matching.body_set import BodySet, Copy
+from softlab.model.shape_matching.clusters import Clusters
+from softlab.model.shape_matching.lattice import LatticeCopies
+from softlab.model.shape_matching.links import Links
 
 
 def bodies_apart(scene: Scene) -> Apart:

@@ -10,17 +10,17 @@ from itertools import groupby
 
 import numpy as np
 
-from model.assets.baked_body import BakedBody
-from model.assets.material import joined
-from model.core.errors import InputError, SceneError
-from model.core.memory import MAX_PARTICLES, available_bytes, require
-from model.geometry.arithmetic.ordered import applied, mean, total
-from model.geometry.lists import offsets_of
-from model.geometry.particle_row import ParticleRow
-from model.scene.bodies import Placed
-from model.shape_matching.clusters import Clusters
-from model.shape_matching.lattice import LatticeCopies
-from model.shape_matching.links import LinkedCopies, Links, make_links
+from softlab.model.assets.baked_body import BakedBody
+from softlab.model.assets.material import joined
+from softlab.model.core.errors import InputError, SceneError
+from softlab.model.core.memory import MAX_PARTICLES, available_bytes, require
+from softlab.model.geometry.arithmetic.ordered import applied, mean, total
+from softlab.model.geometry.lists import offsets_of
+from softlab.model.geometry.particle_row import ParticleRow
+from softlab.model.scene.bodies import Placed
+from softlab.model.shape_matching.clusters import Clusters
+from softlab.model.shape_matching.lattice import LatticeCopies
+from softlab.model.shape_matching.links import LinkedCopies, Links, make_links
 
 
 @dataclass(frozen=True)

@@ -6,11 +6,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-from model.core.errors import InputError
-from model.formulas.shape_matching.deformation import S_CREEP, S_INVERSE, S_LIMIT, S_LINEAR, S_THRESHOLD, SHAPE
-from model.geometry.arithmetic.functions import expm1
-from model.geometry.arithmetic.ordered import determinant, dot
-from model.shape_matching.clusters import Clusters, binned, matching_share
+from softlab.model.core.errors import InputError
+from softlab.model.formulas.shape_matching.deformation import S_CREEP, S_INVERSE, S_LIMIT, S_LINEAR, S_THRESHOLD, SHAPE
+from softlab.model.geometry.arithmetic.functions import expm1
+from softlab.model.geometry.arithmetic.ordered import determinant, dot
+from softlab.model.shape_matching.clusters import Clusters, binned, matching_share
 
 UNIT = 1e-3  # tolerance of a quaternion's length: float32 rounding, or a text file with three digits
 

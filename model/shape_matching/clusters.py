@@ -15,12 +15,12 @@ from typing import Any
 
 import numpy as np
 
-from model.assets.material import Material
-from model.core.errors import InputError
-from model.formulas.shape_matching.deformation import MIN_VOLUME
-from model.geometry.arithmetic.functions import expm1, log1p
-from model.geometry.arithmetic.ordered import eigenvalues, inverse
-from model.geometry.lists import grouped
+from softlab.model.assets.material import Material
+from softlab.model.core.errors import InputError
+from softlab.model.formulas.shape_matching.deformation import MIN_VOLUME
+from softlab.model.geometry.arithmetic.functions import expm1, log1p
+from softlab.model.geometry.arithmetic.ordered import eigenvalues, inverse
+from softlab.model.geometry.lists import grouped
 
 FLAT = 1e-4  # of the moments of rest offsets, smallest over largest: a hundredth as thick as it is long
 

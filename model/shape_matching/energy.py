@@ -6,9 +6,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from model.scene.scene import Scene
-from model.shape_matching.lattice import matching_axis
-from model.shape_matching.matching import matching_stiffness
+from softlab.model.scene.scene import Scene
+from softlab.model.shape_matching.lattice import matching_axis
+from softlab.model.shape_matching.matching import matching_stiffness
 
 
 def window_energy(scene: Scene, position: np.ndarray) -> float:

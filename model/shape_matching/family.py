@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from model.scene.checks.fit import OF_BODIES
-from model.scene.checks.solver import MATCHED
-from model.scene.scene import Scene
-from model.shape_matching.apart import bodies_apart
-from model.shape_matching.energy import goal_strain, window_energy
-from model.xpbd.family import SHEET
+from softlab.model.scene.checks.fit import OF_BODIES
+from softlab.model.scene.checks.solver import MATCHED
+from softlab.model.scene.scene import Scene
+from softlab.model.shape_matching.apart import bodies_apart
+from softlab.model.shape_matching.energy import goal_strain, window_energy
+from softlab.model.xpbd.family import SHEET
 
 
 def _stored_in_windows(
@@ -34,10 +34,10 @@ WINDOWS = replace(
     accepts=lambda scene: scene.method.matches_shapes and not (scene.bodies or scene.tetrahedra or scene.fluids),
     stored=_stored_in_windows,
     solvers={
-        "cpu": "cpu_backend.shape_matching.grid_solver:ShapeMatching",
+        "cpu": "softlab.cpu_backend.shape_matching.grid_solver:ShapeMatching",
         "gpu": SHEET.solvers["gpu"],
     },
-    reference="bench.reference.shape_matching",
+    reference="softlab.bench.reference.shape_matching",
     reach=None,
     unknown="clusters have no converged reference: they are another material than springs; --set method.solver=mass-spring "
     "asks about the springs, softlab bar tells how the two differ",
@@ -52,9 +52,9 @@ BODIES = replace(
     stored=_stored_in_bodies,
     strain=lambda scene, position, kind, plastic: goal_strain(scene, position, plastic),
     spring_count=lambda scene: 0,
-    solvers={"cpu": "cpu_backend.shape_matching.solver:Bodies", "gpu": "gpu_backend.shape_matching.solver:Bodies"},
-    passes={"cpu": "app.plan.xpbd:bodies_on_cpu", "gpu": "app.plan.xpbd:bodies_on_gpu"},
-    reference="bench.reference.shape_matching",
+    solvers={backend: f"softlab.{backend}_backend.shape_matching.solver:Bodies" for backend in ("cpu", "gpu")},
+    passes={"cpu": "softlab.app.plan.xpbd:bodies_on_cpu", "gpu": "softlab.app.plan.xpbd:bodies_on_gpu"},
+    reference="softlab.bench.reference.shape_matching",
     reach=None,
     apart=bodies_apart,
     unknown="no error is available for shape-matching bodies: clusters are their material and have no converged reference; "

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from model.core.build import masses
-from model.scene.scene import Scene
-from model.shape_matching.clusters import Clusters
-from model.shape_matching.lattice import windows
+from softlab.model.core.build import masses
+from softlab.model.scene.scene import Scene
+from softlab.model.shape_matching.clusters import Clusters
+from softlab.model.shape_matching.lattice import windows
 
 
 def matching_stiffness(scene: Scene) -> float:

@@ -23,8 +23,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from model.scene.scene import Scene
-from model.shape_matching.clusters import Clusters
+from softlab.model.scene.scene import Scene
+from softlab.model.shape_matching.clusters import Clusters
 
 
 def whole_clusters(clusters: Clusters) -> np.ndarray:

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from model.core.errors import InputError, SceneError
-from model.core.state import State
-from model.fluid.flow import nozzle_points
-from model.scene.scene import Scene
-from model.shape_matching.body_set import Copy
+from softlab.model.core.errors import InputError, SceneError
+from softlab.model.core.state import State
+from softlab.model.fluid.flow import nozzle_points
+from softlab.model.scene.scene import Scene
+from softlab.model.shape_matching.body_set import Copy
 
 STILL = (0.0, 0.0, 0.0)  # m/s
 

@@ -7,12 +7,12 @@ from typing import NoReturn
 
 import numpy as np
 
-from model.core.errors import SceneError
-from model.domains.bodies import Apart, require_apart
-from model.scene.attachment import pins
-from model.scene.scene import Scene
-from model.tetrahedra.body_set import TetrahedraSet
-from model.tetrahedra.topology import bodies_of_particles
+from softlab.model.core.errors import SceneError
+from softlab.model.domains.bodies import Apart, require_apart
+from softlab.model.scene.attachment import pins
+from softlab.model.scene.scene import Scene
+from softlab.model.tetrahedra.body_set import TetrahedraSet
+from softlab.model.tetrahedra.topology import bodies_of_particles
 
 
 def tetrahedra_apart(scene: Scene) -> Apart:

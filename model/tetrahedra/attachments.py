@@ -9,15 +9,15 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from model.core.constraints import ConstraintSet, Projection
-from model.core.errors import SceneError
-from model.formulas.constraints import attachment as formula
-from model.geometry.measures import nearest_of
-from model.geometry.tetrahedra.embedding import carriers
-from model.geometry.tetrahedra.mesh import TetrahedralMesh
-from model.scene.attachment import Attachment, pins
-from model.tetrahedra.body_set import TetrahedraSet
-from model.xpbd.mesh_constraints import coloured
+from softlab.model.core.constraints import ConstraintSet, Projection
+from softlab.model.core.errors import SceneError
+from softlab.model.formulas.constraints import attachment as formula
+from softlab.model.geometry.measures import nearest_of
+from softlab.model.geometry.tetrahedra.embedding import carriers
+from softlab.model.geometry.tetrahedra.mesh import TetrahedralMesh
+from softlab.model.scene.attachment import Attachment, pins
+from softlab.model.tetrahedra.body_set import TetrahedraSet
+from softlab.model.xpbd.mesh_constraints import coloured
 
 KIND = "attachment"
 CORNERS = {

@@ -8,24 +8,24 @@ from functools import cached_property
 
 import numpy as np
 
-from model.core.errors import SceneError
-from model.core.memory import MAX_PARTICLES, available_bytes, require
-from model.geometry.arithmetic.ordered import mean, total
-from model.geometry.lists import Lists, grouped
-from model.geometry.measures import edge_lengths
-from model.geometry.particle_row import ParticleRow
-from model.geometry.tetrahedra.mesh import rest_inverse
-from model.scene.attachment import Attachment, pins
-from model.scene.mesh import Mesh
-from model.scene.motion import Motion
-from model.scene.regions import Region
-from model.scene.tetrahedra import Material, TetrahedralBody
-from model.tetrahedra.matter import Matter, joined
-from model.tetrahedra.placed import PlacedBody, placed_body
-from model.tetrahedra.selection import body_numbers, check_word, motion_numbers, vertices_of
-from model.tetrahedra.sheet import Sheet, sheet_of
-from model.tetrahedra.skin import Skin, plain_skin, skin_of
-from model.tetrahedra.topology import PAIRS
+from softlab.model.core.errors import SceneError
+from softlab.model.core.memory import MAX_PARTICLES, available_bytes, require
+from softlab.model.geometry.arithmetic.ordered import mean, total
+from softlab.model.geometry.lists import Lists, grouped
+from softlab.model.geometry.measures import edge_lengths
+from softlab.model.geometry.particle_row import ParticleRow
+from softlab.model.geometry.tetrahedra.mesh import rest_inverse
+from softlab.model.scene.attachment import Attachment, pins
+from softlab.model.scene.mesh import Mesh
+from softlab.model.scene.motion import Motion
+from softlab.model.scene.regions import Region
+from softlab.model.scene.tetrahedra import Material, TetrahedralBody
+from softlab.model.tetrahedra.matter import Matter, joined
+from softlab.model.tetrahedra.placed import PlacedBody, placed_body
+from softlab.model.tetrahedra.selection import body_numbers, check_word, motion_numbers, vertices_of
+from softlab.model.tetrahedra.sheet import Sheet, sheet_of
+from softlab.model.tetrahedra.skin import Skin, plain_skin, skin_of
+from softlab.model.tetrahedra.topology import PAIRS
 
 ELEMENT_BYTES = (
     400  # on the host, per tetrahedron: corners, values in float64 and in the kernels' arithmetic, multipliers

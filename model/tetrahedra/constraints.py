@@ -8,19 +8,19 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from model.core.constraints import ConstraintSet, Projection
-from model.core.plan import Node, Plan, Stage
-from model.formulas.constraints import attachment, tetrahedron, voxel_volume
-from model.formulas.elastic import sleep
-from model.scene.scene import Scene
-from model.tetrahedra.attachments import attachment_parts, attachment_projections, attachment_sets
-from model.tetrahedra.body_set import TetrahedraSet
-from model.tetrahedra.material import constraint_values, material_of, voxel_values
-from model.tetrahedra.voxel_order import voxel_order
-from model.xpbd import mesh_constraints as of_cloths
-from model.xpbd.colouring import colour
-from model.xpbd.mesh_plan import BODY_DAMPING, constrained_plan, model_parts, with_friction_in_place
-from model.xpbd.plan import xpbd_parts
+from softlab.model.core.constraints import ConstraintSet, Projection
+from softlab.model.core.plan import Node, Plan, Stage
+from softlab.model.formulas.constraints import attachment, tetrahedron, voxel_volume
+from softlab.model.formulas.elastic import sleep
+from softlab.model.scene.scene import Scene
+from softlab.model.tetrahedra.attachments import attachment_parts, attachment_projections, attachment_sets
+from softlab.model.tetrahedra.body_set import TetrahedraSet
+from softlab.model.tetrahedra.material import constraint_values, material_of, voxel_values
+from softlab.model.tetrahedra.voxel_order import voxel_order
+from softlab.model.xpbd import mesh_constraints as of_cloths
+from softlab.model.xpbd.colouring import colour
+from softlab.model.xpbd.mesh_plan import BODY_DAMPING, constrained_plan, model_parts, with_friction_in_place
+from softlab.model.xpbd.plan import xpbd_parts
 
 CONSTANTS = ("elastic_compliance", "elastic_damping", "elastic_stiffening")  # of the record: m / h^2, 1 / h, 1
 SLEEPING, SLEEP = "sleeping-vertices", "keep places"  # a part of a plan, a stage

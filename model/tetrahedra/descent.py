@@ -7,18 +7,18 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from model.core.plan import Node, Plan, Stage
-from model.formulas.constraints.tetrahedron import MATERIALS
-from model.formulas.elastic import chebyshev, descent
-from model.geometry.lists import grouped, offsets_of
-from model.scene.cloth import COLLIDER_KINDS
-from model.scene.scene import Scene
-from model.tetrahedra.body_set import TetrahedraSet
-from model.tetrahedra.constraints import DAMPED, tetrahedra_parts
-from model.tetrahedra.material import material_of, stiffnesses
-from model.tetrahedra.springs import PARTS, held_bodies, springs
-from model.tetrahedra.topology import neighbours
-from model.xpbd.mesh_plan import PROJECT_CONTACTS, constrained_plan
+from softlab.model.core.plan import Node, Plan, Stage
+from softlab.model.formulas.constraints.tetrahedron import MATERIALS
+from softlab.model.formulas.elastic import chebyshev, descent
+from softlab.model.geometry.lists import grouped, offsets_of
+from softlab.model.scene.cloth import COLLIDER_KINDS
+from softlab.model.scene.scene import Scene
+from softlab.model.tetrahedra.body_set import TetrahedraSet
+from softlab.model.tetrahedra.constraints import DAMPED, tetrahedra_parts
+from softlab.model.tetrahedra.material import material_of, stiffnesses
+from softlab.model.tetrahedra.springs import PARTS, held_bodies, springs
+from softlab.model.tetrahedra.topology import neighbours
+from softlab.model.xpbd.mesh_plan import PROJECT_CONTACTS, constrained_plan
 
 CORNERS = 4
 CHEBYSHEV, ACCELERATE = "chebyshev", "accelerate"  # a part of a plan, a stage

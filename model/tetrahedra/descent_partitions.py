@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from model.domains.partitions import SharedMesh, Window
-from model.scene.scene import Scene
-from model.tetrahedra.descent import descents
-from model.tetrahedra.partitions import partitions_by
+from softlab.model.domains.partitions import SharedMesh, Window
+from softlab.model.scene.scene import Scene
+from softlab.model.tetrahedra.descent import descents
+from softlab.model.tetrahedra.partitions import partitions_by
 
 
 def descent_partitions(scene: Scene) -> SharedMesh:

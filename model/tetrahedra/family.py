@@ -6,21 +6,21 @@ from typing import Any
 
 import numpy as np
 
-from model.core.clock import START, Clock
-from model.core.family import SolverFamily
-from model.core.parameters import rounded_record
-from model.geometry.measures import edge_lengths
-from model.scene.cloth import COLLIDER_KINDS, CONSTRAINT_KINDS
-from model.scene.motion import RELEASE
-from model.scene.scene import Scene
-from model.tetrahedra.apart import tetrahedra_apart
-from model.tetrahedra.attachments import KIND, stored
-from model.tetrahedra.constraints import CONSTANTS, constraint_sets, tetrahedra_plan, through_note
-from model.tetrahedra.material import energies
-from model.tetrahedra.partitions import tetrahedra_partitions
-from model.xpbd.family import projection_limit, projection_note
-from model.xpbd.mesh_constraints import mesh_energy
-from model.xpbd.parameters import XPBD_FIELDS, xpbd_values
+from softlab.model.core.clock import START, Clock
+from softlab.model.core.family import SolverFamily
+from softlab.model.core.parameters import rounded_record
+from softlab.model.geometry.measures import edge_lengths
+from softlab.model.scene.cloth import COLLIDER_KINDS, CONSTRAINT_KINDS
+from softlab.model.scene.motion import RELEASE
+from softlab.model.scene.scene import Scene
+from softlab.model.tetrahedra.apart import tetrahedra_apart
+from softlab.model.tetrahedra.attachments import KIND, stored
+from softlab.model.tetrahedra.constraints import CONSTANTS, constraint_sets, tetrahedra_plan, through_note
+from softlab.model.tetrahedra.material import energies
+from softlab.model.tetrahedra.partitions import tetrahedra_partitions
+from softlab.model.xpbd.family import projection_limit, projection_note
+from softlab.model.xpbd.mesh_constraints import mesh_energy
+from softlab.model.xpbd.parameters import XPBD_FIELDS, xpbd_values
 
 
 def tetrahedra_record(
@@ -75,9 +75,9 @@ TETRAHEDRA = SolverFamily(
     stored=_stored,
     strain=_strain,
     spring_count=lambda scene: sum(len(found.corners) for found in constraint_sets(scene) if found.kind != KIND),
-    solvers={"cpu": "cpu_backend.tetrahedra.solver:Tetrahedra", "gpu": "gpu_backend.tetrahedra.solver:Tetrahedra"},
-    passes={"cpu": "app.plan.mesh:mesh_on_cpu", "gpu": "app.plan.mesh:tetrahedra_on_gpu"},
-    reference="bench.reference.tetrahedra",
+    solvers={backend: f"softlab.{backend}_backend.tetrahedra.solver:Tetrahedra" for backend in ("cpu", "gpu")},
+    passes={"cpu": "softlab.app.plan.mesh:mesh_on_cpu", "gpu": "softlab.app.plan.mesh:tetrahedra_on_gpu"},
+    reference="softlab.bench.reference.tetrahedra",
     apart=tetrahedra_apart,
     partitions=tetrahedra_partitions,
     unknown="no converged motion of tetrahedra is known; softlab tetrahedra tells how far a bar is from rest",

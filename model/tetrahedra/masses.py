@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from model.geometry.arithmetic.ordered import total
-from model.geometry.lists import Lists
+from softlab.model.geometry.arithmetic.ordered import total
+from softlab.model.geometry.lists import Lists
 
 
 def limited(masses: np.ndarray, near: Lists, ratio: float) -> np.ndarray:

@@ -7,14 +7,14 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from model.core.errors import InputError, SceneError
-from model.geometry.arithmetic.ordered import total
-from model.geometry.tetrahedra.mesh import TetrahedralMesh
-from model.scene.regions import Region
-from model.scene.tetrahedra import Material, TetrahedralBody, lame_of
-from model.scene.words import suggestion
-from model.tetrahedra.masses import limited
-from model.tetrahedra.topology import neighbours
+from softlab.model.core.errors import InputError, SceneError
+from softlab.model.geometry.arithmetic.ordered import total
+from softlab.model.geometry.tetrahedra.mesh import TetrahedralMesh
+from softlab.model.scene.regions import Region
+from softlab.model.scene.tetrahedra import Material, TetrahedralBody, lame_of
+from softlab.model.scene.words import suggestion
+from softlab.model.tetrahedra.masses import limited
+from softlab.model.tetrahedra.topology import neighbours
 
 WHOLE_RATIO = (
     10.0  # largest ratio of the volumes at two neighbouring vertices in a lattice of whole voxels of five tetrahedra

@@ -16,25 +16,25 @@ from typing import Any
 
 import numpy as np
 
-from model.core.clock import START, Clock
-from model.core.errors import SceneError
-from model.core.own_forces import own_forces
-from model.core.parameters import rounded_record
-from model.core.plan import Node, Plan, Stage
-from model.formulas import colliders, distance
-from model.formulas.constraints.tetrahedron import MATERIALS
-from model.formulas.elastic import deformation, stages, tangent
-from model.geometry.arithmetic.ordered import total
-from model.scene.checks.tetrahedra import NOT_SMOOTH
-from model.scene.scene import Scene
-from model.tetrahedra.apart import none_apart
-from model.tetrahedra.body_set import TetrahedraSet
-from model.tetrahedra.constraints import tetrahedra_parts, through_note
-from model.tetrahedra.family import TETRAHEDRA
-from model.tetrahedra.material import rest_ratio
-from model.xpbd.family import projection_limit, with_limit
-from model.xpbd.mesh_plan import PINS
-from model.xpbd.parameters import XPBD_FIELDS, xpbd_values
+from softlab.model.core.clock import START, Clock
+from softlab.model.core.errors import SceneError
+from softlab.model.core.own_forces import own_forces
+from softlab.model.core.parameters import rounded_record
+from softlab.model.core.plan import Node, Plan, Stage
+from softlab.model.formulas import colliders, distance
+from softlab.model.formulas.constraints.tetrahedron import MATERIALS
+from softlab.model.formulas.elastic import deformation, stages, tangent
+from softlab.model.geometry.arithmetic.ordered import total
+from softlab.model.scene.checks.tetrahedra import NOT_SMOOTH
+from softlab.model.scene.scene import Scene
+from softlab.model.tetrahedra.apart import none_apart
+from softlab.model.tetrahedra.body_set import TetrahedraSet
+from softlab.model.tetrahedra.constraints import tetrahedra_parts, through_note
+from softlab.model.tetrahedra.family import TETRAHEDRA
+from softlab.model.tetrahedra.material import rest_ratio
+from softlab.model.xpbd.family import projection_limit, with_limit
+from softlab.model.xpbd.mesh_plan import PINS
+from softlab.model.xpbd.parameters import XPBD_FIELDS, xpbd_values
 
 CONSTANTS = ("newton_inertia", "newton_rate")  # of the record: the mean mass over h^2 [kg/s^2], 1 / h [1/s]
 VALUES = 14  # of a tetrahedron: 9 of B [1/m], V [m^3], mu, lambda [Pa], alpha of the neo-Hookean material, tau [s]
@@ -180,11 +180,11 @@ TETRAHEDRA_NEWTON = replace(
     note=newton_note,
     limit=newton_limit,
     solvers={
-        "cpu": "cpu_backend.tetrahedra.newton:TetrahedraNewton",
-        "gpu": "gpu_backend.tetrahedra.newton:TetrahedraNewton",
+        "cpu": "softlab.cpu_backend.tetrahedra.newton:TetrahedraNewton",
+        "gpu": "softlab.gpu_backend.tetrahedra.newton:TetrahedraNewton",
     },
-    passes={"cpu": "app.plan.mesh:newton_on_cpu", "gpu": "app.plan.mesh:newton_on_gpu"},
-    reference="bench.reference.tetrahedra_newton",
+    passes={"cpu": "softlab.app.plan.mesh:newton_on_cpu", "gpu": "softlab.app.plan.mesh:newton_on_gpu"},
+    reference="softlab.bench.reference.tetrahedra_newton",
     apart=none_apart,
     partitions=none_apart,
 )

@@ -7,15 +7,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from model.assets.tetrahedral_body import CookedBody
-from model.core.errors import InputError, SceneError
-from model.geometry.arithmetic.ordered import applied, total
-from model.geometry.measures import turned_about
-from model.geometry.tetrahedra.mesh import TetrahedralMesh
-from model.scene.regions import Region
-from model.scene.tetrahedra import Material, TetrahedralBody
-from model.tetrahedra.matter import Matter, matter_of
-from model.tetrahedra.selection import vertices_of
+from softlab.model.assets.tetrahedral_body import CookedBody
+from softlab.model.core.errors import InputError, SceneError
+from softlab.model.geometry.arithmetic.ordered import applied, total
+from softlab.model.geometry.measures import turned_about
+from softlab.model.geometry.tetrahedra.mesh import TetrahedralMesh
+from softlab.model.scene.regions import Region
+from softlab.model.scene.tetrahedra import Material, TetrahedralBody
+from softlab.model.tetrahedra.matter import Matter, matter_of
+from softlab.model.tetrahedra.selection import vertices_of
 
 
 @dataclass(frozen=True, eq=False)

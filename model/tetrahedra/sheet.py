@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from model.core.errors import SceneError
-from model.core.pins import pin_indices
-from model.geometry.mesh import TriangleMesh
-from model.geometry.topology import mesh_of, pinned_vertices, vertex_masses
-from model.scene.mesh import Mesh
-from model.scene.regions import Region
-from model.tetrahedra.selection import vertices_of
+from softlab.model.core.errors import SceneError
+from softlab.model.core.pins import pin_indices
+from softlab.model.geometry.mesh import TriangleMesh
+from softlab.model.geometry.topology import mesh_of, pinned_vertices, vertex_masses
+from softlab.model.scene.mesh import Mesh
+from softlab.model.scene.regions import Region
+from softlab.model.tetrahedra.selection import vertices_of
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from model.assets.tetrahedral_body import CookedBody
+from softlab.model.assets.tetrahedral_body import CookedBody
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from model.core.build import Body
-from model.core.errors import SceneError
-from model.core.simulation import Simulation
-from model.core.state import State
-from model.mass_spring.cloth_parameters import (
+from softlab.model.core.build import Body
+from softlab.model.core.errors import SceneError
+from softlab.model.core.simulation import Simulation
+from softlab.model.core.state import State
+from softlab.model.mass_spring.cloth_parameters import (
     M_DURATION,
     M_START,
     M_V,
@@ -29,7 +29,7 @@ from model.mass_spring.cloth_parameters import (
     motion_rows,
     pin_rows,
 )
-from model.scene.scene import Scene
+from softlab.model.scene.scene import Scene
 
 LIVE = "targets"
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from model.geometry.arithmetic.ordered import dot
-from model.geometry.lists import Lists, grouped
+from softlab.model.geometry.arithmetic.ordered import dot
+from softlab.model.geometry.lists import Lists, grouped
 
 PAIRS = ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3))  # corners of the edges
 

@@ -15,16 +15,16 @@ from typing import Any
 
 import numpy as np
 
-from model.core.clock import START, Clock
-from model.core.parameters import rounded_record
-from model.scene.scene import Scene
-from model.tetrahedra.constraints import through_note
-from model.tetrahedra.descent import SCALE, vbd_plan
-from model.tetrahedra.descent_partitions import descent_partitions
-from model.tetrahedra.family import TETRAHEDRA
-from model.tetrahedra.newton import CONSTANTS
-from model.xpbd.family import with_limit
-from model.xpbd.parameters import XPBD_FIELDS, xpbd_values
+from softlab.model.core.clock import START, Clock
+from softlab.model.core.parameters import rounded_record
+from softlab.model.scene.scene import Scene
+from softlab.model.tetrahedra.constraints import through_note
+from softlab.model.tetrahedra.descent import SCALE, vbd_plan
+from softlab.model.tetrahedra.descent_partitions import descent_partitions
+from softlab.model.tetrahedra.family import TETRAHEDRA
+from softlab.model.tetrahedra.newton import CONSTANTS
+from softlab.model.xpbd.family import with_limit
+from softlab.model.xpbd.parameters import XPBD_FIELDS, xpbd_values
 
 
 def vbd_record(scene: Scene, real: Any, poke: tuple[float, ...] = (0.0, 0.0, 0.0), clock: Clock = START) -> np.ndarray:
@@ -50,9 +50,9 @@ TETRAHEDRA_VBD = replace(
     record=vbd_record,
     note=vbd_note,
     solvers={
-        "cpu": "cpu_backend.tetrahedra.descent:VertexBlockDescent",
-        "gpu": "gpu_backend.tetrahedra.descent:VertexBlockDescent",
+        "cpu": "softlab.cpu_backend.tetrahedra.descent:VertexBlockDescent",
+        "gpu": "softlab.gpu_backend.tetrahedra.descent:VertexBlockDescent",
     },
     partitions=descent_partitions,
-    passes={"cpu": "app.plan.mesh:vertices_on_cpu", "gpu": "app.plan.mesh:vertices_on_gpu"},
+    passes={"cpu": "softlab.app.plan.mesh:vertices_on_cpu", "gpu": "softlab.app.plan.mesh:vertices_on_gpu"},
 )

@@ -8,18 +8,18 @@ from typing import Any
 
 import numpy as np
 
-from model.core.clock import START, Clock
-from model.core.family import SolverFamily
-from model.core.parameters import rounded_record
-from model.core.plan import Plan
-from model.fluid.family import FLUID, fluid_note
-from model.fluid.plan import fluid_plan
-from model.scene.scene import Scene
-from model.shape_matching.family import BODIES
-from model.tetrahedra.family import TETRAHEDRA
-from model.tetrahedra.vbd import TETRAHEDRA_VBD
-from model.world.plan import coupled, world_plan
-from model.xpbd.family import MESH
+from softlab.model.core.clock import START, Clock
+from softlab.model.core.family import SolverFamily
+from softlab.model.core.parameters import rounded_record
+from softlab.model.core.plan import Plan
+from softlab.model.fluid.family import FLUID, fluid_note
+from softlab.model.fluid.plan import fluid_plan
+from softlab.model.scene.scene import Scene
+from softlab.model.shape_matching.family import BODIES
+from softlab.model.tetrahedra.family import TETRAHEDRA
+from softlab.model.tetrahedra.vbd import TETRAHEDRA_VBD
+from softlab.model.world.plan import coupled, world_plan
+from softlab.model.xpbd.family import MESH
 
 OF_MEMBERS = {"bodies": (BODIES,), "tetrahedra": (TETRAHEDRA, TETRAHEDRA_VBD), "cloth": (MESH,), "fluid": (FLUID,)}
 
@@ -93,8 +93,8 @@ WORLD = SolverFamily(
     stored=_stored,
     strain=_strain,
     spring_count=lambda scene: sum(family.spring_count(own) for family, own in _members(scene).values()),
-    solvers={"cpu": "cpu_backend.world.solver:World", "gpu": "gpu_backend.world.solver:World"},
-    passes={"cpu": "app.plan.world:world_on_cpu", "gpu": "app.plan.world:world_on_gpu"},
-    reference="bench.reference.world",
+    solvers={"cpu": "softlab.cpu_backend.world.solver:World", "gpu": "softlab.gpu_backend.world.solver:World"},
+    passes={"cpu": "softlab.app.plan.world:world_on_cpu", "gpu": "softlab.app.plan.world:world_on_gpu"},
+    reference="softlab.bench.reference.world",
     unknown="no converged motion of a world is known: its members' materials differ",
 )

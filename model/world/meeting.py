@@ -11,8 +11,8 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from model.contact.particle_parameters import G_DISTANCE, G_REACH, PAIR_FIELDS, kinds_of_particles
-from model.contact.surface_parameters import (
+from softlab.model.contact.particle_parameters import G_DISTANCE, G_REACH, PAIR_FIELDS, kinds_of_particles
+from softlab.model.contact.surface_parameters import (
     APPROACH,
     MARGIN,
     SHARE,
@@ -22,11 +22,11 @@ from model.contact.surface_parameters import (
     contact_surface,
     surface_of,
 )
-from model.core.build import rest_positions
-from model.geometry.lists import Lists
-from model.scene.scene import Scene
-from model.scene.sheets import triangles_of
-from model.world.world_set import WorldSet
+from softlab.model.core.build import rest_positions
+from softlab.model.geometry.lists import Lists
+from softlab.model.scene.scene import Scene
+from softlab.model.scene.sheets import triangles_of
+from softlab.model.world.world_set import WorldSet
 
 
 @dataclass(frozen=True, eq=False)

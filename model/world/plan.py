@@ -14,11 +14,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from model.core.plan import Node, Plan, Stage
-from model.formulas import contact
-from model.formulas.fluid import wetting
-from model.scene.scene import Scene
-from model.xpbd.plan import LOOKED_AT
+from softlab.model.core.plan import Node, Plan, Stage
+from softlab.model.formulas import contact
+from softlab.model.formulas.fluid import wetting
+from softlab.model.scene.scene import Scene
+from softlab.model.xpbd.plan import LOOKED_AT
 
 BEGIN, TAKE, GIVE = (
     "take predictions",

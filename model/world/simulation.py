@@ -9,14 +9,14 @@ from typing import Protocol
 
 import numpy as np
 
-from model.core.clock import Clock
-from model.core.errors import InputError
-from model.core.plan import StageRun
-from model.core.simulation import Options, Simulation
-from model.core.state import State, checked_arrays
-from model.scene.scene import Scene
-from model.world.plan import name_of_stage
-from model.world.wetting import checked_wetness
+from softlab.model.core.clock import Clock
+from softlab.model.core.errors import InputError
+from softlab.model.core.plan import StageRun
+from softlab.model.core.simulation import Options, Simulation
+from softlab.model.core.state import State, checked_arrays
+from softlab.model.scene.scene import Scene
+from softlab.model.world.plan import name_of_stage
+from softlab.model.world.wetting import checked_wetness
 
 STAGES = "stages"
 

@@ -7,9 +7,9 @@ from math import exp
 
 import numpy as np
 
-from model.core.errors import InputError
-from model.scene.scene import Scene
-from model.world.solids import solids_of
+from softlab.model.core.errors import InputError
+from softlab.model.scene.scene import Scene
+from softlab.model.world.solids import solids_of
 
 RATES = 3  # numbers: soaking, drying, capacity
 

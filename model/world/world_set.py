@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from model.core.errors import SceneError
-from model.core.memory import MAX_PARTICLES
-from model.core.pins import pin_indices
-from model.geometry.arithmetic.ordered import mean
-from model.geometry.particle_row import ParticleRow
-from model.geometry.topology import mesh_of, pinned_vertices, vertex_masses
-from model.scene.mesh import Mesh
-from model.shape_matching.body_set import BodySet
+from softlab.model.core.errors import SceneError
+from softlab.model.core.memory import MAX_PARTICLES
+from softlab.model.core.pins import pin_indices
+from softlab.model.geometry.arithmetic.ordered import mean
+from softlab.model.geometry.particle_row import ParticleRow
+from softlab.model.geometry.topology import mesh_of, pinned_vertices, vertex_masses
+from softlab.model.scene.mesh import Mesh
+from softlab.model.shape_matching.body_set import BodySet
 
 
 @dataclass(frozen=True, eq=False)

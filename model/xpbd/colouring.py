@@ -14,9 +14,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from model.core.errors import SceneError
-from model.core.waiting import work
-from model.geometry.lists import offsets_of
+from softlab.model.core.errors import SceneError
+from softlab.model.core.waiting import work
+from softlab.model.geometry.lists import offsets_of
 
 MAX_COLOURS = 1 << 14  # each is a launch or a barrier per sweep
 RINGS = "to avoid it, divide the triangles around it into rings, so that fewer edges end there"

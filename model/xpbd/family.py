@@ -7,18 +7,18 @@ from math import inf
 
 import numpy as np
 
-from model.core.family import ANY_SHEET, SolverFamily
-from model.core.integrators import fastest_damping
-from model.domains.decomposition import Reach
-from model.mass_spring.energy import sheet_spring_count, sheet_strain, stored_in_springs
-from model.mass_spring.family import CLOTH, GRID, require_local
-from model.scene.cloth import COLLIDER_KINDS, CONSTRAINT_KINDS
-from model.scene.scene import Scene
-from model.xpbd.mesh_constraints import constraint_sets, edge_strain, mesh_energy
-from model.xpbd.mesh_plan import xpbd_mesh_plan
-from model.xpbd.parameters import xpbd_record
-from model.xpbd.plan import xpbd_parts, xpbd_plan
-from model.xpbd.reach import period, substep_rows
+from softlab.model.core.family import ANY_SHEET, SolverFamily
+from softlab.model.core.integrators import fastest_damping
+from softlab.model.domains.decomposition import Reach
+from softlab.model.mass_spring.energy import sheet_spring_count, sheet_strain, stored_in_springs
+from softlab.model.mass_spring.family import CLOTH, GRID, require_local
+from softlab.model.scene.cloth import COLLIDER_KINDS, CONSTRAINT_KINDS
+from softlab.model.scene.scene import Scene
+from softlab.model.xpbd.mesh_constraints import constraint_sets, edge_strain, mesh_energy
+from softlab.model.xpbd.mesh_plan import xpbd_mesh_plan
+from softlab.model.xpbd.parameters import xpbd_record
+from softlab.model.xpbd.plan import xpbd_parts, xpbd_plan
+from softlab.model.xpbd.reach import period, substep_rows
 
 
 def projection_limit(scene: Scene, frequency: float | None = None) -> float:
@@ -71,9 +71,12 @@ SHEET = SolverFamily(
     stored=stored_in_springs,
     strain=sheet_strain,
     spring_count=sheet_spring_count,
-    solvers={"cpu": "cpu_backend.xpbd.solver:PositionBased", "gpu": "gpu_backend.xpbd.solver:PositionBased"},
-    passes={"cpu": "app.plan.xpbd:xpbd_on_cpu", "gpu": "app.plan.xpbd:xpbd_on_gpu"},
-    reference="bench.reference.xpbd",
+    solvers={
+        "cpu": "softlab.cpu_backend.xpbd.solver:PositionBased",
+        "gpu": "softlab.gpu_backend.xpbd.solver:PositionBased",
+    },
+    passes={"cpu": "softlab.app.plan.xpbd:xpbd_on_cpu", "gpu": "softlab.app.plan.xpbd:xpbd_on_gpu"},
+    reference="softlab.bench.reference.xpbd",
     reach=_sheet_reach,
 )
 
@@ -87,9 +90,9 @@ MESH = replace(
     stored=_stored_in_mesh,
     strain=lambda scene, position, kind, plastic: edge_strain(scene, position, kind),
     spring_count=lambda scene: sum(len(found.corners) for found in constraint_sets(scene)),
-    solvers={"cpu": "cpu_backend.xpbd.mesh:MeshPositionBased", "gpu": "gpu_backend.xpbd.mesh:MeshPositionBased"},
-    passes={"cpu": "app.plan.mesh:mesh_on_cpu", "gpu": "app.plan.mesh:mesh_on_gpu"},
-    reference="bench.reference.xpbd_mesh",
+    solvers={backend: f"softlab.{backend}_backend.xpbd.mesh:MeshPositionBased" for backend in ("cpu", "gpu")},
+    passes={"cpu": "softlab.app.plan.mesh:mesh_on_cpu", "gpu": "softlab.app.plan.mesh:mesh_on_gpu"},
+    reference="softlab.bench.reference.xpbd_mesh",
     reach=None,
     unknown="a mesh has no converged reference: those of grids and cloths are made for rows and columns of springs; a "
     "[cloth] is such a sheet",

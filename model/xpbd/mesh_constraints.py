@@ -13,23 +13,23 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from model.core.build import Body
-from model.core.constraints import ConstraintSet, Projection
-from model.core.errors import InputError
-from model.formulas import bending as bending_formulas
-from model.formulas import distance as distance_formulas
-from model.formulas.constraints import dihedral, distance, isometric, tether, volume
-from model.geometry.arithmetic.ordered import combined, dot, mean, norm
-from model.geometry.measures import edge_lengths, triangle_areas
-from model.geometry.mesh import TriangleMesh
-from model.geometry.tables import UNREACHED, vertex_attachments
-from model.geometry.topology import mesh_of
-from model.geometry.voxels import winding_numbers
-from model.scene.cloth import CONSTRAINT_KINDS
-from model.scene.scene import Scene
-from model.scene.xpbd import MAX_ANCHORS
-from model.xpbd.colouring import colour
-from model.xpbd.rest_shape import check_flat
+from softlab.model.core.build import Body
+from softlab.model.core.constraints import ConstraintSet, Projection
+from softlab.model.core.errors import InputError
+from softlab.model.formulas import bending as bending_formulas
+from softlab.model.formulas import distance as distance_formulas
+from softlab.model.formulas.constraints import dihedral, distance, isometric, tether, volume
+from softlab.model.geometry.arithmetic.ordered import combined, dot, mean, norm
+from softlab.model.geometry.measures import edge_lengths, triangle_areas
+from softlab.model.geometry.mesh import TriangleMesh
+from softlab.model.geometry.tables import UNREACHED, vertex_attachments
+from softlab.model.geometry.topology import mesh_of
+from softlab.model.geometry.voxels import winding_numbers
+from softlab.model.scene.cloth import CONSTRAINT_KINDS
+from softlab.model.scene.scene import Scene
+from softlab.model.scene.xpbd import MAX_ANCHORS
+from softlab.model.xpbd.colouring import colour
+from softlab.model.xpbd.rest_shape import check_flat
 
 FLAT = 1e-9  # of the edge: a shorter vector k at rest is the rounding of a flat hinge's coordinates
 SHAKE = 1e-4  # of the mean edge

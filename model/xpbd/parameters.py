@@ -10,15 +10,15 @@ from typing import Any
 
 import numpy as np
 
-from model.core.clock import START, Clock
-from model.core.integrators import damping_rate
-from model.core.parameters import rounded_record
-from model.core.tuples import reader
-from model.mass_spring.cloth_parameters import CLOTH_PARAMETERS, FIELDS, REACH, cloth_values
-from model.scene.cloth import CONSTRAINT_KINDS
-from model.scene.scene import Scene
-from model.shape_matching.clusters import matching_share
-from model.shape_matching.matching import matching_stiffness
+from softlab.model.core.clock import START, Clock
+from softlab.model.core.integrators import damping_rate
+from softlab.model.core.parameters import rounded_record
+from softlab.model.core.tuples import reader
+from softlab.model.mass_spring.cloth_parameters import CLOTH_PARAMETERS, FIELDS, REACH, cloth_values
+from softlab.model.scene.cloth import CONSTRAINT_KINDS
+from softlab.model.scene.scene import Scene
+from softlab.model.shape_matching.clusters import matching_share
+from softlab.model.shape_matching.matching import matching_stiffness
 
 OF_SHEETS = (
     "structural",

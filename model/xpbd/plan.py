@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from model.contact.particle_parameters import contact_parts
-from model.core.plan import Node, Plan, Stage
-from model.formulas import colliders, contact, distance, particle_contact
-from model.formulas.shape_matching import cluster, couple, deformation, lattice, pace, rebound, rigid
-from model.formulas.shape_matching import grid as shape_matching
-from model.mass_spring.cloth_plan import cloth_parts
-from model.mass_spring.plan import WIND, own_stages
-from model.scene.cloth import SPRING_KINDS
-from model.scene.parts import Elastic
-from model.scene.scene import Scene
-from model.shape_matching.rigid_rebound import rigid_parts
+from softlab.model.contact.particle_parameters import contact_parts
+from softlab.model.core.plan import Node, Plan, Stage
+from softlab.model.formulas import colliders, contact, distance, particle_contact
+from softlab.model.formulas.shape_matching import cluster, couple, deformation, lattice, pace, rebound, rigid
+from softlab.model.formulas.shape_matching import grid as shape_matching
+from softlab.model.mass_spring.cloth_plan import cloth_parts
+from softlab.model.mass_spring.plan import WIND, own_stages
+from softlab.model.scene.cloth import SPRING_KINDS
+from softlab.model.scene.parts import Elastic
+from softlab.model.scene.scene import Scene
+from softlab.model.shape_matching.rigid_rebound import rigid_parts
 
 JACOBI = frozenset({"jacobi", "averaged-jacobi"})  # orderings: all constraints at one position
 BODIES_LOOKED_AT = 27  # particles of the cells around one, in a lattice

@@ -7,12 +7,12 @@ from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any
 
-from bench.experiments.accuracy.judgement import ERROR, GROWTH, HALF, SOLVER, UNRESOLVED
-from bench.experiments.accuracy.points import CLOTHS, COPY, SCENES, AccuracyPoint, method_words, point
-from bench.store.results import Measure, by_configuration
-from bench.store.schema import tables_by_kind
-from model.scene.scene import load_scene
-from plots.core.data import Source
+from softlab.bench.experiments.accuracy.judgement import ERROR, GROWTH, HALF, SOLVER, UNRESOLVED
+from softlab.bench.experiments.accuracy.points import CLOTHS, COPY, SCENES, AccuracyPoint, method_words, point
+from softlab.bench.store.results import Measure, by_configuration
+from softlab.bench.store.schema import tables_by_kind
+from softlab.model.scene.scene import load_scene
+from softlab.plots.core.data import Source
 
 LABELS = {str(load_scene(name).grid.pinned): label for label, name in SCENES.items()}  # the scenes differ in their pins
 CLOTH_SCENES = {label: load_scene(name).as_dict() for label, name in CLOTHS.items()}

@@ -14,7 +14,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from bench.store.results import Timing
+from softlab.bench.store.results import Timing
 
 MANY, FEW = 7, 5  # repeats
 LEVEL = 0.99

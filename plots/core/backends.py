@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, Protocol, TypeVar
 
-from bench.store.results import Measure
-from plots.core.data import Results, Source
+from softlab.bench.store.results import Measure
+from softlab.plots.core.data import Results, Source
 
 BACKENDS = ("cpu", "gpu")
 PRECISION = "float32"

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from bench.store.machine_records import DISTURBED
-from bench.store.results import Timing
-from plots.core.data import Source
+from softlab.bench.store.machine_records import DISTURBED
+from softlab.bench.store.results import Timing
+from softlab.plots.core.data import Source
 
 UNKNOWN_CACHE = 1 << 26  # B
 

@@ -12,11 +12,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from bench.peers.results import Ratio
-from bench.store import marks
-from bench.store.database import Store
-from bench.store.results import Machine, Measure, Timing
-from bench.store.versions import Version
+from softlab.bench.peers.results import Ratio
+from softlab.bench.store import marks
+from softlab.bench.store.database import Store
+from softlab.bench.store.results import Machine, Measure, Timing
+from softlab.bench.store.versions import Version
 
 Origin = Store | str | Path
 THREAD_WORDS = ("1x", "2x", "4x")

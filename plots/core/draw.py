@@ -1,7 +1,7 @@
 """Every figure of the lab, drawn from the store, for `softlab figures`.
 
->>> from plots.core.draw import draw_figures, figures_folder
->>> from plots.core.read import load
+>>> from softlab.plots.core.draw import draw_figures, figures_folder
+>>> from softlab.plots.core.read import load
 >>> draw_figures(load("softlab-results/results.sqlite"), figures_folder("figures"))
 """
 
@@ -17,11 +17,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from model.core.errors import InputError
-from plots.core.data import Results
-from plots.core.files import SUFFIXES, save
-from plots.core.style import Drawing, settings
-from plots.figures import (
+from softlab.model.core.errors import InputError
+from softlab.plots.core.data import Results
+from softlab.plots.core.files import SUFFIXES, save
+from softlab.plots.core.style import Drawing, settings
+from softlab.plots.figures import (
     ablation,
     bar,
     bar_costs,
@@ -45,12 +45,12 @@ from plots.figures import (
     time_per_step,
     work_precision,
 )
-from plots.figures.fluids import phases as fluid_phases
-from plots.figures.fluids import rest as fluid_rest
-from plots.figures.fluids import truth as fluid_truth
-from plots.figures.scaling import gpus, threads
-from plots.findings import determinism as findings_determinism
-from plots.findings import float32 as findings_float32
+from softlab.plots.figures.fluids import phases as fluid_phases
+from softlab.plots.figures.fluids import rest as fluid_rest
+from softlab.plots.figures.fluids import truth as fluid_truth
+from softlab.plots.figures.scaling import gpus, threads
+from softlab.plots.findings import determinism as findings_determinism
+from softlab.plots.findings import float32 as findings_float32
 
 DRAWN: dict[str, tuple[str, Callable[[Results], Drawing | str]]] = {  # name -> title, function that draws it
     "time-per-step": (time_per_step.TITLE, time_per_step.draw),

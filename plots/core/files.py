@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from model.core.files import replacing
-from plots.core import kept
-from plots.core.style import FOOTER_SIZE, Drawing
+from softlab.model.core.files import replacing
+from softlab.plots.core import kept
+from softlab.plots.core.style import FOOTER_SIZE, Drawing
 
 PNG_DPI = 160
 SUFFIXES = ("svg", "png")  # for books and for screens

@@ -17,10 +17,10 @@ from typing import Any
 
 import numpy as np
 
-from model.core.digest import source_digest
-from model.core.disk_cache import user_cache
-from model.core.errors import InputError
-from model.core.files import replacing
+from softlab.model.core.digest import source_digest
+from softlab.model.core.disk_cache import user_cache
+from softlab.model.core.errors import InputError
+from softlab.model.core.files import replacing
 
 MAX_FILES = 400  # six sets of figures; the least recently used ones are removed
 

@@ -6,12 +6,12 @@ from collections.abc import Callable
 from itertools import pairwise
 from typing import Any
 
-from bench.measure.cases import LADDER
-from bench.store.results import Timing
-from plots.core.backends import name_of, on_backends
-from plots.core.colours import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILLION
-from plots.core.data import Results, Source, is_wrong
-from plots.core.style import Curve, new_figure
+from softlab.bench.measure.cases import LADDER
+from softlab.bench.store.results import Timing
+from softlab.plots.core.backends import name_of, on_backends
+from softlab.plots.core.colours import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILLION
+from softlab.plots.core.data import Results, Source, is_wrong
+from softlab.plots.core.style import Curve, new_figure
 
 RUNGS = {
     "stages": Curve("stages", GREY, "v"),

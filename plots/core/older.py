@@ -11,14 +11,14 @@ from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
-from bench.keys.carried import DIGEST, is_older, read_map
-from bench.keys.enter import KEY
-from bench.peers.cases import peer_sources
-from bench.store.database import Store
-from bench.store.results import Measure, Timing
-from bench.store.schema import SAME
-from bench.store.versions import digest_of, sources_of
-from plots.core.data import Results, Source
+from softlab.bench.keys.carried import DIGEST, is_older, read_map
+from softlab.bench.keys.enter import KEY
+from softlab.bench.peers.cases import peer_sources
+from softlab.bench.store.database import Store
+from softlab.bench.store.results import Measure, Timing
+from softlab.bench.store.schema import SAME
+from softlab.bench.store.versions import digest_of, sources_of
+from softlab.plots.core.data import Results, Source
 
 UNKNOWN = "a commit that was not recorded"
 

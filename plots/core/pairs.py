@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 
-from bench.store.results import Timing
-from plots.core.data import Source, sound
+from softlab.bench.store.results import Timing
+from softlab.plots.core.data import Source, sound
 
 
 def square_time(squares: Sequence[Timing], particles: int) -> float | None:

@@ -11,18 +11,18 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from bench.experiments import projections, throughput
-from bench.experiments.accuracy.experiment import STAGE as ACCURACY_STAGE
-from bench.experiments.scaling import experiment as scaling
-from bench.measure.case_timing import FINDINGS
-from bench.measure.energy import STAGE as ENERGY_STAGE
-from bench.peers.results import ratios
-from bench.store.database import Store
-from bench.store.results import Timing, machines, measures, open_readonly, timings
-from bench.store.schema import canonical
-from bench.store.versions import of_one_version, read_version
-from plots.core.data import Origin, Results, Run, Source
-from plots.core.older import older_peers, same_kernels, with_older
+from softlab.bench.experiments import projections, throughput
+from softlab.bench.experiments.accuracy.experiment import STAGE as ACCURACY_STAGE
+from softlab.bench.experiments.scaling import experiment as scaling
+from softlab.bench.measure.case_timing import FINDINGS
+from softlab.bench.measure.energy import STAGE as ENERGY_STAGE
+from softlab.bench.peers.results import ratios
+from softlab.bench.store.database import Store
+from softlab.bench.store.results import Timing, machines, measures, open_readonly, timings
+from softlab.bench.store.schema import canonical
+from softlab.bench.store.versions import of_one_version, read_version
+from softlab.plots.core.data import Origin, Results, Run, Source
+from softlab.plots.core.older import older_peers, same_kernels, with_older
 
 SIMULATOR = "CUDA simulator"  # in a suspect mark: not a time of a GPU
 STAGES = (ACCURACY_STAGE, ENERGY_STAGE, FINDINGS)

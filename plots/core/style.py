@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from bench.store.results import Timing
-from plots.core.colours import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILLION
-from plots.core.data import Results, Source, is_suspect, is_wrong, sound
+from softlab.bench.store.results import Timing
+from softlab.plots.core.colours import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILLION
+from softlab.plots.core.data import Results, Source, is_suspect, is_wrong, sound
 
 WIDTH = 6.3  # inch: text width on A4
 HEIGHT = 3.0  # inch

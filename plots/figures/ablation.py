@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from bench.experiments.advise.ablation_results import GAINS, NEEDED, NOT_NEEDED, Ablated, AblationRow, tables_of
-from plots.core.colours import BLUE, GREEN, GREY, SKY, VERMILLION
-from plots.core.data import Results, Source
-from plots.core.style import Drawing, new_sheet
+from softlab.bench.experiments.advise.ablation_results import GAINS, NEEDED, NOT_NEEDED, Ablated, AblationRow, tables_of
+from softlab.plots.core.colours import BLUE, GREEN, GREY, SKY, VERMILLION
+from softlab.plots.core.data import Results, Source
+from softlab.plots.core.style import Drawing, new_sheet
 
 TITLE = "What the scenes need"
 MOST = 4  # panels: the scenes and backends that were measured last

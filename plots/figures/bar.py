@@ -5,12 +5,20 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from bench.experiments.bar import FINEST, SOLVERS, SOME_LAYERS, SOME_LINKS, SOME_OVERLAP, SOME_VOXELS, TETRAHEDRA
-from bench.experiments.bar_rows import JELLY, Bar, first_backend, is_bar, rows, series
-from bench.experiments.bar_strip import ACROSS, FREQUENCY, SAG
-from plots.core.colours import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILLION
-from plots.core.data import Results, Source, judgements
-from plots.core.style import Drawing, legend_below, new_figure, new_sheet, plain_ticks
+from softlab.bench.experiments.bar import (
+    FINEST,
+    SOLVERS,
+    SOME_LAYERS,
+    SOME_LINKS,
+    SOME_OVERLAP,
+    SOME_VOXELS,
+    TETRAHEDRA,
+)
+from softlab.bench.experiments.bar_rows import JELLY, Bar, first_backend, is_bar, rows, series
+from softlab.bench.experiments.bar_strip import ACROSS, FREQUENCY, SAG
+from softlab.plots.core.colours import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILLION
+from softlab.plots.core.data import Results, Source, judgements
+from softlab.plots.core.style import Drawing, legend_below, new_figure, new_sheet, plain_ticks
 
 TITLE = "Every method, one bar"
 CLUSTERS_TITLE = "A bar and the size of its clusters"

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from bench.experiments.bar_costs import CLOSE, Cost, costs
-from plots.core.backends import name_of, on_backends, sources_of
-from plots.core.colours import BLACK, GREY
-from plots.core.data import Results, Source
-from plots.core.style import Drawing, legend_below, new_figure, plain_ticks
-from plots.figures.bar import CURVES, MISSING
+from softlab.bench.experiments.bar_costs import CLOSE, Cost, costs
+from softlab.plots.core.backends import name_of, on_backends, sources_of
+from softlab.plots.core.colours import BLACK, GREY
+from softlab.plots.core.data import Results, Source
+from softlab.plots.core.style import Drawing, legend_below, new_figure, plain_ticks
+from softlab.plots.figures.bar import CURVES, MISSING
 
 TITLE = "One bar: error against time"
 PARTS = {"sag off a rod's": lambda cost: cost.sag, "first frequency off a rod's": lambda cost: cost.frequency}

@@ -5,15 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from bench.experiments.accuracy.methods import XPBD, name_of
-from bench.experiments.convergence import BEFORE, CONVERGENCE, RESIDUAL, colours
-from bench.measure.costs_timing import LEAST, MOST, RATIO, SECONDS
-from bench.store.results import Measure, by_configuration
-from bench.store.schema import tables_by_kind
-from plots.core.colours import GREY
-from plots.core.data import Results, Source
-from plots.core.style import Drawing, legend_below, new_figure
-from plots.figures.work_precision import XPBD as CURVES
+from softlab.bench.experiments.accuracy.methods import XPBD, name_of
+from softlab.bench.experiments.convergence import BEFORE, CONVERGENCE, RESIDUAL, colours
+from softlab.bench.measure.costs_timing import LEAST, MOST, RATIO, SECONDS
+from softlab.bench.store.results import Measure, by_configuration
+from softlab.bench.store.schema import tables_by_kind
+from softlab.plots.core.colours import GREY
+from softlab.plots.core.data import Results, Source
+from softlab.plots.core.style import Drawing, legend_below, new_figure
+from softlab.plots.figures.work_precision import XPBD as CURVES
 
 TITLE = "Convergence of the orderings"
 LINES = ("-", "--", "-.", ":")  # line styles of the sizes, small ones first

@@ -6,11 +6,11 @@ import math
 from dataclasses import dataclass
 from itertools import pairwise
 
-from bench.store.results import Timing
-from plots.core.apart import apart
-from plots.core.colours import BLACK, GREEN, GREY, PURPLE
-from plots.core.data import Results, Source, is_suspect, is_wrong, sound
-from plots.core.style import HEIGHT, Drawing, log_axes, new_figure, plain_ticks
+from softlab.bench.store.results import Timing
+from softlab.plots.core.apart import apart
+from softlab.plots.core.colours import BLACK, GREEN, GREY, PURPLE
+from softlab.plots.core.data import Results, Source, is_suspect, is_wrong, sound
+from softlab.plots.core.style import HEIGHT, Drawing, log_axes, new_figure, plain_ticks
 
 TITLE = "Where the GPU overtakes"
 

@@ -1,6 +1,6 @@
 """Energies over time, from a recorded trajectory (`softlab run SCENE --record every=N traj.npz`).
 
->>> from plots.figures.energies import draw_energies
+>>> from softlab.plots.figures.energies import draw_energies
 >>> draw_energies("traj.npz", "energies.png")
 """
 
@@ -12,13 +12,13 @@ from pathlib import Path
 
 import numpy as np
 
-from model.core.energy import energies, keeps
-from model.core.errors import InputError, SceneError
-from model.core.files import read_archive
-from model.scene.scene import Scene
-from plots.core.colours import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE
-from plots.core.files import save
-from plots.core.style import Drawing, legend_below, new_figure, settings
+from softlab.model.core.energy import energies, keeps
+from softlab.model.core.errors import InputError, SceneError
+from softlab.model.core.files import read_archive
+from softlab.model.scene.scene import Scene
+from softlab.plots.core.colours import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE
+from softlab.plots.core.files import save
+from softlab.plots.core.style import Drawing, legend_below, new_figure, settings
 
 ARRAYS = {"time": 1, "step": 1, "position": 3, "velocity": 3}  # array of a trajectory -> dimensions
 CURVES = (

@@ -2,11 +2,21 @@
 
 from __future__ import annotations
 
-from bench.measure.timing import DRAW_EVERY
-from bench.store.results import Timing
-from plots.core.data import Results, Source
-from plots.core.pairs import at_one_size
-from plots.core.style import GPU, THREADS, Curve, Drawing, draw_times, legend_below, log_axes, panels, time_ticks
+from softlab.bench.measure.timing import DRAW_EVERY
+from softlab.bench.store.results import Timing
+from softlab.plots.core.data import Results, Source
+from softlab.plots.core.pairs import at_one_size
+from softlab.plots.core.style import (
+    GPU,
+    THREADS,
+    Curve,
+    Drawing,
+    draw_times,
+    legend_below,
+    log_axes,
+    panels,
+    time_ticks,
+)
 
 TITLE = "With against without graphics"
 

@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from app.render.camera3d import Camera3D
-from bench.stress.results import BODIES, IN_FULL, OF_FLUIDS, OF_TETRAHEDRA, HardRow, rows_of
-from bench.stress.told import table_of
-from plots.core.colours import BLUE, GREEN, GREY, ORANGE, SKY, VERMILLION
-from plots.core.data import Results, Source, judgements
-from plots.core.style import Drawing, legend_below, new_sheet
+from softlab.app.render.camera3d import Camera3D
+from softlab.bench.stress.results import BODIES, IN_FULL, OF_FLUIDS, OF_TETRAHEDRA, HardRow, rows_of
+from softlab.bench.stress.told import table_of
+from softlab.plots.core.colours import BLUE, GREEN, GREY, ORANGE, SKY, VERMILLION
+from softlab.plots.core.data import Results, Source, judgements
+from softlab.plots.core.style import Drawing, legend_below, new_sheet
 
 STATES_TITLE = "What the hard cases end in"
 VERDICTS_TITLE = "Verdicts of the hard cases"

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from bench.stress.results import BODIES, HardRow, Told, rows_of
-from plots.core.colours import BLACK, BLUE, ORANGE, SKY, VERMILLION
-from plots.core.data import Results, Source, judgements
-from plots.core.style import Drawing, legend_below, new_sheet
-from plots.figures.hard import PANEL
+from softlab.bench.stress.results import BODIES, HardRow, Told, rows_of
+from softlab.plots.core.colours import BLACK, BLUE, ORANGE, SKY, VERMILLION
+from softlab.plots.core.data import Results, Source, judgements
+from softlab.plots.core.style import Drawing, legend_below, new_sheet
+from softlab.plots.figures.hard import PANEL
 
 TITLE = "Bodies against their bounds"
 MISSING = "the hard cases of bodies were not run"

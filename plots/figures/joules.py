@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from bench.store.results import Timing
-from plots.core.backends import sources_of
-from plots.core.data import Results, Source
-from plots.core.ladder import backend_panels, in_order, rung
-from plots.core.style import Drawing, legend_below, log_axes, plain_ticks
+from softlab.bench.store.results import Timing
+from softlab.plots.core.backends import sources_of
+from softlab.plots.core.data import Results, Source
+from softlab.plots.core.ladder import backend_panels, in_order, rung
+from softlab.plots.core.style import Drawing, legend_below, log_axes, plain_ticks
 
 TITLE = "Energy of every kernel"
 MILLION = 1e6

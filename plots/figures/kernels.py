@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from bench.store.results import Timing
-from plots.core.backends import sources_of
-from plots.core.bandwidth import copy_bandwidth, disturbed
-from plots.core.colours import BLACK
-from plots.core.data import Results
-from plots.core.ladder import backend_panels, in_order, mark_switches, rung, threading_words
-from plots.core.style import Drawing, draw_times, legend_below, log_axes, time_ticks
+from softlab.bench.store.results import Timing
+from softlab.plots.core.backends import sources_of
+from softlab.plots.core.bandwidth import copy_bandwidth, disturbed
+from softlab.plots.core.colours import BLACK
+from softlab.plots.core.data import Results
+from softlab.plots.core.ladder import backend_panels, in_order, mark_switches, rung, threading_words
+from softlab.plots.core.style import Drawing, draw_times, legend_below, log_axes, time_ticks
 
 TITLE = "Every kernel"
 

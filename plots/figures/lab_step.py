@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from plots.core.accuracy_points import Point, order_points, points
-from plots.core.colours import GREY, VERMILLION
-from plots.core.data import Results
-from plots.core.style import HEIGHT, Drawing, legend_below, log_axes, new_grid
-from plots.figures.work_precision import INTEGRATORS, SCENES, accurate_source
+from softlab.plots.core.accuracy_points import Point, order_points, points
+from softlab.plots.core.colours import GREY, VERMILLION
+from softlab.plots.core.data import Results
+from softlab.plots.core.style import HEIGHT, Drawing, legend_below, log_axes, new_grid
+from softlab.plots.figures.work_precision import INTEGRATORS, SCENES, accurate_source
 
 ACROSS = 2  # panels per row
 TITLE = "What the hand-out's step converges to"

@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from bench.peers.registry import PEERS, label
-from bench.peers.results import Ratio
-from plots.core.backends import name_of, on_backends
-from plots.core.colours import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILLION
-from plots.core.data import Results, Source
-from plots.core.style import Curve, Drawing, draw_band, legend_below, log_axes, new_figure, plain_ticks
+from softlab.bench.peers.registry import PEERS, label
+from softlab.bench.peers.results import Ratio
+from softlab.plots.core.backends import name_of, on_backends
+from softlab.plots.core.colours import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILLION
+from softlab.plots.core.data import Results, Source
+from softlab.plots.core.style import Curve, Drawing, draw_band, legend_below, log_axes, new_figure, plain_ticks
 
 TITLE = "Side by side with what could be used instead"
 SHEETS_TITLE = "Cloth side by side with what could be used instead"

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from functools import partial
 
-from bench.experiments.projections import points
-from plots.core.backends import draw_rates, name_of, on_backends, sources_of, timed
-from plots.core.colours import BLUE, GREEN, ORANGE, VERMILLION
-from plots.core.data import Results
-from plots.core.style import Drawing, legend_below, log_axes, new_figure
+from softlab.bench.experiments.projections import points
+from softlab.plots.core.backends import draw_rates, name_of, on_backends, sources_of, timed
+from softlab.plots.core.colours import BLUE, GREEN, ORANGE, VERMILLION
+from softlab.plots.core.data import Results
+from softlab.plots.core.style import Drawing, legend_below, log_axes, new_figure
 
 TITLE = "Projections a second"
 LOOKS = {

@@ -6,13 +6,13 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from bench.experiments.accuracy.equal_error import equal_error
-from bench.experiments.accuracy.points import SIZES
-from plots.core.accuracy_points import SIDE, Point, points
-from plots.core.colours import BLUE, GREEN, GREY
-from plots.core.data import Results, Source
-from plots.core.style import HEIGHT, Drawing, log_axes, new_figure, plain_ticks
-from plots.figures.work_precision import INTEGRATORS
+from softlab.bench.experiments.accuracy.equal_error import equal_error
+from softlab.bench.experiments.accuracy.points import SIZES
+from softlab.plots.core.accuracy_points import SIDE, Point, points
+from softlab.plots.core.colours import BLUE, GREEN, GREY
+from softlab.plots.core.data import Results, Source
+from softlab.plots.core.style import HEIGHT, Drawing, log_axes, new_figure, plain_ticks
+from softlab.plots.figures.work_precision import INTEGRATORS
 
 TITLE = "Who reaches an error fastest"
 SCENE = "S1"  # the scene that is measured at several sizes

@@ -11,16 +11,16 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from bench.store.results import Timing
-from model.core.errors import SoftlabError
-from model.core.families import scene_plan
-from model.scene.scene import Scene
-from plots.core.backends import sources_of
-from plots.core.bandwidth import copy_bandwidth, disturbed
-from plots.core.colours import BLACK, GREY
-from plots.core.data import Results, Source
-from plots.core.ladder import backend_panels, in_order, rung
-from plots.core.style import Drawing, draw_times, legend_below, log_axes, plain_ticks
+from softlab.bench.store.results import Timing
+from softlab.model.core.errors import SoftlabError
+from softlab.model.core.families import scene_plan
+from softlab.model.scene.scene import Scene
+from softlab.plots.core.backends import sources_of
+from softlab.plots.core.bandwidth import copy_bandwidth, disturbed
+from softlab.plots.core.colours import BLACK, GREY
+from softlab.plots.core.data import Results, Source
+from softlab.plots.core.ladder import backend_panels, in_order, rung
+from softlab.plots.core.style import Drawing, draw_times, legend_below, log_axes, plain_ticks
 
 TITLE = "Roofline"
 

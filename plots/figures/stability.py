@@ -8,12 +8,20 @@ from typing import Any
 
 import numpy as np
 
-from bench.experiments.stability.points import DAMPING, NAMES, STIFFNESS, Edge, MapPoint, disagreements, stability_of
-from bench.experiments.stability.runs import END, OUTCOMES
-from model.core.integrators import INTEGRATORS
-from plots.core.colours import BLACK, ORANGE, SKY, YELLOW
-from plots.core.data import Results, Source, judgements
-from plots.core.style import Drawing, new_sheet, plain_ticks
+from softlab.bench.experiments.stability.points import (
+    DAMPING,
+    NAMES,
+    STIFFNESS,
+    Edge,
+    MapPoint,
+    disagreements,
+    stability_of,
+)
+from softlab.bench.experiments.stability.runs import END, OUTCOMES
+from softlab.model.core.integrators import INTEGRATORS
+from softlab.plots.core.colours import BLACK, ORANGE, SKY, YELLOW
+from softlab.plots.core.data import Results, Source, judgements
+from softlab.plots.core.style import Drawing, new_sheet, plain_ticks
 
 TITLE_STIFFNESS = "Where each integrator breaks: stiffness"
 TITLE_DAMPING = "Where each integrator breaks: damping"

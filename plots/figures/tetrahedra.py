@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from bench.experiments.tetrahedral.bars import Bar, bars
-from bench.experiments.tetrahedral.cantilever import BLOCKS, SECOND
-from plots.core.backends import on_backends
-from plots.core.colours import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILLION
-from plots.core.data import Results, Source
-from plots.core.style import Drawing, legend_below, new_grid, plain_ticks
+from softlab.bench.experiments.tetrahedral.bars import Bar, bars
+from softlab.bench.experiments.tetrahedral.cantilever import BLOCKS, SECOND
+from softlab.plots.core.backends import on_backends
+from softlab.plots.core.colours import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILLION
+from softlab.plots.core.data import Results, Source
+from softlab.plots.core.style import Drawing, legend_below, new_grid, plain_ticks
 
 TITLE = "Does E mean E?"
 LOOKS = {

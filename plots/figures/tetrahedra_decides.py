@@ -6,14 +6,14 @@ from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
-from bench.experiments.tetrahedral.bars import Bar, bars
-from bench.experiments.tetrahedral.cantilever import SECOND
-from bench.experiments.tetrahedral.decides import positional
-from bench.experiments.tetrahedral.promised import WITHIN
-from plots.core.backends import name_of, on_backends, sources_of
-from plots.core.colours import BLACK, BLUE, GREEN, GREY, PURPLE, VERMILLION
-from plots.core.data import Results, Source
-from plots.core.style import Drawing, legend_below, new_grid, plain_ticks
+from softlab.bench.experiments.tetrahedral.bars import Bar, bars
+from softlab.bench.experiments.tetrahedral.cantilever import SECOND
+from softlab.bench.experiments.tetrahedral.decides import positional
+from softlab.bench.experiments.tetrahedral.promised import WITHIN
+from softlab.plots.core.backends import name_of, on_backends, sources_of
+from softlab.plots.core.colours import BLACK, BLUE, GREEN, GREY, PURPLE, VERMILLION
+from softlab.plots.core.data import Results, Source
+from softlab.plots.core.style import Drawing, legend_below, new_grid, plain_ticks
 
 TITLE = "The error of the tip against the time of a frame"
 LOOKS = {"xpbd": ("position-based", BLUE, "o"), "vbd": ("vertex block descent", VERMILLION, "^"),

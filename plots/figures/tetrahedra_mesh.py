@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from bench.experiments.tetrahedral.cantilever import SECOND
-from bench.experiments.tetrahedral.meshes import MESH, STEP, Mesh, Step, meshes, steps
-from plots.core.colours import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILLION
-from plots.core.data import Results, judgements
-from plots.core.style import Drawing, legend_below, new_figure, plain_ticks
+from softlab.bench.experiments.tetrahedral.cantilever import SECOND
+from softlab.bench.experiments.tetrahedral.meshes import MESH, STEP, Mesh, Step, meshes, steps
+from softlab.plots.core.colours import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILLION
+from softlab.plots.core.data import Results, judgements
+from softlab.plots.core.style import Drawing, legend_below, new_figure, plain_ticks
 
 TITLE = "What meshes and steps do by themselves"
 MARKERS = {5: ("o", "-"), 6: ("s", ":")}

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from functools import partial
 
-from bench.experiments.throughput import points
-from plots.core.backends import draw_rates, name_of, on_backends, sources_of, timed
-from plots.core.colours import BLUE, GREEN, ORANGE, PURPLE, VERMILLION
-from plots.core.data import Results
-from plots.core.style import Drawing, legend_below, log_axes, new_figure
+from softlab.bench.experiments.throughput import points
+from softlab.plots.core.backends import draw_rates, name_of, on_backends, sources_of, timed
+from softlab.plots.core.colours import BLUE, GREEN, ORANGE, PURPLE, VERMILLION
+from softlab.plots.core.data import Results
+from softlab.plots.core.style import Drawing, legend_below, log_axes, new_figure
 
 TITLE = "Particles of bodies a second"
 LOOKS = {

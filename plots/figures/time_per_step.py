@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from plots.core.colours import GREY
-from plots.core.data import THREAD_WORDS, Results, Source
-from plots.core.style import (
+from softlab.plots.core.colours import GREY
+from softlab.plots.core.data import THREAD_WORDS, Results, Source
+from softlab.plots.core.style import (
     GPU,
     THREADS,
     Curve,

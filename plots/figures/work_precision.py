@@ -5,12 +5,12 @@ from __future__ import annotations
 from math import log10
 from typing import Any
 
-from bench.experiments.accuracy.points import pareto_front
-from model.core.simulation import PRECISIONS
-from plots.core.accuracy_points import Point, points
-from plots.core.colours import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILLION
-from plots.core.data import Results, Source
-from plots.core.style import Drawing, legend_below, new_grid
+from softlab.bench.experiments.accuracy.points import pareto_front
+from softlab.model.core.simulation import PRECISIONS
+from softlab.plots.core.accuracy_points import Point, points
+from softlab.plots.core.colours import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILLION
+from softlab.plots.core.data import Results, Source
+from softlab.plots.core.style import Drawing, legend_below, new_grid
 
 TITLE = "Speed against error"
 BROWN, PINK, VIOLET = "#7A5230", "#B0305C", "#5E3C99"

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
-from bench.experiments.findings.determinism import DETERMINISM
-from plots.core.backends import on_backends, sources_of
-from plots.core.colours import BLUE, GREEN, GREY, ORANGE, VERMILLION
-from plots.core.data import Results
-from plots.core.style import Drawing, legend_below, log_axes, new_figure, plain_ticks
-from plots.findings.points import Cost, costs
+from softlab.bench.experiments.findings.determinism import DETERMINISM
+from softlab.plots.core.backends import on_backends, sources_of
+from softlab.plots.core.colours import BLUE, GREEN, GREY, ORANGE, VERMILLION
+from softlab.plots.core.data import Results
+from softlab.plots.core.style import Drawing, legend_below, log_axes, new_figure, plain_ticks
+from softlab.plots.findings.points import Cost, costs
 
 TITLE = "What determinism costs"
 WAYS = {  # backend, variant -> label, colour, marker

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from bench.experiments.findings.experiment import AWAY, FLOOR
-from plots.core.data import Results
-from plots.core.style import Drawing, legend_below, log_axes, new_figure
-from plots.figures.work_precision import INTEGRATORS
-from plots.findings.points import Row, of_finding
+from softlab.bench.experiments.findings.experiment import AWAY, FLOOR
+from softlab.plots.core.data import Results
+from softlab.plots.core.style import Drawing, legend_below, log_axes, new_figure
+from softlab.plots.figures.work_precision import INTEGRATORS
+from softlab.plots.findings.points import Row, of_finding
 
 TITLE = "Where float32 stops"
 LINES = {"float32": "-", "float64": "--"}

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from bench.experiments.findings.costs import INTERVAL, LOOKS, SHARE
-from bench.experiments.findings.determinism import DIFFERENT, GATHER
-from bench.experiments.findings.experiment import ERROR, RATE
-from bench.measure.costs_timing import LEAST, MOST, RATIO
-from bench.store.results import Measure, Timing, by_configuration
-from bench.store.schema import tables_by_kind
-from plots.core.data import Results, Source
+from softlab.bench.experiments.findings.costs import INTERVAL, LOOKS, SHARE
+from softlab.bench.experiments.findings.determinism import DIFFERENT, GATHER
+from softlab.bench.experiments.findings.experiment import ERROR, RATE
+from softlab.bench.measure.costs_timing import LEAST, MOST, RATIO
+from softlab.bench.store.results import Measure, Timing, by_configuration
+from softlab.bench.store.schema import tables_by_kind
+from softlab.plots.core.data import Results, Source
 
 
 @dataclass(frozen=True)

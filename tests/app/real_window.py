@@ -14,8 +14,8 @@ from typing import Any, Self
 
 import pytest
 
-from app.command.scene_file import scene_toml
-from model.scene.scene import Scene
+from softlab.app.command.scene_file import scene_toml
+from softlab.model.scene.scene import Scene
 
 TOOLS = Path(__file__).resolve().parents[1] / "tools"
 
@@ -42,7 +42,7 @@ class Window:
         self._start(
             folder,
             display,
-            "from pathlib import Path; from app.window.viewer import run_demo; from model.scene.scene import load_scene;"
+            "from pathlib import Path; from softlab import load_scene; from softlab.app.window.viewer import run_demo;"
             f"run_demo(load_scene({str(scene)!r}), state_file=Path('state.json'))",
         )
 
@@ -149,8 +149,9 @@ class StillWindow(Window):
         self._start(
             folder,
             display,
-            "from pathlib import Path; from app.window.demo import Demo; from app.window.viewer import Viewer\n"
-            "from fake_cloth import open_fake; from model.scene.scene import load_scene\n"
+            "from pathlib import Path; from softlab.app.window.demo import Demo\n"
+            "from softlab.app.window.viewer import Viewer\n"
+            "from fake_cloth import open_fake; from softlab.model.scene.scene import load_scene\n"
             "with Demo([load_scene('scene.toml')], open_world=open_fake) as demo:\n"
             "    Viewer(demo, Path('state.json'), None).run()\n",
         )

@@ -15,13 +15,13 @@ from real_window import StillWindow, display, needs_display  # noqa: F401
 from test_bodies_view import BODY_SET, SCENE
 from test_view3d import drawing, looks_like, near  # noqa: F401  # a fixture among them
 
-from app.render import colours
-from app.render.camera3d import Camera3D
-from app.window.demo import Demo
-from app.window.demo_report import masses_text, numbers_text
-from app.window.hand import neighbour
-from app.window.keys import BODY_KEYS, KEYS, hint, keys_text
-from app.window.mouse import Mouse
+from softlab.app.render import colours
+from softlab.app.render.camera3d import Camera3D
+from softlab.app.window.demo import Demo
+from softlab.app.window.demo_report import masses_text, numbers_text
+from softlab.app.window.hand import neighbour
+from softlab.app.window.keys import BODY_KEYS, KEYS, hint, keys_text
+from softlab.app.window.mouse import Mouse
 
 # ---------------------------------------------------------------------- the demo
 

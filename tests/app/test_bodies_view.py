@@ -11,13 +11,13 @@ from bodies_scenes import BEAM, METHOD, PLANE, TORUS, beams_and_torus
 from real_window import StillWindow, display, needs_display  # noqa: F401
 from test_view3d import drawing, looks_like, near  # noqa: F401  # a fixture among them
 
-from app.output.offscreen import OffscreenRenderer, render_frame
-from app.render import colours
-from app.render.collider_shapes import grounds, shadow_matrix
-from app.render.particle_colours import COLOURINGS, cluster_colours, nearest_clusters, particle_colours
-from app.render.scenery import KEY
-from model.core.errors import InputError
-from model.scene.scene import Scene
+from softlab.app.output.offscreen import OffscreenRenderer, render_frame
+from softlab.app.render import colours
+from softlab.app.render.collider_shapes import grounds, shadow_matrix
+from softlab.app.render.particle_colours import COLOURINGS, cluster_colours, nearest_clusters, particle_colours
+from softlab.app.render.scenery import KEY
+from softlab.model.core.errors import InputError
+from softlab.model.scene.scene import Scene
 
 SCENE = beams_and_torus()
 BODY_SET = SCENE.body_set

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 from test_offscreen import SCENE
 
-from app.command.pictures import ClipView, check_rate, parse_camera, parse_size
-from app.command.run import Request, run_scene
-from app.driver import open_simulation
-from app.output import bar
-from app.output.offscreen import OffscreenRenderer
-from app.output.video import Picture
-from app.render.views import camera_of
-from model.core.errors import InputError, SceneError
-from model.scene.scene import Scene, load_scene
+from softlab.app.command.pictures import ClipView, check_rate, parse_camera, parse_size
+from softlab.app.command.run import Request, run_scene
+from softlab.app.driver import open_simulation
+from softlab.app.output import bar
+from softlab.app.output.offscreen import OffscreenRenderer
+from softlab.app.output.video import Picture
+from softlab.app.render.views import camera_of
+from softlab.model.core.errors import InputError, SceneError
+from softlab.model.scene.scene import Scene, load_scene
 
 FALLING = SCENE.replace({"grid.pinned": "none", "method.dt": 0.01})
 

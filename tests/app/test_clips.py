@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from test_offscreen import REST, SCENE
 
-from app.driver import open_simulation
-from app.output.offscreen import render_frame
-from app.output.pictures import write_png
-from app.output.video import Picture, VideoWriter, ffmpeg_path, reason, render, render_clip, true_rate
-from model.core.errors import BackendUnavailable, Diverged, InputError
-from model.core.files import replacing
+from softlab.app.driver import open_simulation
+from softlab.app.output.offscreen import render_frame
+from softlab.app.output.pictures import write_png
+from softlab.app.output.video import Picture, VideoWriter, ffmpeg_path, reason, render, render_clip, true_rate
+from softlab.model.core.errors import BackendUnavailable, Diverged, InputError
+from softlab.model.core.files import replacing
 
 
 def test_a_frame_becomes_a_png_and_nothing_else(tmp_path: Path) -> None:
@@ -107,7 +107,7 @@ def test_a_full_disk_is_an_input_error(tmp_path: Path, monkeypatch: pytest.Monke
     program.write_text(f"#!{sys.executable}\nimport sys\nsys.exit('write error: No space left on device')\n")
     program.chmod(0o755)
     assert ffmpeg_path()
-    monkeypatch.setattr("app.output.video.ffmpeg_path", lambda: str(program))
+    monkeypatch.setattr("softlab.app.output.video.ffmpeg_path", lambda: str(program))
     with (
         pytest.raises(InputError, match="no space left on the disk"),
         VideoWriter(tmp_path / "a.mp4", 640, 480) as writer,

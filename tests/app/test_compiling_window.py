@@ -10,13 +10,13 @@ from typing import Any
 import pytest
 from real_window import Window, display, needs_display  # noqa: F401
 
-from app.window.compiling import Compiling
-from app.window.demo_report import numbers_text
+from softlab.app.window.compiling import Compiling
+from softlab.app.window.demo_report import numbers_text
 
 SLOW = (
-    "import time; from pathlib import Path; from app.window import viewer, worlds\n"
+    "import time; from pathlib import Path; from softlab.app.window import viewer, worlds\n"
     "from fake_cloth import FakeCloth, open_fake\n"
-    "from model.scene.scene import load_scene\n"
+    "from softlab.model.scene.scene import load_scene\n"
     "FakeCloth.warm_up = lambda self, steps=1: time.sleep(600)\n"
     "worlds.Worlds.__init__.__kwdefaults__['open_world'] = open_fake\n"
     "viewer.run_demo(load_scene('cloth-hanging'), state_file=Path('state.json'))\n"

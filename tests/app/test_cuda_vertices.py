@@ -16,15 +16,15 @@ from fake_interop import FakeRuntime, GpuCloth, Status, alive, held
 from kernel_text import entry_of
 from test_view3d import REST, SCENE, available
 
-from app.output.offscreen import OffscreenRenderer
-from app.render import cuda_vertices
-from app.render.cuda_vertices import STRAIGHT, CudaVertices
-from app.render.sheet_view import SheetView
-from app.render.vertices import HostVertices
-from app.window import worlds
-from app.window.demo import Demo
-from app.window.viewer import Viewer
-from model.scene.scene import Scene
+from softlab.app.output.offscreen import OffscreenRenderer
+from softlab.app.render import cuda_vertices
+from softlab.app.render.cuda_vertices import STRAIGHT, CudaVertices
+from softlab.app.render.sheet_view import SheetView
+from softlab.app.render.vertices import HostVertices
+from softlab.app.window import worlds
+from softlab.app.window.demo import Demo
+from softlab.app.window.viewer import Viewer
+from softlab.model.scene.scene import Scene
 
 HOST = HostVertices.way
 RANDOM = np.random.default_rng(8)
@@ -363,7 +363,7 @@ def test_kernels_of_float64_write_float32() -> None:
     """Every number is rounded once, on its way out."""
     from numba import types
 
-    from gpu_backend.mass_spring.cloth.kernels import make_cloth_tools
+    from softlab.gpu_backend.mass_spring.cloth.kernels import make_cloth_tools
 
     tools = make_cloth_tools(np.float64)
     out, shape = types.float32[:, ::1], (types.int32, types.int32)

@@ -12,15 +12,15 @@ import pytest
 from cloth_scenes import cloth_scene
 from fake_interop import held, store_bytes
 
-from app.driver import open_simulation
-from app.output.offscreen import OffscreenRenderer, opengl_available
-from app.render import cuda_vertices
-from app.render.cuda_vertices import STRAIGHT, CudaVertices
-from app.render.sheet_view import SheetView
-from app.render.vertices import HostVertices
-from app.window.demo import Demo
-from model.core.simulation import Simulation
-from model.scene.scene import Scene, load_scene
+from softlab.app.driver import open_simulation
+from softlab.app.output.offscreen import OffscreenRenderer, opengl_available
+from softlab.app.render import cuda_vertices
+from softlab.app.render.cuda_vertices import STRAIGHT, CudaVertices
+from softlab.app.render.sheet_view import SheetView
+from softlab.app.render.vertices import HostVertices
+from softlab.app.window.demo import Demo
+from softlab.model.core.simulation import Simulation
+from softlab.model.scene.scene import Scene, load_scene
 
 pytestmark = pytest.mark.gpu
 SCENE = cloth_scene("everything", "velocity-verlet", rows=33, columns=35)  # no block or warp divides it
@@ -30,7 +30,7 @@ LARGE = load_scene("cloth-hanging").replace({"cloth.rows": 512, "cloth.columns":
 @cache
 def unable() -> str:
     """Why nothing here can be tested, or ""."""
-    from gpu_backend.core.device import gpu_available, simulated
+    from softlab.gpu_backend.core.device import gpu_available, simulated
 
     works, reason = gpu_available()
     if not works or simulated():

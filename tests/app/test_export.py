@@ -14,15 +14,15 @@ from bodies_scenes import PLANE, beams_and_torus
 from fake_cloth import FakeCloth
 from test_cli import command, refused  # noqa: F401  # a fixture
 
-from app.command.scene_file import scene_toml
-from app.output.export import Exporter, check_export, linear, write_pieces
-from app.output.pieces import collider_pieces, pieces_of, skinned
-from app.render import colours
-from app.render.bodies.skinning import ClusterFrames
-from model.core.build import rest_positions
-from model.core.errors import InputError
-from model.scene.scene import Scene
-from model.scene.sheets import scene_normals
+from softlab.app.command.scene_file import scene_toml
+from softlab.app.output.export import Exporter, check_export, linear, write_pieces
+from softlab.app.output.pieces import collider_pieces, pieces_of, skinned
+from softlab.app.render import colours
+from softlab.app.render.bodies.skinning import ClusterFrames
+from softlab.model.core.build import rest_positions
+from softlab.model.core.errors import InputError
+from softlab.model.scene.scene import Scene
+from softlab.model.scene.sheets import scene_normals
 
 BALL = {"kind": "sphere", "center": [0.0, 0.2, 0.0], "radius": 0.2, "velocity": [0.5, 0.0, 0.0]}
 SCENE = beams_and_torus(**PLANE, ball=BALL)
@@ -204,7 +204,7 @@ def test_patterns_that_name_no_frame_are_refused(tmp_path: Path, name: str) -> N
 
 @pytest.fixture
 def bodies_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
-    monkeypatch.setattr("app.command.run.open_simulation", lambda scene, backend, **options: FakeCloth(scene))
+    monkeypatch.setattr("softlab.app.command.run.open_simulation", lambda scene, backend, **options: FakeCloth(scene))
     path = tmp_path / "bodies.toml"
     path.write_text(scene_toml(SCENE), encoding="utf-8")
     return str(path)

@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 from test_view3d import drawing  # noqa: F401  # a fixture
 
-from app.render.camera3d import Camera3D
-from app.render.detail import FINE
-from app.render.fluid.surface import FILTERS, STEPS, FluidSurface
-from app.render.opengl import open_window
-from app.render.smooth_target import SmoothTarget
-from app.render.vertex_arrays import static_buffer
-from model.core.errors import InputError
-from model.geometry.anisotropy import FLATTEST, ellipsoids
+from softlab.app.render.camera3d import Camera3D
+from softlab.app.render.detail import FINE
+from softlab.app.render.fluid.surface import FILTERS, STEPS, FluidSurface
+from softlab.app.render.opengl import open_window
+from softlab.app.render.smooth_target import SmoothTarget
+from softlab.app.render.vertex_arrays import static_buffer
+from softlab.model.core.errors import InputError
+from softlab.model.geometry.anisotropy import FLATTEST, ellipsoids
 
 SIDE = 320  # pixels
 

@@ -8,20 +8,20 @@ import numpy as np
 import pytest
 from test_view3d import drawing  # noqa: F401  # a fixture
 
-from app.output.offscreen import OffscreenRenderer
-from app.render import colours
-from app.render.fluid.framing import main_part, with_fluids
-from app.render.fluid.outlines import SIDES, outlines
-from app.render.fluid.view import COLOURINGS, LOOKS
-from app.render.framing import seen_points
-from app.render.particle_colours import of_numbers
-from app.render.views import check_look
-from app.window.keys import FLUID_KEYS, keys_text
-from model.core.errors import InputError
-from model.fluid.foam import FOAM, FoamPoints
-from model.fluid.measure import density_errors
-from model.scene.fluid import Foam
-from model.scene.scene import Scene
+from softlab.app.output.offscreen import OffscreenRenderer
+from softlab.app.render import colours
+from softlab.app.render.fluid.framing import main_part, with_fluids
+from softlab.app.render.fluid.outlines import SIDES, outlines
+from softlab.app.render.fluid.view import COLOURINGS, LOOKS
+from softlab.app.render.framing import seen_points
+from softlab.app.render.particle_colours import of_numbers
+from softlab.app.render.views import check_look
+from softlab.app.window.keys import FLUID_KEYS, keys_text
+from softlab.model.core.errors import InputError
+from softlab.model.fluid.foam import FOAM, FoamPoints
+from softlab.model.fluid.measure import density_errors
+from softlab.model.scene.fluid import Foam
+from softlab.model.scene.scene import Scene
 
 pytestmark = pytest.mark.usefixtures("drawing")
 METHOD = {"solver": "pbf", "dt": 0.01, "substeps": 2, "iterations": 2}

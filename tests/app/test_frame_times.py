@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from app.render import colours
-from app.window.frame_times import BAR, BUDGET, FRAMES, HEIGHT, STICK_OUT, WIDTH, FrameTimes
-from app.window.overlay import force_text
+from softlab.app.render import colours
+from softlab.app.window.frame_times import BAR, BUDGET, FRAMES, HEIGHT, STICK_OUT, WIDTH, FrameTimes
+from softlab.app.window.overlay import force_text
 
 
 def rows_of(image: np.ndarray, column: int, colour: tuple[float, float, float]) -> np.ndarray:

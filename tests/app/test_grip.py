@@ -10,13 +10,13 @@ import pytest
 from bodies_scenes import BAR, BRICK, bodies_scene
 from fake_cloth import FakeCloth
 
-from app.window.demo import Demo
-from app.window.grip import CALMING, GIVE, HAND, SLOWING, STEADY, Grip
-from app.window.live import live_parts
-from model.core.errors import SceneError
-from model.core.simulation import Options
-from model.scene.scene import Scene
-from model.shape_matching.cluster_tables import matching_factors
+from softlab.app.window.demo import Demo
+from softlab.app.window.grip import CALMING, GIVE, HAND, SLOWING, STEADY, Grip
+from softlab.app.window.live import live_parts
+from softlab.model.core.errors import SceneError
+from softlab.model.core.simulation import Options
+from softlab.model.scene.scene import Scene
+from softlab.model.shape_matching.cluster_tables import matching_factors
 
 SOFT = BAR | {"spin": [0.0, 0.0, 0.0], "cluster_stiffness": 4000.0}  # 24 particles, 3 clusters
 HARD = BRICK | {"spin": [0.0, 0.0, 0.0], "origin": [0.0, 2.0, 0.0]}

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from app.window import controls, keys
+from softlab.app.window import controls, keys
 
 ROOT = Path(__file__).resolve().parents[2]
 MICE = {"mouse", "wheel", "right", "left"}  # words for the mouse among the keys

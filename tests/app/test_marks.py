@@ -10,16 +10,16 @@ from typing import Any
 
 import pytest
 
-from bench.experiments.accuracy import experiment as accuracy
-from bench.experiments.advise import ablate
-from bench.experiments.advise import search as advise_search
-from bench.measure import case_timing, costs_timing, samples, timing
-from bench.measure import group as measure_group
-from bench.measure.timing import Sample
-from bench.peers import sweep as peer_sweep  # fmt: skip
-from bench.store.database import Store
-from bench.store.results import configuration, timings
-from model.scene.scene import load_scene
+from softlab.bench.experiments.accuracy import experiment as accuracy
+from softlab.bench.experiments.advise import ablate
+from softlab.bench.experiments.advise import search as advise_search
+from softlab.bench.measure import case_timing, costs_timing, samples, timing
+from softlab.bench.measure import group as measure_group
+from softlab.bench.measure.timing import Sample
+from softlab.bench.peers import sweep as peer_sweep  # fmt: skip
+from softlab.bench.store.database import Store
+from softlab.bench.store.results import configuration, timings
+from softlab.model.scene.scene import load_scene
 
 SCENE = load_scene("lab-grid")
 NOTHING: Callable[..., None] = lambda *_, **__: None  # noqa: E731

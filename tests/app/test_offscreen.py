@@ -10,11 +10,11 @@ from functools import cache
 import numpy as np
 import pytest
 
-from app.output.offscreen import OffscreenRenderer, opengl_available
-from app.render import colours, opengl
-from model.core.build import rest_positions
-from model.core.errors import BackendUnavailable, InputError
-from model.scene.scene import Scene
+from softlab.app.output.offscreen import OffscreenRenderer, opengl_available
+from softlab.app.render import colours, opengl
+from softlab.model.core.build import rest_positions
+from softlab.model.core.errors import BackendUnavailable, InputError
+from softlab.model.scene.scene import Scene
 
 SCENE = Scene({"grid": {"rows": 9, "columns": 9, "pinned": "top-corners"}, "springs": {}, "gravity": {}})
 REST = rest_positions(SCENE.grid)
@@ -186,9 +186,9 @@ class Missing(importlib.abc.MetaPathFinder):
         if name == {broken!r}:
             raise ImportError({words!r})
 sys.meta_path.insert(0, Missing())
-from app.output.offscreen import OffscreenRenderer
-from model.core.errors import BackendUnavailable
-from model.scene.scene import Scene
+from softlab.app.output.offscreen import OffscreenRenderer
+from softlab.model.core.errors import BackendUnavailable
+from softlab.model.scene.scene import Scene
 said = []
 for _ in range(2):
     try:

@@ -9,7 +9,7 @@ from real_window import StillWindow, display, needs_display  # noqa: F401
 from test_bodies_view import BENT, BODY_SET, SCENE
 from test_view3d import drawing, looks_like, near  # noqa: F401  # a fixture among them
 
-from app.render.bodies.skinning import ClusterFrames, of_quaternions
+from softlab.app.render.bodies.skinning import ClusterFrames, of_quaternions
 
 RANDOM = np.random.default_rng(6)
 

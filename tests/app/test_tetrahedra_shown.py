@@ -12,16 +12,16 @@ import pytest
 from real_window import StillWindow, display, needs_display  # noqa: F401
 from test_view3d import drawing  # noqa: F401  # a fixture
 
-from app.output.offscreen import OffscreenRenderer, render_frame
-from app.render import colours
-from app.render.tetrahedra_view import COLOURINGS, outer_faces
-from app.window.demo import Demo
-from app.window.keys import SPACE_KEYS, TETRAHEDRA_KEYS, keys_text
-from app.window.materials import FIRST_DAMPING, material_changes, material_text
-from model.core.errors import InputError
-from model.scene.scene import Scene
-from model.scene.tetrahedra import LARGEST_RATIO
-from model.tetrahedra.material import at_particles, largest_strain, von_mises
+from softlab.app.output.offscreen import OffscreenRenderer, render_frame
+from softlab.app.render import colours
+from softlab.app.render.tetrahedra_view import COLOURINGS, outer_faces
+from softlab.app.window.demo import Demo
+from softlab.app.window.keys import SPACE_KEYS, TETRAHEDRA_KEYS, keys_text
+from softlab.app.window.materials import FIRST_DAMPING, material_changes, material_text
+from softlab.model.core.errors import InputError
+from softlab.model.scene.scene import Scene
+from softlab.model.scene.tetrahedra import LARGEST_RATIO
+from softlab.model.tetrahedra.material import at_particles, largest_strain, von_mises
 
 BODY = {"kind": "tetrahedral_body", "shape": {"name": "box", "sides": [0.2, 0.1, 0.1]}, "edge": 0.1, "poisson_ratio": 0.3,
         "young_modulus": 1e5}  # fmt: skip

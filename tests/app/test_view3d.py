@@ -11,15 +11,15 @@ import pytest
 from fake_cloth import FakeCloth
 from real_window import StillWindow, display, needs_display  # noqa: F401  # a fixture, and the window of another demo
 
-from app.output.offscreen import OffscreenRenderer, opengl_available, render_frame
-from app.output.video import Picture, render
-from app.render import colours
-from app.render.collider_shapes import grounds, shadow_matrix
-from app.render.scenery import KEY
-from app.render.sheet_view import heavy_masses
-from model.core.build import rest_positions
-from model.core.errors import InputError
-from model.scene.scene import Scene, load_scene
+from softlab.app.output.offscreen import OffscreenRenderer, opengl_available, render_frame
+from softlab.app.output.video import Picture, render
+from softlab.app.render import colours
+from softlab.app.render.collider_shapes import grounds, shadow_matrix
+from softlab.app.render.scenery import KEY
+from softlab.app.render.sheet_view import heavy_masses
+from softlab.model.core.build import rest_positions
+from softlab.model.core.errors import InputError
+from softlab.model.scene.scene import Scene, load_scene
 
 HANGING: dict[str, Any] = {
     "cloth": {"rows": 7, "columns": 9, "spacing": 0.25, "pinned": "top-corners"},

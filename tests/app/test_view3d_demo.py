@@ -12,11 +12,11 @@ from fake_cloth import open_fake
 from real_window import StillWindow, display, needs_display  # noqa: F401  # a fixture, and the window of another demo
 from test_view3d import HANGING, REST, SCENE, looks_like
 
-from app.render import colours
-from app.render.camera3d import Camera3D
-from app.window.demo import Demo
-from app.window.keys import SPACE_KEYS, keys_text
-from model.scene.scene import Scene, load_scene
+from softlab.app.render import colours
+from softlab.app.render.camera3d import Camera3D
+from softlab.app.window.demo import Demo
+from softlab.app.window.keys import SPACE_KEYS, keys_text
+from softlab.model.scene.scene import Scene, load_scene
 
 # ---------------------------------------------------------------------- the demo
 

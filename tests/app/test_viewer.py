@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.driver import open_simulation
-from app.render.camera import Camera2D, finite_bounds, pick
-from app.render.colours import STOPS, strain_colours, strain_range
-from app.window.demo import Demo
-from model.core.errors import BackendUnavailable
-from model.scene.scene import Scene
+from softlab.app.driver import open_simulation
+from softlab.app.render.camera import Camera2D, finite_bounds, pick
+from softlab.app.render.colours import STOPS, strain_colours, strain_range
+from softlab.app.window.demo import Demo
+from softlab.model.core.errors import BackendUnavailable
+from softlab.model.scene.scene import Scene
 
 GRID = {"rows": 8, "columns": 8, "pinned": "top-corners"}
 TABLES: dict[str, Any] = {
@@ -43,7 +43,9 @@ def demo() -> Iterator[Demo]:
 
 
 def test_importing_the_drawing_loads_no_pyglet() -> None:
-    drawing = "app.window.viewer, app.output.offscreen, app.output.video, app.window.demo"
+    drawing = (
+        "softlab.app.window.viewer, softlab.app.output.offscreen, softlab.app.output.video, softlab.app.window.demo"
+    )
     code = f"import sys, {drawing}; sys.exit('pyglet' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 

@@ -11,15 +11,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from app.render.camera3d import MAX_PITCH, NEAREST, Camera3D
-from app.render.detail import DETAILS, FINE, QUICK, next_detail, usual_detail
-from app.render.legends import range_texts
-from app.render.panels import TIP_GAP, beside_tip, divided
-from app.window.demo import NO_BODIES
-from app.window.keys import keys_text
-from app.window.looks import OF_PLANE, Looks
-from app.window.overlay import MESSAGE_SECONDS
-from app.window.stillness import SETTLE, TOUCHES, Stillness
+from softlab.app.render.camera3d import MAX_PITCH, NEAREST, Camera3D
+from softlab.app.render.detail import DETAILS, FINE, QUICK, next_detail, usual_detail
+from softlab.app.render.legends import range_texts
+from softlab.app.render.panels import TIP_GAP, beside_tip, divided
+from softlab.app.window.demo import NO_BODIES
+from softlab.app.window.keys import keys_text
+from softlab.app.window.looks import OF_PLANE, Looks
+from softlab.app.window.overlay import MESSAGE_SECONDS
+from softlab.app.window.stillness import SETTLE, TOUCHES, Stillness
 
 WINDOW = (1200.0, 900.0)
 LABEL = (70.0, 18.0)

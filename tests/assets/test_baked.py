@@ -9,16 +9,16 @@ import pytest
 from closed_meshes import ball, box
 from test_mesh import binary_stl, write
 
-import model.assets.baked
-import model.core.disk_cache
-from model.assets.baked import ROOMS, baked, body_key
-from model.assets.baked_body import BakedBody
-from model.assets.soft_body import MATERIAL, RigidBody, SoftBody
-from model.core.digest import ROOT
-from model.core.disk_cache import cache_folder, read_arrays, write_arrays
-from model.core.errors import InputError, SceneError
-from model.geometry.mesh import TriangleMesh, triangle_mesh
-from model.geometry.shapes import Shape
+import softlab.model.assets.baked
+import softlab.model.core.disk_cache
+from softlab.model.assets.baked import ROOMS, baked, body_key
+from softlab.model.assets.baked_body import BakedBody
+from softlab.model.assets.soft_body import MATERIAL, RigidBody, SoftBody
+from softlab.model.core.digest import ROOT
+from softlab.model.core.disk_cache import cache_folder, read_arrays, write_arrays
+from softlab.model.core.errors import InputError, SceneError
+from softlab.model.geometry.mesh import TriangleMesh, triangle_mesh
+from softlab.model.geometry.shapes import Shape
 
 PARAMETERS = SoftBody(particle_spacing=0.2, link_radius=0.25, link_stiffness=10.0)
 BEAM = Shape(name="beam", resolution=8)
@@ -116,10 +116,10 @@ def test_what_differs_is_made_anew(tmp_path):
 
 def test_other_code_makes_other_bodies(monkeypatch):
     key = body_key(PARAMETERS, BEAM)
-    monkeypatch.setattr(model.assets.baked, "VERSION", model.assets.baked.VERSION + 1)
+    monkeypatch.setattr(softlab.model.assets.baked, "VERSION", softlab.model.assets.baked.VERSION + 1)
     assert body_key(PARAMETERS, BEAM) != key
     monkeypatch.undo()
-    monkeypatch.setattr(model.assets.baked, "_sources", lambda: "other")
+    monkeypatch.setattr(softlab.model.assets.baked, "_sources", lambda: "other")
     assert body_key(PARAMETERS, BEAM) != key
 
 
@@ -150,8 +150,8 @@ def test_the_rooms_are_those_that_bake():
             continue
         found.add(name)
         for node in ast.walk(ast.parse((ROOT / "model" / f"{name}.py").read_text(encoding="utf-8"))):
-            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("model."):
-                module = node.module.removeprefix("model.").replace(".", "/")
+            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("softlab.model."):
+                module = node.module.removeprefix("softlab.model.").replace(".", "/")
                 if module.split("/")[0] not in described:
                     waiting.append(module)
     assert {name.split("/")[0] for name in found} == set(ROOMS)

@@ -8,16 +8,16 @@ import pytest
 from closed_meshes import ball, without_some
 from test_mesh import obj, write
 
-import softlab
-from model.assets import cooked as room
-from model.assets import tetrahedral_body
-from model.assets.cooked import cooked, load, save
-from model.assets.tetrahedral_body import CookedBody
-from model.core.errors import InputError, SceneError
-from model.core.waiting import waiting_watched
-from model.geometry.shapes import Shape
-from model.geometry.tetrahedra.files import write_arrays
-from model.geometry.tetrahedra.mesh import TetrahedralMesh
+from softlab import cli
+from softlab.model.assets import cooked as room
+from softlab.model.assets import tetrahedral_body
+from softlab.model.assets.cooked import cooked, load, save
+from softlab.model.assets.tetrahedral_body import CookedBody
+from softlab.model.core.errors import InputError, SceneError
+from softlab.model.core.waiting import waiting_watched
+from softlab.model.geometry.shapes import Shape
+from softlab.model.geometry.tetrahedra.files import write_arrays
+from softlab.model.geometry.tetrahedra.mesh import TetrahedralMesh
 
 
 def same(one: CookedBody, other: CookedBody) -> bool:
@@ -142,7 +142,7 @@ def command(capsys, monkeypatch, tmp_path):
         monkeypatch.setattr(sys, "argv", ["softlab", *line.split()])
         status = 0
         try:
-            softlab.main()
+            cli.main()
         except SystemExit as error:
             status = int(error.code or 0)
         captured = capsys.readouterr()

@@ -6,8 +6,8 @@ from closed_meshes import ball, box, rotation
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from model.assets.skin import INFLUENCES, influences, make_skin
-from model.geometry.normals import mesh_normals
+from softlab.model.assets.skin import INFLUENCES, influences, make_skin
+from softlab.model.geometry.normals import mesh_normals
 
 ANGLE = st.floats(-3, 3)
 VECTOR = st.tuples(ANGLE, ANGLE, ANGLE)
@@ -110,7 +110,7 @@ def test_batches_do_not_matter(monkeypatch):
     position, triangles = ball(halvings=3)
     centres = random_centres(50)
     whole = make_skin(position, triangles, centres)
-    monkeypatch.setattr("model.assets.skin.BATCH", 120)
+    monkeypatch.setattr("softlab.model.assets.skin.BATCH", 120)
     again = make_skin(position, triangles, centres)
     assert np.array_equal(whole.weights, again.weights)
     assert np.array_equal(whole.clusters, again.clusters)

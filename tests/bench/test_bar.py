@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from bench.experiments import bar as job
-from bench.experiments.bar import FINEST, TETRAHEDRA, experiments, run_bar
-from bench.experiments.bar_body import (
+from softlab.bench.experiments import bar as job
+from softlab.bench.experiments.bar import FINEST, TETRAHEDRA, experiments, run_bar
+from softlab.bench.experiments.bar_body import (
     CLUSTERS,
     LENGTH,
     REACH,
@@ -22,8 +22,8 @@ from bench.experiments.bar_body import (
     sway,
     tetrahedra,
 )
-from bench.experiments.bar_rows import print_bar
-from bench.experiments.bar_strip import (
+from softlab.bench.experiments.bar_rows import print_bar
+from softlab.bench.experiments.bar_strip import (
     ACROSS,
     DECAY,
     FRAME,
@@ -46,7 +46,7 @@ from bench.experiments.bar_strip import (
     told,
     verlet_frequency,
 )
-from bench.experiments.body_laws import (
+from softlab.bench.experiments.body_laws import (
     DROP,
     ENERGY,
     FLIGHT,
@@ -58,10 +58,10 @@ from bench.experiments.body_laws import (
     law_scene,
     spin_left,
 )
-from bench.store.database import Store
-from bench.store.results import measures
-from model.core.errors import Diverged
-from model.shape_matching.clusters import matching_share
+from softlab.bench.store.database import Store
+from softlab.bench.store.results import measures
+from softlab.model.core.errors import Diverged
+from softlab.model.shape_matching.clusters import matching_share
 
 FEW = 8  # links
 

@@ -6,16 +6,16 @@ import pytest
 from read_figures import LABELS, labels
 from synthetic_store import CPU_RECORD, GPU_RECORD, Maker
 
-from bench.experiments.bar import ELEMENTS, LAW, STRIP, experiments
-from bench.experiments.bar_body import (
+from softlab.bench.experiments.bar import ELEMENTS, LAW, STRIP, experiments
+from softlab.bench.experiments.bar_body import (
     CLUSTERS,
     LENGTH,
     REACH,
     rod_swing,
     standing_sag,
 )
-from bench.experiments.bar_rows import JELLY
-from bench.experiments.bar_strip import (
+from softlab.bench.experiments.bar_rows import JELLY
+from softlab.bench.experiments.bar_strip import (
     ACROSS,
     DECAY,
     FRAME,
@@ -33,7 +33,7 @@ from bench.experiments.bar_strip import (
     strip,
     verlet_frequency,
 )
-from bench.experiments.body_laws import (
+from softlab.bench.experiments.body_laws import (
     DROP,
     ENERGY,
     KEPT,
@@ -42,12 +42,12 @@ from bench.experiments.body_laws import (
     SPIN_LAW,
     spin_left,
 )
-from bench.store.database import Store
-from labbook.claims import bodies, body_laws
-from plots.core.data import Results
-from plots.core.read import load
-from plots.core.style import Drawing, settings
-from plots.figures.bar import bars, draw, draw_clusters
+from softlab.bench.store.database import Store
+from softlab.labbook.claims import bodies, body_laws
+from softlab.plots.core.data import Results
+from softlab.plots.core.read import load
+from softlab.plots.core.style import Drawing, settings
+from softlab.plots.figures.bar import bars, draw, draw_clusters
 
 CLAIMS = bodies.CLAIMS | body_laws.CLAIMS
 

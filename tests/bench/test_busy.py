@@ -11,8 +11,8 @@ import pytest
 from rich.console import Console
 from synthetic_store import CPU_RECORD
 
-from bench.experiments import busy
-from bench.experiments.busy import (
+from softlab.bench.experiments import busy
+from softlab.bench.experiments.busy import (
     ALONE,
     BESIDE,
     FINDING,
@@ -25,11 +25,11 @@ from bench.experiments.busy import (
     points,
     print_busy,
 )
-from bench.measure.costs_timing import RATIO, SECONDS, Effort
-from bench.store.database import Store
-from bench.store.results import measures
-from labbook.claims.busy import CLAIMS
-from plots.core.read import load
+from softlab.bench.measure.costs_timing import RATIO, SECONDS, Effort
+from softlab.bench.store.database import Store
+from softlab.bench.store.results import measures
+from softlab.labbook.claims.busy import CLAIMS
+from softlab.plots.core.read import load
 
 TINY = Effort(2, 1e-4, 1e-3)
 

@@ -12,10 +12,10 @@ from typing import Any
 
 import pytest
 
-from bench.experiments.stability.experiment import QUICK, cases
-from bench.measure import compile_ahead as ahead
-from model.core.errors import SceneError
-from model.scene.scene import Scene, load_scene
+from softlab.bench.experiments.stability.experiment import QUICK, cases
+from softlab.bench.measure import compile_ahead as ahead
+from softlab.model.core.errors import SceneError
+from softlab.model.scene.scene import Scene, load_scene
 
 
 @dataclass(frozen=True)

@@ -7,19 +7,28 @@ import pytest
 from read_figures import LABELS, labels, shown
 from synthetic_store import CPU_RECORD, Maker
 
-from bench.experiments import convergence
-from bench.experiments.accuracy.methods import XPBD, changes
-from bench.experiments.accuracy.points import CLOTHS
-from bench.experiments.convergence import FRAME, RIGID, RIPPLE, STRETCH, drawn_out, residual, run_convergence, sheet
-from bench.measure.timing import Sample
-from bench.reference import xpbd
-from bench.store.database import Store
-from labbook.claims import convergence as convergence_claims
-from model.scene.scene import load_scene
-from plots.core.read import load
-from plots.core.style import Drawing, settings
-from plots.figures import convergence as figure
-from plots.figures.convergence import converging
+from softlab.bench.experiments import convergence
+from softlab.bench.experiments.accuracy.methods import XPBD, changes
+from softlab.bench.experiments.accuracy.points import CLOTHS
+from softlab.bench.experiments.convergence import (
+    FRAME,
+    RIGID,
+    RIPPLE,
+    STRETCH,
+    drawn_out,
+    residual,
+    run_convergence,
+    sheet,
+)
+from softlab.bench.measure.timing import Sample
+from softlab.bench.reference import xpbd
+from softlab.bench.store.database import Store
+from softlab.labbook.claims import convergence as convergence_claims
+from softlab.model.scene.scene import load_scene
+from softlab.plots.core.read import load
+from softlab.plots.core.style import Drawing, settings
+from softlab.plots.figures import convergence as figure
+from softlab.plots.figures.convergence import converging
 
 SECONDS = {
     "xpbd gauss-seidel": 2e-4,
@@ -59,9 +68,9 @@ def measured(tmp_path_factory):
                     seconds = SECONDS[method.name] * method.iterations
                     yield subject, Sample(10 * seconds * (1 + 0.001 * turn), 10, None)
 
-        patch.setattr("bench.measure.samples.interleaved", interleaved)
-        patch.setattr("bench.measure.timing.warm_up", lambda subject: (0.0, 0.0))
-        patch.setattr("bench.measure.timing.choose_steps", lambda subject, *_: 10)
+        patch.setattr("softlab.bench.measure.samples.interleaved", interleaved)
+        patch.setattr("softlab.bench.measure.timing.warm_up", lambda subject: (0.0, 0.0))
+        patch.setattr("softlab.bench.measure.timing.choose_steps", lambda subject, *_: 10)
         patch.setattr(convergence, "SIZES", (16,))
         patch.setattr(convergence, "ITERATIONS", (1, 2, 8))
         with Store(tmp_path_factory.mktemp("convergence") / "results.sqlite") as store:

@@ -5,9 +5,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from app.driver import open_simulation
-from bench.experiments.discretisation import BIAS, WAYS, bias, exact_ratio, experiments, mirrored, sheet, stretch_ratio
-from model.core.build import rest_positions
+from softlab.app.driver import open_simulation
+from softlab.bench.experiments.discretisation import (
+    BIAS,
+    WAYS,
+    bias,
+    exact_ratio,
+    experiments,
+    mirrored,
+    sheet,
+    stretch_ratio,
+)
+from softlab.model.core.build import rest_positions
 
 
 @pytest.mark.parametrize("side", [5, 6, 25])

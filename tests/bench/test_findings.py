@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from bench.experiments.findings import experiment as findings
-from bench.experiments.findings.experiment import (
+from softlab.bench.experiments.findings import experiment as findings
+from softlab.bench.experiments.findings.experiment import (
     AWAY,
     DAMPERS,
     DAMPING,
@@ -16,17 +16,17 @@ from bench.experiments.findings.experiment import (
     amplitude_rate,
     run_findings,
 )
-from bench.store.database import Store
-from bench.store.results import measures
-from labbook.claims.findings import CLAIMS
-from model.core.integrators import INTEGRATORS, amplification_matrix
-from model.scene.scene import load_scene
-from plots.core.accuracy_points import observed_order
-from plots.core.data import Results
-from plots.core.read import load
-from plots.core.style import Drawing, settings
-from plots.findings import float32 as findings_float32
-from plots.findings.points import exact_pairs, rows
+from softlab.bench.store.database import Store
+from softlab.bench.store.results import measures
+from softlab.labbook.claims.findings import CLAIMS
+from softlab.model.core.integrators import INTEGRATORS, amplification_matrix
+from softlab.model.scene.scene import load_scene
+from softlab.plots.core.accuracy_points import observed_order
+from softlab.plots.core.data import Results
+from softlab.plots.core.read import load
+from softlab.plots.core.style import Drawing, settings
+from softlab.plots.findings import float32 as findings_float32
+from softlab.plots.findings.points import exact_pairs, rows
 
 OMEGA = math.sqrt(10 / 0.01)  # 1/s, of A3
 

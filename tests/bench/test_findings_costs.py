@@ -11,11 +11,11 @@ import pytest
 from read_figures import LABELS, labels
 from typer.testing import CliRunner
 
-from bench.experiments.checks import LIMITS, displaced
-from bench.experiments.findings import costs as findings_costs
-from bench.experiments.findings import determinism as findings_determinism
-from bench.experiments.findings.costs import INTERVAL, LOOKS, SHARE, looks, run_costs
-from bench.experiments.findings.determinism import (
+from softlab.bench.experiments.checks import LIMITS, displaced
+from softlab.bench.experiments.findings import costs as findings_costs
+from softlab.bench.experiments.findings import determinism as findings_determinism
+from softlab.bench.experiments.findings.costs import INTERVAL, LOOKS, SHARE, looks, run_costs
+from softlab.bench.experiments.findings.determinism import (
     DETERMINISM,
     DIFFERENT,
     DISTANCE,
@@ -25,23 +25,23 @@ from bench.experiments.findings.determinism import (
     different_runs,
     open_way,
 )
-from bench.measure import experiment
-from bench.measure.costs_timing import LEAST, MOST, RATIO, STAGE, Effort, Record, in_turn
-from bench.measure.machine import enter_machine
-from bench.measure.timing import Sample, Subject
-from bench.store.database import Store
-from bench.store.results import measures
-from labbook.claims.costs import CLAIMS
-from model.core.errors import SceneError, SoftlabError
-from model.core.simulation import State
-from model.core.stability import divergence
-from model.core.stability.divergence import check_interval
-from model.scene.scene import load_scene
-from plots.core.data import Results
-from plots.core.read import load
-from plots.core.style import Drawing, settings
-from plots.findings import determinism as determinism_figure
-from plots.findings.points import costs, look_costs
+from softlab.bench.measure import experiment
+from softlab.bench.measure.costs_timing import LEAST, MOST, RATIO, STAGE, Effort, Record, in_turn
+from softlab.bench.measure.machine import enter_machine
+from softlab.bench.measure.timing import Sample, Subject
+from softlab.bench.store.database import Store
+from softlab.bench.store.results import measures
+from softlab.labbook.claims.costs import CLAIMS
+from softlab.model.core.errors import SceneError, SoftlabError
+from softlab.model.core.simulation import State
+from softlab.model.core.stability import divergence
+from softlab.model.core.stability.divergence import check_interval
+from softlab.model.scene.scene import load_scene
+from softlab.plots.core.data import Results
+from softlab.plots.core.read import load
+from softlab.plots.core.style import Drawing, settings
+from softlab.plots.findings import determinism as determinism_figure
+from softlab.plots.findings.points import costs, look_costs
 
 STEPS = 20
 TINY = Effort(2, 1e-4, 1e-3)
@@ -111,7 +111,7 @@ def test_a_sample_has_as_many_looks_as_intervals(monkeypatch):
 
     (group,) = [g for g in looks("cpu", TINY) if g.name == f"{LOOKS} 8 x 8 float32 cpu"]
     calls: list[int] = []
-    from cpu_backend.mass_spring.grid.solver import MassSpring
+    from softlab.cpu_backend.mass_spring.grid.solver import MassSpring
 
     look = MassSpring._first_diverged
     monkeypatch.setattr(MassSpring, "_first_diverged", lambda self: calls.append(1) or look(self))
@@ -269,10 +269,10 @@ def test_what_the_claims_say_of_a_gpu():
                                        "accuracy --integrator leapfrog"])  # fmt: skip
 def test_unknown_names_are_refused(arguments, tmp_path):
     """The field, the value and what is allowed, before anything is measured."""
-    import softlab
+    from softlab import cli
 
     store = tmp_path / "results.sqlite"
-    done = CliRunner().invoke(softlab.app, [*arguments.split(), "--store", str(store)])
+    done = CliRunner().invoke(cli.app, [*arguments.split(), "--store", str(store)])
     _, option, value = arguments.split()
     assert isinstance(done.exception, SceneError) and isinstance(done.exception, SoftlabError)
     assert done.exception.field == option and done.exception.value == value
@@ -281,8 +281,8 @@ def test_unknown_names_are_refused(arguments, tmp_path):
 
 def test_a_part_of_the_map_is_a_part_of_the_whole():
     """What is run apart meets in the store: the same descriptions, none of another name."""
-    from bench.experiments.accuracy import experiment as accuracy
-    from bench.experiments.stability import experiment as stability
+    from softlab.bench.experiments.accuracy import experiment as accuracy
+    from softlab.bench.experiments.stability import experiment as stability
 
     def keys(cases):
         return [str(case.description) for case in cases]

@@ -8,12 +8,12 @@ from typing import Any
 
 import pytest
 
-from bench.measure import experiment
-from bench.measure.experiment import Summary, Tell, ending_cleanly, group_name, keep, resume
-from bench.measure.items import Experiment, Items
-from bench.measure.share import Alone, sharing
-from bench.store.database import Store
-from bench.store.results import measures
+from softlab.bench.measure import experiment
+from softlab.bench.measure.experiment import Summary, Tell, ending_cleanly, group_name, keep, resume
+from softlab.bench.measure.items import Experiment, Items
+from softlab.bench.measure.share import Alone, sharing
+from softlab.bench.store.database import Store
+from softlab.bench.store.results import measures
 
 QUIET: dict[str, Any] = {"progress": False, "command": "test"}
 

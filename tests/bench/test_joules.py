@@ -11,12 +11,12 @@ from typing import Any
 import pytest
 from test_kernel_sweep import SMALL
 
-from bench.experiments import kernel_sweep
-from bench.experiments.kernel_sweep import run_kernel_sweep
-from bench.measure import kernel_runner
-from bench.measure.energy import Energy, energy_counter, measure_energy, nvml_counter, rapl_counter
-from bench.store.database import Store
-from bench.store.results import measures, timings
+from softlab.bench.experiments import kernel_sweep
+from softlab.bench.experiments.kernel_sweep import run_kernel_sweep
+from softlab.bench.measure import kernel_runner
+from softlab.bench.measure.energy import Energy, energy_counter, measure_energy, nvml_counter, rapl_counter
+from softlab.bench.store.database import Store
+from softlab.bench.store.results import measures, timings
 
 # ---------------------------------------------------------------------- joules
 
@@ -90,7 +90,7 @@ class Metered:
 def test_joules_lie_between_two_jumps_and_the_counter_is_read_at_the_ends_alone(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    from bench.measure import energy
+    from softlab.bench.measure import energy
 
     device: Any = Metered()
     monkeypatch.setattr(energy, "time", SimpleNamespace(perf_counter=lambda: device.clock))

@@ -8,19 +8,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bench.experiments.accuracy import judge
-from bench.experiments.accuracy import judgement as j
-from bench.experiments.accuracy.equal_error import TARGETS, equal_error, fastest
-from bench.experiments.accuracy.points import AccuracyPoint, AccuracySummary, point
-from bench.measure.growth import LOOKS, Growth, disturbance, growth_words, measure_growth
-from bench.reference.cache import Converged
-from bench.reference.mass_spring import start
-from bench.store.results import Measure, configuration
-from model.core.build import build
-from model.core.errors import Diverged
-from model.core.families import stability_limit
-from model.core.simulation import State
-from model.scene.scene import Scene, load_scene
+from softlab.bench.experiments.accuracy import judge
+from softlab.bench.experiments.accuracy import judgement as j
+from softlab.bench.experiments.accuracy.equal_error import TARGETS, equal_error, fastest
+from softlab.bench.experiments.accuracy.points import AccuracyPoint, AccuracySummary, point
+from softlab.bench.measure.growth import LOOKS, Growth, disturbance, growth_words, measure_growth
+from softlab.bench.reference.cache import Converged
+from softlab.bench.reference.mass_spring import start
+from softlab.bench.store.results import Measure, configuration
+from softlab.model.core.build import build
+from softlab.model.core.errors import Diverged
+from softlab.model.core.families import stability_limit
+from softlab.model.core.simulation import State
+from softlab.model.scene.scene import Scene, load_scene
 
 
 def scene(changes=None) -> Scene:

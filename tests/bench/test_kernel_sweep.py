@@ -10,17 +10,17 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from bench.experiments import kernel_sweep
-from bench.experiments.kernel_sweep import kernel_cases, kernels_of, run_kernel_sweep
-from bench.experiments.sweep import run_sweep
-from bench.measure import experiment, kernel_runner, limits, starts
-from bench.measure.cases import SweepSummary
-from bench.measure.timing import Subject
-from bench.store.database import Store
-from bench.store.results import measures, timings
-from bench.store.tables import print_fastest, print_kernels
-from model.core.errors import SceneError
-from model.scene.scene import load_scene
+from softlab.bench.experiments import kernel_sweep
+from softlab.bench.experiments.kernel_sweep import kernel_cases, kernels_of, run_kernel_sweep
+from softlab.bench.experiments.sweep import run_sweep
+from softlab.bench.measure import experiment, kernel_runner, limits, starts
+from softlab.bench.measure.cases import SweepSummary
+from softlab.bench.measure.timing import Subject
+from softlab.bench.store.database import Store
+from softlab.bench.store.results import measures, timings
+from softlab.bench.store.tables import print_fastest, print_kernels
+from softlab.model.core.errors import SceneError
+from softlab.model.scene.scene import load_scene
 
 RECORD: dict[str, Any] = {"cpu": "Some CPU", "cores": 2, "arithmetic": {}, "region_policies": {}}
 FEW = ("fused", "stages")  # kernels that take every size
@@ -152,7 +152,7 @@ def test_impossible_choices_are_refused_before_anything_is_stored() -> None:
 
 
 def test_arithmetic_rates_are_measured_for_both_precisions() -> None:
-    from cpu_backend.core.arithmetic import arithmetic_rate
+    from softlab.cpu_backend.core.arithmetic import arithmetic_rate
 
     rates = {precision: arithmetic_rate(precision, 1, budget=0.0) for precision in ("float32", "float64")}
     assert all(rate > 1e7 for rate in rates.values())  # of any machine that runs this at all
@@ -207,7 +207,7 @@ def test_starts_are_measured_cold_and_warm_once(monkeypatch: pytest.MonkeyPatch)
 def test_the_command_line_passes_its_options_on(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     from typer.testing import CliRunner
 
-    import softlab
+    from softlab import cli
 
     asked: dict[str, Any] = {}
 
@@ -218,11 +218,11 @@ def test_the_command_line_passes_its_options_on(monkeypatch: pytest.MonkeyPatch,
     monkeypatch.setattr(kernel_sweep, "run_kernel_sweep", run)
     words = ["sweep", "--kernels", "--store", str(tmp_path / "r.sqlite"), "--size", "64", "--backend", "gpu"]
     words += ["--repeats", "3", "--min-ms", "20", "--no-energy", "--no-starts", "--precision", "float64"]
-    done = CliRunner().invoke(softlab.app, words)
+    done = CliRunner().invoke(cli.app, words)
     assert done.exit_code == 0, done.output
     assert asked["backends"] == ["gpu"] and asked["sizes"] == [64] and asked["repeats"] == 3
     assert asked["min_seconds"] == pytest.approx(0.02) and asked["precisions"] == ("float64",)
     assert not asked["energy"] and not asked["starts"] and asked["kernels"] is None
-    assert CliRunner().invoke(softlab.app, [*words, "--quick"]).exit_code == 130
-    refused = CliRunner().invoke(softlab.app, [*words, "--precision", "float16"])
+    assert CliRunner().invoke(cli.app, [*words, "--quick"]).exit_code == 130
+    refused = CliRunner().invoke(cli.app, [*words, "--precision", "float16"])
     assert isinstance(refused.exception, SceneError)

@@ -7,18 +7,18 @@ import pytest
 from fake_cuda import FakeDriver, compile_for_host
 from typer.testing import CliRunner
 
-from bench.experiments.checks import LIMITS
-from bench.peers import compiler, cuda_cpp, cuda_driver
-from bench.peers.base import Opened, PeerError
-from bench.peers.cpp_openmp import SOURCE, CppOpenmp, CppOpenmpBlocked
-from bench.peers.numpy_grid import NumpyGrid
-from bench.peers.registry import OURS, PEERS
-from bench.peers.scenes import SCENES
-from bench.peers.warp_grid import WarpGrid
-from bench.reference.mass_spring import simulate
-from model.core.build import build
-from model.core.errors import SceneError
-from model.scene.scene import load_scene
+from softlab.bench.experiments.checks import LIMITS
+from softlab.bench.peers import compiler, cuda_cpp, cuda_driver
+from softlab.bench.peers.base import Opened, PeerError
+from softlab.bench.peers.cpp_openmp import SOURCE, CppOpenmp, CppOpenmpBlocked
+from softlab.bench.peers.numpy_grid import NumpyGrid
+from softlab.bench.peers.registry import OURS, PEERS
+from softlab.bench.peers.scenes import SCENES
+from softlab.bench.peers.warp_grid import WarpGrid
+from softlab.bench.reference.mass_spring import simulate
+from softlab.model.core.build import build
+from softlab.model.core.errors import SceneError
+from softlab.model.scene.scene import load_scene
 
 STEPS = 60
 SHAPES = [(1, 1), (1, 7), (7, 1), (23, 19), (40, 530)]  # the last: more than one tile, and bands of many rows
@@ -191,7 +191,7 @@ def test_a_source_that_does_not_compile_is_a_reason(tmp_path, monkeypatch):
     ],
 )
 def test_bad_choices_are_refused_in_a_line(arguments, tmp_path):
-    from softlab import app
+    from softlab.cli import app
 
     result = CliRunner().invoke(app, ["sweep", "--peers", "--store", str(tmp_path / "r.sqlite"), *arguments])
     assert isinstance(result.exception, SceneError)

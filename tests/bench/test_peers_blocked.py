@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from fake_cuda import FakeBlocks, compile_blocks
 
-from bench.experiments.checks import LIMITS
-from bench.peers import compiler, cuda_cpp_blocked, cuda_driver, once
-from bench.peers.base import PeerError
-from bench.peers.cuda_cpp import CudaConstants
-from bench.peers.cuda_cpp_blocked import (
+from softlab.bench.experiments.checks import LIMITS
+from softlab.bench.peers import compiler, cuda_cpp_blocked, cuda_driver, once
+from softlab.bench.peers.base import PeerError
+from softlab.bench.peers.cuda_cpp import CudaConstants
+from softlab.bench.peers.cuda_cpp_blocked import (
     ONE_BLOCK,
     ONE_BLOCK_TILES,
     PASS_TILES,
@@ -23,10 +23,10 @@ from bench.peers.cuda_cpp_blocked import (
     Tile,
     candidates,
 )
-from bench.peers.numpy_grid import NumpyGrid
-from bench.reference.mass_spring import simulate
-from gpu_backend.core.device import gpu_available, simulated
-from model.scene.scene import Scene, load_scene
+from softlab.bench.peers.numpy_grid import NumpyGrid
+from softlab.bench.reference.mass_spring import simulate
+from softlab.gpu_backend.core.device import gpu_available, simulated
+from softlab.model.scene.scene import Scene, load_scene
 
 STEPS = 60
 PROCESSORS = 132  # of an H200
@@ -114,7 +114,7 @@ def test_the_quickest_tile_is_kept_and_what_cannot_be_opened_left_out(
 
 
 def test_once_tells_of_every_tile(driver: FakeBlocks, monkeypatch: pytest.MonkeyPatch, capsys) -> None:
-    """`python -m bench.peers.once`, where the others are not here."""
+    """`python -m softlab.bench.peers.once`, where the others are not here."""
     choices = [(TILES, Tile(1, 3, 3, 2)), (RESIDENT, Tile(1, 4, 3, 3))]
     monkeypatch.setattr(cuda_cpp_blocked, "candidates", lambda *_: choices)
     monkeypatch.setattr(once, "TRIAL", 4)

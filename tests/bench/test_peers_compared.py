@@ -6,14 +6,14 @@ from pathlib import Path
 
 import pytest
 
-from bench.experiments.checks import LIMITS
-from bench.peers.base import Peer
-from bench.peers.numpy_grid import NumpyGrid
-from bench.peers.own_xpbd import APPROACHES, OwnXpbd
-from bench.peers.results import print_peers, ratios
-from bench.peers.sweep import run_peers
-from bench.store.database import Store
-from bench.store.results import measures, timings
+from softlab.bench.experiments.checks import LIMITS
+from softlab.bench.peers.base import Peer
+from softlab.bench.peers.numpy_grid import NumpyGrid
+from softlab.bench.peers.own_xpbd import APPROACHES, OwnXpbd
+from softlab.bench.peers.results import print_peers, ratios
+from softlab.bench.peers.sweep import run_peers
+from softlab.bench.store.database import Store
+from softlab.bench.store.results import measures, timings
 
 # ---------------------------------------------------------------------- the comparison
 
@@ -132,8 +132,8 @@ def test_the_terminal_s_table(tmp_path: Path):
 
 
 def test_the_figure_marks_what_is_wrong(tmp_path: Path):
-    from plots.core.read import load
-    from plots.figures.peers import draw
+    from softlab.plots.core.read import load
+    from softlab.plots.figures.peers import draw
 
     with Store(tmp_path / "results.sqlite") as store:
         compared(store, [NumpyGrid(), Broken("wrong")], sizes=[8, 16])

@@ -7,19 +7,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.driver import open_simulation
-from bench.experiments.checks import displaced
-from bench.peers.base import Peer
-from bench.peers.newton_rigid import NewtonRigid, _quaternions, _rotations
-from bench.peers.newton_sheet import NewtonSemiImplicit, NewtonVbd, NewtonXpbd, _lattice_colours
-from bench.peers.own_xpbd import OwnXpbd
-from bench.peers.scenes import SCENES, peer_scenes, shape_of, word_of
-from bench.peers.warp_cloth import WarpCloth
-from bench.peers.warp_xpbd import WarpXpbd
-from bench.reference import xpbd
-from bench.reference.mass_spring import simulate
-from model.core.errors import SceneError
-from model.scene.scene import Scene, load_scene
+from softlab.app.driver import open_simulation
+from softlab.bench.experiments.checks import displaced
+from softlab.bench.peers.base import Peer
+from softlab.bench.peers.newton_rigid import NewtonRigid, _quaternions, _rotations
+from softlab.bench.peers.newton_sheet import NewtonSemiImplicit, NewtonVbd, NewtonXpbd, _lattice_colours
+from softlab.bench.peers.own_xpbd import OwnXpbd
+from softlab.bench.peers.scenes import SCENES, peer_scenes, shape_of, word_of
+from softlab.bench.peers.warp_cloth import WarpCloth
+from softlab.bench.peers.warp_xpbd import WarpXpbd
+from softlab.bench.reference import xpbd
+from softlab.bench.reference.mass_spring import simulate
+from softlab.model.core.errors import SceneError
+from softlab.model.scene.scene import Scene, load_scene
 
 STEPS = 60
 LIMITS = {"float32": 1e-4, "float64": 1e-11}  # m, of sheets a metre wide

@@ -9,7 +9,7 @@ from read_figures import LABELS, labels
 from rich.console import Console
 from synthetic_store import GPU_RECORD
 
-from bench.experiments.projections import (
+from softlab.bench.experiments.projections import (
     NEIGHBOURS,
     RATE,
     STAGE,
@@ -23,15 +23,15 @@ from bench.experiments.projections import (
     run_projections,
     sheet,
 )
-from bench.store.database import Store
-from bench.store.published import PUBLISHED
-from bench.store.results import measures
-from labbook.claims.cloth import CLAIMS
-from model.core.errors import SceneError
-from model.xpbd.plan import constraint_count
-from plots.core.read import load
-from plots.core.style import settings
-from plots.figures import projections
+from softlab.bench.store.database import Store
+from softlab.bench.store.published import PUBLISHED
+from softlab.bench.store.results import measures
+from softlab.labbook.claims.cloth import CLAIMS
+from softlab.model.core.errors import SceneError
+from softlab.model.xpbd.plan import constraint_count
+from softlab.plots.core.read import load
+from softlab.plots.core.style import settings
+from softlab.plots.figures import projections
 
 
 def test_the_published_sizes_are_the_published_ones():
@@ -70,9 +70,9 @@ def test_quick_is_a_part_of_the_whole():
 def store(tmp_path_factory) -> Store:
     """A small sheet, really timed on this CPU; and what a GPU of another machine is said to have done."""
     with pytest.MonkeyPatch.context() as patch, Store(tmp_path_factory.mktemp("store") / "results.sqlite") as opened:
-        patch.setattr("bench.experiments.projections.QUICK_NEIGHBOURS", (4,))
-        patch.setattr("bench.experiments.projections.QUICK_BUDGETS", ((10, 2), (10, 1)))
-        patch.setattr("bench.measure.case_timing.SAMPLE_SECONDS", 0.002)
+        patch.setattr("softlab.bench.experiments.projections.QUICK_NEIGHBOURS", (4,))
+        patch.setattr("softlab.bench.experiments.projections.QUICK_BUDGETS", ((10, 2), (10, 1)))
+        patch.setattr("softlab.bench.measure.case_timing.SAMPLE_SECONDS", 0.002)
         summary = run_projections(opened, quick=True, backends=["cpu"], sizes=[4], progress=False)
         assert (summary.measured, summary.held, summary.skipped) == (4, 0, [])
         again = run_projections(opened, quick=True, backends=["cpu"], sizes=[4], progress=False)

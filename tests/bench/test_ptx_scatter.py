@@ -15,7 +15,7 @@ def test_the_scatters_compile(real):
     """Atomics that return nothing (`red`), four to a spring; none in colours; no double in float32."""
     from numba import types
 
-    from bench.experiments.findings.scatter_gpu import make_scatter
+    from softlab.bench.experiments.findings.scatter_gpu import make_scatter
 
     kernels = make_scatter(real, "fast", frozenset({"springs", "gravity", "damping", "pins"}))
     pair = (types.complex64 if real is np.float32 else types.complex128)[::1]

@@ -7,18 +7,27 @@ from math import pi, sin, sqrt
 
 import pytest
 
-from app.driver import open_simulation
-from bench.experiments.stability import experiment as stability
-from bench.experiments.stability import runs as stability_runs
-from bench.experiments.stability.experiment import Extent, analytic, cases, chain, run_stability
-from bench.experiments.stability.points import EDGE, OUTCOME, disagreements, place_of
-from bench.experiments.stability.runs import DIVERGED, GROWS, LIVE, MOVING, SETTLES, linear, measured_edge, outcome
-from bench.store.database import Store
-from bench.store.results import measures
-from model.core.families import stability_limit
-from model.core.integrators import INTEGRATORS
-from model.core.stability.limit import scene_frequency
-from model.scene.scene import load_scene
+from softlab.app.driver import open_simulation
+from softlab.bench.experiments.stability import experiment as stability
+from softlab.bench.experiments.stability import runs as stability_runs
+from softlab.bench.experiments.stability.experiment import Extent, analytic, cases, chain, run_stability
+from softlab.bench.experiments.stability.points import EDGE, OUTCOME, disagreements, place_of
+from softlab.bench.experiments.stability.runs import (
+    DIVERGED,
+    GROWS,
+    LIVE,
+    MOVING,
+    SETTLES,
+    linear,
+    measured_edge,
+    outcome,
+)
+from softlab.bench.store.database import Store
+from softlab.bench.store.results import measures
+from softlab.model.core.families import stability_limit
+from softlab.model.core.integrators import INTEGRATORS
+from softlab.model.core.stability.limit import scene_frequency
+from softlab.model.scene.scene import load_scene
 
 N = 10
 CHAIN = sqrt(1000 * 4) * sin((2 * N - 1) * pi / (2 * (2 * N + 1)))  # 1/s: the closed form of docs/method.md A1

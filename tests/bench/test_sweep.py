@@ -12,13 +12,13 @@ from typing import Any
 
 import pytest
 
-from bench.experiments import sweep
-from bench.experiments.sweep import backends_here, run_sweep, shapes, source_hash
-from bench.measure import experiment
-from bench.measure.group import GroupRunner
-from bench.store.database import Store
-from bench.store.results import measures, timings
-from model.core.errors import InputError, SceneError
+from softlab.bench.experiments import sweep
+from softlab.bench.experiments.sweep import backends_here, run_sweep, shapes, source_hash
+from softlab.bench.measure import experiment
+from softlab.bench.measure.group import GroupRunner
+from softlab.bench.store.database import Store
+from softlab.bench.store.results import measures, timings
+from softlab.model.core.errors import InputError, SceneError
 
 RECORD: dict[str, Any] = {"cpu": "Some CPU", "cores": 2}
 SMALL: dict[str, Any] = {
@@ -116,7 +116,7 @@ def test_what_would_take_too_long_is_not_started_and_says_so() -> None:
 
 
 def test_without_opengl_the_rest_is_measured(monkeypatch: pytest.MonkeyPatch) -> None:
-    offscreen = pytest.importorskip("app.output.offscreen")
+    offscreen = pytest.importorskip("softlab.app.output.offscreen")
     monkeypatch.setattr(offscreen, "opengl_available", lambda text: (False, "no EGL; apt install libegl1"))
     with Store(":memory:") as store:
         summary = run_sweep(store, sizes=[8], **(SMALL | {"graphics": True}))
@@ -125,7 +125,7 @@ def test_without_opengl_the_rest_is_measured(monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_a_wrong_answer_is_flagged(monkeypatch: pytest.MonkeyPatch) -> None:
-    from bench.experiments import checks
+    from softlab.bench.experiments import checks
 
     monkeypatch.setattr(checks, "LIMITS", {"float32": 0.0, "float64": 0.0})
     with Store(":memory:") as store:
@@ -155,9 +155,9 @@ def test_control_c_keeps_what_is_finished(monkeypatch: pytest.MonkeyPatch) -> No
 
 KILLED = """
 import sys
-from bench.experiments import sweep
-from bench.measure import experiment
-from bench.store.database import Store
+from softlab.bench.experiments import sweep
+from softlab.bench.measure import experiment
+from softlab.bench.store.database import Store
 def enter(store):
     store.add_machine("m1", "Some CPU, 2 cores; no GPU", {"cpu": "Some CPU", "cores": 2})
     return "m1"
@@ -216,7 +216,7 @@ def test_groups_fit_into_memory(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.gpu
 def test_on_a_real_gpu_both_backends_are_timed_and_agree() -> None:
-    from bench.measure.machine import gpu_or_reason, gpu_simulated, measured_limits
+    from softlab.bench.measure.machine import gpu_or_reason, gpu_simulated, measured_limits
 
     available, reason = gpu_or_reason()
     if not available or gpu_simulated():

@@ -10,8 +10,8 @@ from read_figures import LABELS, labels
 from synthetic_store import GPU_RECORD
 from typer.testing import CliRunner
 
-from bench.experiments import throughput
-from bench.experiments.throughput import (
+from softlab.bench.experiments import throughput
+from softlab.bench.experiments.throughput import (
     RATES,
     ThroughputPoint,
     bodies,
@@ -23,14 +23,14 @@ from bench.experiments.throughput import (
     points,
     run_throughput,
 )
-from bench.measure.case_timing import make_case
-from bench.store.database import Store
-from bench.store.results import measures
-from labbook.claims.throughput import CLAIMS
-from model.core.errors import SceneError
-from plots.core.read import load
-from plots.core.style import settings
-from plots.figures import throughput as figure
+from softlab.bench.measure.case_timing import make_case
+from softlab.bench.store.database import Store
+from softlab.bench.store.results import measures
+from softlab.labbook.claims.throughput import CLAIMS
+from softlab.model.core.errors import SceneError
+from softlab.plots.core.read import load
+from softlab.plots.core.style import settings
+from softlab.plots.figures import throughput as figure
 
 
 def test_the_scenes_are_what_they_are_called() -> None:
@@ -129,13 +129,13 @@ def test_nothing_is_claimed_of_nothing(tmp_path: Any) -> None:
 
 
 def test_the_command_times_what_was_asked_for_once(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    import softlab
+    from softlab import cli
 
     monkeypatch.setattr(throughput, "QUICK_GRIDS", (12,))
     path = tmp_path / "results.sqlite"
     words = f"throughput --quick --backend cpu --kind grid --kind grid --precision float32 --store {path}".split()
     for said in ("3 timed, 0 held", "0 timed, 3 held"):
-        done = CliRunner().invoke(softlab.app, words)
+        done = CliRunner().invoke(cli.app, words)
         assert done.exit_code == 0 and said in done.output, done.output
     with Store(path, readonly=True) as opened:
         assert {(p.precision, p.particles, p.kind) for p in points(measures(opened))} == {("float32", 144, "grid")}

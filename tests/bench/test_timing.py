@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app.driver import open_simulation
-from bench.measure import timing
-from bench.measure.machine import machine_key, machine_label, machine_record
-from bench.measure.timing import (
+from softlab.app.driver import open_simulation
+from softlab.bench.measure import timing
+from softlab.bench.measure.machine import machine_key, machine_label, machine_record
+from softlab.bench.measure.timing import (
     DISTURBED,
     DRAW_EVERY,
     Neighbours,
@@ -22,7 +22,7 @@ from bench.measure.timing import (
     interleaved,
     warm_up,
 )
-from model.scene.scene import Scene
+from softlab.model.scene.scene import Scene
 
 SCENE = Scene({"grid": {"rows": 6, "columns": 5, "pinned": "top"}, "springs": {}, "damping": {}, "gravity": {}})
 

@@ -5,15 +5,15 @@ from __future__ import annotations
 import pytest
 from synthetic_store import CPU_RECORD, GPU_RECORD, Maker, cpu_seconds, gpu_seconds
 
-from bench.store import versions
-from bench.store.database import Store
-from bench.store.results import Timing, timings
-from bench.store.versions import COMMIT, Version, code_version, digest_of, of_one_version, read_version
-from labbook.build import notices
-from labbook.claims import claim as claims
-from labbook.claims import comparison
-from plots.core.read import load
-from plots.figures import crossover
+from softlab.bench.store import versions
+from softlab.bench.store.database import Store
+from softlab.bench.store.results import Timing, timings
+from softlab.bench.store.versions import COMMIT, Version, code_version, digest_of, of_one_version, read_version
+from softlab.labbook.build import notices
+from softlab.labbook.claims import claim as claims
+from softlab.labbook.claims import comparison
+from softlab.plots.core.read import load
+from softlab.plots.figures import crossover
 
 WIDE = {"backend": "cpu", "threads": 16, "layer": "omp", "wait_policy": "passive"}
 

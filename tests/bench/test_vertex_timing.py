@@ -10,13 +10,13 @@ import pytest
 from fake_interop import FakeRuntime, GpuCloth, Status
 from test_view3d import available
 
-from app.render import cuda_vertices
-from bench.measure import vertex_timing
-from bench.measure.costs_timing import RATIO, SECONDS, STAGE, Effort, Record
-from bench.measure.machine import enter_machine
-from bench.measure.vertex_timing import HOST, SIZES, STRAIGHT, VERTICES, vertex_groups
-from bench.store.database import Store
-from model.scene.scene import Scene
+from softlab.app.render import cuda_vertices
+from softlab.bench.measure import vertex_timing
+from softlab.bench.measure.costs_timing import RATIO, SECONDS, STAGE, Effort, Record
+from softlab.bench.measure.machine import enter_machine
+from softlab.bench.measure.vertex_timing import HOST, SIZES, STRAIGHT, VERTICES, vertex_groups
+from softlab.bench.store.database import Store
+from softlab.model.scene.scene import Scene
 
 TINY = Effort(2, 1e-4, 1e-3)
 
@@ -71,7 +71,7 @@ def samples(store: Store, descriptions: Any) -> list[list[float]]:
         "SELECT seconds / steps FROM sample JOIN configuration ON hash = configuration "
         "WHERE description = ? AND stage = ? ORDER BY repeat"
     )
-    from bench.store.schema import canonical
+    from softlab.bench.store.schema import canonical
 
     return [[seconds for (seconds,) in store.query(query, (canonical(d), STAGE))] for d in descriptions]
 

@@ -16,14 +16,14 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from bench.cluster.pools import Where, exit_words
-from bench.cluster.start import on_cluster
-from bench.cluster.worker import code_digests, main
-from bench.measure.experiment import Summary, Tell, backends_here, resume
-from bench.store.database import Store
-from bench.store.results import configuration
-from model.core.errors import SceneError
-from model.scene.scene import load_scene
+from softlab.bench.cluster.pools import Where, exit_words
+from softlab.bench.cluster.start import on_cluster
+from softlab.bench.cluster.worker import code_digests, main
+from softlab.bench.measure.experiment import Summary, Tell, backends_here, resume
+from softlab.bench.store.database import Store
+from softlab.bench.store.results import configuration
+from softlab.model.core.errors import SceneError
+from softlab.model.scene.scene import load_scene
 
 SOURCES, REPEATS = "s", 3
 BEAT = 0.05  # s

@@ -16,13 +16,13 @@ import pytest
 from fake_cluster import REPEATS, logged, run_fake, sampled
 from typer.testing import CliRunner
 
-import softlab
-from app.command.command_line import exit_status
-from bench.cluster import dask_pool
-from bench.cluster.pools import Where, where_of
-from bench.cluster.start import FOLDER, on_cluster, pool_of
-from bench.store.database import Store
-from model.core.errors import BackendUnavailable, SceneError
+from softlab import cli
+from softlab.app.command.command_line import exit_status
+from softlab.bench.cluster import dask_pool
+from softlab.bench.cluster.pools import Where, where_of
+from softlab.bench.cluster.start import FOLDER, on_cluster, pool_of
+from softlab.bench.store.database import Store
+from softlab.model.core.errors import BackendUnavailable, SceneError
 
 ROOT = Path(__file__).parents[2]
 GROUPS = [[2], [3], [4]]
@@ -155,7 +155,7 @@ def test_bad_input_is_one_line_and_its_exit_status(
         pytest.importorskip("submitit", reason='pip install -e ".[cluster]"')
     store = tmp_path / "results.sqlite"
     words = ["sweep", "--quick", *typed.split(), "--store", str(store)]
-    assert exit_status(lambda: softlab.app(words, standalone_mode=False)) == status
+    assert exit_status(lambda: cli.app(words, standalone_mode=False)) == status
     (line,) = capfd.readouterr().err.strip().splitlines()
     assert said in line
     assert not store.exists() and not store.with_suffix(FOLDER).exists()
@@ -174,12 +174,12 @@ def test_what_is_not_installed_is_named_with_the_way_to_get_it(
 def test_a_folder_that_cannot_be_made_is_told(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     (tmp_path / f"results{FOLDER}").write_text("a file is there")
     words = ["sweep", "--quick", "--cluster", "local", "--store", str(tmp_path / "results.sqlite")]
-    assert exit_status(lambda: softlab.app(words, standalone_mode=False)) == 2
+    assert exit_status(lambda: cli.app(words, standalone_mode=False)) == 2
     assert "make its folder writable" in capfd.readouterr().err
 
 
 def test_the_help_has_an_example(monkeypatch: pytest.MonkeyPatch) -> None:
-    said = CliRunner().invoke(softlab.app, ["sweep", "--help"]).output
+    said = CliRunner().invoke(cli.app, ["sweep", "--help"]).output
     assert "--cluster" in said and "softlab sweep --cluster slurm" in " ".join(said.split())
 
 
@@ -196,7 +196,7 @@ def test_two_real_workers_time_what_one_process_would(tmp_path: Path, monkeypatc
     """The whole way: the command, its workers, the store; each size once, by machines alike."""
     import subprocess
 
-    from bench.store.results import timings
+    from softlab.bench.store.results import timings
 
     pytest.importorskip("submitit", reason='pip install -e ".[cluster]"')
     store = tmp_path / "results.sqlite"
@@ -205,7 +205,7 @@ def test_two_real_workers_time_what_one_process_would(tmp_path: Path, monkeypatc
     words += ["--repeats", "2", "--min-ms", "1", "--no-again", "--store", str(store)]
     done = [
         subprocess.run(
-            [sys.executable, str(ROOT / "softlab.py"), *words, *extra], capture_output=True, text=True, cwd=tmp_path,
+            [sys.executable, "-m", "softlab", *words, *extra], capture_output=True, text=True, cwd=tmp_path,
             env=os.environ | {"SOFTLAB_PLAIN_PYTHON": "1"},
         )
         for extra in (["--cluster", "local", "--workers", "2"], [])

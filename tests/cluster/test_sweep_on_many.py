@@ -17,13 +17,13 @@ from typing import Any
 import pytest
 from fake_cluster import BEAT, REPEATS, ForkPool, fork_server, logged, run_fake, sampled
 
-from bench.cluster import sweep
-from bench.cluster.folder import Folder
-from bench.cluster.pools import Where
-from bench.cluster.start import FOLDER, on_cluster
-from bench.cluster.summary import ClusterSummary
-from bench.store.database import Store
-from model.core.errors import BackendUnavailable, InputError
+from softlab.bench.cluster import sweep
+from softlab.bench.cluster.folder import Folder
+from softlab.bench.cluster.pools import Where
+from softlab.bench.cluster.start import FOLDER, on_cluster
+from softlab.bench.cluster.summary import ClusterSummary
+from softlab.bench.store.database import Store
+from softlab.model.core.errors import BackendUnavailable, InputError
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="workers are forked here")
 
@@ -226,8 +226,8 @@ def test_who_times_has_the_machine_to_itself(bench: Bench) -> None:
 
 
 def test_machines_that_differ_measure_everything_each_and_are_never_one_curve(bench: Bench) -> None:
-    from bench.store.results import timings
-    from plots.core.read import load
+    from softlab.bench.store.results import timings
+    from softlab.plots.core.read import load
 
     summary = bench.run(slots=2, kinds=2, seconds=0.02)
     bench.check_complete(machines=2)

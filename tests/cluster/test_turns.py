@@ -8,14 +8,14 @@ from pathlib import Path
 
 import pytest
 
-from bench.cluster import turns
-from bench.cluster.turns import Turn, locked, try_lock
-from model.core.errors import InputError
+from softlab.bench.cluster import turns
+from softlab.bench.cluster.turns import Turn, locked, try_lock
+from softlab.model.core.errors import InputError
 
 HOLD = """
 import sys
 from pathlib import Path
-from bench.cluster.turns import try_lock
+from softlab.bench.cluster.turns import try_lock
 lock = try_lock(Path(sys.argv[1]), sys.argv[2] == "shared")
 print("locked" if lock else "refused", flush=True)
 sys.stdin.read()

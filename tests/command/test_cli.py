@@ -13,7 +13,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-import softlab
+from softlab import cli
 
 KEYS = """
     scene backend device threads threads_reason precision math kernel method particles dimensions steps dt substeps iterations
@@ -40,7 +40,7 @@ def command(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch,
         monkeypatch.setattr(sys, "argv", ["softlab", *words])
         status = 0
         try:
-            softlab.main()
+            cli.main()
         except SystemExit as error:
             status = int(error.code or 0)
         captured = capsys.readouterr()
@@ -262,7 +262,7 @@ def test_bad_input_gets_one_line_and_leaves_nothing(
 
 @pytest.mark.skipif(os.environ.get("NUMBA_ENABLE_CUDASIM", "0") not in ("0", ""), reason="the simulator is a GPU here")
 def test_a_missing_gpu_is_exit_3_with_the_remedy(command) -> None:
-    from gpu_backend.core.device import gpu_available
+    from softlab.gpu_backend.core.device import gpu_available
 
     if gpu_available()[0]:
         pytest.skip("there is a GPU")

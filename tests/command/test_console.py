@@ -5,8 +5,8 @@ import io
 import pytest
 from rich.table import Table
 
-from app.command.console import Output
-from bench.store.tables import columns, print_table
+from softlab.app.command.console import Output
+from softlab.bench.store.tables import columns, print_table
 
 WORDS = ("solver", "precision")
 NUMBERS = tuple(f"a head of several words {number}" for number in range(9))

@@ -12,11 +12,11 @@ from typing import Any
 
 import pytest
 
-import softlab
-from bench.experiments.advise.advice import Advice
-from bench.stress.results import HardRow, HardSummary
-from model.core.errors import BackendUnavailable, Diverged, Incomplete, InputError, SceneError
-from model.scene.scene import load_scene
+from softlab import cli
+from softlab.bench.experiments.advise.advice import Advice
+from softlab.bench.stress.results import HardRow, HardSummary
+from softlab.model.core.errors import BackendUnavailable, Diverged, Incomplete, InputError, SceneError
+from softlab.model.scene.scene import load_scene
 
 SCENE = load_scene("lab-grid")
 
@@ -58,34 +58,34 @@ def advice(**found: Any) -> Advice:
 
 
 MEASURING = {  # command -> what does its work
-    "sweep": "bench.experiments.sweep.run_sweep",
-    "sweep --kernels": "bench.experiments.kernel_sweep.run_kernel_sweep",
-    "sweep --peers": "bench.peers.sweep.run_peers",
-    "accuracy --no-findings": "bench.experiments.accuracy.experiment.run_accuracy",
-    "accuracy": "bench.experiments.findings.experiment.run_findings",
-    "stability": "bench.experiments.stability.experiment.run_stability",
-    "projections": "bench.experiments.projections.run_projections",
-    "throughput": "bench.experiments.throughput.run_throughput",
-    "fluids": "bench.experiments.fluids.run_fluids",
-    "bar": "bench.experiments.bar.run_bar",
-    "tetrahedra": "bench.experiments.tetrahedra.run_tetrahedra",
-    "ablate lab-grid": "bench.experiments.advise.ablate.ablate",
+    "sweep": "softlab.bench.experiments.sweep.run_sweep",
+    "sweep --kernels": "softlab.bench.experiments.kernel_sweep.run_kernel_sweep",
+    "sweep --peers": "softlab.bench.peers.sweep.run_peers",
+    "accuracy --no-findings": "softlab.bench.experiments.accuracy.experiment.run_accuracy",
+    "accuracy": "softlab.bench.experiments.findings.experiment.run_findings",
+    "stability": "softlab.bench.experiments.stability.experiment.run_stability",
+    "projections": "softlab.bench.experiments.projections.run_projections",
+    "throughput": "softlab.bench.experiments.throughput.run_throughput",
+    "fluids": "softlab.bench.experiments.fluids.run_fluids",
+    "bar": "softlab.bench.experiments.bar.run_bar",
+    "tetrahedra": "softlab.bench.experiments.tetrahedra.run_tetrahedra",
+    "ablate lab-grid": "softlab.bench.experiments.advise.ablate.ablate",
 }
 EVERY = MEASURING | {
-    "hard": "bench.stress.experiment.run_hard",
-    "advise lab-grid --error 1e-3": "bench.experiments.advise.answer.answer",
-    "run lab-grid --no-judge": "app.command.run.run_scene",
-    "run lab-grid": "bench.experiments.accuracy.judge.judge_run",
-    "demo": "app.window.viewer.run_demo",
-    "figures": "labbook.jobs.make_figures",
-    "labbook": "labbook.jobs.make_labbook",
-    "film": "labbook.jobs.make_film",
-    "lab": "labbook.jobs.whole_lab",
-    "scenes": "app.command.tables.print_scenes",
-    "plan lab-grid": "app.plan.report.plan_report",
-    "doctor": "app.command.doctor.examine",
-    "export out.csv": "bench.store.transfer.export",
-    "merge in.csv": "bench.store.transfer.merge",
+    "hard": "softlab.bench.stress.experiment.run_hard",
+    "advise lab-grid --error 1e-3": "softlab.bench.experiments.advise.answer.answer",
+    "run lab-grid --no-judge": "softlab.app.command.run.run_scene",
+    "run lab-grid": "softlab.bench.experiments.accuracy.judge.judge_run",
+    "demo": "softlab.app.window.viewer.run_demo",
+    "figures": "softlab.labbook.jobs.make_figures",
+    "labbook": "softlab.labbook.jobs.make_labbook",
+    "film": "softlab.labbook.jobs.make_film",
+    "lab": "softlab.labbook.jobs.whole_lab",
+    "scenes": "softlab.app.command.tables.print_scenes",
+    "plan lab-grid": "softlab.app.plan.report.plan_report",
+    "doctor": "softlab.app.command.doctor.examine",
+    "export out.csv": "softlab.bench.store.transfer.export",
+    "merge in.csv": "softlab.bench.store.transfer.merge",
 }
 ENDS: list[tuple[str, str, Any, int]] = [  # command, what does its work, what that returns or raises, the status
     *((command, work, DONE, 0) for command, work in MEASURING.items()),
@@ -125,21 +125,22 @@ def test_the_status_tells_how_it_ended(
     monkeypatch.setattr(sys, "argv", ["softlab", *command.split()])
     for path in MEASURING.values():  # what comes before or after in the same command
         monkeypatch.setattr(path, lambda *_, **__: DONE)
-    monkeypatch.setattr("bench.experiments.findings.costs.run_costs", lambda *_, **__: DONE)
-    monkeypatch.setattr("bench.experiments.tetrahedral.meshes.run_meshes", lambda *_, **__: DONE)
-    monkeypatch.setattr("bench.experiments.bar_costs.run_bar_costs", lambda *_, **__: DONE)
-    monkeypatch.setattr("bench.experiments.convergence.run_convergence", lambda *_, **__: DONE)
-    for path in ("bench.store.tables.print_sweep", "bench.store.tables.print_kernels", "bench.peers.results.print_peers",
-                 "bench.experiments.throughput.print_throughput", "bench.experiments.fluids.print_fluids",
-                 "bench.experiments.advise.ablation_results.print_ablation",
-                 "bench.stress.told.print_hard"):  # fmt: skip
+    monkeypatch.setattr("softlab.bench.experiments.findings.costs.run_costs", lambda *_, **__: DONE)
+    monkeypatch.setattr("softlab.bench.experiments.tetrahedral.meshes.run_meshes", lambda *_, **__: DONE)
+    monkeypatch.setattr("softlab.bench.experiments.bar_costs.run_bar_costs", lambda *_, **__: DONE)
+    monkeypatch.setattr("softlab.bench.experiments.convergence.run_convergence", lambda *_, **__: DONE)
+    for path in ("softlab.bench.store.tables.print_sweep", "softlab.bench.store.tables.print_kernels",
+                 "softlab.bench.peers.results.print_peers",
+                 "softlab.bench.experiments.throughput.print_throughput", "softlab.bench.experiments.fluids.print_fluids",
+                 "softlab.bench.experiments.advise.ablation_results.print_ablation",
+                 "softlab.bench.stress.told.print_hard"):  # fmt: skip
         monkeypatch.setattr(path, lambda *_: None)
     if work != EVERY["run lab-grid --no-judge"]:
-        monkeypatch.setattr("app.command.run.run_scene", lambda *_: ran())
+        monkeypatch.setattr("softlab.app.command.run.run_scene", lambda *_: ran())
     (tmp_path / "in.csv").touch()
     (tmp_path / "softlab-results").mkdir()
     if command.startswith("export"):
-        from bench.store.database import Store
+        from softlab.bench.store.database import Store
 
         with Store() as store:
             store.add_machine("m", "Some CPU", {})
@@ -149,7 +150,7 @@ def test_the_status_tells_how_it_ended(
         monkeypatch.setattr(sys.stdout, "fileno", lambda: 1, raising=False)
     left = 0
     try:
-        softlab.main()
+        cli.main()
     except SystemExit as error:
         left = int(error.code or 0)
     told = capsys.readouterr()
@@ -165,13 +166,13 @@ def test_the_status_tells_how_it_ended(
 def test_a_process_that_is_asked_to_end_tidies_up_as_for_ctrl_c() -> None:
     """SIGTERM, as `timeout` and batch systems send it: one line and status 130, by way of every `finally`."""
     code = (
-        "import os, signal, time, softlab\n"
+        "import os, signal, time\nfrom softlab import cli\n"
         "def work(**_):\n"
         "    try:\n"
         "        os.kill(os.getpid(), signal.SIGTERM), time.sleep(30)\n"
         "    finally: print('tidied')\n"
-        "softlab.app = work\n"
-        "softlab.main()"
+        "cli.app = work\n"
+        "cli.main()"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
     assert (done.returncode, done.stdout, done.stderr.strip()) == (130, "tidied\n", "softlab: stopped")
@@ -181,7 +182,7 @@ def test_ctrl_c_is_answered_before_all_is_imported() -> None:
     code = (
         "import os, signal, sys\n"
         "sys.argv[0] = 'bin/softlab'\n"
-        "from app.command.stopping import answer_at_once\n"
+        "from softlab.app.command.stopping import answer_at_once\n"
         "answer_at_once()\n"
         "os.kill(os.getpid(), signal.SIGINT)\n"
         "print('went on')"
@@ -205,5 +206,5 @@ def test_what_was_typed_is_what_is_told(
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "argv", ["softlab", *line.split()])
     with pytest.raises(SystemExit) as ended:
-        softlab.main()
+        cli.main()
     assert ended.value.code == 2 and told in capsys.readouterr().err

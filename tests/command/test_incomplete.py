@@ -12,20 +12,20 @@ from typing import Any
 import numpy as np
 import pytest
 
-import softlab
-from app.command.run import Request, run_scene
-from app.driver import open_simulation
-from app.outcome import fault_lines, fault_words, outcome_of
-from app.output.files import write_state
-from app.window.demo import Demo
-from app.window.demo_report import numbers_text
-from bench.experiments.throughput import RATES, heap, points
-from bench.measure.timing import Neighbours, Subject, incomplete
-from bench.store.marks import is_wrong
-from model.contact.shortfalls import FAULTS, Elements, can_fall_short, caught_in, inverted, lost
-from model.core.errors import Diverged
-from model.core.simulation import State
-from model.scene.scene import Scene, load_scene
+from softlab import cli
+from softlab.app.command.run import Request, run_scene
+from softlab.app.driver import open_simulation
+from softlab.app.outcome import fault_lines, fault_words, outcome_of
+from softlab.app.output.files import write_state
+from softlab.app.window.demo import Demo
+from softlab.app.window.demo_report import numbers_text
+from softlab.bench.experiments.throughput import RATES, heap, points
+from softlab.bench.measure.timing import Neighbours, Subject, incomplete
+from softlab.bench.store.marks import is_wrong
+from softlab.model.contact.shortfalls import FAULTS, Elements, can_fall_short, caught_in, inverted, lost
+from softlab.model.core.errors import Diverged
+from softlab.model.core.simulation import State
+from softlab.model.scene.scene import Scene, load_scene
 
 BOX = {"kind": "tetrahedral_body", "shape": {"name": "box", "sides": [0.2, 0.1, 0.1]}, "edge": 0.1}
 LUMP = {"kind": "soft_body", "shape": {"name": "box", "sides": [0.05, 0.05, 0.05]}, "particle_spacing": 0.025}
@@ -163,7 +163,7 @@ def test_the_command_line_exits_with_1_unless_it_is_allowed(
     for more, status in ([], 1), (["--allow-incomplete"], 0):
         monkeypatch.setattr(sys, "argv", line + more)
         with pytest.raises(SystemExit) as ended:
-            softlab.main()
+            cli.main()
         told = capsys.readouterr()
         assert int(ended.value.code or 0) == status, told.err
         assert json.loads(told.out)["outcome"] == "incomplete"

@@ -11,28 +11,28 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from bench.measure import progress
-from bench.measure.progress import Whole, keep_seconds, last_seconds, progress_bar
-from labbook import jobs
-from model.core import kernel_cache
-from model.core.errors import BackendUnavailable, InputError
+from softlab.bench.measure import progress
+from softlab.bench.measure.progress import Whole, keep_seconds, last_seconds, progress_bar
+from softlab.labbook import jobs
+from softlab.model.core import kernel_cache
+from softlab.model.core.errors import BackendUnavailable, InputError
 
 RUNS = {
-    "bench.experiments.sweep.run_sweep": "sweep",
-    "bench.experiments.accuracy.experiment.run_accuracy": "accuracy",
-    "bench.experiments.findings.experiment.run_findings": "findings",
-    "bench.experiments.findings.costs.run_costs": "costs",
-    "bench.experiments.convergence.run_convergence": "convergence",
-    "bench.experiments.projections.run_projections": "projections",
-    "bench.experiments.throughput.run_throughput": "throughput",
-    "bench.experiments.bar.run_bar": "bar",
-    "bench.experiments.bar_costs.run_bar_costs": "bar costs",
-    "bench.experiments.busy.run_busy": "busy",
-    "bench.experiments.tetrahedra.run_tetrahedra": "tetrahedra",
-    "bench.experiments.tetrahedral.meshes.run_meshes": "meshes",
-    "bench.experiments.stability.experiment.run_stability": "stability",
-    "bench.stress.experiment.run_hard": "hard",
-    "bench.experiments.advise.ablate.ablate": "ablate",
+    "softlab.bench.experiments.sweep.run_sweep": "sweep",
+    "softlab.bench.experiments.accuracy.experiment.run_accuracy": "accuracy",
+    "softlab.bench.experiments.findings.experiment.run_findings": "findings",
+    "softlab.bench.experiments.findings.costs.run_costs": "costs",
+    "softlab.bench.experiments.convergence.run_convergence": "convergence",
+    "softlab.bench.experiments.projections.run_projections": "projections",
+    "softlab.bench.experiments.throughput.run_throughput": "throughput",
+    "softlab.bench.experiments.bar.run_bar": "bar",
+    "softlab.bench.experiments.bar_costs.run_bar_costs": "bar costs",
+    "softlab.bench.experiments.busy.run_busy": "busy",
+    "softlab.bench.experiments.tetrahedra.run_tetrahedra": "tetrahedra",
+    "softlab.bench.experiments.tetrahedral.meshes.run_meshes": "meshes",
+    "softlab.bench.experiments.stability.experiment.run_stability": "stability",
+    "softlab.bench.stress.experiment.run_hard": "hard",
+    "softlab.bench.experiments.advise.ablate.ablate": "ablate",
 }
 DONE: list[str] = []
 
@@ -54,14 +54,14 @@ def everything_is_made_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> It
     for path, name in RUNS.items():
         monkeypatch.setattr(path, run(name))
     for path in (
-        "bench.store.tables.print_sweep",
-        "bench.stress.told.print_hard",
-        "bench.experiments.advise.ablation_results.print_ablation",
+        "softlab.bench.store.tables.print_sweep",
+        "softlab.bench.stress.told.print_hard",
+        "softlab.bench.experiments.advise.ablation_results.print_ablation",
     ):
         monkeypatch.setattr(path, lambda *_: None)
-    monkeypatch.setattr("bench.store.tables.print_fastest", lambda *_: DONE.append("fastest"))
-    monkeypatch.setattr("bench.measure.machine.enter_machine", lambda _: "machine")
-    monkeypatch.setattr("app.command.doctor.examine", lambda: [])
+    monkeypatch.setattr("softlab.bench.store.tables.print_fastest", lambda *_: DONE.append("fastest"))
+    monkeypatch.setattr("softlab.bench.measure.machine.enter_machine", lambda _: "machine")
+    monkeypatch.setattr("softlab.app.command.doctor.examine", lambda: [])
     monkeypatch.setattr(jobs, "load", lambda *_: "results")
     monkeypatch.setattr(jobs, "draw_figures", lambda *_, **__: DONE.append("figures") or [])
     monkeypatch.setattr(jobs, "write_book", lambda *_, **__: DONE.append("book") or Path("labbook.pdf"))
@@ -99,7 +99,7 @@ def test_it_says_how_long_it_took_last_time(tmp_path: Path) -> None:
 
 def test_ctrl_c_ends_it_and_is_not_the_time_it_takes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
-        "bench.experiments.accuracy.experiment.run_accuracy", lambda *_, **__: SimpleNamespace(interrupted=True)
+        "softlab.bench.experiments.accuracy.experiment.run_accuracy", lambda *_, **__: SimpleNamespace(interrupted=True)
     )
     with pytest.raises(KeyboardInterrupt):
         lab(tmp_path)

@@ -10,15 +10,15 @@ from typing import Any
 
 import pytest
 
-from bench.experiments import bar, projections, throughput
-from bench.experiments.bar_strip import FREQUENCY, SAG, SHARED, method_of, strip
-from bench.experiments.body_laws import DROP, SPIN, law_scene
-from bench.store.database import Store
-from bench.stress import experiment as hard
-from bench.stress.cases import CASES
-from model.core.families import scene_plan
-from model.fluid.plan import fluid_plan
-from model.scene.scene import Scene
+from softlab.bench.experiments import bar, projections, throughput
+from softlab.bench.experiments.bar_strip import FREQUENCY, SAG, SHARED, method_of, strip
+from softlab.bench.experiments.body_laws import DROP, SPIN, law_scene
+from softlab.bench.store.database import Store
+from softlab.bench.stress import experiment as hard
+from softlab.bench.stress.cases import CASES
+from softlab.model.core.families import scene_plan
+from softlab.model.fluid.plan import fluid_plan
+from softlab.model.scene.scene import Scene
 
 MACHINE = "a machine"
 
@@ -32,7 +32,7 @@ def kernel_of(scene: Scene, live: Iterable[str] = ()) -> tuple[Any, ...]:
 def known_machine(monkeypatch: pytest.MonkeyPatch) -> Store:
     store = Store(":memory:")
     store.add_machine(MACHINE, "label", {})
-    monkeypatch.setattr("bench.measure.experiment.enter_machine", lambda store: MACHINE)
+    monkeypatch.setattr("softlab.bench.measure.experiment.enter_machine", lambda store: MACHINE)
     return store
 
 

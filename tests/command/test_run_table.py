@@ -8,9 +8,9 @@ import re
 import pytest
 from rich.console import Console
 
-from app.command.tables import print_report
-from model.core.energy import keeps
-from model.scene.scene import load_scene
+from softlab.app.command.tables import print_report
+from softlab.model.core.energy import keeps
+from softlab.model.scene.scene import load_scene
 
 
 @pytest.mark.parametrize(

@@ -12,9 +12,9 @@ import pytest
 from test_cli import command  # noqa: F401  # a fixture
 from tetrahedra_scenes import tetrahedra_scene
 
-from app.command.run_parts import newton_notes, newton_report
-from app.command.scene_file import scene_toml
-from app.output.files import read_state
+from softlab.app.command.run_parts import newton_notes, newton_report
+from softlab.app.command.scene_file import scene_toml
+from softlab.app.output.files import read_state
 
 
 def test_the_strain_is_of_the_edge_that_is_stretched_most(command: Any, tmp_path: Path) -> None:  # noqa: F811

@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 import typer
 
-from app.command.command_line import StorePath
-from bench.measure import took
-from bench.measure.took import Timed, keep_time, look
-from bench.store.database import Store
-from model.core.errors import InputError
+from softlab.app.command.command_line import StorePath
+from softlab.bench.measure import took
+from softlab.bench.measure.took import Timed, keep_time, look
+from softlab.bench.store.database import Store
+from softlab.model.core.errors import InputError
 
 
 @pytest.fixture(autouse=True)
@@ -108,9 +108,9 @@ def test_what_ends_in_an_error_is_not_kept(tmp_path: Path) -> None:
 
 
 def test_every_command_that_measures_says_it() -> None:
-    import softlab
+    from softlab import cli
 
-    timed = {info.callback.__name__ for info in softlab.app.registered_commands if info.callback and info.cls is Timed}
+    timed = {info.callback.__name__ for info in cli.app.registered_commands if info.callback and info.cls is Timed}
     assert timed == {
         "sweep", "accuracy", "stability", "hard", "projections", "throughput", "bar", "advise", "ablate", "busy",
             "tetrahedra", "fluids",

@@ -11,11 +11,11 @@ from uuid import uuid4
 import pytest
 from rich.progress import Progress
 
-from app.command import run, waiting
-from app.command.waiting import waiting_shown
-from app.driver import open_simulation
-from model.core.waiting import report, waiting_watched, work
-from model.scene.scene import Scene
+from softlab.app.command import run, waiting
+from softlab.app.command.waiting import waiting_shown
+from softlab.app.driver import open_simulation
+from softlab.model.core.waiting import report, waiting_watched, work
+from softlab.model.scene.scene import Scene
 
 
 @pytest.fixture

@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-import softlab
+from softlab import cli
 
 RUN = "run lab-grid --steps 0 --no-judge"
 
@@ -49,7 +49,7 @@ def test_it_says_what_was_given_and_what_to_do(
     monkeypatch.chdir(tmp_path)  # type: ignore[arg-type]
     monkeypatch.setattr(sys, "argv", ["softlab", *words.split()])
     with pytest.raises(SystemExit) as ended:
-        softlab.main()
+        cli.main()
     assert ended.value.code == 2
     error = capsys.readouterr().err
     assert told in error and error.strip().splitlines()[-1].startswith("softlab: ")

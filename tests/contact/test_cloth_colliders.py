@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from cloth_solve import cloth, each_solver, solve
 
-from bench.reference import cloth as judge
-from bench.reference import mass_spring as reference
-from model.core.energy import energies
-from model.formulas import colliders as formulas
-from model.scene.cloth import Box, Capsule, Plane, Sphere
-from model.scene.scene import Scene
+from softlab.bench.reference import cloth as judge
+from softlab.bench.reference import mass_spring as reference
+from softlab.model.core.energy import energies
+from softlab.model.formulas import colliders as formulas
+from softlab.model.scene.cloth import Box, Capsule, Plane, Sphere
+from softlab.model.scene.scene import Scene
 
 POINTS = 40_000  # of a surface
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from contact_scenes import SPACING, crumpled, folded
 
-from bench.reference.contact.self_contacts import nearest_weights, triangles
-from model.contact.penetration import measure
+from softlab.bench.reference.contact.self_contacts import nearest_weights, triangles
+from softlab.model.contact.penetration import measure
 
 ROWS, COLUMNS = 4, 4
 FLAT = np.array([(j * SPACING, 0.0, i * SPACING) for i in range(ROWS) for j in range(COLUMNS)])

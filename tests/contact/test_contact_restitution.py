@@ -13,14 +13,14 @@ import pytest
 from bodies_scenes import POKE, bodies_scene, end_state, lone_points, opened, same
 from meeting_bodies import meeting
 
-from bench.reference import shape_matching as reference
-from bench.reference.contact import particle_contacts as judge
-from cpu_backend.contact.particles import ParticleContacts
-from model.contact.particle_parameters import H_RESTITUTION, H_SETTLING, particle_contact_record
-from model.core.errors import SceneError
-from model.formulas import particle_contact as formulas
-from model.scene.scene import Scene
-from model.xpbd.plan import xpbd_parts, xpbd_plan
+from softlab.bench.reference import shape_matching as reference
+from softlab.bench.reference.contact import particle_contacts as judge
+from softlab.cpu_backend.contact.particles import ParticleContacts
+from softlab.model.contact.particle_parameters import H_RESTITUTION, H_SETTLING, particle_contact_record
+from softlab.model.core.errors import SceneError
+from softlab.model.formulas import particle_contact as formulas
+from softlab.model.scene.scene import Scene
+from softlab.model.xpbd.plan import xpbd_parts, xpbd_plan
 
 STEPS = 8
 

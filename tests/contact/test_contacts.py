@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from contact_scenes import SPACING, crumpled, folded
 
-from bench.reference.contact import self_contacts as reference
-from cpu_backend.contact.self_contact import Contacts
-from model.contact.self_contact_parameters import MAX_CONTACTS, table_size
-from model.core.build import build, folded_positions
-from model.formulas import contact
-from model.scene.scene import Scene
+from softlab.bench.reference.contact import self_contacts as reference
+from softlab.cpu_backend.contact.self_contact import Contacts
+from softlab.model.contact.self_contact_parameters import MAX_CONTACTS, table_size
+from softlab.model.core.build import build, folded_positions
+from softlab.model.formulas import contact
+from softlab.model.scene.scene import Scene
 
 EPS = float(np.finfo(np.float64).eps)
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from contact_scenes import folded
 
-from app.driver import open_simulation
-from model.contact.penetration import measure
-from model.core.simulation import State
-from model.scene.scene import Scene, load_scene
+from softlab.app.driver import open_simulation
+from softlab.model.contact.penetration import measure
+from softlab.model.core.simulation import State
+from softlab.model.scene.scene import Scene, load_scene
 
 pytestmark = pytest.mark.gpu
 

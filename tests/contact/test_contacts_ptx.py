@@ -42,7 +42,7 @@ def ptx(kernel: Any, arguments: str, math: str) -> str:
 @pytest.mark.parametrize("math", ["fast", "exact"])
 @pytest.mark.parametrize("name", FIND)
 def test_finding_holds_no_double(name: str, math: str) -> None:
-    from gpu_backend.contact.self_find import make_find
+    from softlab.gpu_backend.contact.self_find import make_find
 
     assert ".f64" not in ptx(getattr(make_find(np.float32, math), name), FIND[name], math)
 
@@ -51,7 +51,7 @@ def test_finding_holds_no_double(name: str, math: str) -> None:
 @pytest.mark.parametrize("math", ["fast", "exact"])
 @pytest.mark.parametrize("name", PROJECT)
 def test_projecting_holds_no_double_and_no_atomics_on_numbers(name: str, math: str, friction: bool) -> None:
-    from gpu_backend.contact.self_project import make_project
+    from softlab.gpu_backend.contact.self_project import make_project
 
     text = ptx(getattr(make_project(np.float32, math, friction), name), PROJECT[name], math)
     assert ".f64" not in text
@@ -62,7 +62,7 @@ def test_projecting_holds_no_double_and_no_atomics_on_numbers(name: str, math: s
 
 @pytest.mark.parametrize("name", SCAN)
 def test_prefix_sums_are_whole_numbers(name: str) -> None:
-    from gpu_backend.core.scan import make_scan
+    from softlab.gpu_backend.core.scan import make_scan
 
     text = ptx(getattr(make_scan(), name), SCAN[name], "exact")
     assert ".f32" not in text and ".f64" not in text

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from app.driver import open_simulation
-from bench.reference import mass_spring
-from model.contact.penetration import measure
-from model.core.build import build
-from model.core.errors import SceneError
-from model.scene.scene import load_scene
+from softlab.app.driver import open_simulation
+from softlab.bench.reference import mass_spring
+from softlab.model.contact.penetration import measure
+from softlab.model.core.build import build
+from softlab.model.core.errors import SceneError
+from softlab.model.scene.scene import load_scene
 
 NAMES = ("cloth-self", "hard/b18", "hard/b19")
 

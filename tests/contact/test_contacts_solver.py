@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from contact_scenes import folded
 
-from app.driver import open_simulation
-from bench.reference import mass_spring
-from bench.reference.contact import self_contacts as reference
-from model.contact.self_contact_parameters import MAX_CONTACTS
-from model.core.errors import SceneError
-from model.core.simulation import State
-from model.scene.scene import Scene
+from softlab.app.driver import open_simulation
+from softlab.bench.reference import mass_spring
+from softlab.bench.reference.contact import self_contacts as reference
+from softlab.model.contact.self_contact_parameters import MAX_CONTACTS
+from softlab.model.core.errors import SceneError
+from softlab.model.core.simulation import State
+from softlab.model.scene.scene import Scene
 
 # ---------------------------------------------------------------------- in the solver
 

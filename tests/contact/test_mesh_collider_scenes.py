@@ -10,12 +10,12 @@ import pytest
 from cloth_solve import cloth
 from test_mesh_collider import FLOOR, TERRAIN, written
 
-from bench.reference.contact.mesh_collider import nearest_point
-from model.contact.mesh_collider import MeshCollider
-from model.core.errors import InputError, SceneError
-from model.formulas.triangle_tree import SETTLED
-from model.mass_spring.cloth_parameters import B_TREE, COLLIDER_FIELDS, collider_numbers, collider_rows
-from model.scene.scene import Scene, load_scene
+from softlab.bench.reference.contact.mesh_collider import nearest_point
+from softlab.model.contact.mesh_collider import MeshCollider
+from softlab.model.core.errors import InputError, SceneError
+from softlab.model.formulas.triangle_tree import SETTLED
+from softlab.model.mass_spring.cloth_parameters import B_TREE, COLLIDER_FIELDS, collider_numbers, collider_rows
+from softlab.model.scene.scene import Scene, load_scene
 
 # ---------------------------------------------------------------------- scenes
 
@@ -30,7 +30,7 @@ def test_a_scene_of_it_is_written_and_read() -> None:
 
 def test_jelly_stays_above_the_mesh() -> None:
     """All particles of soft-on-mesh at the thickness or farther after a second, within four roundings of 4 m."""
-    from app.driver import open_simulation
+    from softlab.app.driver import open_simulation
 
     scene = load_scene("soft-on-mesh").replace({f"{name}.copies": [1, 1, 1] for name in ("star", "torus", "blob")})
     hills: Any = scene.parts["hills"]
@@ -103,7 +103,7 @@ def test_more_triangles_than_float32_can_number() -> None:
 
 
 def test_pinned_masses_in_it_are_told() -> None:
-    from model.geometry.overlaps import overlap_lines
+    from softlab.model.geometry.overlaps import overlap_lines
 
     sheet = {"pinned": "top-corners", "origin": (0.0, 0.0, 0.0)}
     near = cloth(2, 2, sheet=sheet, mesh_collider={"shape": TERRAIN, "thickness": 1.0})
@@ -115,7 +115,7 @@ def test_pinned_masses_in_it_are_told() -> None:
 
 
 def test_what_is_drawn_is_the_mesh_smooth_but_for_its_edges(tmp_path: Path) -> None:
-    from app.render.collider_shapes import collider_mesh, with_colliders
+    from softlab.app.render.collider_shapes import collider_mesh, with_colliders
 
     hills = MeshCollider(shape=TERRAIN, origin=(1.0, 2.0, 3.0), spin=(0.0, 0.5, 0.0))
     drawn = collider_mesh(hills)

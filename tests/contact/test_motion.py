@@ -12,16 +12,16 @@ import pytest
 from cloth_scenes import MOTIONS, POKE, cloth_scene
 from cloth_solve import cloth
 
-from app.driver import open_simulation
-from bench.reference import cloth as reference_cloth
-from bench.reference import mass_spring as reference
-from model.core.build import build
-from model.core.clock import START
-from model.core.errors import Diverged
-from model.core.integrators import INTEGRATORS
-from model.core.simulation import State
-from model.formulas import motion
-from model.scene.scene import Scene
+from softlab.app.driver import open_simulation
+from softlab.bench.reference import cloth as reference_cloth
+from softlab.bench.reference import mass_spring as reference
+from softlab.model.core.build import build
+from softlab.model.core.clock import START
+from softlab.model.core.errors import Diverged
+from softlab.model.core.integrators import INTEGRATORS
+from softlab.model.core.simulation import State
+from softlab.model.formulas import motion
+from softlab.model.scene.scene import Scene
 
 THREADS = [n for n in (1, 2, 3) if n <= numba.config.NUMBA_NUM_THREADS]
 BOTH = pytest.mark.parametrize("real", [np.float32, np.float64])

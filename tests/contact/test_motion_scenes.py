@@ -12,15 +12,15 @@ from cloth_scenes import MOTIONS, cloth_scene
 from cloth_solve import cloth, each_solver, solve
 from test_motion import ends
 
-from app.driver import open_simulation
-from bench.reference import cloth as reference_cloth
-from model.core.build import build
-from model.core.energy import spring_strain
-from model.core.errors import SceneError
-from model.core.pins import PIN_WORDS, pin_indices
-from model.mass_spring.cloth_parameters import body_rows
-from model.mass_spring.cloth_plan import cloth_plan
-from model.scene.scene import Scene, load_scene
+from softlab.app.driver import open_simulation
+from softlab.bench.reference import cloth as reference_cloth
+from softlab.model.core.build import build
+from softlab.model.core.energy import spring_strain
+from softlab.model.core.errors import SceneError
+from softlab.model.core.pins import PIN_WORDS, pin_indices
+from softlab.model.mass_spring.cloth_parameters import body_rows
+from softlab.model.mass_spring.cloth_plan import cloth_plan
+from softlab.model.scene.scene import Scene, load_scene
 
 ORDERS = {
     "rk4": ("rk4", 4, {"damping": {"coefficient": 0.01}, "structural": {"stiffness": 20.0, "damping": 0.02}}, 64),

@@ -13,18 +13,18 @@ import pytest
 from bodies_scenes import AWAY, POKE, SAMPLED, bodies_scene, end_state, lone_points, method, opened, same, start
 from meeting_bodies import meeting, neighbours
 
-from bench.reference import shape_matching as reference
-from bench.reference.contact.particle_contacts import Contacts
-from cpu_backend.contact.particles import ParticleContacts
-from model.contact.particle_parameters import (
+from softlab.bench.reference import shape_matching as reference
+from softlab.bench.reference.contact.particle_contacts import Contacts
+from softlab.cpu_backend.contact.particles import ParticleContacts
+from softlab.model.contact.particle_parameters import (
     H_INVERSE_CELL,
     MAX_NEIGHBOURS,
     kinds_of_particles,
     particle_contact_record,
 )
-from model.core.errors import Diverged, SceneError
-from model.scene.scene import Scene, load_scene
-from model.xpbd.plan import xpbd_parts
+from softlab.model.core.errors import Diverged, SceneError
+from softlab.model.scene.scene import Scene, load_scene
+from softlab.model.xpbd.plan import xpbd_parts
 
 FREE = {"gravity": 0.0, "contact": {"maximum_speed": 1e3, "sleeping_speed": 1e-30}}
 BAR = {"kind": "soft_body", "particle_spacing": 0.16, "adhesion": 1e-30, **SAMPLED}  # 24 particles, 3 clusters

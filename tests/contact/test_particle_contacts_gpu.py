@@ -10,9 +10,9 @@ from bodies_scenes import end_state, opened, same
 from meeting_bodies import meeting, neighbours, smooth
 from rebound_scenes import among_soft_ones, dropped
 
-from model.contact.particle_parameters import MAX_NEIGHBOURS
-from model.core.simulation import State
-from model.scene.scene import Scene
+from softlab.model.contact.particle_parameters import MAX_NEIGHBOURS
+from softlab.model.core.simulation import State
+from softlab.model.scene.scene import Scene
 
 pytestmark = pytest.mark.gpu
 KERNELS = ("graph", "launch", "stages")
@@ -64,7 +64,7 @@ def test_runs_repeat_to_the_bit() -> None:
 
 
 def test_neighbours_are_those_of_asking_all() -> None:
-    from gpu_backend.contact.particles import ParticleContacts
+    from softlab.gpu_backend.contact.particles import ParticleContacts
 
     scene = meeting()
     particles, random = scene.body_set.particle_count, np.random.default_rng(4)
@@ -93,7 +93,7 @@ def on_device(position: np.ndarray, weight: np.ndarray, real: Any) -> Any:
 def test_fast_math_is_near_exact() -> None:
     """Neighbours are the same ones. Two sweeps over MAX_NEIGHBOURS contacts at most are some ten operations each, on lengths
     under 1 m, and approximate roots and quotients are good to 2^-22."""
-    from gpu_backend.contact.particles import ParticleContacts
+    from softlab.gpu_backend.contact.particles import ParticleContacts
 
     scene, random, found = meeting(), np.random.default_rng(6), []
     before = scene.body_set.position + random.normal(0, 0.02, scene.body_set.position.shape)
@@ -112,7 +112,7 @@ def test_fast_math_is_near_exact() -> None:
 
 def test_a_state_without_numbers_is_told() -> None:
     """And does not let all particles meet in one cell."""
-    from model.core.errors import Diverged
+    from softlab.model.core.errors import Diverged
 
     scene = crowded().replace({"contact.maximum_speed": None})
     state: State = end_state(scene, "gpu", steps=1)

@@ -32,7 +32,7 @@ def stays_in_registers(text: str) -> bool:
 @pytest.mark.parametrize("own,many", list(product([True, False], repeat=2)))
 @pytest.mark.parametrize("name", FIND)
 def test_finding(name: str, own: bool, many: bool) -> None:
-    from gpu_backend.contact.particles_find import make_find
+    from softlab.gpu_backend.contact.particles_find import make_find
 
     text = kernel_text(getattr(make_find(np.float32, own, many), name), FIND[name], np.float32, "exact")
     assert stays_in_registers(text)
@@ -47,7 +47,7 @@ def test_finding(name: str, own: bool, many: bool) -> None:
 @pytest.mark.parametrize("math", ["fast", "exact"])
 @pytest.mark.parametrize("name", PROJECT)
 def test_projecting(name: str, math: str, has_friction: bool, has_adhesion: bool, own: bool, many: bool) -> None:
-    from gpu_backend.contact.particles_project import make_project
+    from softlab.gpu_backend.contact.particles_project import make_project
 
     kernel = getattr(make_project(np.float32, math, has_friction, has_adhesion, own, many), name)
     text = kernel_text(kernel, PROJECT[name], np.float32, math)
@@ -58,7 +58,7 @@ def test_projecting(name: str, math: str, has_friction: bool, has_adhesion: bool
 @pytest.mark.parametrize("math", ["fast", "exact"])
 def test_projecting_rigid_bodies(math: str) -> None:
     """With their travels: one more quad is written."""
-    from gpu_backend.contact.particles_project import make_project
+    from softlab.gpu_backend.contact.particles_project import make_project
 
     kernel = make_project(np.float32, math, True, True, True, True, True).project
     text = kernel_text(kernel, f"{PROJECT['project']}RR", np.float32, math)
@@ -69,7 +69,7 @@ def test_projecting_rigid_bodies(math: str) -> None:
 @pytest.mark.parametrize("math", ["fast", "exact"])
 def test_projecting_with_couples(math: str, has_rigid: bool, quads: int) -> None:
     """They are one more quad, beside that of travels."""
-    from gpu_backend.contact.particles_project import make_project
+    from softlab.gpu_backend.contact.particles_project import make_project
 
     kernel = make_project(np.float32, math, True, True, True, True, has_rigid, True).project
     text = kernel_text(kernel, f"{PROJECT['project']}{'R' * (2 * quads - 3)}", np.float32, math)
@@ -80,7 +80,7 @@ def test_projecting_with_couples(math: str, has_rigid: bool, quads: int) -> None
 @pytest.mark.parametrize("math", ["fast", "exact"])
 @pytest.mark.parametrize("name", ENDS)
 def test_ends(name: str, math: str, parts: set[str]) -> None:
-    from gpu_backend.contact.particles_project import make_contact_ends
+    from softlab.gpu_backend.contact.particles_project import make_contact_ends
 
     kernel = getattr(make_contact_ends(np.float32, math, PARTS | parts), name)
     text = kernel_text(kernel, ENDS[name], np.float32, math)
@@ -91,7 +91,7 @@ def test_ends(name: str, math: str, parts: set[str]) -> None:
 @pytest.mark.parametrize("name", ["count", "project"])
 def test_exact_kernels_contract_nothing(name: str) -> None:
     """In float64, whose quotients and roots are instructions: no product runs into a sum."""
-    from gpu_backend.contact.particles_project import make_project
+    from softlab.gpu_backend.contact.particles_project import make_project
 
     kernel = getattr(make_project(np.float64, "exact", True, True, True, True), name)
     text = kernel_text(kernel, PROJECT[name], np.float64, "exact")

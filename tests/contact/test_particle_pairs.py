@@ -7,7 +7,7 @@ import pytest
 from bodies_scenes import SAMPLED, bodies_scene, method
 from meeting_bodies import meeting, neighbours
 
-from model.contact.particle_parameters import (
+from softlab.model.contact.particle_parameters import (
     G_ACTIVE,
     G_DISTANCE,
     G_NEIGHBOURS,
@@ -18,7 +18,7 @@ from model.contact.particle_parameters import (
     pair_rows,
     particle_contact_record,
 )  # fmt: skip
-from model.scene.scene import Scene
+from softlab.model.scene.scene import Scene
 
 SOFT = {"kind": "soft_body", "particle_spacing": 0.16, **SAMPLED}
 

@@ -12,13 +12,13 @@ from bodies_scenes import end_state as end_of_bodies
 from bodies_scenes import start as start_of_bodies
 from cloth_solve import cloth, each_solver, solve
 
-from bench.reference import cloth as judge
-from bench.reference import mass_spring as reference
-from model.core.errors import SceneError
-from model.formulas import colliders as formulas
-from model.mass_spring.cloth_plan import cloth_parts
-from model.scene.cloth import Plane
-from model.scene.scene import Scene
+from softlab.bench.reference import cloth as judge
+from softlab.bench.reference import mass_spring as reference
+from softlab.model.core.errors import SceneError
+from softlab.model.formulas import colliders as formulas
+from softlab.model.mass_spring.cloth_plan import cloth_parts
+from softlab.model.scene.cloth import Plane
+from softlab.model.scene.scene import Scene
 
 G, ROUNDING = 9.81, 1e-9  # m/s^2; m, of 3000 steps: 3000^2 x 2^-53 of 1 m
 FLOOR = {"point": [0.0, 0.0, 0.0], "normal": [0.0, 1.0, 0.0], "thickness": 0.0}

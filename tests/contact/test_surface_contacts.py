@@ -9,17 +9,17 @@ import numpy as np
 import pytest
 from surface_scenes import FLOOR, METHOD, SIDE, box, crumpled, crumpled_state, meeting, three
 
-from app.driver import open_simulation
-from bench.reference.contact import self_contacts as projected
-from bench.reference.contact import surface_contacts as reference
-from cpu_backend.contact.surfaces import SurfaceContacts
-from model.contact.self_contact_parameters import MAX_CONTACTS
-from model.contact.surface_parameters import contact_distance, contact_surface
-from model.core.build import build
-from model.core.errors import SceneError
-from model.core.simulation import State
-from model.formulas.contact import FACE
-from model.scene.scene import Scene
+from softlab.app.driver import open_simulation
+from softlab.bench.reference.contact import self_contacts as projected
+from softlab.bench.reference.contact import surface_contacts as reference
+from softlab.cpu_backend.contact.surfaces import SurfaceContacts
+from softlab.model.contact.self_contact_parameters import MAX_CONTACTS
+from softlab.model.contact.surface_parameters import contact_distance, contact_surface
+from softlab.model.core.build import build
+from softlab.model.core.errors import SceneError
+from softlab.model.core.simulation import State
+from softlab.model.formulas.contact import FACE
+from softlab.model.scene.scene import Scene
 
 EPS = float(np.finfo(np.float64).eps)
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from surface_scenes import box, crumpled_state, meeting, three
 
-from app.driver import open_simulation
-from model.contact.surface_parameters import contact_distance
-from model.core.simulation import State
-from model.scene.scene import Scene, load_scene
+from softlab.app.driver import open_simulation
+from softlab.model.contact.surface_parameters import contact_distance
+from softlab.model.core.simulation import State
+from softlab.model.scene.scene import Scene, load_scene
 
 pytestmark = pytest.mark.gpu
 

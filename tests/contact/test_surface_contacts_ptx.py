@@ -26,7 +26,7 @@ def ptx(kernel: Any, arguments: str, real: Any, math: str) -> str:
 @pytest.mark.parametrize("math", ["fast", "exact"])
 @pytest.mark.parametrize("name", FIND)
 def test_finding_holds_no_double(name: str, math: str) -> None:
-    from gpu_backend.contact.surfaces_find import make_find
+    from softlab.gpu_backend.contact.surfaces_find import make_find
 
     assert ".f64" not in ptx(getattr(make_find(np.float32, math), name), FIND[name], np.float32, math)
 
@@ -34,14 +34,14 @@ def test_finding_holds_no_double(name: str, math: str) -> None:
 @pytest.mark.parametrize("math", ["fast", "exact"])
 @pytest.mark.parametrize("name", PROJECT)
 def test_projecting_knows_the_surfaces_record(name: str, math: str) -> None:
-    from gpu_backend.contact.self_project import make_project
+    from softlab.gpu_backend.contact.self_project import make_project
 
     kernels = make_project(np.float32, math, True, surfaces=True)
     assert ".f64" not in ptx(getattr(kernels, name), PROJECT[name], np.float32, math)
 
 
 def test_exact_math_contracts_nothing() -> None:
-    from gpu_backend.contact.surfaces_find import make_find
+    from softlab.gpu_backend.contact.surfaces_find import make_find
 
     text = ptx(make_find(np.float64, "exact").find_contacts, FIND["find_contacts"], np.float64, "exact")
     assert "fma.rn.f64" not in text and "mul.rn.f64" in text

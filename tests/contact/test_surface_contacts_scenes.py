@@ -6,12 +6,12 @@ from itertools import pairwise
 
 import numpy as np
 
-from app.driver import open_simulation
-from cpu_backend.contact.surfaces_find import V_DISTANCE, V_INSIDE
-from model.contact.self_contact_parameters import MAX_CONTACTS
-from model.contact.shortfalls import shortfalls
-from model.contact.surface_parameters import contact_distance, contact_surface
-from model.scene.scene import Scene, load_scene
+from softlab.app.driver import open_simulation
+from softlab.cpu_backend.contact.surfaces_find import V_DISTANCE, V_INSIDE
+from softlab.model.contact.self_contact_parameters import MAX_CONTACTS
+from softlab.model.contact.shortfalls import shortfalls
+from softlab.model.contact.surface_parameters import contact_distance, contact_surface
+from softlab.model.scene.scene import Scene, load_scene
 
 # Of fem-drop's twenty bodies those along its middle, three layers high, of every material.
 MIDDLE = {"star", "ball", "beam", "letter-o", "tile", "short-pipe", "column"}

@@ -7,16 +7,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.output.files import read_state, write_state
-from model.core.build import build
-from model.core.clock import START, Clock, clock_of
-from model.core.errors import InputError
-from model.core.parameters import parameter_record
-from model.core.state import State
-from model.formulas import cloth, manufactured, motion
-from model.mass_spring.cloth_parameters import cloth_record
-from model.scene.scene import load_scene
-from model.xpbd.parameters import xpbd_record
+from softlab.app.output.files import read_state, write_state
+from softlab.model.core.build import build
+from softlab.model.core.clock import START, Clock, clock_of
+from softlab.model.core.errors import InputError
+from softlab.model.core.parameters import parameter_record
+from softlab.model.core.state import State
+from softlab.model.formulas import cloth, manufactured, motion
+from softlab.model.mass_spring.cloth_parameters import cloth_record
+from softlab.model.scene.scene import load_scene
+from softlab.model.xpbd.parameters import xpbd_record
 
 REALS = pytest.mark.parametrize("real", [np.float32, np.float64])
 

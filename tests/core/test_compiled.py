@@ -25,10 +25,10 @@ from surface_scenes import three
 from vbd_scenes import BODY, vbd_scene
 from xpbd_scenes import xpbd_scene
 
-from app.driver import open_simulation
-from cpu_backend.core.plain import plain_python
-from model.core.simulation import State
-from model.scene.scene import Scene, load_scene
+from softlab.app.driver import open_simulation
+from softlab.cpu_backend.core.plain import plain_python
+from softlab.model.core.simulation import State
+from softlab.model.scene.scene import Scene, load_scene
 
 STEPS = (1, 2, 3)  # batches
 THREADS = sorted({1, min(2, numba.config.NUMBA_NUM_THREADS), min(3, numba.config.NUMBA_NUM_THREADS)})

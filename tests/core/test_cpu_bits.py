@@ -6,11 +6,11 @@ import numba
 import numpy as np
 import pytest
 
-from app.driver import open_simulation
-from cpu_backend.core.threads import thread_count
-from model.core.integrators import INTEGRATORS
-from model.core.simulation import State
-from model.scene.scene import load_scene
+from softlab.app.driver import open_simulation
+from softlab.cpu_backend.core.threads import thread_count
+from softlab.model.core.integrators import INTEGRATORS
+from softlab.model.core.simulation import State
+from softlab.model.scene.scene import load_scene
 
 NAMES = list(INTEGRATORS)
 PARTS = {"grid.rows": 37, "grid.columns": 29, "external.magnitude": 0.05, "external.seed": 2**40 + 7}
@@ -107,8 +107,8 @@ def test_the_seed_and_the_step_make_the_force():
 
 
 def test_thread_words():
-    from cpu_backend.core.threads import core_count
-    from model.core.errors import SceneError
+    from softlab.cpu_backend.core.threads import core_count
+    from softlab.model.core.errors import SceneError
 
     assert [thread_count(word) for word in ("1x", "2x", "4x")] == [core_count() * k for k in (1, 2, 4)]
     for bad in ("3x", "0", "-1", "many", "1.5", "", 0, 10**6):

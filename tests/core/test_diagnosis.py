@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from model.core.errors import Diverged
-from model.core.families import stability_limit
-from model.core.integrators import INTEGRATORS, damping_rate, frequency_bound
-from model.core.stability.diagnosis import diagnose, refusal
-from model.scene.scene import Scene, load_scene
+from softlab.model.core.errors import Diverged
+from softlab.model.core.families import stability_limit
+from softlab.model.core.integrators import INTEGRATORS, damping_rate, frequency_bound
+from softlab.model.core.stability.diagnosis import diagnose, refusal
+from softlab.model.scene.scene import Scene, load_scene
 
 
 def lab(**changes: object) -> Scene:

@@ -11,8 +11,8 @@ import numba
 import numpy as np
 import pytest
 
-from model.core import digest
-from model.core.digest import ROOT, backend_sources, content_digest, source_digest
+from softlab.model.core import digest
+from softlab.model.core.digest import ROOT, backend_sources, content_digest, source_digest
 
 SCALE = 3.0
 
@@ -81,7 +81,7 @@ def test_a_function_that_calls_itself():
 def test_a_digest_is_the_same_in_every_process():
     """Of a kernel with formulas, intrinsics of numba and of the lab: nothing in it depends on the process."""
     code = (
-        "from cpu_backend.mass_spring.grid.kernels import make_advance; import numpy as np;"
+        "from softlab.cpu_backend.mass_spring.grid.kernels import make_advance; import numpy as np;"
         "print(make_advance(np.float32, 'fast', 'lab', frozenset({'springs', 'gravity'})).py_func.__name__)"
     )
     names = {
@@ -95,8 +95,8 @@ def test_a_digest_is_the_same_in_every_process():
 
 def test_every_part_of_a_kernel_is_known(monkeypatch):
     """No kernel refers to an object of which the digest knows nothing (it would be compiled in every process anew)."""
-    from app.driver import open_simulation
-    from gpu_backend.xpbd.stages import make_xpbd_stages
+    from softlab.app.driver import open_simulation
+    from softlab.gpu_backend.xpbd.stages import make_xpbd_stages
 
     def unknown(self: Any, value: Any) -> Any:
         for piece in known(self, value):
@@ -121,7 +121,7 @@ def test_touching_any_file_of_a_backend_changes_its_sources(tmp_path, monkeypatc
         copy.write_bytes(file.read_bytes())
     inner = tmp_path / f"{backend}_backend" / "room" / "kernel.py"
     inner.parent.mkdir()
-    inner.write_text("from model.geometry.shapes import Shape\n")
+    inner.write_text("from softlab.model.geometry.shapes import Shape\n")
     monkeypatch.setattr(digest, "ROOT", tmp_path)
     places = backend_sources.__wrapped__(backend)
     files = [file for place in places for file in (place.rglob("*.py") if place.is_dir() else [place])]

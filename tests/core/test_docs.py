@@ -63,9 +63,9 @@ def test_links_in_the_documents_lead_somewhere() -> None:
 
 @pytest.mark.parametrize("name", ["README.md", "docs/commands.md", "docs/index.md"])
 def test_every_command_of_the_documents_exists(name: str) -> None:
-    import softlab
+    from softlab import cli
 
-    known = {command.name or command.callback.__name__ for command in softlab.app.registered_commands}  # type: ignore[union-attr]
+    known = {command.name or command.callback.__name__ for command in cli.app.registered_commands}  # type: ignore[union-attr]
     text = (ROOT / name).read_text(encoding="utf-8")
     for line in re.findall(r"^softlab ([^#\n]+)", text, re.MULTILINE):
         for part in re.split(r" {2,}", line)[0].split("|"):

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import pytest
 
-from model.core.errors import SceneError
-from model.core.families import FAMILIES, family_of, scene_plan, stability_limit
-from model.core.family import SolverFamily, named
-from model.mass_spring.plan import mass_spring_plan
-from model.scene.kinds import KINDS
-from model.scene.reader import catalogue
-from model.scene.scene import load_scene
+from softlab.model.core.errors import SceneError
+from softlab.model.core.families import FAMILIES, family_of, scene_plan, stability_limit
+from softlab.model.core.family import SolverFamily, named
+from softlab.model.mass_spring.plan import mass_spring_plan
+from softlab.model.scene.kinds import KINDS
+from softlab.model.scene.reader import catalogue
+from softlab.model.scene.scene import load_scene
 
 ONES = {family.name: family for family in FAMILIES}
 

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from model.core.errors import LONGEST, InputError, SceneError, SoftlabError
-from model.core.files import OLD_SECONDS, check_source, check_target, read_archive, read_text, replacing
-from model.scene.reader import parse_settings, tables_of
-from model.scene.scene import load_scene
+from softlab.model.core.errors import LONGEST, InputError, SceneError, SoftlabError
+from softlab.model.core.files import OLD_SECONDS, check_source, check_target, read_archive, read_text, replacing
+from softlab.model.scene.reader import parse_settings, tables_of
+from softlab.model.scene.scene import load_scene
 
 DEEP = "[" * 5000 + "]" * 5000
 
@@ -43,7 +43,7 @@ def test_what_has_no_end_is_not_read(tmp_path: Path, read) -> None:
 
 
 def test_a_text_has_an_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("model.core.files.LONGEST_TEXT", 10)
+    monkeypatch.setattr("softlab.model.core.files.LONGEST_TEXT", 10)
     file = tmp_path / "some.toml"
     file.write_text("a" * 10)
     assert read_text(file, "a text") == "a" * 10

@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from model.core.build import pinned_indices
-from model.core.errors import SceneError
-from model.core.integrators import frequency_bound
-from model.core.stability.limit import (
+from softlab.model.core.build import pinned_indices
+from softlab.model.core.errors import SceneError
+from softlab.model.core.integrators import frequency_bound
+from softlab.model.core.stability.limit import (
     MAX_MASSES,
     Net,
     frequency_lines,
@@ -21,7 +21,7 @@ from model.core.stability.limit import (
     scene_frequency,
     scene_net,
 )
-from model.scene.scene import Scene, load_scene
+from softlab.model.scene.scene import Scene, load_scene
 
 
 def grid(rows: int, columns: int, pinned: object = "none", **springs: float) -> Scene:

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-LEVELS = {  # an import may only go to a lower level, or stay inside its own package
-    "softlab": 6,
+LEVELS = {  # an import may only go to a lower level, or stay inside its own layer
+    "softlab": 6,  # the command line and the public interface
     "labbook": 5,
     "plots": 4,
     "bench": 3,
@@ -21,7 +21,7 @@ LEVELS = {  # an import may only go to a lower level, or stay inside its own pac
 
 
 def imported(file: Path) -> set[str]:
-    """Top-level packages of the lab that a file imports, inside functions too."""
+    """Layers of the lab that a file imports, inside functions too; "softlab" itself is what is public."""
     names: set[str] = set()
     for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
@@ -29,18 +29,20 @@ def imported(file: Path) -> set[str]:
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0, f"{file.relative_to(ROOT)}:{node.lineno}: relative import; name the package"
             names.add(node.module or "")
-    return {name.split(".")[0] for name in names} & set(LEVELS)
+    top = {name for name in names if name.split(".")[0] in LEVELS}
+    assert all(name.split(".")[0] == "softlab" for name in top), f"{file.relative_to(ROOT)}: import softlab.<layer>"
+    return {(f"{name}.".split(".")[1] or "softlab") for name in top} & set(LEVELS)
 
 
 def sources() -> list[Path]:
     folders = [ROOT / name for name in LEVELS if (ROOT / name).is_dir()]
-    return [ROOT / "softlab.py", *(file for folder in folders for file in sorted(folder.rglob("*.py")))]
+    return [file for folder in folders for file in sorted(folder.rglob("*.py"))]
 
 
 @pytest.mark.parametrize("file", sources(), ids=lambda file: file.relative_to(ROOT).as_posix())
 def test_imports_point_one_way(file):
     """softlab -> labbook -> plots -> bench -> app -> (cpu_backend | gpu_backend) -> model; the backends never meet."""
-    here = file.relative_to(ROOT).parts[0].removesuffix(".py")
+    here = file.relative_to(ROOT).parts[0]
     for package in imported(file) - {here}:
         assert LEVELS[package] < LEVELS[here], f"{file.relative_to(ROOT)} imports {package}"
 
@@ -57,15 +59,15 @@ def test_the_rooms_of_app_import_one_way():
     for file in sorted((ROOT / "app").rglob("*.py")):
         here = file.relative_to(ROOT / "app").parts[0].removesuffix(".py")
         for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("app."):
-                room = str(node.module).split(".")[1]
+            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("softlab.app."):
+                room = str(node.module).split(".")[2]
                 if {here, room} <= set(rooms):
                     assert rooms.index(room) <= rooms.index(here), f"{file.relative_to(ROOT)} imports {node.module}"
 
 
 def test_there_is_no_circle():
     """Imports for types and inside functions counted."""
-    modules = {".".join(file.relative_to(ROOT).with_suffix("").parts): file for file in sources()}
+    modules = {".".join(("softlab", *file.relative_to(ROOT).with_suffix("").parts)): file for file in sources()}
     wanted: dict[str, set[str]] = {}
     for name, file in modules.items():
         found = set()
@@ -93,7 +95,12 @@ def test_no_folder_holds_more_files_than_one_keeps_in_mind():
 
 @pytest.mark.parametrize(
     "statement",
-    ["import softlab", "import model.scene.scene, model.core.simulation", "import app.driver", "import bench"],
+    [
+        "import softlab.cli",
+        "import softlab.model.core.simulation",
+        "from softlab import open_simulation",
+        "import softlab.bench",
+    ],
 )
 def test_no_heavy_import_at_the_door(statement):
     """`softlab --help` and test collection need no GPU, display or driver."""
@@ -108,8 +115,8 @@ def test_a_whole_run_on_the_cpu_loads_no_cuda():
     """Not only the door: stepping on CPU threads leaves pyglet, matplotlib and numba.cuda alone."""
     code = (
         "import sys\n"
-        "from app.driver import open_simulation\n"
-        "from model.scene.scene import load_scene\n"
+        "from softlab.app.driver import open_simulation\n"
+        "from softlab.model.scene.scene import load_scene\n"
         "scene = load_scene('lab-curtain').replace({'grid.rows': 4, 'grid.columns': 4})\n"
         "with open_simulation(scene, kernel='stages', math='exact', precision='float64') as simulation:\n"
         "    simulation.advance(1)\n"

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from numba import prange
 
-from cpu_backend.core.compile import Compiler
-from model.core import kernel_cache
-from model.core.kernel_cache import KernelCacheWarning, watched
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.model.core import kernel_cache
+from softlab.model.core.kernel_cache import KernelCacheWarning, watched
 
 
 @pytest.fixture(autouse=True)
@@ -107,7 +107,7 @@ def test_a_terminal_is_told_what_is_compiled():
 
     from rich.console import Console
 
-    from app.command.command_line import compilations_told
+    from softlab.app.command.command_line import compilations_told
 
     def said(terminal: bool, *compilations: tuple[str, float | None]) -> str:
         console = Console(file=io.StringIO(), force_terminal=terminal, soft_wrap=True, highlight=False)

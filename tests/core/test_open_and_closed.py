@@ -7,11 +7,11 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from app.driver import open_simulation
-from model.core.errors import InputError
-from model.core.simulation import Simulation
-from model.core.state import State
-from model.scene.scene import Scene, load_scene
+from softlab.app.driver import open_simulation
+from softlab.model.core.errors import InputError
+from softlab.model.core.simulation import Simulation
+from softlab.model.core.state import State
+from softlab.model.scene.scene import Scene, load_scene
 
 BOX = {"kind": "tetrahedral_body", "shape": {"name": "box", "sides": [0.2, 0.1, 0.1]}, "edge": 0.1}
 LUMP = {"kind": "soft_body", "shape": {"name": "box", "sides": [0.05, 0.05, 0.05]}, "particle_spacing": 0.025}

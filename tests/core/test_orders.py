@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from bench.reference import mass_spring as reference
-from model.core.integrators import INTEGRATORS
-from model.scene.scene import Scene, load_scene
+from softlab.bench.reference import mass_spring as reference
+from softlab.model.core.integrators import INTEGRATORS
+from softlab.model.scene.scene import Scene, load_scene
 
 # the pendulum's end at T = 1 by an order-8 integrator to 2e-14, against Newton's law and against half the acceleration
 NEWTON = {0.0: (-0.596183852986, -0.898957849069), 0.03: (-0.087108010821, -1.022365327709)}

@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 from numba import prange
 
-from cpu_backend.core.compile import Compiler
-from cpu_backend.core.layout import row_at
-from cpu_backend.core.plain import SECONDS, SWITCH, TooLong, is_plain, plain_python
-from cpu_backend.core.progress import exchange, load_acquire, new_flags, new_team, shares, store_release
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.core.layout import row_at
+from softlab.cpu_backend.core.plain import SECONDS, SWITCH, TooLong, is_plain, plain_python
+from softlab.cpu_backend.core.progress import exchange, load_acquire, new_flags, new_team, shares, store_release
 
 
 @pytest.fixture(autouse=True)
@@ -138,8 +138,8 @@ def test_when_its_time_is_over_the_call_is_made_again_by_machine_code(inside: bo
 
     plain_python(True, 60.0)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("cpu_backend.core.compile.still_time", look)
-        patch.setattr("cpu_backend.core.plain._is_made", lambda _: False)  # kept from the last time, say
+        patch.setattr("softlab.cpu_backend.core.compile.still_time", look)
+        patch.setattr("softlab.cpu_backend.core.plain._is_made", lambda _: False)  # kept from the last time, say
         kernel(4, *given)
     assert not is_plain() and kernel.overloads
     assert numbers.tolist() == [1, 1, 1, 1] and seen.tolist() == [1, 1, 1, 1]
@@ -147,7 +147,7 @@ def test_when_its_time_is_over_the_call_is_made_again_by_machine_code(inside: bo
 
 def test_the_environment_switches_it_on() -> None:
     code = (
-        "from app.driver import open_simulation; from cpu_backend.core.plain import is_plain; assert is_plain()\n"
+        "from softlab import open_simulation; from softlab.cpu_backend.core.plain import is_plain; assert is_plain()\n"
         "with open_simulation('lab-hammock', threads=1) as simulation: simulation.advance(1)\n"
         "assert not simulation._kernel.overloads"
     )

@@ -11,14 +11,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.driver import open_simulation
-from app.plan.report import PlanReport, flatten, plan_report
-from app.plan.table import overhead_lines, tile_told
-from gpu_backend.core.tiling import Tile
-from model.core.errors import BackendUnavailable, SceneError
-from model.core.plan import Executor, Node, Plan, Stage
-from model.mass_spring.plan import mass_spring_plan
-from model.scene.scene import load_scene
+from softlab.app.driver import open_simulation
+from softlab.app.plan.report import PlanReport, flatten, plan_report
+from softlab.app.plan.table import overhead_lines, tile_told
+from softlab.gpu_backend.core.tiling import Tile
+from softlab.model.core.errors import BackendUnavailable, SceneError
+from softlab.model.core.plan import Executor, Node, Plan, Stage
+from softlab.model.mass_spring.plan import mass_spring_plan
+from softlab.model.scene.scene import load_scene
 
 SIZES = [(8, 8), (32, 32), (100, 100), (1000, 1000), (2048, 2048), (5, 100000)]
 
@@ -78,9 +78,9 @@ def test_the_gpu_kernel_told_is_the_one_opened(
 ) -> None:
     """Without a GPU the choice is that of the GPU the table was measured on, by the same code as on that GPU."""
     pytest.importorskip("numba.cuda", reason="needs numba-cuda")
-    from gpu_backend.core import device
-    from gpu_backend.mass_spring.grid import choice, tile_launch
-    from gpu_backend.mass_spring.grid import solver as mass_spring
+    from softlab.gpu_backend.core import device
+    from softlab.gpu_backend.mass_spring.grid import choice, tile_launch
+    from softlab.gpu_backend.mass_spring.grid import solver as mass_spring
 
     if device.gpu_available()[0]:
         pytest.skip("here the choice is this GPU's")
@@ -109,9 +109,9 @@ def measured(report: PlanReport, backend: str) -> list[float]:
 
 
 def test_every_stage_is_measured(monkeypatch: pytest.MonkeyPatch) -> None:
-    import app.plan.measure
+    import softlab.app.plan.measure
 
-    monkeypatch.setattr(app.plan.measure, "SECONDS", 0.2)
+    monkeypatch.setattr(softlab.app.plan.measure, "SECONDS", 0.2)
     report = plan_report(grid(16, 16, **{"external.magnitude": 0.1}), backends=("cpu",), measure=True)
     times = measured(report, "cpu")
     assert all(value > 0 for value in times)
@@ -136,16 +136,16 @@ def test_shares_of_overhead_are_told(empty: float, lines: int) -> None:
 
 def test_a_stage_that_does_more_takes_longer(monkeypatch: pytest.MonkeyPatch) -> None:
     """Not only the call is timed: on 250 000 masses four roots a mass take longer than adding gravity to it."""
-    import app.plan.measure
+    import softlab.app.plan.measure
 
-    monkeypatch.setattr(app.plan.measure, "SECONDS", 0.3)
+    monkeypatch.setattr(softlab.app.plan.measure, "SECONDS", 0.3)
     report = plan_report(grid(500, 500), backends=("cpu",), measure=True)
     seconds = {row.name: row.seconds["cpu"] for row in report.rows if row.stage}
     assert seconds["spring forces"] > 1.5 * seconds["gravity"]
 
 
 def test_a_backend_that_is_missing_is_said() -> None:
-    from gpu_backend.core.device import gpu_available
+    from softlab.gpu_backend.core.device import gpu_available
 
     if gpu_available()[0]:
         pytest.skip("there is a GPU")
@@ -171,12 +171,12 @@ def test_nonsense_is_refused() -> None:
 def test_the_command_prints_one_object_or_a_table(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    import softlab
+    from softlab import cli
 
     def told(*words: str) -> str:
         monkeypatch.setattr(sys, "argv", ["softlab", "plan", *words])
         with pytest.raises(SystemExit) as ended:
-            softlab.main()
+            cli.main()
         assert not ended.value.code
         return capsys.readouterr().out
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from model.core.clock import START
-from model.core.families import family_of
-from model.scene.scene import load_scene
+from softlab.model.core.clock import START
+from softlab.model.core.families import family_of
+from softlab.model.scene.scene import load_scene
 
 SCENES = (  # of every family, in a plane and in space
     "lab-grid", "manufactured", "cloth-sphere", "cloth-hanging", "lab-water", "taylor-green", "column", "fountain",

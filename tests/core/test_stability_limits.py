@@ -7,13 +7,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app.driver import open_simulation
-from bench.reference import mass_spring as reference
-from model.core.errors import SceneError, UnstableTimeStep
-from model.core.families import stability_limit
-from model.core.integrators import INTEGRATORS, amplification_matrix, frequency_bound
-from model.core.stability.limit import scene_frequency
-from model.scene.scene import Scene, load_scene
+from softlab.app.driver import open_simulation
+from softlab.bench.reference import mass_spring as reference
+from softlab.model.core.errors import SceneError, UnstableTimeStep
+from softlab.model.core.families import stability_limit
+from softlab.model.core.integrators import INTEGRATORS, amplification_matrix, frequency_bound
+from softlab.model.core.stability.limit import scene_frequency
+from softlab.model.scene.scene import Scene, load_scene
 
 NAMES = list(INTEGRATORS)
 

@@ -10,12 +10,12 @@ import numba
 import numpy as np
 import pytest
 
-from app import driver
-from app.auto_threads import AUTO, decide, open_quickest, step_seconds
-from cpu_backend.core.compile import Compiler
-from cpu_backend.core.progress import new_team, shares
-from cpu_backend.core.threads import BRIEF, POLICY, SPIN_COUNT, policy_of, wait_briefly
-from model.core.errors import Diverged
+from softlab.app import driver
+from softlab.app.auto_threads import AUTO, decide, open_quickest, step_seconds
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.core.progress import new_team, shares
+from softlab.cpu_backend.core.threads import BRIEF, POLICY, SPIN_COUNT, policy_of, wait_briefly
+from softlab.model.core.errors import Diverged
 
 PARTS, PHASES = 4, 200
 
@@ -238,7 +238,7 @@ def test_auto_goes_through_the_door(monkeypatch):
 
     monkeypatch.setattr(driver, "_open", opened)
     monkeypatch.setattr(driver, "open_quickest", lambda open_with, most: open_with(most))
-    from cpu_backend.core.threads import core_count
+    from softlab.cpu_backend.core.threads import core_count
 
     assert driver.open_simulation("lab-grid", threads=AUTO).threads == core_count()
     assert driver.open_simulation("lab-grid", threads="2x").threads == "2x"

@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gpu_backend.core.tiling import Tile, owned, tile_count, whole_strips
+from softlab.gpu_backend.core.tiling import Tile, owned, tile_count, whole_strips
 
 DT, STIFFNESS = 0.01, 1000.0
 

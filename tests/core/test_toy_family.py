@@ -12,15 +12,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.driver import open_simulation
-from app.plan.passes import BackendPlan, merged_pass
-from app.plan.report import plan_report
-from model.core import families
-from model.core.errors import Diverged, SceneError
-from model.core.family import SolverFamily
-from model.core.plan import Executor, Moment, Node, Plan, Stage
-from model.core.simulation import Options, Simulation
-from model.scene.scene import Scene, load_scene
+from softlab.app.driver import open_simulation
+from softlab.app.plan.passes import BackendPlan, merged_pass
+from softlab.app.plan.report import plan_report
+from softlab.model.core import families
+from softlab.model.core.errors import Diverged, SceneError
+from softlab.model.core.family import SolverFamily
+from softlab.model.core.plan import Executor, Moment, Node, Plan, Stage
+from softlab.model.core.simulation import Options, Simulation
+from softlab.model.scene.scene import Scene, load_scene
 
 DT, G = 0.01, 9.81
 DOWN, STEP_SIZE = range(2)  # of its record
@@ -99,7 +99,7 @@ TOY = SolverFamily(
     spring_count=lambda scene: 0,
     solvers={"cpu": f"{__name__}:Falling"},
     passes={"cpu": f"{__name__}:passes"},
-    reference="bench.reference.mass_spring",
+    reference="softlab.bench.reference.mass_spring",
     unknown="nobody has asked",
 )
 

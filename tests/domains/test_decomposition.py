@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from model.core.errors import SceneError
-from model.domains.decomposition import Reach, decompose
+from softlab.model.core.errors import SceneError
+from softlab.model.domains.decomposition import Reach, decompose
 
 REACHES = [
     Reach(),

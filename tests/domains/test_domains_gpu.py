@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.driver import open_simulation
-from gpu_backend.core.device import gpu_available
-from gpu_backend.domains.devices import gpu_count
-from gpu_backend.domains.flags import FlagSimulation
-from model.core.integrators import INTEGRATORS
-from model.core.options import Options
-from model.core.simulation import State
-from model.scene.scene import Scene, load_scene
+from softlab.app.driver import open_simulation
+from softlab.gpu_backend.core.device import gpu_available
+from softlab.gpu_backend.domains.devices import gpu_count
+from softlab.gpu_backend.domains.flags import FlagSimulation
+from softlab.model.core.integrators import INTEGRATORS
+from softlab.model.core.options import Options
+from softlab.model.core.simulation import State
+from softlab.model.scene.scene import Scene, load_scene
 
 pytestmark = pytest.mark.gpu
 LINKS = ("peer", "flags")
@@ -215,7 +215,7 @@ def test_nccl_has_the_bits_of_one_gpu() -> None:
 @pytest.mark.parametrize("link", LINKS)
 def test_a_process_that_used_two_gpus_ends_as_others_do(link: str) -> None:
     """What both have loaded is freed once: exit status 0."""
-    command = ["softlab.py", "run", "lab-grid", "--backend", "gpu", "--gpus", "2", "--link", link, "--steps", "50"]
+    command = ["-m", "softlab", "run", "lab-grid", "--backend", "gpu", "--gpus", "2", "--link", link, "--steps", "50"]
     done = subprocess.run(
         [sys.executable, *command, "--no-judge"], cwd=ROOT, capture_output=True, text=True, timeout=100
     )

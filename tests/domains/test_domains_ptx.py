@@ -12,7 +12,7 @@ pytestmark = pytest.mark.usefixtures("ptx_compiler")
 def text(name: str, unit: Any) -> str:
     from numba import types
 
-    from gpu_backend.domains.kernels import make_border_kernels
+    from softlab.gpu_backend.domains.kernels import make_border_kernels
 
     units = (types.complex64 if unit is np.complex64 else types.complex128)[::1]
     counts, number = types.int32[::1], types.int32

@@ -9,17 +9,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from model.domains.shared_fluid import BALANCED_EVERY
+from softlab.model.domains.shared_fluid import BALANCED_EVERY
 
 ROOT = Path(__file__).resolve().parents[2]
 ALIKE = ["--math", "exact", "--no-judge", "--threads", "1"]
-COMMAND = ["softlab.py", "run", "lab-grid", *ALIKE]
+COMMAND = ["-m", "softlab", "run", "lab-grid", *ALIKE]
 needs_mpi = pytest.mark.skipif(find_spec("mpi4py") is None, reason='mpi4py is not installed: pip install -e ".[mpi]"')
 
 
 def softlab(*arguments, scene="lab-grid", **environment):
     done = subprocess.run(
-        [sys.executable, "softlab.py", "run", scene, *ALIKE, *map(str, arguments)],
+        [sys.executable, "-m", "softlab", "run", scene, *ALIKE, *map(str, arguments)],
         cwd=ROOT, capture_output=True, text=True, timeout=500, env={**os.environ, **environment},
     )  # fmt: skip
     return done.returncode, done.stdout, done.stderr
@@ -120,9 +120,9 @@ def test_without_mpiexec_one_line_says_how_to_get_it(tmp_path):
     """A Python that has no mpiexec beside it, and a path without one."""
     python = tmp_path / "python"
     python.symlink_to(sys.executable)
-    code = "import sys; sys.executable = sys.argv.pop(1)\nimport softlab; sys.argv[0] = 'softlab'; softlab.main()"
+    code = "import sys; sys.executable = sys.argv.pop(1)\nfrom softlab import cli; sys.argv[0] = 'softlab'; cli.main()"
     done = subprocess.run(
-        [sys.executable, "-c", code, str(python), *COMMAND[1:], "--ranks", "2"],
+        [sys.executable, "-c", code, str(python), *COMMAND[2:], "--ranks", "2"],
         cwd=ROOT, capture_output=True, text=True, timeout=100, env={**os.environ, "PATH": str(tmp_path)},
     )  # fmt: skip
     assert done.returncode == 3

@@ -11,16 +11,16 @@ import pytest
 from test_shared_tetrahedra import BODIES, alone, driven, scene_of
 from test_shared_tetrahedra import METHOD as SHARED
 
-from app.driver import open_simulation
-from cpu_backend.domains.in_threads import run_in_threads
-from cpu_backend.domains.ranks import RankPartitions, on_ranks
-from model.core.errors import SceneError
-from model.core.families import family_of
-from model.core.options import Options
-from model.core.state import State
-from model.domains import partitioned
-from model.domains.partitions import SharedMesh, Window, partition
-from model.scene.scene import Scene, load_scene
+from softlab.app.driver import open_simulation
+from softlab.cpu_backend.domains.in_threads import run_in_threads
+from softlab.cpu_backend.domains.ranks import RankPartitions, on_ranks
+from softlab.model.core.errors import SceneError
+from softlab.model.core.families import family_of
+from softlab.model.core.options import Options
+from softlab.model.core.state import State
+from softlab.model.domains import partitioned
+from softlab.model.domains.partitions import SharedMesh, Window, partition
+from softlab.model.scene.scene import Scene, load_scene
 
 LONG = {"shape": {"name": "box", "sides": [3.2, 0.1, 0.1]}}
 METHOD = SHARED | {"iterations": 1}

@@ -4,9 +4,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from model.core.errors import BackendUnavailable, SceneError
-from model.domains import processes
-from model.domains.launched import SIZES
+from softlab.model.core.errors import BackendUnavailable, SceneError
+from softlab.model.domains import processes
+from softlab.model.domains.launched import SIZES
 
 
 @pytest.fixture

@@ -4,14 +4,14 @@ processes here, which test_mpi.py runs."""
 import numpy as np
 import pytest
 
-from app.driver import open_simulation
-from cpu_backend.domains.in_threads import Meeting, ThreadRanks, run_in_threads
-from cpu_backend.domains.ranks import RankSimulation, on_ranks, shared_threads
-from model.core.errors import BackendUnavailable, Diverged, SceneError
-from model.core.options import Options
-from model.core.simulation import State
-from model.domains.simulation import cut
-from model.scene.scene import load_scene
+from softlab.app.driver import open_simulation
+from softlab.cpu_backend.domains.in_threads import Meeting, ThreadRanks, run_in_threads
+from softlab.cpu_backend.domains.ranks import RankSimulation, on_ranks, shared_threads
+from softlab.model.core.errors import BackendUnavailable, Diverged, SceneError
+from softlab.model.core.options import Options
+from softlab.model.core.simulation import State
+from softlab.model.domains.simulation import cut
+from softlab.model.scene.scene import load_scene
 
 SCENES = {
     "lab": {},
@@ -194,7 +194,7 @@ def test_a_manufactured_force_asks_where_a_mass_is():
 
 
 def test_threads_of_ranks_share_the_cores(monkeypatch):
-    monkeypatch.setattr("cpu_backend.domains.ranks.core_count", lambda: 8)
+    monkeypatch.setattr("softlab.cpu_backend.domains.ranks.core_count", lambda: 8)
     assert [shared_threads(word, 4) for word in ("1x", "2x", "4x", 3, "5")] == [2, 4, 8, 3, "5"]
     assert shared_threads("1x", 16) == 1
 

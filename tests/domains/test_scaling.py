@@ -3,11 +3,19 @@
 import pytest
 from rich.console import Console
 
-from bench.experiments.scaling.experiment import ScalingPoint, speedups
-from bench.experiments.scaling.model import MASS_BYTES, Cluster, Way, predicted, restart, waiting, window_seconds
-from bench.experiments.scaling.told import counts, print_checked, print_predicted, table
-from model.core.errors import SceneError
-from model.domains.link import Link
+from softlab.bench.experiments.scaling.experiment import ScalingPoint, speedups
+from softlab.bench.experiments.scaling.model import (
+    MASS_BYTES,
+    Cluster,
+    Way,
+    predicted,
+    restart,
+    waiting,
+    window_seconds,
+)
+from softlab.bench.experiments.scaling.told import counts, print_checked, print_predicted, table
+from softlab.model.core.errors import SceneError
+from softlab.model.domains.link import Link
 
 FAST = Link("none", 1e-30, 1e30, "a test")
 NOTHING = {"launches": 0.0, "copying": 1e30, "ends": 0.0, "jitter": 0.0}

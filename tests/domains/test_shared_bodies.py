@@ -9,14 +9,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app.driver import open_simulation
-from cpu_backend.domains.in_threads import run_in_threads
-from cpu_backend.domains.ranks import RankBodies, on_ranks
-from model.core.errors import Diverged, SceneError
-from model.core.options import Options
-from model.core.simulation import State
-from model.domains.bodies import Apart, divide
-from model.scene.scene import Scene, load_scene
+from softlab.app.driver import open_simulation
+from softlab.cpu_backend.domains.in_threads import run_in_threads
+from softlab.cpu_backend.domains.ranks import RankBodies, on_ranks
+from softlab.model.core.errors import Diverged, SceneError
+from softlab.model.core.options import Options
+from softlab.model.core.simulation import State
+from softlab.model.domains.bodies import Apart, divide
+from softlab.model.scene.scene import Scene, load_scene
 
 BOX = {"shape": {"name": "box", "sides": [0.2, 0.2, 0.2], "resolution": 2}, "particle_spacing": 0.1}
 PLANE = {"kind": "plane", "point": [0.0, 0.0, 0.0], "normal": [0.0, 1.0, 0.0], "velocity": [0.0, 0.1, 0.0]}

@@ -7,16 +7,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.driver import open_simulation
-from cpu_backend.domains import fluid
-from cpu_backend.domains.in_threads import run_in_threads
-from cpu_backend.domains.ranks import on_ranks
-from model.core.errors import Diverged, SceneError
-from model.core.options import Options
-from model.core.simulation import State
-from model.domains import shared_fluid
-from model.domains.slabs import slabs_at_start
-from model.scene.scene import Scene, load_scene
+from softlab.app.driver import open_simulation
+from softlab.cpu_backend.domains import fluid
+from softlab.cpu_backend.domains.in_threads import run_in_threads
+from softlab.cpu_backend.domains.ranks import on_ranks
+from softlab.model.core.errors import Diverged, SceneError
+from softlab.model.core.options import Options
+from softlab.model.core.simulation import State
+from softlab.model.domains import shared_fluid
+from softlab.model.domains.slabs import slabs_at_start
+from softlab.model.scene.scene import Scene, load_scene
 
 DAM: dict[
     str, Any

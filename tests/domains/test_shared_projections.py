@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from app.driver import open_simulation
-from cpu_backend.domains.in_threads import run_in_threads
-from cpu_backend.domains.ranks import RankSimulation
-from model.core.options import Options
-from model.domains.simulation import cut
-from model.scene.scene import load_scene
-from model.xpbd.reach import period, substep_rows
+from softlab.app.driver import open_simulation
+from softlab.cpu_backend.domains.in_threads import run_in_threads
+from softlab.cpu_backend.domains.ranks import RankSimulation
+from softlab.model.core.options import Options
+from softlab.model.domains.simulation import cut
+from softlab.model.scene.scene import load_scene
+from softlab.model.xpbd.reach import period, substep_rows
 
 KINDS = ("structural", "shear", "bending")
 GRID = {"grid.rows": 21, "grid.columns": 4, "perturbation.amplitude": 0.05, "method.solver": "xpbd"}
@@ -68,7 +68,7 @@ def test_how_far_a_substep_reads():
 
 def test_wind_moves_an_edge_through_the_colours_period():
     """The bound holds for any number of substeps, counted one by one."""
-    from model.xpbd.reach import dependencies
+    from softlab.model.xpbd.reach import dependencies
 
     parts = frozenset((*KINDS, "gauss-seidel", "wind"))
     rows, more = substep_rows(parts, 2)

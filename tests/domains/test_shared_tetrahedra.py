@@ -6,13 +6,13 @@ from typing import Any
 
 import pytest
 
-from app.driver import open_simulation
-from cpu_backend.domains.in_threads import run_in_threads
-from cpu_backend.domains.ranks import on_ranks
-from model.core.errors import SceneError
-from model.core.options import Options
-from model.core.state import State
-from model.scene.scene import Scene
+from softlab.app.driver import open_simulation
+from softlab.cpu_backend.domains.in_threads import run_in_threads
+from softlab.cpu_backend.domains.ranks import on_ranks
+from softlab.model.core.errors import SceneError
+from softlab.model.core.options import Options
+from softlab.model.core.state import State
+from softlab.model.scene.scene import Scene
 
 BOX = {
     "kind": "tetrahedral_body",

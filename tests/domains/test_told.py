@@ -4,12 +4,12 @@ from types import SimpleNamespace
 
 import pytest
 
-from app.command import doctor_shared
-from app.command.findings import Finding
-from app.plan.shared import shared_plan
-from model.core.errors import BackendUnavailable, SceneError
-from model.domains.link import NVLINK, Link
-from model.scene.scene import load_scene
+from softlab.app.command import doctor_shared
+from softlab.app.command.findings import Finding
+from softlab.app.plan.shared import shared_plan
+from softlab.model.core.errors import BackendUnavailable, SceneError
+from softlab.model.domains.link import NVLINK, Link
+from softlab.model.scene.scene import load_scene
 
 
 def plan_of(rows, columns, gpus, every=None):
@@ -130,7 +130,7 @@ class Nvml:
     ],
 )
 def test_the_doctor_says_how_gpus_are_linked(monkeypatch, driver, works, said):
-    from gpu_backend.core import device
+    from softlab.gpu_backend.core import device
 
     monkeypatch.setitem(__import__("sys").modules, "pynvml", driver)
     monkeypatch.setattr(device, "gpu_available", lambda: (True, "a GPU"))
@@ -142,7 +142,7 @@ def test_the_doctor_says_how_gpus_are_linked(monkeypatch, driver, works, said):
 
 
 def test_the_doctor_without_gpus_mpi_or_nccl(monkeypatch):
-    from gpu_backend.core import device
+    from softlab.gpu_backend.core import device
 
     def nothing(*_: object) -> None:
         raise BackendUnavailable("nothing", "get it")

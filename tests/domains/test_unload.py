@@ -3,7 +3,7 @@
 import weakref
 from types import SimpleNamespace
 
-from gpu_backend.domains.devices import unload_once
+from softlab.gpu_backend.domains.devices import unload_once
 
 
 class Module:

@@ -6,9 +6,9 @@ from typing import Any
 
 from tetrahedra_scenes import BODY, moving, tetrahedra_scene
 
-from app.driver import open_simulation
-from model.core.simulation import State
-from model.scene.scene import Scene
+from softlab.app.driver import open_simulation
+from softlab.model.core.simulation import State
+from softlab.model.scene.scene import Scene
 
 METHOD = {"solver": "newton", "dt": 0.01, "substeps": 2, "iterations": 3}
 LONG: dict[str, Any] = {"shape": {"name": "box", "sides": [0.8, 0.2, 0.1], "resolution": 10}, "damping": 0.02}

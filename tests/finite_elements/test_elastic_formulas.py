@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from vbd_scenes import stress_of
 
-from model.formulas.constraints.tetrahedron import MATERIALS
-from model.formulas.elastic import descent, energy, tangent
+from softlab.model.formulas.constraints.tetrahedron import MATERIALS
+from softlab.model.formulas.elastic import descent, energy, tangent
 
 YOUNG, POISSON = 1e5, 0.3
 MU, LAME = YOUNG / (2 * (1 + POISSON)), YOUNG * POISSON / ((1 + POISSON) * (1 - 2 * POISSON))

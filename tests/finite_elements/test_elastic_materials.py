@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bench.reference import elastic_materials as materials
+from softlab.bench.reference import elastic_materials as materials
 
 YOUNG, POISSON = 1e5, 0.3
 MU, LAM = materials.lame(YOUNG, POISSON)

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from bar_mesh import Bar, bar, cube
 
-from bench.reference import elastic_materials as materials
-from bench.reference import finite_elements as fem
-from bench.reference.finite_elements_newton import nonlinear_static
+from softlab.bench.reference import elastic_materials as materials
+from softlab.bench.reference import finite_elements as fem
+from softlab.bench.reference.finite_elements_newton import nonlinear_static
 
 YOUNG = 1e6
 each_material = pytest.mark.parametrize("material", materials.MATERIALS)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from bar_mesh import bar, cube
 
-from bench.reference import elastic_materials as materials
-from bench.reference import finite_elements as fem
-from bench.reference.finite_elements_newton import implicit_euler, minimise, nonlinear_static
+from softlab.bench.reference import elastic_materials as materials
+from softlab.bench.reference import finite_elements as fem
+from softlab.bench.reference.finite_elements_newton import implicit_euler, minimise, nonlinear_static
 
 SIDE = 0.1
 TENSION = [  # material, stretch, lateral stretch, P11 [Pa] of E 1e5, nu 0.3; None: not tabled

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from bar_mesh import bar
 
-from bench.reference import elastic_materials as materials
-from bench.reference import finite_elements as fem
+from softlab.bench.reference import elastic_materials as materials
+from softlab.bench.reference import finite_elements as fem
 
 skfem = pytest.importorskip("skfem", reason="scikit-fem is not installed: pip install scikit-fem")
 YOUNG, POISSON = 1e6, 0.3

@@ -11,14 +11,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.driver import open_simulation
-from bench.reference import tetrahedra_newton as reference
-from model.core.energy import energies
-from model.core.errors import SceneError
-from model.core.simulation import Simulation, State
-from model.scene.scene import Scene, load_scene
-from model.tetrahedra.block_rows import block_rows
-from model.tetrahedra.material import deformation
+from softlab.app.driver import open_simulation
+from softlab.bench.reference import tetrahedra_newton as reference
+from softlab.model.core.energy import energies
+from softlab.model.core.errors import SceneError
+from softlab.model.core.simulation import Simulation, State
+from softlab.model.scene.scene import Scene, load_scene
+from softlab.model.tetrahedra.block_rows import block_rows
+from softlab.model.tetrahedra.material import deformation
 
 STILL = {"gravity.acceleration": 0.0}
 

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from test_newton import STILL, bar, opened, start
 
-from cpu_backend.core.compile import Compiler
-from cpu_backend.core.plain import translated
-from cpu_backend.tetrahedra.newton_coarse import make_band, make_coarse
-from model.tetrahedra.aggregates import MOST, aggregates
-from model.tetrahedra.block_rows import block_rows
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.core.plain import translated
+from softlab.cpu_backend.tetrahedra.newton_coarse import make_band, make_coarse
+from softlab.model.tetrahedra.aggregates import MOST, aggregates
+from softlab.model.tetrahedra.block_rows import block_rows
 
 ONE = Compiler("test", "exact")
 LEVEL = {**vars(make_coarse(ONE, np.float64)), **vars(make_band(ONE, np.float64))}

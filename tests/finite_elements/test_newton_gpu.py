@@ -7,10 +7,10 @@ import pytest
 from newton_scenes import bar, end_state, groups_and_bodies, newton_scene, shaken
 from tetrahedra_scenes import through
 
-from app.driver import open_simulation
-from bench.experiments.tetrahedra import drop, let_go
-from bench.experiments.tetrahedral.cantilever import SECOND, cantilever, exact_drop
-from model.scene.scene import Scene, load_scene
+from softlab.app.driver import open_simulation
+from softlab.bench.experiments.tetrahedra import drop, let_go
+from softlab.bench.experiments.tetrahedral.cantilever import SECOND, cantilever, exact_drop
+from softlab.model.scene.scene import Scene, load_scene
 
 pytestmark = pytest.mark.gpu
 SETTLED = 300  # frames until a braked bar stands still

@@ -11,14 +11,14 @@ from kinematic_scenes import BAR, CUBE, HOOK, kinematic_scene
 from newton_scenes import bar, end_state, newton_scene, shaken
 from tetrahedra_scenes import BODY
 
-from app.driver import open_simulation
-from bench.experiments.tetrahedral.meshes import decay, law, swinging
-from bench.reference import tetrahedra_newton as reference
-from model.core.errors import SceneError, UnstableTimeStep
-from model.core.simulation import State
-from model.formulas.elastic.stages import STAGE
-from model.scene.scene import Scene, load_scene
-from model.tetrahedra.newton import newton_record, solved
+from softlab.app.driver import open_simulation
+from softlab.bench.experiments.tetrahedral.meshes import decay, law, swinging
+from softlab.bench.reference import tetrahedra_newton as reference
+from softlab.model.core.errors import SceneError, UnstableTimeStep
+from softlab.model.core.simulation import State
+from softlab.model.formulas.elastic.stages import STAGE
+from softlab.model.scene.scene import Scene, load_scene
+from softlab.model.tetrahedra.newton import newton_record, solved
 
 NAMES = ["fixed-corotated", "corotated", "neo-hookean", "damped"]
 
@@ -83,8 +83,8 @@ def test_the_law_is_of_third_order() -> None:
 
 def test_a_bar_within_a_hundredth_in_one_substep_a_frame() -> None:
     """NUMERICS E2: half a vibration at 1e7 Pa, by two solves a frame, where order 1 is off by a tenth."""
-    from bench.experiments.tetrahedra import drop, let_go
-    from bench.experiments.tetrahedral.cantilever import cantilever, exact_drop
+    from softlab.bench.experiments.tetrahedra import drop, let_go
+    from softlab.bench.experiments.tetrahedral.cantilever import cantilever, exact_drop
 
     off = {}
     for solver in ("newton", "newton order 2"):

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from kernel_text import entry_of
 
-from model.core.parameters import record_type
-from model.tetrahedra.newton import CONSTANTS, DAMPED, STAGED
-from model.tetrahedra.springs import PARTS
-from model.xpbd.mesh_plan import BODY_DAMPING
-from model.xpbd.parameters import XPBD_PARAMETERS
+from softlab.model.core.parameters import record_type
+from softlab.model.tetrahedra.newton import CONSTANTS, DAMPED, STAGED
+from softlab.model.tetrahedra.springs import PARTS
+from softlab.model.xpbd.mesh_plan import BODY_DAMPING
+from softlab.model.xpbd.parameters import XPBD_PARAMETERS
 
 pytestmark = pytest.mark.usefixtures("ptx_compiler")
 
@@ -27,7 +27,7 @@ def text(real: Any, math: str, parts: frozenset[str]) -> str:
     """From its entry on."""
     from numba import typeof, types
 
-    from gpu_backend.tetrahedra.newton_kernel import make_newton
+    from softlab.gpu_backend.tetrahedra.newton_kernel import make_newton
 
     one = types.float32 if real is np.float32 else types.float64
     reals, whole, wide = one[::1], types.int32[::1], types.int64[::1]

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from model.formulas.constraints.tetrahedron import COROTATED, FIXED, HOOKEAN, MATERIALS
-from model.formulas.elastic import deformation, newton, tangent
+from softlab.model.formulas.constraints.tetrahedron import COROTATED, FIXED, HOOKEAN, MATERIALS
+from softlab.model.formulas.elastic import deformation, newton, tangent
 
 pytestmark = pytest.mark.filterwarnings("ignore:overflow")  # of a turn by nothing; machine code says none
 T = tangent.make(np.float64)

@@ -6,7 +6,7 @@ from typing import Any
 
 from fluid_scenes import FLOOR, METHOD, D
 
-from model.scene.scene import Scene
+from softlab.model.scene.scene import Scene
 
 TAP = {"kind": "emitter", "center": [0.1, 0.35, 0.1], "radius": 0.08, "speed": 2.4}
 DRAIN = {"kind": "sink", "center": [0.35, 0.0, 0.1], "half_size": [0.1, 0.2, 0.4]}

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from app.driver import open_simulation
-from model.core.build import build
-from model.core.simulation import State
-from model.scene.scene import Scene
+from softlab.app.driver import open_simulation
+from softlab.model.core.build import build
+from softlab.model.core.simulation import State
+from softlab.model.scene.scene import Scene
 
 D = 0.05  # m
 METHOD = {"solver": "pbf", "dt": 1 / 60, "substeps": 2, "iterations": 3}

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from model.core.build import build
-from model.core.state import State
-from model.scene.scene import Scene
+from softlab.model.core.build import build
+from softlab.model.core.state import State
+from softlab.model.scene.scene import Scene
 
 METHOD = {"solver": "pbf", "dt": 1 / 60, "substeps": 2, "iterations": 3}
 FLOOR = {"kind": "plane", "point": [0.0, 0.0, 0.0], "normal": [0.0, 1.0, 0.0]}

@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from bench.reference.coupled.fluid_solids import FluidAmongSolids
-from model.core.simulation import Options
-from model.core.state import State
-from model.fluid.samples import Samples, joined_samples, particle_samples, sample_volumes, triangle_samples
-from model.scene.scene import Scene
+from softlab.bench.reference.coupled.fluid_solids import FluidAmongSolids
+from softlab.model.core.simulation import Options
+from softlab.model.core.state import State
+from softlab.model.fluid.samples import Samples, joined_samples, particle_samples, sample_volumes, triangle_samples
+from softlab.model.scene.scene import Scene
 
 D = 0.05  # m
 METHOD = {"solver": "pbf", "dt": 1 / 60, "substeps": 2, "iterations": 3}
@@ -117,12 +117,12 @@ def driven(
     options = Options(precision=precision, math="exact", kernel="stages")
     fluid: Any
     if backend == "cpu":
-        from cpu_backend.fluid.among_solids import FluidAmongSolids as OnThreads
+        from softlab.cpu_backend.fluid.among_solids import FluidAmongSolids as OnThreads
 
         places = HostPlaces(solid.astype(real))
         fluid = OnThreads(scene, options, threads, samples, places)
     else:
-        from gpu_backend.fluid.among_solids import FluidAmongSolids as OnCuda
+        from softlab.gpu_backend.fluid.among_solids import FluidAmongSolids as OnCuda
 
         places = DevicePlaces(solid.astype(real))
         fluid = OnCuda(scene, options, samples, places)

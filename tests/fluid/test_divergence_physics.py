@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from test_fluid_physics import FRONT, HOW, G, column_at_rest, dam, viscosity_of
 
-from app.driver import open_simulation
-from model.fluid.fluid_set import vortices
-from model.scene.scene import Scene, load_scene
+from softlab.app.driver import open_simulation
+from softlab.model.fluid.fluid_set import vortices
+from softlab.model.scene.scene import Scene, load_scene
 
 FREE = {"method.scheme": "divergence-free"}
 

@@ -11,10 +11,10 @@ import pytest
 from fluid_scenes import column_scene
 from rich.console import Console
 
-from bench.experiments.advise import fluids, fluids_ablation
-from bench.experiments.advise.answer import answer
-from bench.experiments.advise.fluids import LADDER, _Search, advise_fluids
-from bench.experiments.advise.fluids_ablation import (
+from softlab.bench.experiments.advise import fluids, fluids_ablation
+from softlab.bench.experiments.advise.answer import answer
+from softlab.bench.experiments.advise.fluids import LADDER, _Search, advise_fluids
+from softlab.bench.experiments.advise.fluids_ablation import (
     BREAKS,
     MOVES,
     NOT_NEEDED,
@@ -25,13 +25,13 @@ from bench.experiments.advise.fluids_ablation import (
     left_out,
     print_fluid_ablation,
 )
-from bench.experiments.advise.fluids_advice import FluidAdvice, FluidBudget
-from bench.experiments.fluid_truth.scenes import SCHEMES
-from bench.measure.costs_timing import Effort
-from bench.store.database import Store
-from bench.store.results import measures
-from model.core.errors import SceneError
-from model.scene.scene import Scene
+from softlab.bench.experiments.advise.fluids_advice import FluidAdvice, FluidBudget
+from softlab.bench.experiments.fluid_truth.scenes import SCHEMES
+from softlab.bench.measure.costs_timing import Effort
+from softlab.bench.store.database import Store
+from softlab.bench.store.results import measures
+from softlab.model.core.errors import SceneError
+from softlab.model.scene.scene import Scene
 
 HOW: dict[str, Any] = {"backends": ["cpu"], "progress": False}
 

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from fluid_scenes import SCENES, D, column_scene, ends, shaken
 
-from app.driver import open_simulation
-from bench.reference.fluid import run, simulate
-from model.core.errors import Diverged, SceneError
-from model.fluid.measure import differences
-from model.fluid.parameters import MAX_NEIGHBOURS
-from model.scene.scene import Scene
+from softlab.app.driver import open_simulation
+from softlab.bench.reference.fluid import run, simulate
+from softlab.model.core.errors import Diverged, SceneError
+from softlab.model.fluid.measure import differences
+from softlab.model.fluid.parameters import MAX_NEIGHBOURS
+from softlab.model.scene.scene import Scene
 
 EXACT = {"math": "exact", "precision": "float64"}
 
@@ -137,7 +137,7 @@ def test_what_is_no_number_is_found() -> None:
 
 
 def test_a_gpu_is_refused_in_one_line_until_it_knows_fluids() -> None:
-    from model.core.families import family_of
+    from softlab.model.core.families import family_of
 
     if "gpu" in family_of(column_scene()).solvers:
         pytest.skip("it knows them")

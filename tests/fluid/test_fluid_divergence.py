@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from fluid_scenes import D, column_scene, ends, free, shaken
 
-from bench.reference.fluid import _Pairs, _places, _World
-from bench.reference.fluid_divergence import DivergenceFree
-from model.core.errors import SceneError
-from model.core.families import family_of
-from model.formulas.fluid import divergence
-from model.scene.scene import Scene
+from softlab.bench.reference.fluid import _Pairs, _places, _World
+from softlab.bench.reference.fluid_divergence import DivergenceFree
+from softlab.model.core.errors import SceneError
+from softlab.model.core.families import family_of
+from softlab.model.formulas.fluid import divergence
+from softlab.model.scene.scene import Scene
 
 METHOD = {"solver": "pbf", "scheme": "divergence-free", "dt": 1 / 60, "substeps": 4, "iterations": 5}
 

@@ -12,14 +12,14 @@ import pytest
 from flow_scenes import DRAIN, FLOWS, TAP, flat_tap, tap_scene
 from fluid_scenes import METHOD, D
 
-from app.driver import open_simulation
-from app.output.files import read_state, write_state
-from bench.reference.fluid import simulate
-from model.core.errors import InputError, SceneError
-from model.core.state import State
-from model.fluid.flow import rates
-from model.fluid.fluid_set import PARKED
-from model.scene.scene import Scene
+from softlab.app.driver import open_simulation
+from softlab.app.output.files import read_state, write_state
+from softlab.bench.reference.fluid import simulate
+from softlab.model.core.errors import InputError, SceneError
+from softlab.model.core.state import State
+from softlab.model.fluid.flow import rates
+from softlab.model.fluid.fluid_set import PARKED
+from softlab.model.scene.scene import Scene
 
 EXACT: dict[str, Any] = {"math": "exact", "precision": "float64"}
 STEPS = 6

@@ -10,9 +10,9 @@ from flow_scenes import FLOWS
 from fluid_scenes import in_a_cup
 from small_fluids import few, flat, free, rich, stirred
 
-from app.driver import open_simulation
-from model.core.state import State
-from model.scene.scene import Scene
+from softlab.app.driver import open_simulation
+from softlab.model.core.state import State
+from softlab.model.scene.scene import Scene
 
 pytestmark = pytest.mark.gpu
 KERNELS = ("graph", "launch", "stages")

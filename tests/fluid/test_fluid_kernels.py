@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from fluid_scenes import D, column_scene
 
-from bench.reference.fluid import run
-from model.fluid.lattice import lattice_of, poly6, spiky_slope
-from model.fluid.parameters import fluid_record
-from model.formulas.fluid import density
+from softlab.bench.reference.fluid import run
+from softlab.model.fluid.lattice import lattice_of, poly6, spiky_slope
+from softlab.model.fluid.parameters import fluid_record
+from softlab.model.formulas.fluid import density
 
 SHELL = {2: lambda r: 2 * pi * r, 3: lambda r: 4 * pi * r * r}  # of all points r away
 

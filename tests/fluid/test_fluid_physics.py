@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.driver import open_simulation
-from model.fluid.fluid_set import vortices
-from model.fluid.measure import differences
-from model.fluid.parameters import MAX_NEIGHBOURS
-from model.scene.scene import Scene, load_scene
+from softlab.app.driver import open_simulation
+from softlab.model.fluid.fluid_set import vortices
+from softlab.model.fluid.measure import differences
+from softlab.model.fluid.parameters import MAX_NEIGHBOURS
+from softlab.model.scene.scene import Scene, load_scene
 
 G, RHO, HEIGHT, D = 9.81, 1000.0, 1.0, 0.05
 HOW: dict[str, Any] = {"precision": "float32", "math": "fast"}

@@ -95,7 +95,7 @@ def stays_in_registers(text: str) -> bool:
 
 @pytest.mark.parametrize("name", SORT)
 def test_sorting(name: str) -> None:
-    from gpu_backend.fluid.sort_kernels import make_cell_sort
+    from softlab.gpu_backend.fluid.sort_kernels import make_cell_sort
 
     kernels = make_cell_sort(np.float32, frozenset("x") if name == "span" else frozenset())
     text = kernel_text(getattr(kernels, name), SORT[name], np.float32, "exact")
@@ -103,9 +103,9 @@ def test_sorting(name: str) -> None:
 
 
 def kernel(name: str, real: Any, math: str, parts: frozenset[str]) -> Any:
-    from gpu_backend.fluid.kernels import make_density_kernels
-    from gpu_backend.fluid.motion import make_begin, make_settle
-    from gpu_backend.fluid.smoothing import make_smoothing
+    from softlab.gpu_backend.fluid.kernels import make_density_kernels
+    from softlab.gpu_backend.fluid.motion import make_begin, make_settle
+    from softlab.gpu_backend.fluid.smoothing import make_smoothing
 
     repeats = frozenset("xz") if "repeats" in parts else frozenset()
     if name == "begin":
@@ -128,7 +128,7 @@ def test_a_substep(name: str, math: str, parts: frozenset[str]) -> None:
 @pytest.mark.parametrize("math", ["fast", "exact"])
 @pytest.mark.parametrize("name", FLOW)
 def test_what_comes_and_ends(name: str, math: str) -> None:
-    from gpu_backend.fluid.flow_kernels import make_flow_kernels
+    from softlab.gpu_backend.fluid.flow_kernels import make_flow_kernels
 
     text = kernel_text(getattr(make_flow_kernels(np.float32, math, COMING), name), FLOW[name], np.float32, math)
     assert stays_in_registers(text) and counts_alone(text, name)
@@ -136,7 +136,7 @@ def test_what_comes_and_ends(name: str, math: str) -> None:
 
 @pytest.mark.parametrize("name", ["totals", "fill", "arrange"])
 def test_sorting_what_comes_and_ends(name: str) -> None:
-    from gpu_backend.fluid.sort_kernels import make_cell_sort
+    from softlab.gpu_backend.fluid.sort_kernels import make_cell_sort
 
     text = kernel_text(getattr(make_cell_sort(np.float32, frozenset(), True), name), SORT[name], np.float32, "exact")
     assert stays_in_registers(text) and counts_alone(text, name)
@@ -152,7 +152,7 @@ def test_exact_kernels_contract_nothing(name: str) -> None:
 @pytest.mark.parametrize("math", ["fast", "exact"])
 @pytest.mark.parametrize("name", SOLIDS)
 def test_solids(name: str, math: str) -> None:
-    from gpu_backend.fluid.solids import make_sampling, make_solid_kernels
+    from softlab.gpu_backend.fluid.solids import make_sampling, make_solid_kernels
 
     parts = (ALL - {"repeats", "averaged"}) | {"solids"}
     for real in (np.float32, np.float64):
@@ -166,7 +166,7 @@ def test_solids(name: str, math: str) -> None:
 @pytest.mark.parametrize("math", ["fast", "exact"])
 @pytest.mark.parametrize("name", WETTING)
 def test_a_cloth_that_drinks(name: str, math: str) -> None:
-    from gpu_backend.world.wetting import make_soak
+    from softlab.gpu_backend.world.wetting import make_soak
 
     for real in (np.float32, np.float64):
         text = kernel_text(getattr(make_soak(real, math), name), WETTING[name], real, math)
@@ -179,8 +179,8 @@ def test_a_cloth_that_drinks(name: str, math: str) -> None:
 @pytest.mark.parametrize("math", ["fast", "exact"])
 @pytest.mark.parametrize("name", FREE)
 def test_velocities_without_divergence(name: str, math: str, parts: frozenset[str]) -> None:
-    from gpu_backend.fluid.divergence import make_solve, make_targets
-    from gpu_backend.fluid.divergence_motion import make_free_motion
+    from softlab.gpu_backend.fluid.divergence import make_solve, make_targets
+    from softlab.gpu_backend.fluid.divergence_motion import make_free_motion
 
     parts, repeats = parts | {"divergence-free"}, frozenset("xz") if "repeats" in parts else frozenset()
     for real in (np.float32, np.float64):

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from bench.experiments import fluid_rest
-from bench.experiments.fluid_rest import (
+from softlab.bench.experiments import fluid_rest
+from softlab.bench.experiments.fluid_rest import (
     BOX,
     DEPTH,
     ENERGY,
@@ -27,10 +27,10 @@ from bench.experiments.fluid_rest import (
     settings,
     watched,
 )
-from bench.experiments.fluids import FRAME
-from bench.store.database import Store
-from bench.store.results import measures
-from model.core.errors import BackendUnavailable
+from softlab.bench.experiments.fluids import FRAME
+from softlab.bench.store.database import Store
+from softlab.bench.store.results import measures
+from softlab.model.core.errors import BackendUnavailable
 
 UNIT = GRAVITY * DEPTH
 

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from fluid_scenes import FLOOR, METHOD, column_scene, flat, two_fluids
 
-from app.plan.fluid import fluid_lines
-from app.plan.report import plan_report
-from model.core.build import build
-from model.core.errors import SceneError
-from model.core.families import family_of
-from model.fluid.measure import compression, density_errors, height
-from model.scene.scene import Scene, load_scene
+from softlab.app.plan.fluid import fluid_lines
+from softlab.app.plan.report import plan_report
+from softlab.model.core.build import build
+from softlab.model.core.errors import SceneError
+from softlab.model.core.families import family_of
+from softlab.model.fluid.measure import compression, density_errors, height
+from softlab.model.scene.scene import Scene, load_scene
 
 NAN = float("nan")
 WATER = {"kind": "fluid", "size": [0.2, 0.2, 0.2]}

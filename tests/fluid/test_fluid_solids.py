@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from solid_scenes import D, driven, fluid_scene, judged, samples_of, stirred
 
-from model.fluid.samples import particle_samples, sample_volumes, triangle_samples
-from model.scene.scene import Scene
+from softlab.model.fluid.samples import particle_samples, sample_volumes, triangle_samples
+from softlab.model.scene.scene import Scene
 
 OIL = {"kind": "fluid", "origin": [0.0, 4 * D, 0.0], "size": [3 * D, D, 3 * D], "rest_distance": D, "density": 500.0}
 WALLED = {

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from bench.experiments import fluids
-from bench.experiments.fluids import (
+from softlab.bench.experiments import fluids
+from softlab.bench.experiments.fluids import (
     FREE_PHASES,
     LARGE,
     PHASES,
@@ -20,12 +20,12 @@ from bench.experiments.fluids import (
     points,
     pool,
 )
-from bench.measure import experiment
-from bench.measure.case_timing import make_case
-from bench.store.database import Store
-from bench.store.results import measures
-from model.fluid.plan import fluid_plan
-from model.scene.scene import load_scene
+from softlab.bench.measure import experiment
+from softlab.bench.measure.case_timing import make_case
+from softlab.bench.store.database import Store
+from softlab.bench.store.results import measures
+from softlab.model.fluid.plan import fluid_plan
+from softlab.model.scene.scene import load_scene
 
 
 @pytest.mark.parametrize("count", [1000, 8000])

@@ -10,10 +10,10 @@ from typing import Any
 import pytest
 from test_cli import command  # noqa: F401  # a fixture
 
-from app.command.scene_file import scene_toml
-from app.driver import open_simulation
-from model.fluid.speeds import expected_speeds, speed_lines
-from model.scene.scene import Scene
+from softlab.app.command.scene_file import scene_toml
+from softlab.app.driver import open_simulation
+from softlab.model.fluid.speeds import expected_speeds, speed_lines
+from softlab.model.scene.scene import Scene
 
 D = 0.005  # m
 

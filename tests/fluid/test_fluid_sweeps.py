@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bench.reference.fluid_world import _caught
-from model.formulas.fluid import sweep
+from softlab.bench.reference.fluid_world import _caught
+from softlab.model.formulas.fluid import sweep
 
 HALF, LINE, REACH = (0.3, 0.05, 0.2), (0.4, 0.3, -0.1), 0.15
 STILL = (0.0, 0.0, 0.0)

@@ -12,13 +12,13 @@ import pytest
 from fluid_scenes import column_scene
 from test_cli import command  # noqa: F401  # a fixture
 
-from app.command.scene_file import scene_toml
-from app.driver import open_simulation
-from app.output.files import read_state
-from app.window import measures
-from app.window.demo_report import strain_text
-from app.window.measures import Statistics, measure
-from model.fluid.measure import compression
+from softlab.app.command.scene_file import scene_toml
+from softlab.app.driver import open_simulation
+from softlab.app.output.files import read_state
+from softlab.app.window import measures
+from softlab.app.window.demo_report import strain_text
+from softlab.app.window.measures import Statistics, measure
+from softlab.model.fluid.measure import compression
 
 
 def test_a_run_tells_a_density_error_and_no_strain(command: Any, tmp_path: Path) -> None:  # noqa: F811

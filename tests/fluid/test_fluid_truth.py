@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from bench.experiments.fluid_truth import experiment, laws, scenes
-from bench.experiments.fluid_truth.experiment import groups, run_truth
-from bench.experiments.fluid_truth.rows import NUMBERS, Judged, print_truth, rows, tensions
-from bench.experiments.fluid_truth.scenes import (
+from softlab.bench.experiments.fluid_truth import experiment, laws, scenes
+from softlab.bench.experiments.fluid_truth.experiment import groups, run_truth
+from softlab.bench.experiments.fluid_truth.rows import NUMBERS, Judged, print_truth, rows, tensions
+from softlab.bench.experiments.fluid_truth.scenes import (
     COLUMN,
     DAM,
     DROP,
@@ -25,15 +25,15 @@ from bench.experiments.fluid_truth.scenes import (
     Setting,
     settings,
 )
-from bench.measure.costs_timing import Effort
-from bench.peers.base import Opened, Peer
-from bench.peers.fluids.splishsplash import SplishSplash, scale_of, scene_of
-from bench.store.database import Store
-from bench.store.results import measures
-from model.core.build import build
-from model.fluid.fluid_set import vortices
-from model.fluid.measure import compression
-from model.scene.scene import Scene, load_scene
+from softlab.bench.measure.costs_timing import Effort
+from softlab.bench.peers.base import Opened, Peer
+from softlab.bench.peers.fluids.splishsplash import SplishSplash, scale_of, scene_of
+from softlab.bench.store.database import Store
+from softlab.bench.store.results import measures
+from softlab.model.core.build import build
+from softlab.model.fluid.fluid_set import vortices
+from softlab.model.fluid.measure import compression
+from softlab.model.scene.scene import Scene, load_scene
 
 G = 9.81
 

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.driver import open_simulation
-from bench.stress.vessels import basin_area, in_basin, in_cup, pouring
-from model.fluid.measure import compression
-from model.scene.scene import load_scene
+from softlab.app.driver import open_simulation
+from softlab.bench.stress.vessels import basin_area, in_basin, in_cup, pouring
+from softlab.model.fluid.measure import compression
+from softlab.model.scene.scene import load_scene
 
 HOW: dict[str, Any] = {"precision": "float32", "math": "fast"}
 G = 9.81

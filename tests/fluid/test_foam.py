@@ -7,15 +7,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.driver import open_simulation
-from bench.reference.contact.mesh_collider import first_crossing
-from model.contact.mesh_collider import MeshCollider
-from model.core.errors import SceneError
-from model.fluid.foam import BUBBLE, FOAM, RISING, SPRAY, YOUNGEST, FoamPoints
-from model.fluid.foam_sources import CREST, FAST, SURFACE, TRAPPED, WEIGHT, foaming_speed, full_count, sources
-from model.fluid.foam_walls import GAP, kept_out, outward
-from model.scene.fluid import Foam
-from model.scene.scene import Scene
+from softlab.app.driver import open_simulation
+from softlab.bench.reference.contact.mesh_collider import first_crossing
+from softlab.model.contact.mesh_collider import MeshCollider
+from softlab.model.core.errors import SceneError
+from softlab.model.fluid.foam import BUBBLE, FOAM, RISING, SPRAY, YOUNGEST, FoamPoints
+from softlab.model.fluid.foam_sources import CREST, FAST, SURFACE, TRAPPED, WEIGHT, foaming_speed, full_count, sources
+from softlab.model.fluid.foam_walls import GAP, kept_out, outward
+from softlab.model.scene.fluid import Foam
+from softlab.model.scene.scene import Scene
 
 METHOD = {"solver": "pbf", "dt": 0.01, "substeps": 2, "iterations": 2}
 DT, SIDE = 0.01, 0.1

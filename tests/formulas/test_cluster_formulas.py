@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from test_point_formulas import RANDOM, REAL, TURN, D
 
-from model.formulas.shape_matching import cluster, deformation, lattice, pace, rebound
-from model.formulas.shape_matching import grid as shape_matching
+from softlab.model.formulas.shape_matching import cluster, deformation, lattice, pace, rebound
+from softlab.model.formulas.shape_matching import grid as shape_matching
 
 
 def vectors(count: int) -> np.ndarray:

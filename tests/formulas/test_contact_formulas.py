@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from test_point_formulas import REAL, D
 
-from model.formulas import contact, particle_contact
+from softlab.model.formulas import contact, particle_contact
 
 # ---------------------------------------------------------------------- contacts
 

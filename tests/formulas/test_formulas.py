@@ -5,11 +5,11 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from bench.reference import mass_spring as reference
-from bench.reference.philox import philox4x32, random_directions
-from model.core.integrators import INTEGRATORS, amplification_matrix
-from model.formulas import integrators, manufactured, random, springs
-from model.scene.scene import load_scene
+from softlab.bench.reference import mass_spring as reference
+from softlab.bench.reference.philox import philox4x32, random_directions
+from softlab.model.core.integrators import INTEGRATORS, amplification_matrix
+from softlab.model.formulas import integrators, manufactured, random, springs
+from softlab.model.scene.scene import load_scene
 
 length = st.floats(-1e3, 1e3)
 word64 = st.integers(0, 2**64 - 1)

@@ -7,7 +7,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from model.formulas import bending, cloth, distance, springs, wind
+from softlab.model.formulas import bending, cloth, distance, springs, wind
 
 RANDOM = np.random.default_rng(12)
 D = np.array([0.3, -0.4, 1.2])  # 1.3 long

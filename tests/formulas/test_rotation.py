@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bench.stress.rotations import (
+from softlab.bench.stress.rotations import (
     best_trace,
     matrices_of,
     of_singular_values,
@@ -20,8 +20,8 @@ from bench.stress.rotations import (
     quaternions,
     sets_of_matrices,
 )
-from cpu_backend.core.compile import Compiler
-from model.formulas import rotation
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.model.formulas import rotation
 
 BOTH = pytest.mark.parametrize("real", [np.float32, np.float64])
 VARIANTS = pytest.mark.parametrize(

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bench.reference.contact import self_contacts, surface_contacts
-from model.formulas import plain, surface_contact
+from softlab.bench.reference.contact import self_contacts, surface_contacts
+from softlab.model.formulas import plain, surface_contact
 
 DISTANCE = 0.03  # m
 STATIC, DYNAMIC = 2.0, 1.5

@@ -11,8 +11,8 @@ from math import pi
 
 import numpy as np
 
-from model.geometry.arithmetic.functions import sine
-from model.geometry.sheets import split_cells
+from softlab.model.geometry.arithmetic.functions import sine
+from softlab.model.geometry.sheets import split_cells
 
 DECIMALS = 4  # of the file: a tenth of a millimetre
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from model.geometry.arithmetic import functions, ordered
+from softlab.model.geometry.arithmetic import functions, ordered
 
 EPS = float(np.finfo(float).eps)
 RANDOM = np.random.default_rng(3)

@@ -16,15 +16,15 @@ from cloth_solve import cloth
 from field_scenes import BLOCK, TORUS, block
 from surface_touch import check_compiled, check_formulas, fall_by, touch_by
 
-from bench.reference import cloth as judge
-from bench.reference.contact.mesh_collider import nearest_point
-from cpu_backend.contact import distances
-from model.formulas import distance_field as formulas
-from model.formulas.distance_field import SETTLED
-from model.geometry import signed_distance
-from model.geometry.distance_field import DistanceField, Field
-from model.geometry.signed_distance import sampled, signed_distances
-from model.geometry.voxels import winding_numbers
+from softlab.bench.reference import cloth as judge
+from softlab.bench.reference.contact.mesh_collider import nearest_point
+from softlab.cpu_backend.contact import distances
+from softlab.model.formulas import distance_field as formulas
+from softlab.model.formulas.distance_field import SETTLED
+from softlab.model.geometry import signed_distance
+from softlab.model.geometry.distance_field import DistanceField, Field
+from softlab.model.geometry.signed_distance import sampled, signed_distances
+from softlab.model.geometry.voxels import winding_numbers
 
 each_precision = pytest.mark.parametrize("real", [np.float32, np.float64])
 
@@ -149,7 +149,7 @@ def test_a_block_is_exact_over_its_sides_and_off_by_a_cell_at_its_edges() -> Non
 
 
 def judge_box() -> Any:
-    from model.scene.cloth import Box
+    from softlab.model.scene.cloth import Box
 
     return Box(half_size=(0.5, 0.5, 0.5))
 

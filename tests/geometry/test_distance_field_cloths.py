@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from field_scenes import FALLING
 
-from app.driver import open_simulation
-from model.core.simulation import State
-from model.formulas.distance_field import SETTLED
-from model.scene.scene import Scene
+from softlab.app.driver import open_simulation
+from softlab.model.core.simulation import State
+from softlab.model.formulas.distance_field import SETTLED
+from softlab.model.scene.scene import Scene
 
 STEPS = 12
 

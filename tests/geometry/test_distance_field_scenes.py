@@ -14,14 +14,14 @@ from field_scenes import BLOCK, CARRIER, block, falling_bar, falling_cloth
 from surface_touch import check_falling_cloth
 from test_mesh_collider import written
 
-from app.driver import open_simulation
-from app.render.collider_shapes import collider_mesh, grounds
-from model.core.errors import InputError, SceneError
-from model.formulas.distance_field import SETTLED
-from model.geometry.distance_field import DistanceField
-from model.geometry.overlaps import overlap_lines
-from model.mass_spring.cloth_parameters import B_TREE, COLLIDER_FIELDS, collider_numbers
-from model.scene.scene import Scene, load_scene
+from softlab.app.driver import open_simulation
+from softlab.app.render.collider_shapes import collider_mesh, grounds
+from softlab.model.core.errors import InputError, SceneError
+from softlab.model.formulas.distance_field import SETTLED
+from softlab.model.geometry.distance_field import DistanceField
+from softlab.model.geometry.overlaps import overlap_lines
+from softlab.model.mass_spring.cloth_parameters import B_TREE, COLLIDER_FIELDS, collider_numbers
+from softlab.model.scene.scene import Scene, load_scene
 
 # ---------------------------------------------------------------------- cloths and bodies
 

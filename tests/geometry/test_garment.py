@@ -5,9 +5,9 @@ from importlib import resources
 import numpy as np
 from garment import Tunic, make_tunic, obj_text
 
-from model.geometry.mesh import read_mesh, triangle_mesh
+from softlab.model.geometry.mesh import read_mesh, triangle_mesh
 
-FILE = resources.files("model") / "catalogue" / "meshes" / "garment.obj"
+FILE = resources.files("softlab.model") / "catalogue" / "meshes" / "garment.obj"
 
 
 def test_the_file_is_what_the_code_makes():

@@ -10,8 +10,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from meshes import octahedron, sheet
 
-from model.core.errors import InputError, SceneError, SoftlabError
-from model.geometry.mesh import TriangleMesh, read_mesh
+from softlab.model.core.errors import InputError, SceneError, SoftlabError
+from softlab.model.geometry.mesh import TriangleMesh, read_mesh
 
 NAN, INF = float("nan"), float("inf")
 
@@ -200,7 +200,7 @@ def test_files_that_are_none(tmp_path):
 
 def test_larger_than_memory(tmp_path, monkeypatch):
     file = write(tmp_path, "a.obj", obj(TRIANGLE, [(0, 1, 2)]))
-    monkeypatch.setattr("model.geometry.formats.source.available_bytes", lambda: 1000)
+    monkeypatch.setattr("softlab.model.geometry.formats.source.available_bytes", lambda: 1000)
     assert "1000 B is free; decimate" in refused(lambda: read_mesh(file))
 
 

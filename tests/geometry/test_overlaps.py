@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from model.geometry.overlaps import overlap_lines
-from model.scene.scene import Scene
+from softlab.model.geometry.overlaps import overlap_lines
+from softlab.model.scene.scene import Scene
 
 CLOTH = {"rows": 3, "columns": 5, "spacing": 0.1, "pinned": "top", "placement": "flat"}  # pins: x = 0 to 0.4, y = z = 0
 BODIES = {

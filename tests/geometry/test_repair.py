@@ -5,14 +5,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.command.cook import cook_body
-from model.assets.cooked import cooked
-from model.core.errors import BackendUnavailable, InputError, SceneError
-from model.geometry import repair
-from model.geometry.mesh import TriangleMesh
-from model.geometry.repair import simplified, united
-from model.geometry.shapes import Shape
-from model.geometry.solid import solid
+from softlab.app.command.cook import cook_body
+from softlab.model.assets.cooked import cooked
+from softlab.model.core.errors import BackendUnavailable, InputError, SceneError
+from softlab.model.geometry import repair
+from softlab.model.geometry.mesh import TriangleMesh
+from softlab.model.geometry.repair import simplified, united
+from softlab.model.geometry.shapes import Shape
+from softlab.model.geometry.solid import solid
 
 BOX = Shape(name="box").mesh()  # a cube of a metre
 

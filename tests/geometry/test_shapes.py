@@ -6,13 +6,13 @@ from closed_meshes import area_of, volume_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from model.assets.strokes import letters, tube
-from model.core.errors import SoftlabError
-from model.geometry.mesh import triangle_mesh
-from model.geometry.shapes import BEAM, COARSEST, FINEST, LETTER_DEPTH, STAR_DEPTH, TORUS, Shape
-from model.geometry.solid import solid
-from model.geometry.surfaces.cup import HEIGHT, RADIUS, WALL
-from model.geometry.surfaces.surface_nets import JUST, MARGIN, surface
+from softlab.model.assets.strokes import letters, tube
+from softlab.model.core.errors import SoftlabError
+from softlab.model.geometry.mesh import triangle_mesh
+from softlab.model.geometry.shapes import BEAM, COARSEST, FINEST, LETTER_DEPTH, STAR_DEPTH, TORUS, Shape
+from softlab.model.geometry.solid import solid
+from softlab.model.geometry.surfaces.cup import HEIGHT, RADIUS, WALL
+from softlab.model.geometry.surfaces.surface_nets import JUST, MARGIN, surface
 
 SHAPES = {
     "star": {},
@@ -119,7 +119,7 @@ def test_the_stars_faces_are_flat():
 
 
 def test_shapes_that_cannot_be():
-    from model.assets.soft_body import parameters_of
+    from softlab.model.assets.soft_body import parameters_of
 
     for fields, words in [
         ({"name": "cube"}, "must be one of"),

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.render.camera import pick
-from app.render.camera3d import MAX_PITCH, Camera3D
-from app.render.framing import seen_points
-from model.scene.scene import Scene
+from softlab.app.render.camera import pick
+from softlab.app.render.camera3d import MAX_PITCH, Camera3D
+from softlab.app.render.framing import seen_points
+from softlab.model.scene.scene import Scene
 
 RANDOM = np.random.default_rng(5)
 

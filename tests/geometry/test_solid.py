@@ -8,10 +8,10 @@ from closed_meshes import ball, both, box, soft, turned_over, volume_of
 from meshes import sheet, strip
 from test_mesh import binary_stl, obj, write
 
-from model.assets.soft_body import RigidBody, SoftBody
-from model.core.errors import InputError, SceneError
-from model.geometry.mesh import read_mesh, triangle_mesh
-from model.geometry.solid import solid
+from softlab.model.assets.soft_body import RigidBody, SoftBody
+from softlab.model.core.errors import InputError, SceneError
+from softlab.model.geometry.mesh import read_mesh, triangle_mesh
+from softlab.model.geometry.solid import solid
 
 
 def without(mesh, *triangles):

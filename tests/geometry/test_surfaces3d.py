@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from test_shapes3d import RANDOM
 
-from app.render.collider_shapes import (
+from softlab.app.render.collider_shapes import (
     Mesh,
     box_mesh,
     capsule_mesh,
@@ -19,12 +19,12 @@ from app.render.collider_shapes import (
     sphere_mesh,
     with_colliders,
 )
-from app.render.drawn_springs import drawn_kinds, drawn_strain
-from app.render.scenery import KEY
-from model.core.build import rest_positions
-from model.geometry.normals import vertex_normals
-from model.geometry.sheets import sheet_triangles as triangles
-from model.scene.scene import Scene
+from softlab.app.render.drawn_springs import drawn_kinds, drawn_strain
+from softlab.app.render.scenery import KEY
+from softlab.model.core.build import rest_positions
+from softlab.model.geometry.normals import vertex_normals
+from softlab.model.geometry.sheets import sheet_triangles as triangles
+from softlab.model.scene.scene import Scene
 
 HANGING: dict[str, Any] = {
     "cloth": {"rows": 7, "columns": 9, "spacing": 0.25, "pinned": "top-corners"},

@@ -7,13 +7,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from meshes import octahedron
 
-from model.assets.sampling import CLOSEST, MAX_PARTICLES, REACH, sample
-from model.core.errors import InputError, SceneError
-from model.geometry.mesh import triangle_mesh
-from model.geometry.neighbours import TooMany, close_pairs, nearest, pairs_within, spread
-from model.geometry.shapes import Shape
-from model.geometry.solid import solid
-from model.geometry.voxels import lattice, runs_inside, winding_numbers
+from softlab.model.assets.sampling import CLOSEST, MAX_PARTICLES, REACH, sample
+from softlab.model.core.errors import InputError, SceneError
+from softlab.model.geometry.mesh import triangle_mesh
+from softlab.model.geometry.neighbours import TooMany, close_pairs, nearest, pairs_within, spread
+from softlab.model.geometry.shapes import Shape
+from softlab.model.geometry.solid import solid
+from softlab.model.geometry.voxels import lattice, runs_inside, winding_numbers
 
 ANGLE = st.floats(-3, 3)
 VECTOR = st.tuples(ANGLE, ANGLE, ANGLE)
@@ -122,7 +122,7 @@ def test_pairs_against_all(queries, points, radius):
 
 def test_too_many_pairs_are_refused_before_they_are_made(monkeypatch):
     points = np.random.default_rng(0).random((400, 3))
-    monkeypatch.setattr("model.geometry.neighbours.MAX_PAIRS", len(pairs_within(points, points, 0.2)[0]) - 1)
+    monkeypatch.setattr("softlab.model.geometry.neighbours.MAX_PAIRS", len(pairs_within(points, points, 0.2)[0]) - 1)
     with pytest.raises(TooMany, match="smaller radius"):
         pairs_within(points, points, 0.2)
 

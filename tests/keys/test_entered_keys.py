@@ -11,21 +11,21 @@ from typing import Any
 import pytest
 from synthetic_store import CPU_RECORD
 
-from bench.experiments import sweep
-from bench.keys import enter
-from bench.keys.ask import NO_KERNELS
-from bench.keys.enter import KEY
-from bench.keys.versions import MEASURING, version_of
-from bench.measure import experiment as frame
-from bench.measure.experiment import Summary, resume
-from bench.store import versions
-from bench.store.database import Store
-from bench.store.results import configuration, measures
-from bench.store.versions import digest_of
-from model.core.digest import ROOT
-from model.scene.scene import load_scene
-from plots.core.older import without_older
-from plots.core.read import load
+from softlab.bench.experiments import sweep
+from softlab.bench.keys import enter
+from softlab.bench.keys.ask import NO_KERNELS
+from softlab.bench.keys.enter import KEY
+from softlab.bench.keys.versions import MEASURING, version_of
+from softlab.bench.measure import experiment as frame
+from softlab.bench.measure.experiment import Summary, resume
+from softlab.bench.store import versions
+from softlab.bench.store.database import Store
+from softlab.bench.store.results import configuration, measures
+from softlab.bench.store.versions import digest_of
+from softlab.model.core.digest import ROOT
+from softlab.model.scene.scene import load_scene
+from softlab.plots.core.older import without_older
+from softlab.plots.core.read import load
 
 OTHER = "0123456789abcdef"  # the digest of a checkout with other text
 
@@ -64,7 +64,7 @@ def text_changes(monkeypatch: pytest.MonkeyPatch) -> None:
     """The sources have another text from now on."""
     for module in (enter, versions):
         monkeypatch.setattr(module, "digest_of", lambda backend: OTHER)
-    for module in ("bench.keys.carried", "plots.core.older"):
+    for module in ("softlab.bench.keys.carried", "softlab.plots.core.older"):
         monkeypatch.setattr(f"{module}.digest_of", lambda backend: OTHER)
 
 
@@ -96,6 +96,8 @@ def test_other_kernels_are_measured_anew(
     assert without_older(old) is not old and not without_older(old).sources[0].timings
     assert "1 of its 1 numbers are older than this code" in old.sources[0].provenance
     if what == "formula":
+        shutil.copytree(ROOT / "softlab", tmp_path / "softlab")
+        shutil.copy(ROOT / "pyproject.toml", tmp_path)  # by which the package knows a checkout
         for name in ("app", "bench", "cpu_backend", "gpu_backend"):
             (tmp_path / name).symlink_to(ROOT / name)
         shutil.copytree(ROOT / "model", tmp_path / "model", ignore=shutil.ignore_patterns("__pycache__"))
@@ -113,10 +115,10 @@ def test_other_kernels_are_measured_anew(
 
 
 def test_every_experiment_has_a_version() -> None:
-    from bench.experiments import bar, bar_costs, busy, convergence, projections, tetrahedra, throughput
-    from bench.experiments.findings import costs, experiment
-    from bench.experiments.fluid_truth import experiment as truth
-    from bench.experiments.tetrahedral import meshes
+    from softlab.bench.experiments import bar, bar_costs, busy, convergence, projections, tetrahedra, throughput
+    from softlab.bench.experiments.findings import costs, experiment
+    from softlab.bench.experiments.fluid_truth import experiment as truth
+    from softlab.bench.experiments.tetrahedral import meshes
 
     modules = (bar, bar_costs, busy, convergence, projections, tetrahedra, throughput, costs, experiment, truth, meshes)
     named = {one.name for module in modules for name, one in vars(module).items() if name.startswith("run_")}

@@ -13,8 +13,8 @@ import numba
 import numpy as np
 import pytest
 
-from bench.keys.kernel_digest import KernelDigests, SourceUnknown
-from model.core.digest import ROOT
+from softlab.bench.keys.kernel_digest import KernelDigests, SourceUnknown
+from softlab.model.core.digest import ROOT
 
 KERNEL = '''
 SCALE = 3.0
@@ -155,8 +155,8 @@ def test_what_has_no_source_is_refused(tmp_path: Path) -> None:
 def test_cuda_formulas_in_exact_math_differ_from_fast_ones() -> None:
     """Their source is rewritten, so that every product is rounded: the rewritten copy is found, and its products count."""
     pytest.importorskip("numba.cuda")
-    from gpu_backend.core.formulas import device_formulas
-    from model.formulas.springs import make
+    from softlab.gpu_backend.core.formulas import device_formulas
+    from softlab.model.formulas.springs import make
 
     exact, again, fast = (device_formulas(make, np.float32, math) for math in ("exact", "exact", "fast"))
     assert digest(exact) == digest(again) != digest(fast)
@@ -172,7 +172,7 @@ def other_pythons() -> list[Path]:
 SCRIPT = """
 import sys
 sys.path[:0] = sys.argv[1:3]
-from bench.keys.kernel_digest import KernelDigests
+from softlab.bench.keys.kernel_digest import KernelDigests
 import formula
 print(KernelDigests().of(formula.make(float, True)), KernelDigests().of(formula.more))
 """

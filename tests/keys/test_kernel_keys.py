@@ -10,10 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from bench.keys.ask import keys_at
-from bench.store.results import configuration
-from model.core.digest import ROOT
-from model.scene.scene import load_scene
+from softlab.bench.keys.ask import keys_at
+from softlab.bench.store.results import configuration
+from softlab.model.core.digest import ROOT
+from softlab.model.scene.scene import load_scene
 
 SCENES = {
     "grid": ("lab-grid", {}),
@@ -42,6 +42,8 @@ def backend(request: pytest.FixtureRequest) -> str:
 @pytest.fixture
 def tree(tmp_path: Path) -> Path:
     """A checkout whose `model` may be changed."""
+    shutil.copytree(ROOT / "softlab", tmp_path / "softlab")
+    shutil.copy(ROOT / "pyproject.toml", tmp_path)  # by which the package knows a checkout
     for name in PACKAGES:
         os.symlink(ROOT / name, tmp_path / name)
     shutil.copytree(ROOT / "model", tmp_path / "model", ignore=shutil.ignore_patterns("__pycache__"))
@@ -93,7 +95,9 @@ def test_a_rename_across_a_package_keeps_every_key(tree: Path, backend: str) -> 
         shutil.copytree(ROOT / name, tree / name, ignore=shutil.ignore_patterns("__pycache__"))
     (tree / "model/formulas/lengths.py").rename(tree / "model/formulas/norms.py")
     for file in [path for name in ("model", *PACKAGES[2:]) for path in (tree / name).rglob("*.py")]:
-        text = file.read_text(encoding="utf-8").replace("model.formulas.lengths", "model.formulas.norms")
+        text = file.read_text(encoding="utf-8").replace(
+            "softlab.model.formulas.lengths", "softlab.model.formulas.norms"
+        )
         file.write_text(text, encoding="utf-8")
     assert keys_at(tree, descriptions(backend)) == keys_at(ROOT, descriptions(backend))
 

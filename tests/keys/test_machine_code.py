@@ -7,12 +7,12 @@ from pathlib import Path
 import pytest
 from test_kernel_keys import backend, changed, tree  # noqa: F401
 
-from bench.keys.ask import keys_at
-from bench.keys.carry import by_machine_code, groups_of
-from bench.keys.machine_code import without_names
-from bench.store.results import configuration
-from model.core.digest import ROOT
-from model.scene.scene import load_scene
+from softlab.bench.keys.ask import keys_at
+from softlab.bench.keys.carry import by_machine_code, groups_of
+from softlab.bench.keys.machine_code import without_names
+from softlab.bench.store.results import configuration
+from softlab.model.core.digest import ROOT
+from softlab.model.scene.scene import load_scene
 
 LLVM = """define double @f(double %x) {
   %y = call double @llvm.sin.f64(double %x)

@@ -7,18 +7,18 @@ from pathlib import Path
 import pytest
 from synthetic_store import CPU_RECORD, Maker
 
-from app.command import command_line
-from bench.keys import carried
-from bench.keys.carried import Carried, Group, read_map
-from bench.store import versions
-from bench.store.database import Store
-from bench.store.transfer import export, load_text
-from bench.store.versions import digest_of, refuse_changed_files
-from labbook.build import CLAIMS, OLDER, notices, told
-from model.core.digest import ROOT
-from model.core.errors import InputError
-from plots.core.older import without_older
-from plots.core.read import load
+from softlab.app.command import command_line
+from softlab.bench.keys import carried
+from softlab.bench.keys.carried import Carried, Group, read_map
+from softlab.bench.store import versions
+from softlab.bench.store.database import Store
+from softlab.bench.store.transfer import export, load_text
+from softlab.bench.store.versions import digest_of, refuse_changed_files
+from softlab.labbook.build import CLAIMS, OLDER, notices, told
+from softlab.model.core.digest import ROOT
+from softlab.model.core.errors import InputError
+from softlab.plots.core.older import without_older
+from softlab.plots.core.read import load
 
 OLD = "0123456789abcdef"
 
@@ -106,7 +106,7 @@ def test_what_rests_on_older_measurements_is_marked(tmp_path: Path, monkeypatch:
 
 
 def told_of(kernels: tuple) -> object:
-    from labbook.claims.claim import Claim
+    from softlab.labbook.claims.claim import Claim
 
     return Claim(f"{len(kernels)} kernels.", {"kernels": len(kernels)}, True)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from bench.experiments.fluid_rest import (
+from softlab.bench.experiments.fluid_rest import (
     ACROSS,
     BOX,
     DEPTH,
@@ -23,14 +23,14 @@ from bench.experiments.fluid_rest import (
     Still,
     rows,
 )
-from bench.experiments.fluids import FRAME
-from labbook.build import COMMITTED
-from model.fluid.family import RESTS
-from plots.core.data import Results
-from plots.core.files import save
-from plots.core.read import load
-from plots.core.style import Drawing, settings
-from plots.figures.fluids.rest import TITLE, draw
+from softlab.bench.experiments.fluids import FRAME
+from softlab.labbook.build import COMMITTED
+from softlab.model.fluid.family import RESTS
+from softlab.plots.core.data import Results
+from softlab.plots.core.files import save
+from softlab.plots.core.read import load
+from softlab.plots.core.style import Drawing, settings
+from softlab.plots.figures.fluids.rest import TITLE, draw
 
 DATA = COMMITTED / "amd-epyc-fluids.csv.gz"
 PICTURE = Path(__file__).parents[2] / "docs" / "images" / "fluids-rest.png"

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from rows import Row
 
-from app.driver import open_simulation
-from model.core.build import build
-from model.core.simulation import Simulation, State
-from model.scene.scene import Scene
+from softlab.app.driver import open_simulation
+from softlab.model.core.build import build
+from softlab.model.core.simulation import Simulation, State
+from softlab.model.scene.scene import Scene
 
 UNIT = {"float64": 2.0**-52, "float32": 2.0**-23}  # the spacing of numbers at 1
 GRAVITY = 8.0  # m/s^2: a power of two, so that what falls is rounded as little as can be

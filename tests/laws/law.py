@@ -12,7 +12,7 @@ from typing import Any
 
 from rows import SHEETS, Row
 
-from model.core.limits import Limit, limits_of
+from softlab.model.core.limits import Limit, limits_of
 
 Words = tuple[str, ...]
 

@@ -11,13 +11,13 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, get_args
 
-from model.core.families import family_of
-from model.core.integrators import IMPLICIT, INTEGRATORS
-from model.scene.bodies import BODY_KINDS
-from model.scene.cloth import COLLIDER_KINDS, Bending
-from model.scene.method import OrderingName, RowsName, SchemeName
-from model.scene.scene import Scene
-from model.scene.tetrahedra import MaterialName
+from softlab.model.core.families import family_of
+from softlab.model.core.integrators import IMPLICIT, INTEGRATORS
+from softlab.model.scene.bodies import BODY_KINDS
+from softlab.model.scene.cloth import COLLIDER_KINDS, Bending
+from softlab.model.scene.method import OrderingName, RowsName, SchemeName
+from softlab.model.scene.scene import Scene
+from softlab.model.scene.tetrahedra import MaterialName
 
 Tables = dict[str, Any]
 MATERIALS: tuple[str, ...] = get_args(MaterialName)

@@ -10,7 +10,7 @@ from law import limit_of, of
 from rows import Row
 from test_law_rest import THICKNESS, lying, sag
 
-from model.core.build import build
+from softlab.model.core.build import build
 
 STEPS = 8
 MU = 0.25

@@ -11,10 +11,10 @@ from law import limit_of, of
 from rows import Row
 from test_law_fall import fallen
 
-from model.core.energy import energies
-from model.core.families import family_of
-from model.core.state import State
-from model.scene.scene import Scene
+from softlab.model.core.energy import energies
+from softlab.model.core.families import family_of
+from softlab.model.core.state import State
+from softlab.model.scene.scene import Scene
 
 TINY = 2.0**-17  # s: a step in which forces hardly change
 FASTEST = (
@@ -63,7 +63,7 @@ def wobble(row: Row) -> float:
     hand-out's step, with masses twice as heavy) keeps E - h/2 v.grad U, within (1 -+ h w/2) E; velocity Verlet keeps
     kinetic + (1 - (h w/2)^2) potential; the amplification of explicit Euler is 1 + (h w)^2 a step, and that of
     `taylor` 1 + (h w)^2/4 + ..., at most the same."""
-    from model.core.integrators import frequency_bound
+    from softlab.model.core.integrators import frequency_bound
 
     if row.solver != "mass-spring":
         return 0.0

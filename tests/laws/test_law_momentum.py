@@ -11,8 +11,8 @@ from law import limit_of, of
 from rows import Row
 from test_law_energy import spinning
 
-from model.core.state import State
-from model.scene.scene import Scene
+from softlab.model.core.state import State
+from softlab.model.scene.scene import Scene
 
 STEPS = 6
 

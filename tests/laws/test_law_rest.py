@@ -9,8 +9,8 @@ from lab import GRAVITY, Lab, farthest, masses, start
 from law import limit_of, of
 from rows import Row
 
-from model.core.build import build
-from model.scene.scene import Scene
+from softlab.model.core.build import build
+from softlab.model.scene.scene import Scene
 
 STEPS = 8
 THICKNESS = 2.0**-6  # m

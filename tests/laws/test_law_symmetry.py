@@ -10,8 +10,8 @@ from law import limit_of, of
 from rows import Row
 from units import in_units
 
-from model.core.state import State
-from model.scene.scene import Scene
+from softlab.model.core.state import State
+from softlab.model.scene.scene import Scene
 
 STEPS = 4
 SHIFT = 4.0  # m: a power of two, so that float64 starts are the same ones

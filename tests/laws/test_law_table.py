@@ -15,23 +15,23 @@ from PIL import Image
 from rows import ALL, BENDINGS, BODIES, MATERIALS, ORDERINGS, REFUSED, ROWS, SCHEMES, Row, tetrahedra
 from slices import asked, by_default
 
-from app.command.run import Request, run_scene
-from bench.experiments.fluid_rest import TANK, still_tank
-from model.core.errors import SceneError
-from model.core.families import FAMILIES
-from model.core.integrators import IMPLICIT, INTEGRATORS
-from model.core.limits import LIMITS, limit_notes
-from model.fluid.family import FLUID, comes_to_rest
-from model.mass_spring.family import CLOTH, GRID
-from model.scene.method import FIELDS_OF_SOLVER, Method
-from model.scene.scene import Scene
-from model.shape_matching.family import BODIES as BODIES_FAMILY
-from model.shape_matching.family import WINDOWS
-from model.tetrahedra.family import TETRAHEDRA
-from model.tetrahedra.newton import TETRAHEDRA_NEWTON
-from model.tetrahedra.vbd import TETRAHEDRA_VBD
-from model.world.family import WORLD
-from model.xpbd.family import MESH, SHEET
+from softlab.app.command.run import Request, run_scene
+from softlab.bench.experiments.fluid_rest import TANK, still_tank
+from softlab.model.core.errors import SceneError
+from softlab.model.core.families import FAMILIES
+from softlab.model.core.integrators import IMPLICIT, INTEGRATORS
+from softlab.model.core.limits import LIMITS, limit_notes
+from softlab.model.fluid.family import FLUID, comes_to_rest
+from softlab.model.mass_spring.family import CLOTH, GRID
+from softlab.model.scene.method import FIELDS_OF_SOLVER, Method
+from softlab.model.scene.scene import Scene
+from softlab.model.shape_matching.family import BODIES as BODIES_FAMILY
+from softlab.model.shape_matching.family import WINDOWS
+from softlab.model.tetrahedra.family import TETRAHEDRA
+from softlab.model.tetrahedra.newton import TETRAHEDRA_NEWTON
+from softlab.model.tetrahedra.vbd import TETRAHEDRA_VBD
+from softlab.model.world.family import WORLD
+from softlab.model.xpbd.family import MESH, SHEET
 
 ORDERS = tuple(map(str, get_args(Method.model_fields["order"].annotation)))
 MEMBERS = get_args(Method.model_fields["tetrahedra"].annotation)

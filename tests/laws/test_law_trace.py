@@ -11,7 +11,7 @@ from law import of
 from rows import Row
 from test_law_energy import slope
 
-from app.output.files import read_state, write_state
+from softlab.app.output.files import read_state, write_state
 
 STEPS = 3
 

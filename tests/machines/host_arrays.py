@@ -36,7 +36,7 @@ def arrays_of(
         inner = [(f"{path}[{key}]", one) for key, one in value.items()]
     elif isinstance(value, (tuple, list)):
         inner = [(f"{path}[{k}]", one) for k, one in enumerate(value)]
-    elif type(value).__module__.split(".")[0] in ("model", "cpu_backend"):
+    elif type(value).__module__.startswith(("softlab.model.", "softlab.cpu_backend.")):
         names = [field.name for field in dataclasses.fields(value)] if dataclasses.is_dataclass(value) else []
         attributes = {**{name: getattr(value, name) for name in names}, **getattr(value, "__dict__", {})}
         inner = [(f"{path}.{name}", one) for name, one in attributes.items()]
@@ -48,7 +48,7 @@ def arrays_of(
 
 def hashes(scene: str, precision: str) -> dict[str, str]:
     """Of the arrays that a simulation of the scene starts from, each by its place."""
-    from app.driver import open_simulation
+    from softlab.app.driver import open_simulation
 
     with open_simulation(scene, threads=1, precision=precision, math="exact", allow_unstable=True) as simulation:
         simulation.__dict__.pop("_bad", None)
@@ -61,7 +61,7 @@ def hashes(scene: str, precision: str) -> dict[str, str]:
 def main() -> None:
     """Of the scenes asked for, or of all of the catalogue, as JSON."""
     sys.path[:0] = [str(ROOT)]
-    from model.scene.reader import catalogue
+    from softlab.model.scene.reader import catalogue
 
     wanted = sys.argv[1:] or [name for name in catalogue() if name not in LEFT_OUT]
     found = {scene: hashes(scene, "float64") for scene in wanted}

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from host_arrays import LEFT_OUT, arrays_of
 
-from model.scene.reader import catalogue
+from softlab.model.scene.reader import catalogue
 
 ROOT = Path(__file__).resolve().parents[2]
 TOOL = Path(__file__).parent / "host_arrays.py"

@@ -11,8 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gpu_backend.mass_spring import bands
-from gpu_backend.mass_spring.bands import Bands, band_cuts
+from softlab.gpu_backend.mass_spring import bands
+from softlab.gpu_backend.mass_spring.bands import Bands, band_cuts
 
 
 class Stream:

@@ -7,12 +7,12 @@ from math import pi, tan
 import numpy as np
 import pytest
 
-from bench.reference import xpbd_mesh as reference
-from model.core.build import rest_positions
-from model.formulas import bending
-from model.geometry.mesh import triangle_mesh
-from model.scene.scene import Scene
-from model.xpbd.mesh_constraints import dihedral_values, isometric_values, mesh_energy, quarter_tangents
+from softlab.bench.reference import xpbd_mesh as reference
+from softlab.model.core.build import rest_positions
+from softlab.model.formulas import bending
+from softlab.model.geometry.mesh import triangle_mesh
+from softlab.model.scene.scene import Scene
+from softlab.model.xpbd.mesh_constraints import dihedral_values, isometric_values, mesh_energy, quarter_tangents
 
 FORMULAS = bending.make_dihedral(np.float64)
 SINGLE = bending.make_dihedral(np.float32)

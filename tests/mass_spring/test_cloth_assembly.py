@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from test_cpu_assembly import DOUBLE, PACKED_ROOT, SCALAR_ROOT, row_loops, vector_units
 
-from app.driver import open_simulation
-from cpu_backend.mass_spring.cloth import solver as cloth
-from model.scene.scene import load_scene
+from softlab.app.driver import open_simulation
+from softlab.cpu_backend.mass_spring.cloth import solver as cloth
+from softlab.model.scene.scene import load_scene
 
 __all__ = ["vector_units"]  # a fixture
 

@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from labbook.claims.findings import CLOTH
-from model.core.build import pinned_indices
-from model.core.families import stability_limit
-from model.scene.reader import catalogue, parse_settings
-from model.scene.scene import Scene, load_scene
+from softlab.labbook.claims.findings import CLOTH
+from softlab.model.core.build import pinned_indices
+from softlab.model.core.families import stability_limit
+from softlab.model.scene.reader import catalogue, parse_settings
+from softlab.model.scene.scene import Scene, load_scene
 
 CLOTHS = [name for name in catalogue() if "/" not in name and load_scene(name).cloth]
 

@@ -5,14 +5,14 @@ import numpy as np
 import pytest
 from cloth_scenes import BODIES, POKE, cloth_scene
 
-from app.driver import open_simulation
-from bench.reference import mass_spring as reference
-from model.core.build import build
-from model.core.errors import SceneError
-from model.core.integrators import INTEGRATORS
-from model.core.simulation import State
-from model.geometry.normals import vertex_normals
-from model.scene.scene import Scene
+from softlab.app.driver import open_simulation
+from softlab.bench.reference import mass_spring as reference
+from softlab.model.core.build import build
+from softlab.model.core.errors import SceneError
+from softlab.model.core.integrators import INTEGRATORS
+from softlab.model.core.simulation import State
+from softlab.model.geometry.normals import vertex_normals
+from softlab.model.scene.scene import Scene
 
 SHEETS = [(5, 7), (1, 6), (6, 1), (2, 2), (3, 3), (16, 16)]
 THREADS = [n for n in (1, 2, 3, 8) if n <= numba.config.NUMBA_NUM_THREADS]

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from cloth_scenes import POKE, cloth_scene
 
-from app.driver import open_simulation
-from model.core.errors import Diverged, SceneError
-from model.core.integrators import INTEGRATORS
-from model.core.simulation import State
-from model.scene.scene import Scene, load_scene
+from softlab.app.driver import open_simulation
+from softlab.model.core.errors import Diverged, SceneError
+from softlab.model.core.integrators import INTEGRATORS
+from softlab.model.core.simulation import State
+from softlab.model.scene.scene import Scene, load_scene
 
 pytestmark = pytest.mark.gpu
 STEPS = 300

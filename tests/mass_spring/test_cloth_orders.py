@@ -9,19 +9,19 @@ import numpy as np
 import pytest
 from cloth_solve import accelerations, cloth, each_solver, solve
 
-from bench.experiments.accuracy.judge import judge_run
-from bench.measure.growth import growth_along, measure_growth
-from bench.reference import cache
-from bench.reference import mass_spring as reference
-from model.core.build import build
-from model.core.errors import Diverged, SceneError
-from model.core.families import stability_limit
-from model.core.integrators import frequency_bound
-from model.core.simulation import State
-from model.core.stability.limit import frequency_lines, scene_frequency, scene_net
-from model.mass_spring.cloth_bounds import cloth_eigenvalue
-from model.mass_spring.energy import spring_ends
-from model.scene.scene import Scene, load_scene
+from softlab.bench.experiments.accuracy.judge import judge_run
+from softlab.bench.measure.growth import growth_along, measure_growth
+from softlab.bench.reference import cache
+from softlab.bench.reference import mass_spring as reference
+from softlab.model.core.build import build
+from softlab.model.core.errors import Diverged, SceneError
+from softlab.model.core.families import stability_limit
+from softlab.model.core.integrators import frequency_bound
+from softlab.model.core.simulation import State
+from softlab.model.core.stability.limit import frequency_lines, scene_frequency, scene_net
+from softlab.model.mass_spring.cloth_bounds import cloth_eigenvalue
+from softlab.model.mass_spring.energy import spring_ends
+from softlab.model.scene.scene import Scene, load_scene
 
 SPRINGS = {"structural": {"stiffness": 20.0}, "shear": {"stiffness": 10.0}, "bending": {"stiffness": 2.0}}
 DAMPED = SPRINGS | {"structural": {"stiffness": 20.0, "damping": 0.02}, "shear": {"stiffness": 10.0, "damping": 0.01}}

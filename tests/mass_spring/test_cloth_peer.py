@@ -10,10 +10,10 @@ import pytest
 from cloth_scenes import PARTS, cloth_scene
 from fake_cuda import SHIM, FakeDriver, compile_for_host
 
-from bench.peers import compiler, cuda_cpp, cuda_cpp_cloth, cuda_driver
-from bench.peers.base import PeerError
-from bench.reference.mass_spring import simulate
-from model.scene.scene import Scene, load_scene
+from softlab.bench.peers import compiler, cuda_cpp, cuda_cpp_cloth, cuda_driver
+from softlab.bench.peers.base import PeerError
+from softlab.bench.reference.mass_spring import simulate
+from softlab.model.scene.scene import Scene, load_scene
 
 STEPS = 60
 RUN = """

@@ -32,7 +32,7 @@ def ptx(kernel: Any, kind: str, real: Any, math: str) -> str:
 
 def pass_text(name: str, parts: frozenset[str], real: Any = np.float32, math: str = "fast") -> str:
     """The PTX of the pass `name`: of velocity Verlet, or `step` of the hand-out's."""
-    from gpu_backend.mass_spring.cloth.kernels import make_cloth_passes
+    from softlab.gpu_backend.mass_spring.cloth.kernels import make_cloth_passes
 
     integrator = "lab" if name == "step" else "velocity-verlet"
     return ptx(make_cloth_passes(real, math, integrator, parts)[name], "pass", real, math)
@@ -48,7 +48,7 @@ def test_float32_passes_hold_no_double_and_no_local_memory(name: str, math: str)
 
 @pytest.mark.parametrize("integrator", ["semi-implicit-euler", "explicit-euler", "taylor"])
 def test_the_other_integrators_hold_no_double(integrator: str) -> None:
-    from gpu_backend.mass_spring.cloth.kernels import make_cloth_passes
+    from softlab.gpu_backend.mass_spring.cloth.kernels import make_cloth_passes
 
     text = ptx(make_cloth_passes(np.float32, "exact", integrator, PLAIN)["step"], "pass", np.float32, "exact")
     assert ".f64" not in text and ".local" not in text
@@ -56,7 +56,7 @@ def test_the_other_integrators_hold_no_double(integrator: str) -> None:
 
 @pytest.mark.parametrize("math", ["fast", "exact"])
 def test_float32_stages_of_rk4_hold_no_double(math: str) -> None:
-    from gpu_backend.mass_spring.cloth.kernels import make_cloth_rk4_stages
+    from softlab.gpu_backend.mass_spring.cloth.kernels import make_cloth_rk4_stages
 
     for kernel in make_cloth_rk4_stages(np.float32, math, EVERYTHING):
         text = ptx(kernel, "rk4", np.float32, math)
@@ -65,7 +65,7 @@ def test_float32_stages_of_rk4_hold_no_double(math: str) -> None:
 
 @pytest.mark.parametrize("integrator", ["lab", "velocity-verlet"])
 def test_one_block_reads_its_neighbours_from_shared_memory(integrator: str) -> None:
-    from gpu_backend.mass_spring.cloth.block import make_cloth_block
+    from softlab.gpu_backend.mass_spring.cloth.block import make_cloth_block
 
     for parts in (PLAIN, EVERYTHING):
         text = ptx(make_cloth_block(np.float32, "fast", integrator, parts, 256), "block", np.float32, "fast")
@@ -106,7 +106,7 @@ def test_an_absent_part_leaves_no_instruction() -> None:
 
 
 def test_friction_is_compiled_in_where_a_body_has_some() -> None:
-    from model.mass_spring.cloth_parameters import B_DYNAMIC, B_STATIC
+    from softlab.model.mass_spring.cloth_parameters import B_DYNAMIC, B_STATIC
 
     smooth, rough = (pass_text("step", parts) for parts in (frozenset({"plane"}), frozenset({"plane", "friction"})))
     for place in (B_STATIC, B_DYNAMIC):
@@ -117,9 +117,9 @@ def test_friction_is_compiled_in_where_a_body_has_some() -> None:
 def test_the_stages_and_tools_compile(real: Any) -> None:
     from numba import types
 
-    from gpu_backend.core import forces
-    from gpu_backend.mass_spring.cloth.kernels import make_cloth_tools
-    from gpu_backend.mass_spring.cloth.stages import make_bound_stages, make_force_stages, make_motion_stages
+    from softlab.gpu_backend.core import forces
+    from softlab.gpu_backend.mass_spring.cloth.kernels import make_cloth_tools
+    from softlab.gpu_backend.mass_spring.cloth.stages import make_bound_stages, make_force_stages, make_motion_stages
 
     kind = types.float32 if real is np.float32 else types.float64
     quads, words, record = kind[::1], types.uint64[::1], record_of(real, "quads")

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from cloth_solve import accelerations, cloth, each_solver, solve
 
-from bench.reference import cloth as reference_cloth
-from bench.reference import mass_spring as reference
-from model.core.build import build
-from model.core.energy import energies, spring_strain
-from model.scene.scene import Scene, load_scene
+from softlab.bench.reference import cloth as reference_cloth
+from softlab.bench.reference import mass_spring as reference
+from softlab.model.core.build import build
+from softlab.model.core.energy import energies, spring_strain
+from softlab.model.scene.scene import Scene, load_scene
 
 ALL_SPRINGS = {
     "structural": {"stiffness": 100.0, "damping": 0.05},
@@ -195,7 +195,7 @@ def test_terminal_velocity_of_a_flat_sheet(solver):
 def test_gusts(solver):
     """At the start of an interval the air moves at wind (1 + gust r) with the interval's own random number r, the first
     word of the external force's generator; halfway to the next at the mean of both."""
-    from bench.reference.philox import random_directions
+    from softlab.bench.reference.philox import random_directions
 
     wind = {"velocity": (0.0, 3.0, 0.0), "gust": 0.5, "gust_time": 2.0**-4, "seed": 5, "lift": 0.0}
     scene = cloth(3, 3, sheet={"placement": "flat", "mass": 1e9}, wind=wind)
@@ -211,7 +211,7 @@ def test_gusts(solver):
 
 @each_solver
 def test_random_force_takes_three_words_a_mass(solver):
-    from bench.reference.philox import random_directions
+    from softlab.bench.reference.philox import random_directions
 
     scene = cloth(3, 4, external={"magnitude": 0.02, "seed": 11})
     expected = 0.02 / scene.grid.mass * random_directions(11, 0, 12, axes=3)

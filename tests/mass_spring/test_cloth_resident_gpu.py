@@ -7,9 +7,9 @@ import pytest
 from cloth_scenes import PARTS, cloth_scene
 from test_cloth_gpu import STEPS, assert_same, end_state, scene_of
 
-from app.driver import open_simulation
-from model.core.errors import SceneError
-from model.scene.scene import Scene, load_scene
+from softlab.app.driver import open_simulation
+from softlab.model.core.errors import SceneError
+from softlab.model.scene.scene import Scene, load_scene
 
 pytestmark = pytest.mark.gpu
 TILES = ("resident:8x8x1h1", "resident:7x5x3h1", "resident:16x4x4h1", "resident:13x13x1h2", "resident:20x5x4h3")

@@ -18,9 +18,9 @@ def text_of(
     """The PTX of a kernel's body."""
     from numba import types
 
-    from gpu_backend.mass_spring.cloth.resident import make_cloth_resident
-    from gpu_backend.mass_spring.cloth.tiles import make_cloth_tiles
-    from gpu_backend.mass_spring.grid.choice import parsed_tile
+    from softlab.gpu_backend.mass_spring.cloth.resident import make_cloth_resident
+    from softlab.gpu_backend.mass_spring.cloth.tiles import make_cloth_tiles
+    from softlab.gpu_backend.mass_spring.grid.choice import parsed_tile
 
     make = make_cloth_resident if kernel == "resident" else make_cloth_tiles
     compiled = make(real, math, integrator, parts, parsed_tile(tile))

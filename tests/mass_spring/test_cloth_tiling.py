@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gpu_backend.core.tiling import Tile, tile_count
-from gpu_backend.mass_spring.cloth.tiling import (
+from softlab.gpu_backend.core.tiling import Tile, tile_count
+from softlab.gpu_backend.mass_spring.cloth.tiling import (
     fields,
     most_to_fetch,
     overlap_of,
@@ -88,9 +88,9 @@ def test_shared_memory_holds_two_copies_and_the_air() -> None:
 
 def test_tables_of_tiles_can_be_launched() -> None:
     """Every tile of the tables, on the GPU that they were measured on; and which sheets the larger ones fit."""
-    from gpu_backend.mass_spring.cloth.choice import RESIDENT, TILES, cloth_tiles_of
-    from gpu_backend.mass_spring.cloth.launch import why_no_cloth_tile
-    from gpu_backend.mass_spring.grid.choice import MEASURED_LIMITS, parsed_tile
+    from softlab.gpu_backend.mass_spring.cloth.choice import RESIDENT, TILES, cloth_tiles_of
+    from softlab.gpu_backend.mass_spring.cloth.launch import why_no_cloth_tile
+    from softlab.gpu_backend.mass_spring.grid.choice import MEASURED_LIMITS, parsed_tile
 
     for real in (np.float32, np.float64):
         for name in RESIDENT[real]:
@@ -119,18 +119,18 @@ def test_tables_of_tiles_can_be_launched() -> None:
     ],
 )
 def test_tiles_that_cannot_be_say_why(tile: Tile, sheet: tuple[int, int], word: str) -> None:
-    from gpu_backend.mass_spring.cloth.launch import why_no_cloth_tile
-    from gpu_backend.mass_spring.grid.choice import MEASURED_LIMITS
+    from softlab.gpu_backend.mass_spring.cloth.launch import why_no_cloth_tile
+    from softlab.gpu_backend.mass_spring.grid.choice import MEASURED_LIMITS
 
     assert word in why_no_cloth_tile("resident", *sheet, np.float32, tile, SPRINGS, MEASURED_LIMITS)
 
 
 def test_the_fastest_by_the_tables_is_chosen(monkeypatch: pytest.MonkeyPatch) -> None:
     """Invented times: a small tile that slows down where blocks share a multiprocessor, and a larger one."""
-    from gpu_backend.mass_spring.cloth import choice as cloth_choice
-    from gpu_backend.mass_spring.grid.choice import MEASURED_LIMITS
-    from model.mass_spring.cloth_plan import cloth_parts
-    from model.scene.scene import load_scene
+    from softlab.gpu_backend.mass_spring.cloth import choice as cloth_choice
+    from softlab.gpu_backend.mass_spring.grid.choice import MEASURED_LIMITS
+    from softlab.model.mass_spring.cloth_plan import cloth_parts
+    from softlab.model.scene.scene import load_scene
 
     tables = {"8x8x1h1": {1: 0.8, 8: 2.0}, "64x8x4h1": {1: 1.9}, "16x16x1h1": {}}
     monkeypatch.setitem(cloth_choice.RESIDENT, np.float32, tables)

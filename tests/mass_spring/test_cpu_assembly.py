@@ -16,9 +16,9 @@ import numba
 import numpy as np
 import pytest
 
-from app.driver import open_simulation
-from cpu_backend.mass_spring.grid import solver as mass_spring
-from model.scene.scene import load_scene
+from softlab.app.driver import open_simulation
+from softlab.cpu_backend.mass_spring.grid import solver as mass_spring
+from softlab.model.scene.scene import load_scene
 
 PACKED_ROOT = r"\bv?r?sqrt(14|28)?p[sd]\b"
 SCALAR_ROOT = r"\bv?r?sqrt(14|28)?s[sd]\b"

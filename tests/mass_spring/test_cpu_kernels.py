@@ -12,13 +12,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app.driver import open_simulation
-from cpu_backend.core import layout
-from cpu_backend.mass_spring.grid import choice
-from cpu_backend.mass_spring.grid import tiled as tiled_kernel
-from cpu_backend.mass_spring.grid.choice import LEVELS, choose_kernel, tiling
-from model.core.errors import Diverged, SceneError
-from model.scene.scene import load_scene
+from softlab.app.driver import open_simulation
+from softlab.cpu_backend.core import layout
+from softlab.cpu_backend.mass_spring.grid import choice
+from softlab.cpu_backend.mass_spring.grid import tiled as tiled_kernel
+from softlab.cpu_backend.mass_spring.grid.choice import LEVELS, choose_kernel, tiling
+from softlab.model.core.errors import Diverged, SceneError
+from softlab.model.scene.scene import load_scene
 
 MOST = numba.config.NUMBA_NUM_THREADS
 EXACT32 = {"math": "exact", "precision": "float32"}

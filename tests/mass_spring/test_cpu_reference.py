@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bench.reference import mass_spring as reference
-from model.core.integrators import INTEGRATORS, frequency_bound
-from model.scene.scene import Scene, load_scene
+from softlab.bench.reference import mass_spring as reference
+from softlab.model.core.integrators import INTEGRATORS, frequency_bound
+from softlab.model.scene.scene import Scene, load_scene
 
 NAMES = list(INTEGRATORS)
 EPSILON = {"float64": 2.0**-53, "float32": 2.0**-24}

@@ -10,11 +10,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from app.driver import open_simulation
-from model.core.errors import Diverged, SceneError
-from model.core.integrators import INTEGRATORS
-from model.core.simulation import State
-from model.scene.scene import Scene, load_scene
+from softlab.app.driver import open_simulation
+from softlab.model.core.errors import Diverged, SceneError
+from softlab.model.core.integrators import INTEGRATORS
+from softlab.model.core.simulation import State
+from softlab.model.scene.scene import Scene, load_scene
 
 pytestmark = pytest.mark.gpu
 
@@ -83,8 +83,8 @@ def test_tiles_give_the_bits_of_the_cpu(integrator: str, precision: str) -> None
 @pytest.mark.parametrize("precision", ["float32", "float64"])
 def test_every_tile_of_the_table_gives_the_bits_of_a_launch_a_step(precision: str) -> None:
     """Also where two blocks share a multiprocessor, and where tiles are as large as shared memory."""
-    from gpu_backend.mass_spring.grid.choice import RESIDENT, TILES, parsed_tile
-    from gpu_backend.mass_spring.grid.tile_launch import fits_resident
+    from softlab.gpu_backend.mass_spring.grid.choice import RESIDENT, TILES, parsed_tile
+    from softlab.gpu_backend.mass_spring.grid.tile_launch import fits_resident
 
     real = np.float32 if precision == "float32" else np.float64
     for name in [*RESIDENT[real], TILES[real][0]]:

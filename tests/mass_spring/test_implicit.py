@@ -11,14 +11,14 @@ import pytest
 from cloth_scenes import POKE, cloth_scene
 from cloth_solve import cloth
 
-from app.driver import open_simulation
-from bench.reference import mass_spring
-from model.core.build import build
-from model.core.errors import SceneError
-from model.core.families import stability_limit
-from model.core.integrators import IMPLICIT, INTEGRATORS, amplification_matrix, integrators_for
-from model.core.simulation import State
-from model.scene.scene import Scene, load_scene
+from softlab.app.driver import open_simulation
+from softlab.bench.reference import mass_spring
+from softlab.model.core.build import build
+from softlab.model.core.errors import SceneError
+from softlab.model.core.families import stability_limit
+from softlab.model.core.integrators import IMPLICIT, INTEGRATORS, amplification_matrix, integrators_for
+from softlab.model.core.simulation import State
+from softlab.model.scene.scene import Scene, load_scene
 
 EXACT = {"precision": "float64", "math": "exact"}
 STIFF = {
@@ -178,9 +178,9 @@ def test_float32_stops_at_rounding_and_follows_float64() -> None:
 
 def test_sums_over_masses_are_taken_in_their_order() -> None:
     """By loops of Python: LANES running sums of a segment, TREE of all segments, each added up in halves."""
-    from cpu_backend.core.compile import Compiler
-    from cpu_backend.mass_spring.cloth.sums import make_sums_over_masses
-    from model.mass_spring.implicit_parameters import LANES, SEGMENT, TREE
+    from softlab.cpu_backend.core.compile import Compiler
+    from softlab.cpu_backend.mass_spring.cloth.sums import make_sums_over_masses
+    from softlab.model.mass_spring.implicit_parameters import LANES, SEGMENT, TREE
 
     compiler = Compiler("test_sums", "exact")
     sums = make_sums_over_masses(compiler, np.float32)
@@ -225,7 +225,7 @@ def test_what_it_cannot_be_run_with_is_refused() -> None:
 
 def test_the_matrix_of_a_stretched_spring_is_the_forces_derivative() -> None:
     """And of a pressed one that with no stiffness across: a product along n is the same, one across is 0."""
-    from model.formulas import implicit as formulas
+    from softlab.model.formulas import implicit as formulas
 
     product = formulas.make(np.float64).product_3d
     d = np.array([0.3, -0.2, 0.6])  # 0.7 m

@@ -8,9 +8,9 @@ import numpy as np
 from cloth_solve import cloth
 from test_implicit import STIFF, method, stepped
 
-from bench.reference import implicit, mass_spring, xpbd
-from model.core.build import build
-from model.scene.scene import Scene
+from softlab.bench.reference import implicit, mass_spring, xpbd
+from softlab.model.core.build import build
+from softlab.model.scene.scene import Scene
 
 
 def taut() -> tuple[Scene, np.ndarray, np.ndarray]:

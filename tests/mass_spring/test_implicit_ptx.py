@@ -19,7 +19,7 @@ pytestmark = pytest.mark.usefixtures("ptx_compiler")
 def test_float32_holds_no_double_and_no_local_memory(parts, math) -> None:
     from numba import types
 
-    from gpu_backend.mass_spring.cloth.implicit import make_cloth_implicit
+    from softlab.gpu_backend.mass_spring.cloth.implicit import make_cloth_implicit
 
     quads, count = types.float32[::1], types.int64[::1]
     records = record_of(np.float32, "quads"), record_of(np.float32, "matrix")

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from cloth_scenes import cloth_scene
 
-from app.driver import open_simulation
-from bench.reference import cloth as reference_cloth
-from model.core.build import build
-from model.core.integrators import INTEGRATORS
-from model.core.simulation import State
-from model.scene.scene import Scene, load_scene
+from softlab.app.driver import open_simulation
+from softlab.bench.reference import cloth as reference_cloth
+from softlab.model.core.build import build
+from softlab.model.core.integrators import INTEGRATORS
+from softlab.model.core.simulation import State
+from softlab.model.scene.scene import Scene, load_scene
 
 pytestmark = pytest.mark.gpu
 STEPS = 300

@@ -21,15 +21,15 @@ import pytest
 from kernel_text import record_of
 from numba import types
 
-import cpu_backend.mass_spring.grid.rows as cpu_rows
-import cpu_backend.mass_spring.grid.solver as cpu_mass_spring
-from app.driver import open_simulation
-from cpu_backend.mass_spring.grid.kernels import make_advance
-from model.core import own_forces
-from model.core.integrators import INTEGRATORS
-from model.core.parameters import PARAMETERS
-from model.mass_spring.plan import mass_spring_plan
-from model.scene.scene import Scene, load_scene
+import softlab.cpu_backend.mass_spring.grid.rows as cpu_rows
+import softlab.cpu_backend.mass_spring.grid.solver as cpu_mass_spring
+from softlab.app.driver import open_simulation
+from softlab.cpu_backend.mass_spring.grid.kernels import make_advance
+from softlab.model.core import own_forces
+from softlab.model.core.integrators import INTEGRATORS
+from softlab.model.core.parameters import PARAMETERS
+from softlab.model.mass_spring.plan import mass_spring_plan
+from softlab.model.scene.scene import Scene, load_scene
 
 PRECISIONS = ["float32", "float64"]
 DROPS: dict[str, dict[str, Any]] = {

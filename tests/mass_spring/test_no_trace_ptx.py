@@ -17,8 +17,8 @@ import numpy as np
 import pytest
 from test_ptx import body, tile_kernel, tile_text
 
-from model.core.parameters import PARAMETERS
-from model.formulas import random
+from softlab.model.core.parameters import PARAMETERS
+from softlab.model.formulas import random
 
 # what each part, and each integrator, reads of the record
 PART_READS = {
@@ -72,7 +72,7 @@ def reads(text: str, kind: str, real: Any) -> set[str]:
 
 def passes(real: Any, integrator: str, parts: frozenset[str], anew: bool = False) -> dict[str, str]:
     """`anew`: of formulas as they are now, past the memory of kernels made before."""
-    from gpu_backend.mass_spring.grid.kernels import make_passes
+    from softlab.gpu_backend.mass_spring.grid.kernels import make_passes
 
     kernels = (make_passes.__wrapped__ if anew else make_passes)(real, "fast", integrator, parts)
     return {name: body(kernel, "pass", real, "fast") for name, kernel in kernels.items()}
@@ -135,7 +135,7 @@ def test_a_tile_reads_what_its_parts_need(rung: str, tile: str, real: Any) -> No
 
 @pytest.mark.parametrize("real", REALS)
 def test_the_stages_of_rk4_drop_damping_and_random_force(real: Any) -> None:
-    from gpu_backend.mass_spring.grid.kernels import make_rk4_stages
+    from softlab.gpu_backend.mass_spring.grid.kernels import make_rk4_stages
 
     for parts in (FULL, FULL - {"damping", "external"}):
         for kernel in make_rk4_stages(real, "fast", parts)[:2]:  # the last two differ in constants alone
@@ -153,8 +153,8 @@ def never_known(*_: Any) -> Any:
 @pytest.fixture
 def unknowing(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """The formulas of damping, random and manufactured force cannot be compiled."""
-    from gpu_backend.core import forces
-    from gpu_backend.mass_spring.grid import point
+    from softlab.gpu_backend.core import forces
+    from softlab.gpu_backend.mass_spring.grid import point
 
     made = (point.make_point_functions, point.make_moves, forces.make_own_force)
     compile_formulas = point.device_formulas

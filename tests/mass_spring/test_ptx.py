@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from kernel_text import entry_of, ptx_of, record_of
 
-from model.core.parameters import PARAMETERS
+from softlab.model.core.parameters import PARAMETERS
 
 pytestmark = pytest.mark.usefixtures("ptx_compiler")
 
@@ -35,7 +35,7 @@ PARTS = frozenset({"springs", "gravity", "damping", "pins", "external", "poke"})
 @pytest.mark.parametrize("math", ["fast", "exact"])
 @pytest.mark.parametrize("integrator", ["lab", "velocity-verlet", "semi-implicit-euler", "explicit-euler", "taylor"])
 def test_float32_passes_hold_no_double_and_spill_nothing(integrator: str, math: str) -> None:
-    from gpu_backend.mass_spring.grid.kernels import make_passes
+    from softlab.gpu_backend.mass_spring.grid.kernels import make_passes
 
     for kernel in make_passes(np.float32, math, integrator, PARTS).values():
         text = body(kernel, "pass", np.float32, math)
@@ -64,9 +64,9 @@ LAB_PARTS = frozenset({"springs", "gravity", "damping", "pins", "poke"})
 def tile_kernel(
     rung: str, real: Any, math: str, integrator: str, tile: str, cut: bool = True, parts: frozenset[str] = PARTS
 ) -> Any:
-    from gpu_backend.mass_spring.grid.choice import parsed_tile
-    from gpu_backend.mass_spring.grid.resident import make_resident
-    from gpu_backend.mass_spring.grid.tiles import make_tile_pass
+    from softlab.gpu_backend.mass_spring.grid.choice import parsed_tile
+    from softlab.gpu_backend.mass_spring.grid.resident import make_resident
+    from softlab.gpu_backend.mass_spring.grid.tiles import make_tile_pass
 
     variant = (real, math, integrator, parts, parsed_tile(tile), cut)
     return make_resident(*variant) if rung == "resident" else make_tile_pass(*variant, rung == "one-block")
@@ -122,7 +122,7 @@ def test_fast_float64_needs_no_branch_for_a_root() -> None:
 
 @pytest.mark.parametrize("math", ["fast", "exact"])
 def test_float32_stages_of_rk4_hold_no_double(math: str) -> None:
-    from gpu_backend.mass_spring.grid.kernels import make_rk4_stages
+    from softlab.gpu_backend.mass_spring.grid.kernels import make_rk4_stages
 
     for kernel in make_rk4_stages(np.float32, math, PARTS):
         assert ".f64" not in body(kernel, "rk4", np.float32, math)
@@ -131,7 +131,7 @@ def test_float32_stages_of_rk4_hold_no_double(math: str) -> None:
 @pytest.mark.parametrize("real", [np.float32, np.float64])
 def test_exact_math_contracts_nothing(real: Any) -> None:
     """No fused multiply-add, and roots and quotients rounded to nearest. (float64's are expanded later, by ptxas.)"""
-    from gpu_backend.mass_spring.grid.kernels import make_passes
+    from softlab.gpu_backend.mass_spring.grid.kernels import make_passes
 
     for kernel in make_passes(real, "exact", "velocity-verlet", PARTS).values():
         text = body(kernel, "pass", real, "exact")
@@ -140,7 +140,7 @@ def test_exact_math_contracts_nothing(real: Any) -> None:
 
 
 def test_fast_math_uses_the_reciprocal_root_and_keeps_the_subtraction() -> None:
-    from gpu_backend.mass_spring.grid.kernels import make_passes
+    from softlab.gpu_backend.mass_spring.grid.kernels import make_passes
 
     text = body(make_passes(np.float32, "fast", "lab", PARTS)["step"], "pass", np.float32, "fast")
     assert "rsqrt.approx" in text and "sqrt.rn" not in text
@@ -150,7 +150,7 @@ def test_fast_math_uses_the_reciprocal_root_and_keeps_the_subtraction() -> None:
 @pytest.mark.parametrize("real,word", [(np.float32, "f32"), (np.float64, "f64")])
 def test_both_axes_come_in_one_load(real: Any, word: str) -> None:
     """Four neighbours, the mass itself and its velocity: six loads of a pair; two stores. The rest are constants."""
-    from gpu_backend.mass_spring.grid.kernels import make_passes
+    from softlab.gpu_backend.mass_spring.grid.kernels import make_passes
 
     text = body(make_passes(real, "fast", "lab", frozenset({"springs"}))["step"], "pass", real, "fast")
     assert text.count(f"ld.global.v2.{word}") == 6
@@ -160,7 +160,7 @@ def test_both_axes_come_in_one_load(real: Any, word: str) -> None:
 
 def test_an_absent_part_leaves_no_instruction() -> None:
     """Without the random force there is no integer multiplication to 64 bits; without springs no root."""
-    from gpu_backend.mass_spring.grid.kernels import make_passes
+    from softlab.gpu_backend.mass_spring.grid.kernels import make_passes
 
     with_all = body(make_passes(np.float32, "fast", "lab", PARTS)["step"], "pass", np.float32, "fast")
     bare = body(make_passes(np.float32, "fast", "lab", frozenset())["step"], "pass", np.float32, "fast")
@@ -175,7 +175,7 @@ def test_an_absent_part_leaves_no_instruction() -> None:
 def test_alternating_springs_read_two_constants_more_and_equal_ones_do_not(real: Any, word: str, size: int) -> None:
     """Parity picks the place in the record that a spring's two constants are read from: four springs, no branch, still six
     loads of a pair; float32 stays float32, exact math stays uncontracted."""
-    from gpu_backend.mass_spring.grid.kernels import make_passes
+    from softlab.gpu_backend.mass_spring.grid.kernels import make_passes
 
     stiff, stiffness, stiff_rest, stiffness_rest = (
         PARAMETERS.index(name) * size for name in ("stiff", "stiffness", "stiff_rest", "stiffness_rest")
@@ -200,7 +200,7 @@ def test_the_arithmetic_rate_is_one_of_fused_multiply_adds(real: Any, word: str)
     """Nothing but fused products and sums in the loop, in registers, and in float32 no double."""
     from numba import types
 
-    from gpu_backend.core.arithmetic import NUMBERS, UNROLLED, make_chains
+    from softlab.gpu_backend.core.arithmetic import NUMBERS, UNROLLED, make_chains
 
     scalar = types.float32 if real is np.float32 else types.float64
     kernel = make_chains(real).py_func

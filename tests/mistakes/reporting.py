@@ -171,7 +171,7 @@ RESULTS: tuple[Mistake, ...] = (
 
 EXITS: tuple[Mistake, ...] = (
     *in_file(
-        "softlab.py", "test_exits.py",
+        "softlab/cli.py", "test_exits.py",
         {"a diverged run is done": ("if ended := result.diverged or result.incomplete:", "if ended := result.incomplete:"),
          "an incomplete run is done": ("if ended := result.diverged or result.incomplete:", "if ended := result.diverged:")},
     ),

@@ -19,7 +19,7 @@ from pathlib import Path
 from .mistake import ROOT, Mistake, path_of
 
 COPIED = (
-    "model", "cpu_backend", "gpu_backend", "app", "bench", "plots", "labbook", "tests", "docs", "softlab.py",
+    "model", "cpu_backend", "gpu_backend", "app", "bench", "plots", "labbook", "tests", "docs", "softlab", "setup.py",
     "pyproject.toml", "README.md",
 )  # fmt: skip
 NOTICED, SURVIVED, HANGS, NO_TEST = "noticed", "SURVIVED", "noticed (hangs)", "NO SUCH TEST"

@@ -7,20 +7,20 @@ from typing import Any, Self
 
 import numpy as np
 
-from app.render.detail import FINE
-from app.render.fluid.view import COLOURINGS as OF_FLUIDS
-from app.render.particle_colours import COLOURINGS as OF_BODIES
-from app.render.tetrahedra_view import COLOURINGS as OF_TETRAHEDRA
-from app.render.views import camera_of
-from app.window.demo import Demo
-from app.window.frame_times import FrameTimes
-from app.window.looks import Looks
-from app.window.panel import layout
-from app.window.panel.context import Context
-from app.window.panel.look import Look
-from app.window.panel.state import PanelState
-from app.window.shots import Shots
-from model.scene.scene import Scene
+from softlab.app.render.detail import FINE
+from softlab.app.render.fluid.view import COLOURINGS as OF_FLUIDS
+from softlab.app.render.particle_colours import COLOURINGS as OF_BODIES
+from softlab.app.render.tetrahedra_view import COLOURINGS as OF_TETRAHEDRA
+from softlab.app.render.views import camera_of
+from softlab.app.window.demo import Demo
+from softlab.app.window.frame_times import FrameTimes
+from softlab.app.window.looks import Looks
+from softlab.app.window.panel import layout
+from softlab.app.window.panel.context import Context
+from softlab.app.window.panel.look import Look
+from softlab.app.window.panel.state import PanelState
+from softlab.app.window.shots import Shots
+from softlab.model.scene.scene import Scene
 
 WIDTH, HEIGHT = 1200, 4000  # pixels: so high that nothing is scrolled out of sight
 

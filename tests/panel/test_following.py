@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from app.render.views import camera_of
-from app.window.following import Following
-from model.core.build import build
-from model.scene.scene import Scene, load_scene
+from softlab.app.render.views import camera_of
+from softlab.app.window.following import Following
+from softlab.model.core.build import build
+from softlab.model.scene.scene import Scene, load_scene
 
 
 def viewer_of(scene: Scene) -> Any:

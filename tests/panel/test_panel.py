@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.command.dear_imgui import REMEDY
-from app.window import keeping
-from app.window.panel import panel as panel_module
-from app.window.panel.look import DARK, Look
-from model.scene.scene import Scene, load_scene
+from softlab.app.command.dear_imgui import REMEDY
+from softlab.app.window import keeping
+from softlab.app.window.panel import panel as panel_module
+from softlab.app.window.panel.look import DARK, Look
+from softlab.model.scene.scene import Scene, load_scene
 
 pytest.importorskip("imgui_bundle", reason=f"the panel needs Dear ImGui: {REMEDY}")
 from panel_stage import Stage

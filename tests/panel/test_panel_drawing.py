@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from app.command.dear_imgui import REMEDY
-from app.output.offscreen import opengl_available, read_pixels
-from app.render.opengl import open_window
-from app.window.panel.look import DARK, LIGHT, Look, Theme
+from softlab.app.command.dear_imgui import REMEDY
+from softlab.app.output.offscreen import opengl_available, read_pixels
+from softlab.app.render.opengl import open_window
+from softlab.app.window.panel.look import DARK, LIGHT, Look, Theme
 
 
 @pytest.mark.parametrize("theme", [LIGHT, DARK], ids=["light", "dark"])
@@ -19,8 +19,8 @@ def test_a_frame_covers_its_column_and_nothing_else(theme: Theme) -> None:
         pytest.skip(told)
     from pyglet import gl
 
-    from app.window.panel.context import Context
-    from app.window.panel.drawing import Drawing
+    from softlab.app.window.panel.context import Context
+    from softlab.app.window.panel.drawing import Drawing
 
     window = open_window(True, 320, 200)
     context = Context(Look(theme, 1.0))

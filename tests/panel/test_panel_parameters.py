@@ -7,15 +7,15 @@ import math
 import numpy as np
 import pytest
 
-from app.window.live import live_fields, live_parts
-from app.window.materials import material_at
-from app.window.measures import Statistics
-from app.window.panel.history import LENGTH, History
-from app.window.panel.parameters import parameters_of, value_of
-from app.window.panel.sliders import rounded, share_of
-from model.core.options import LIVE_PATHS
-from model.scene.reader import catalogue
-from model.scene.scene import Scene, load_scene
+from softlab.app.window.live import live_fields, live_parts
+from softlab.app.window.materials import material_at
+from softlab.app.window.measures import Statistics
+from softlab.app.window.panel.history import LENGTH, History
+from softlab.app.window.panel.parameters import parameters_of, value_of
+from softlab.app.window.panel.sliders import rounded, share_of
+from softlab.model.core.options import LIVE_PATHS
+from softlab.model.scene.reader import catalogue
+from softlab.model.scene.scene import Scene, load_scene
 
 GRID = {"grid": {"rows": 2, "columns": 2}, "springs": {}, "damping": {}, "gravity": {}}
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from real_window import Window, display, needs_display  # noqa: F401
 
-from app.command.dear_imgui import REMEDY
+from softlab.app.command.dear_imgui import REMEDY
 
 
 @pytest.mark.display

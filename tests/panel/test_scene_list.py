@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from app.command.dear_imgui import REMEDY
-from app.window.panel.scene_list import matching, scene_entries
-from app.window.panes import check_alike, view_kind
-from model.core.errors import SceneError
-from model.scene.reader import catalogue
-from model.scene.scene import Scene, load_scene
+from softlab.app.command.dear_imgui import REMEDY
+from softlab.app.window.panel.scene_list import matching, scene_entries
+from softlab.app.window.panes import check_alike, view_kind
+from softlab.model.core.errors import SceneError
+from softlab.model.scene.reader import catalogue
+from softlab.model.scene.scene import Scene, load_scene
 
 GRID = {"grid": {"rows": 4, "columns": 4, "pinned": "top"}, "springs": {}, "gravity": {}, "method": {"dt": 0.01}}
 OWN = 'title = "My net"\n[grid]\nrows = 3\ncolumns = 5\n[springs]\n[gravity]\n'

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.window import shots as shots_module
-from app.window.demo import Demo
-from app.window.shots import Shots, free_path
-from model.scene.scene import Scene
+from softlab.app.window import shots as shots_module
+from softlab.app.window.demo import Demo
+from softlab.app.window.shots import Shots, free_path
+from softlab.model.scene.scene import Scene
 
 
 @pytest.fixture

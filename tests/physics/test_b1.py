@@ -9,16 +9,16 @@ import numba
 import numpy as np
 import pytest
 
-from app.driver import open_simulation
-from bench.reference import mass_spring as reference
-from model.core.energy import energies
-from model.core.errors import SceneError, UnstableTimeStep
-from model.core.families import stability_limit
-from model.core.integrators import INTEGRATORS, amplification_matrix, damping_rate, frequency_bound
-from model.core.stability.limit import MAX_MASSES, largest_frequency, scene_frequency, scene_net
-from model.mass_spring.energy import spring_ends, spring_stiffness
-from model.mass_spring.plan import mass_spring_plan
-from model.scene.scene import Scene, load_scene
+from softlab.app.driver import open_simulation
+from softlab.bench.reference import mass_spring as reference
+from softlab.model.core.energy import energies
+from softlab.model.core.errors import SceneError, UnstableTimeStep
+from softlab.model.core.families import stability_limit
+from softlab.model.core.integrators import INTEGRATORS, amplification_matrix, damping_rate, frequency_bound
+from softlab.model.core.stability.limit import MAX_MASSES, largest_frequency, scene_frequency, scene_net
+from softlab.model.mass_spring.energy import spring_ends, spring_stiffness
+from softlab.model.mass_spring.plan import mass_spring_plan
+from softlab.model.scene.scene import Scene, load_scene
 
 RATIO = 7.0
 EPSILON = {"float64": 2.0**-53, "float32": 2.0**-24}
@@ -224,7 +224,7 @@ def test_the_net_s_own_limit_is_the_edge(name, side):
 
 def test_the_gpu_s_chooser_takes_a_kernel_that_can(monkeypatch):
     pytest.importorskip("numba.cuda", reason="needs numba-cuda")
-    from gpu_backend.mass_spring.grid import choice
+    from softlab.gpu_backend.mass_spring.grid import choice
 
     monkeypatch.setattr(choice, "can_capture", lambda: True)
     kernel, tile, why = choice.default_kernel(uneven(), np.float32, choice.MEASURED_LIMITS)

@@ -7,16 +7,16 @@ from math import sqrt
 import numpy as np
 import pytest
 
-from bench.reference import mass_spring as reference
-from bench.stress.cases import CASES
-from bench.stress.experiment import case_scene
-from bench.stress.laws import hanging
-from model.core.errors import Diverged
-from model.core.families import stability_limit
-from model.core.integrators import INTEGRATORS
-from model.core.stability.diagnosis import CAUSES, Diagnosis, diagnose, refusal
-from model.core.stability.limit import frequency_lines, scene_frequency
-from model.scene.scene import Scene, load_scene
+from softlab.bench.reference import mass_spring as reference
+from softlab.bench.stress.cases import CASES
+from softlab.bench.stress.experiment import case_scene
+from softlab.bench.stress.laws import hanging
+from softlab.model.core.errors import Diverged
+from softlab.model.core.families import stability_limit
+from softlab.model.core.integrators import INTEGRATORS
+from softlab.model.core.stability.diagnosis import CAUSES, Diagnosis, diagnose, refusal
+from softlab.model.core.stability.limit import frequency_lines, scene_frequency
+from softlab.model.scene.scene import Scene, load_scene
 
 NAMES = list(INTEGRATORS)
 

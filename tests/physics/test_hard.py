@@ -11,26 +11,26 @@ import pytest
 from read_figures import LABELS
 from rich.console import Console
 
-import bench.stress.experiment as hard
-from bench.store.database import Store
-from bench.store.results import configuration, measures
-from bench.stress.case import FORCES, HardCase
-from bench.stress.cases import CASES
-from bench.stress.numbers import far_away
-from bench.stress.results import CODES, IN_FULL, disagreements, rounding_differences, rows_of
-from bench.stress.shapes import as_text
-from bench.stress.told import print_hard
-from bench.stress.trial import Check, SilentNaN, Trial
-from labbook.claims import hard as hard_claims
-from labbook.claims.claim import Claim
-from model.core.errors import Diverged, InputError, SceneError
-from model.core.families import stability_limit
-from model.core.simulation import State
-from model.scene.scene import load_scene
-from plots.core.data import Results
-from plots.core.read import load
-from plots.core.style import settings
-from plots.figures.hard import draw_states, draw_verdicts
+import softlab.bench.stress.experiment as hard
+from softlab.bench.store.database import Store
+from softlab.bench.store.results import configuration, measures
+from softlab.bench.stress.case import FORCES, HardCase
+from softlab.bench.stress.cases import CASES
+from softlab.bench.stress.numbers import far_away
+from softlab.bench.stress.results import CODES, IN_FULL, disagreements, rounding_differences, rows_of
+from softlab.bench.stress.shapes import as_text
+from softlab.bench.stress.told import print_hard
+from softlab.bench.stress.trial import Check, SilentNaN, Trial
+from softlab.labbook.claims import hard as hard_claims
+from softlab.labbook.claims.claim import Claim
+from softlab.model.core.errors import Diverged, InputError, SceneError
+from softlab.model.core.families import stability_limit
+from softlab.model.core.simulation import State
+from softlab.model.scene.scene import load_scene
+from softlab.plots.core.data import Results
+from softlab.plots.core.read import load
+from softlab.plots.core.style import settings
+from softlab.plots.figures.hard import draw_states, draw_verdicts
 
 OF_FORCES = [case for case in CASES if set(FORCES) <= set(case.methods)]
 

@@ -16,25 +16,25 @@ from read_figures import LABELS, labels
 from rich.console import Console
 from synthetic_store import CPU_RECORD, GPU_RECORD, Maker
 
-from bench.experiments.accuracy.methods import MATCHING
-from bench.experiments.body_scenes import AWAY
-from bench.store.database import Store
-from bench.store.results import measures
-from bench.stress.body_cases import BODY_CASES
-from bench.stress.cases import CASES
-from bench.stress.experiment import judge_case, run_hard
-from bench.stress.results import Told, disagreements, rows_of
-from bench.stress.shapes import bodies_as_text
-from bench.stress.told import print_hard
-from bench.stress.trial import Trial
-from labbook.build import build
-from labbook.claims import hard as hard_claims
-from labbook.claims import hard_bodies as hard_body_claims
-from model.core.simulation import Simulation, State
-from plots.core.data import Results
-from plots.core.read import load
-from plots.core.style import settings
-from plots.figures import hard, hard_bodies
+from softlab.bench.experiments.accuracy.methods import MATCHING
+from softlab.bench.experiments.body_scenes import AWAY
+from softlab.bench.store.database import Store
+from softlab.bench.store.results import measures
+from softlab.bench.stress.body_cases import BODY_CASES
+from softlab.bench.stress.cases import CASES
+from softlab.bench.stress.experiment import judge_case, run_hard
+from softlab.bench.stress.results import Told, disagreements, rows_of
+from softlab.bench.stress.shapes import bodies_as_text
+from softlab.bench.stress.told import print_hard
+from softlab.bench.stress.trial import Trial
+from softlab.labbook.build import build
+from softlab.labbook.claims import hard as hard_claims
+from softlab.labbook.claims import hard_bodies as hard_body_claims
+from softlab.model.core.simulation import Simulation, State
+from softlab.plots.core.data import Results
+from softlab.plots.core.read import load
+from softlab.plots.core.style import settings
+from softlab.plots.figures import hard, hard_bodies
 
 HOST: dict[str, Any] = {"threads": 1, "math": "exact", "live": LIVE}
 NAMES = {case.name: case for case in BODY_CASES}
@@ -132,7 +132,7 @@ def test_a_wrong_bound_is_a_failed_verdict() -> None:
 
 def test_they_are_listed_filtered_kept_and_drawn(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     """By row or by name, under their method alone; what is held is not run again."""
-    monkeypatch.setattr("bench.stress.experiment.judge_case", partial(judge_case, **HOST))
+    monkeypatch.setattr("softlab.bench.stress.experiment.judge_case", partial(judge_case, **HOST))
     how: dict[str, Any] = {"backends": ["cpu"], "precisions": ["float64"], "progress": False}
     with Store(tmp_path / "results.sqlite") as store:
         first = run_hard(store, cases=["b17 ball", "B20"], integrators=[MATCHING], **how)

@@ -6,21 +6,21 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bench.store.database import Store
-from bench.store.results import measures
-from bench.stress.case import HardCase
-from bench.stress.cases import CASES
-from bench.stress.cloth import ball_inside, fast_ball
-from bench.stress.experiment import Outcome, judge_case, run_hard
-from bench.stress.results import rows_of
-from bench.stress.shapes import as_text
-from bench.stress.trial import Trial
-from model.core.simulation import Simulation
-from model.scene.scene import Scene, load_scene
-from plots.core.data import Results
-from plots.core.read import load
-from plots.core.style import settings
-from plots.figures.hard import as_seen, draw_states
+from softlab.bench.store.database import Store
+from softlab.bench.store.results import measures
+from softlab.bench.stress.case import HardCase
+from softlab.bench.stress.cases import CASES
+from softlab.bench.stress.cloth import ball_inside, fast_ball
+from softlab.bench.stress.experiment import Outcome, judge_case, run_hard
+from softlab.bench.stress.results import rows_of
+from softlab.bench.stress.shapes import as_text
+from softlab.bench.stress.trial import Trial
+from softlab.model.core.simulation import Simulation
+from softlab.model.scene.scene import Scene, load_scene
+from softlab.plots.core.data import Results
+from softlab.plots.core.read import load
+from softlab.plots.core.style import settings
+from softlab.plots.figures.hard import as_seen, draw_states
 
 LAWS = {"hard/b16": fast_ball, "hard/b17": ball_inside}
 CLOTHS = [case for case in CASES if case.name in ("B16", "B17")]

@@ -7,15 +7,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bench.experiments.accuracy.methods import FLUIDS
-from bench.store.database import Store
-from bench.stress import fluid_cases, fluids
-from bench.stress.cases import CASES
-from bench.stress.experiment import case_scene, judge_case, run_hard
-from bench.stress.fluid_cases import FLUID_CASES, OUTRUN, PRESSED, SLOWED
-from bench.stress.trial import Check, Trial
-from model.core.simulation import State
-from model.fluid.parameters import speed_limit
+from softlab.bench.experiments.accuracy.methods import FLUIDS
+from softlab.bench.store.database import Store
+from softlab.bench.stress import fluid_cases, fluids
+from softlab.bench.stress.cases import CASES
+from softlab.bench.stress.experiment import case_scene, judge_case, run_hard
+from softlab.bench.stress.fluid_cases import FLUID_CASES, OUTRUN, PRESSED, SLOWED
+from softlab.bench.stress.trial import Check, Trial
+from softlab.model.core.simulation import State
+from softlab.model.fluid.parameters import speed_limit
 
 NAMES = {case.name: case for case in FLUID_CASES}
 HOST: dict[str, Any] = {"threads": 1, "math": "exact"}
@@ -158,7 +158,7 @@ def test_one_neighbour_that_is_not_told_is_seen() -> None:
 def test_verdicts_go_into_the_store_and_the_table(capsys: pytest.CaptureFixture[str]) -> None:
     from rich.console import Console
 
-    from bench.stress.told import print_hard
+    from softlab.bench.stress.told import print_hard
 
     with Store(":memory:") as store:
         how: dict[str, Any] = {"cases": ["F2", "F3 alone"], "integrators": FLUIDS[:1], "precisions": ["float64"]}

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from hard_rules import BOUNDS, ENDS, judged_anew, net_force
 
-from bench.stress.laws import hanging
-from bench.stress.trial import Check, Trial
-from model.scene.scene import load_scene
+from softlab.bench.stress.laws import hanging
+from softlab.bench.stress.trial import Check, Trial
+from softlab.model.scene.scene import load_scene
 
 SCENE = load_scene("hard/b5")
 

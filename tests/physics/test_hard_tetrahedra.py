@@ -8,18 +8,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bench.experiments.accuracy.methods import TETRAHEDRAL
-from bench.store.database import Store
-from bench.stress.cases import CASES
-from bench.stress.experiment import case_scene, judge_case, run_hard
-from bench.stress.results import HardRow, Told
-from bench.stress.tetrahedra import MOMENTUM, RATIO, SPIN, STORED, STRETCH, VOLUME, spin_kept
-from bench.stress.tetrahedral_cases import SWEPT, TETRAHEDRAL_CASES
-from bench.stress.trial import Trial
-from labbook.claims import hard_tetrahedra
-from model.core.errors import BackendUnavailable
-from model.core.simulation import State
-from plots.core.read import load
+from softlab.bench.experiments.accuracy.methods import TETRAHEDRAL
+from softlab.bench.store.database import Store
+from softlab.bench.stress.cases import CASES
+from softlab.bench.stress.experiment import case_scene, judge_case, run_hard
+from softlab.bench.stress.results import HardRow, Told
+from softlab.bench.stress.tetrahedra import MOMENTUM, RATIO, SPIN, STORED, STRETCH, VOLUME, spin_kept
+from softlab.bench.stress.tetrahedral_cases import SWEPT, TETRAHEDRAL_CASES
+from softlab.bench.stress.trial import Trial
+from softlab.labbook.claims import hard_tetrahedra
+from softlab.model.core.errors import BackendUnavailable
+from softlab.model.core.simulation import State
+from softlab.plots.core.read import load
 
 NAMES = {case.name: case for case in TETRAHEDRAL_CASES}
 HOST: dict[str, Any] = {"threads": 1, "math": "exact"}
@@ -101,7 +101,7 @@ def test_a_solver_that_a_backend_has_not_is_left_out(monkeypatch: pytest.MonkeyP
     def missing(*_: Any, **__: Any) -> None:
         raise BackendUnavailable("no kernels", "run it elsewhere")
 
-    monkeypatch.setattr("bench.stress.trial.open_simulation", missing)
+    monkeypatch.setattr("softlab.bench.stress.trial.open_simulation", missing)
     with Store(":memory:") as store:
         summary = run_hard(
             store, cases=["B23 bar"], integrators=["newton"], backends=["cpu"], progress=False, pictures=False
@@ -112,7 +112,7 @@ def test_a_solver_that_a_backend_has_not_is_left_out(monkeypatch: pytest.MonkeyP
 def test_verdicts_go_into_the_store_and_the_table(capsys: pytest.CaptureFixture[str]) -> None:
     from rich.console import Console
 
-    from bench.stress.told import print_hard
+    from softlab.bench.stress.told import print_hard
 
     with Store(":memory:") as store:
         how: dict[str, Any] = {

@@ -4,14 +4,14 @@ from dataclasses import replace
 
 import pytest
 
-import bench.stress.experiment as hard
-from bench.experiments.accuracy.methods import FLUIDS, MATCHING, METHODS, TETRAHEDRAL
-from bench.store.results import Measure, configuration
-from bench.stress.case import FORCES, POSITIONS, HardCase
-from bench.stress.cases import CASES
-from bench.stress.results import rows_of
-from bench.stress.told import table_of
-from model.scene.scene import load_scene
+import softlab.bench.stress.experiment as hard
+from softlab.bench.experiments.accuracy.methods import FLUIDS, MATCHING, METHODS, TETRAHEDRAL
+from softlab.bench.store.results import Measure, configuration
+from softlab.bench.stress.case import FORCES, POSITIONS, HardCase
+from softlab.bench.stress.cases import CASES
+from softlab.bench.stress.results import rows_of
+from softlab.bench.stress.told import table_of
+from softlab.model.scene.scene import load_scene
 
 MINE = [case for case in CASES if set(POSITIONS) <= set(case.methods)]
 NAMED = {case.name: case for case in CASES}

@@ -5,7 +5,7 @@ from math import sqrt
 import numpy as np
 import pytest
 
-from model.scene.scene import Scene, load_scene
+from softlab.model.scene.scene import Scene, load_scene
 
 LIVE = ("damping", "gravity")
 
@@ -121,7 +121,7 @@ def test_momentum_of_a_free_net(run, start_at, name, precision, kernel):
     of sum |m v| in float64 and 1e-5 in float32; lab divides rounded positions by dt: times ulp(p) / (dt v)."""
     scene = Scene({"grid": {"rows": 9, "columns": 7}, "springs": {}, "method": {"integrator": name, "dt": 0.005}})
     random = np.random.default_rng(2)
-    from model.core.build import rest_positions
+    from softlab.model.core.build import rest_positions
 
     position = rest_positions(scene.grid) + 0.1 * random.standard_normal((63, 2))
     velocity = random.standard_normal((63, 2))

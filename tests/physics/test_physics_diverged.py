@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from fake_cloth import FakeCloth
 
-from bench.reference import mass_spring as reference
-from model.core.build import build
-from model.core.errors import Diverged
-from model.core.stability.divergence import MAX_INTERVAL, MIN_INTERVAL, check_interval
-from model.scene.scene import Scene, load_scene
+from softlab.bench.reference import mass_spring as reference
+from softlab.model.core.build import build
+from softlab.model.core.errors import Diverged
+from softlab.model.core.stability.divergence import MAX_INTERVAL, MIN_INTERVAL, check_interval
+from softlab.model.scene.scene import Scene, load_scene
 
 FARTHEST = 1e6  # times a scene's size: what the lab promises to call diverged
 CHECK_INTERVAL = 256  # steps, set by hand where a test needs several looks in a short run

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from hard_rules import judged_anew
 
-from bench.stress.case import HardCase
-from bench.stress.cases import CASES
-from bench.stress.experiment import Outcome, case_scene, judge_case
-from bench.stress.laws import hanging
-from model.scene.scene import load_scene
+from softlab.bench.stress.case import HardCase
+from softlab.bench.stress.cases import CASES
+from softlab.bench.stress.experiment import Outcome, case_scene, judge_case
+from softlab.bench.stress.laws import hanging
+from softlab.model.scene.scene import load_scene
 
 LIVE = ("damping", "gravity")  # as in the other tests of physics, so that they share machine code
 NAMES = [case.name for case in CASES]

@@ -5,9 +5,9 @@ from math import cos, pi, sin, sqrt
 import numpy as np
 import pytest
 
-from bench.reference.mass_spring import rest
-from model.core.integrators import amplification_matrix
-from model.scene.scene import Scene
+from softlab.bench.reference.mass_spring import rest
+from softlab.model.core.integrators import amplification_matrix
+from softlab.model.scene.scene import Scene
 
 ROWS, COLUMNS, STRETCH, AMPLITUDE = 9, 13, 1.25, 1e-6
 

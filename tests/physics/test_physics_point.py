@@ -5,8 +5,8 @@ from math import acos, exp, sqrt
 import numpy as np
 import pytest
 
-from model.core.integrators import INTEGRATORS, amplification_matrix
-from model.scene.scene import Scene
+from softlab.model.core.integrators import INTEGRATORS, amplification_matrix
+from softlab.model.scene.scene import Scene
 
 NAMES = ["lab", "semi-implicit-euler", "velocity-verlet", "rk4"]
 TOLERANCE = {"float64": 1e-11, "float32": 2e-5}  # relative: 100 steps, each rounding y and v by eps / 2, several times

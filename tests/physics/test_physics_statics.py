@@ -5,8 +5,8 @@ from math import sqrt
 import numpy as np
 import pytest
 
-from bench.reference import mass_spring as reference
-from model.scene.scene import Scene
+from softlab.bench.reference import mass_spring as reference
+from softlab.model.scene.scene import Scene
 
 LIVE = ("damping", "gravity")
 SLOWEST = 2 * sqrt(1000) * np.sin(np.pi / 42)  # 1/s, of the ten-link chain: settling takes 1 / (gamma / 2) = 0.67 s
@@ -96,7 +96,7 @@ def test_two_corner_equilibrium(run, name):
     assert grid[9, 0] == pytest.approx((1.083774562154, -9.533558777033), abs=1e-8)
     assert grid[0, 4] == pytest.approx((3.921318596204, -2.733120766706), abs=1e-8)
     assert grid[9, 4, 1] == pytest.approx(-12.0851008037, abs=1e-8)
-    from model.core.energy import energies
+    from softlab.model.core.energy import energies
 
     found = energies(scene, state.position, state.velocity)
     assert found["potential"] == pytest.approx(-57.28101438151, abs=1e-9)

@@ -8,7 +8,7 @@ import json
 
 import numpy as np
 
-from model.core import own_forces
+from softlab.model.core import own_forces
 
 LEAN, STEPS, DT = 0.75, 6, 0.0078125  # m/s^2, and s: sums of products of these are exact
 
@@ -25,7 +25,7 @@ def lean(real, compiled, made, axes):
 
 def values(scene, poke, axes):
     """Forces are told over the unit of mass that a scene's solvers use, grid.mass; all particles here weigh the same."""
-    from model.core.build import build
+    from softlab.model.core.build import build
 
     return {"lean": LEAN / (float(build(scene).inverse_mass.max()) * scene.grid.mass)}
 
@@ -52,8 +52,8 @@ def main() -> None:
     )
     import quicker  # the simulator without what costs most of its time
 
-    from app.driver import open_simulation
-    from model.scene.scene import Scene
+    from softlab.app.driver import open_simulation
+    from softlab.model.scene.scene import Scene
 
     quicker.install()
 

@@ -10,12 +10,12 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from labbook.claims import accuracy as accuracy_claims
-from labbook.claims import claim as claims
-from labbook.claims import comparison as comparison_claims
-from labbook.claims.claim import Claim
-from plots.core.data import Results, is_wrong
-from plots.core.read import load
+from softlab.labbook.claims import accuracy as accuracy_claims
+from softlab.labbook.claims import claim as claims
+from softlab.labbook.claims import comparison as comparison_claims
+from softlab.labbook.claims.claim import Claim
+from softlab.plots.core.data import Results, is_wrong
+from softlab.plots.core.read import load
 
 
 @dataclass(frozen=True)

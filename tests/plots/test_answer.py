@@ -6,17 +6,17 @@ from dataclasses import replace
 
 from synthetic_store import CPU_RECORD, GPU_RECORD, Maker
 
-from bench.experiments.accuracy.experiment import STAGE
-from bench.experiments.accuracy.points import SUSPECT_NOTE, AccuracySummary
-from bench.store.database import Store
-from bench.store.results import configuration
-from labbook import words
-from labbook.answer import DASH, answer_tables
-from labbook.claims import accuracy, comparison
-from model.scene.scene import load_scene
-from plots.core.accuracy_points import points
-from plots.core.data import Results
-from plots.core.read import load
+from softlab.bench.experiments.accuracy.experiment import STAGE
+from softlab.bench.experiments.accuracy.points import SUSPECT_NOTE, AccuracySummary
+from softlab.bench.store.database import Store
+from softlab.bench.store.results import configuration
+from softlab.labbook import words
+from softlab.labbook.answer import DASH, answer_tables
+from softlab.labbook.claims import accuracy, comparison
+from softlab.model.scene.scene import load_scene
+from softlab.plots.core.accuracy_points import points
+from softlab.plots.core.data import Results
+from softlab.plots.core.read import load
 
 
 def made(record: dict, *runs: tuple[str, float, float, float | None, str]) -> Results:

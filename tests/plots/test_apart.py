@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from bench.store.results import Timing
-from plots.core.apart import apart, ratio_interval, too_few
+from softlab.bench.store.results import Timing
+from softlab.plots.core.apart import apart, ratio_interval, too_few
 
 
 def timed(*times: float, sessions: int = 1) -> Timing:

@@ -10,11 +10,11 @@ from read_figures import LABELS, labels
 from rich.console import Console
 from synthetic_store import GPU_RECORD, Maker
 
-from bench.experiments import bar_costs
-from bench.experiments.bar import FINEST, SOLVERS, SOME_LINKS, STRIP, SUBSTEPS, TETRAHEDRA
-from bench.experiments.bar_costs import COST, costs, groups, print_bar_costs, run_bar_costs, settings
-from bench.experiments.bar_rows import JELLY
-from bench.experiments.bar_strip import (
+from softlab.bench.experiments import bar_costs
+from softlab.bench.experiments.bar import FINEST, SOLVERS, SOME_LINKS, STRIP, SUBSTEPS, TETRAHEDRA
+from softlab.bench.experiments.bar_costs import COST, costs, groups, print_bar_costs, run_bar_costs, settings
+from softlab.bench.experiments.bar_rows import JELLY
+from softlab.bench.experiments.bar_strip import (
     FRAME,
     FREQUENCY,
     OPTIONS,
@@ -25,14 +25,14 @@ from bench.experiments.bar_strip import (
     rod_sag,
     strip,
 )
-from bench.measure.costs_timing import RATIO, SECONDS
-from bench.measure.experiment import described
-from bench.store.database import Store
-from bench.store.results import measures
-from labbook.claims.bar_costs import CLAIMS
-from plots.core.read import load
-from plots.core.style import settings as drawing_settings
-from plots.figures.bar_costs import draw
+from softlab.bench.measure.costs_timing import RATIO, SECONDS
+from softlab.bench.measure.experiment import described
+from softlab.bench.store.database import Store
+from softlab.bench.store.results import measures
+from softlab.labbook.claims.bar_costs import CLAIMS
+from softlab.plots.core.read import load
+from softlab.plots.core.style import settings as drawing_settings
+from softlab.plots.figures.bar_costs import draw
 
 
 def test_every_method_is_timed_at_every_number_of_substeps() -> None:
@@ -53,7 +53,7 @@ def test_they_are_really_timed(monkeypatch: pytest.MonkeyPatch) -> None:
         for name, substeps in (("xpbd", 2), ("mass-spring", 16), ("mass-spring", 1))
     ]
     monkeypatch.setattr(bar_costs, "settings", lambda quick=False: iter(ways))
-    monkeypatch.setattr("bench.measure.costs_timing.QUICK", bar_costs.Effort(2, 1e-3, 0.01))
+    monkeypatch.setattr("softlab.bench.measure.costs_timing.QUICK", bar_costs.Effort(2, 1e-3, 0.01))
     with Store(":memory:") as store:
         for held in (0, 1):
             summary = run_bar_costs(store, quick=True, backends=["cpu"], progress=False)

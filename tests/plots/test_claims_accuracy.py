@@ -11,13 +11,13 @@ from synthetic_store import (
     Maker,
 )  # fmt: skip
 
-from bench.experiments.findings import experiment as findings
-from bench.store.database import Store
-from labbook.claims import accuracy as accuracy_claims
-from labbook.claims import findings as findings_claims
-from model.scene.scene import load_scene
-from plots.core.accuracy_points import Point
-from plots.core.read import load
+from softlab.bench.experiments.findings import experiment as findings
+from softlab.bench.store.database import Store
+from softlab.labbook.claims import accuracy as accuracy_claims
+from softlab.labbook.claims import findings as findings_claims
+from softlab.model.scene.scene import load_scene
+from softlab.plots.core.accuracy_points import Point
+from softlab.plots.core.read import load
 
 
 def accurate(**errors: tuple[float, float, str, str]) -> Any:

@@ -20,14 +20,14 @@ from synthetic_store import (
     kernel_seconds,
 )  # fmt: skip
 
-from bench.store.database import Store
-from bench.stress.results import HardRow
-from labbook.build import CLAIMS
-from labbook.claims import comparison as comparison_claims
-from labbook.claims import hard as hard_claims
-from labbook.claims.claim import Claim
-from plots.core.data import Results, is_wrong
-from plots.core.read import load
+from softlab.bench.store.database import Store
+from softlab.bench.stress.results import HardRow
+from softlab.labbook.build import CLAIMS
+from softlab.labbook.claims import comparison as comparison_claims
+from softlab.labbook.claims import hard as hard_claims
+from softlab.labbook.claims.claim import Claim
+from softlab.plots.core.data import Results, is_wrong
+from softlab.plots.core.read import load
 
 LARGEST = 4096 * 4096
 WIDE = {"backend": "cpu", "layer": "omp", "wait_policy": "passive"}

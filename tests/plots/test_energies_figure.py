@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from model.core.energy import energies
-from model.core.errors import InputError
-from model.scene.scene import load_scene
-from plots.figures.energies import draw_energies, read_energies
+from softlab.model.core.energy import energies
+from softlab.model.core.errors import InputError
+from softlab.model.scene.scene import load_scene
+from softlab.plots.figures.energies import draw_energies, read_energies
 
 # ---------------------------------------------------------------------- energies
 
@@ -20,7 +20,7 @@ def trajectory(tmp_path: Path) -> Path:
     scene = load_scene("lab-grid").replace(
         {"grid.rows": 3, "grid.columns": 4, "grid.pinned": "none", "method.integrator": "velocity-verlet"}
     )
-    from model.core.build import rest_positions
+    from softlab.model.core.build import rest_positions
 
     time = np.linspace(0, 1, 5)
     position = np.repeat(rest_positions(scene.grid)[None], 5, axis=0)

@@ -23,16 +23,16 @@ from synthetic_store import (
     kernel_seconds,
 )  # fmt: skip
 
-from bench.experiments.findings import experiment as findings
-from bench.store.database import Store
-from model.core.families import stability_limit
-from model.core.integrators import INTEGRATORS
-from model.scene.scene import load_scene
-from plots.core.data import Results
-from plots.core.draw import FIGURES, TITLES
-from plots.core.read import load
-from plots.core.style import settings
-from plots.figures.energies import EnergyRecord, energy_drawing
+from softlab.bench.experiments.findings import experiment as findings
+from softlab.bench.store.database import Store
+from softlab.model.core.families import stability_limit
+from softlab.model.core.integrators import INTEGRATORS
+from softlab.model.scene.scene import load_scene
+from softlab.plots.core.data import Results
+from softlab.plots.core.draw import FIGURES, TITLES
+from softlab.plots.core.read import load
+from softlab.plots.core.style import settings
+from softlab.plots.figures.energies import EnergyRecord, energy_drawing
 
 ELSEWHERE = {  # figure -> the file whose test holds its labels to the table
     "findings-determinism": "test_findings_costs.py",

@@ -12,18 +12,18 @@ import pytest
 from PIL import Image
 from synthetic_store import CPU_RECORD, GPU_RECORD, STEPS, Maker, cpu_store, gpu_store
 
-from bench.store.database import Store
-from bench.store.transfer import export
-from model.core.errors import InputError
-from plots.core import bandwidth, pairs
-from plots.core.accuracy_points import observed_order, order_points, points, reaching
-from plots.core.colours import BLACK, GREY
-from plots.core.data import Results, is_suspect, is_wrong
-from plots.core.draw import FIGURES, TITLES, draw_figures, figures_folder
-from plots.core.read import load
-from plots.core.style import settings
-from plots.figures import crossover, time_per_step, work_precision
-from plots.figures.scaling.threads import baseline
+from softlab.bench.store.database import Store
+from softlab.bench.store.transfer import export
+from softlab.model.core.errors import InputError
+from softlab.plots.core import bandwidth, pairs
+from softlab.plots.core.accuracy_points import observed_order, order_points, points, reaching
+from softlab.plots.core.colours import BLACK, GREY
+from softlab.plots.core.data import Results, is_suspect, is_wrong
+from softlab.plots.core.draw import FIGURES, TITLES, draw_figures, figures_folder
+from softlab.plots.core.read import load
+from softlab.plots.core.style import settings
+from softlab.plots.figures import crossover, time_per_step, work_precision
+from softlab.plots.figures.scaling.threads import baseline
 
 # What the made-up stores hold. The others are drawn by test_hard.py, test_findings.py, test_ablate.py, test_bar.py,
 # test_throughput.py, test_fluid_figures.py, test_gpu_figure.py.
@@ -95,7 +95,7 @@ def test_figures_are_files_of_vectors_and_of_pixels(
 
 def test_equal_results_give_equal_bytes(cpu: Store, tmp_path: Path) -> None:
     with settings():
-        from plots.core.files import save
+        from softlab.plots.core.files import save
 
         for name in ("a", "b"):
             (tmp_path / name).mkdir()

@@ -15,22 +15,31 @@ import pytest
 from PIL import Image
 from synthetic_store import CPU_RECORD, GPU_RECORD, Maker
 
-from app.output import voice
-from app.output.offscreen import opengl_available
-from app.output.video import ffmpeg_path
-from bench.store.database import Store
-from labbook.build import CLAIMS
-from labbook.film import film, race, stills
-from labbook.film.canvas import CAPTION_LINES, FULL, QUICK, READABLE, Area, Format, Stage, divided
-from labbook.film.film import Lengths, write_film
-from labbook.film.race import races, thinned
-from labbook.film.script import script
-from labbook.film.sound import breaths
-from labbook.film.timeline import Line, Shot, caption_at, fitted, reading_seconds, shot_seconds, subtitles, timeline
-from model.core.errors import InputError
-from model.scene.scene import load_scene
-from plots.core.data import Results
-from plots.core.read import load
+from softlab.app.output import voice
+from softlab.app.output.offscreen import opengl_available
+from softlab.app.output.video import ffmpeg_path
+from softlab.bench.store.database import Store
+from softlab.labbook.build import CLAIMS
+from softlab.labbook.film import film, race, stills
+from softlab.labbook.film.canvas import CAPTION_LINES, FULL, QUICK, READABLE, Area, Format, Stage, divided
+from softlab.labbook.film.film import Lengths, write_film
+from softlab.labbook.film.race import races, thinned
+from softlab.labbook.film.script import script
+from softlab.labbook.film.sound import breaths
+from softlab.labbook.film.timeline import (
+    Line,
+    Shot,
+    caption_at,
+    fitted,
+    reading_seconds,
+    shot_seconds,
+    subtitles,
+    timeline,
+)
+from softlab.model.core.errors import InputError
+from softlab.model.scene.scene import load_scene
+from softlab.plots.core.data import Results
+from softlab.plots.core.read import load
 
 TINY = Format(160, 90, 5, 2.0, 60.0, 16**2, everything=False, rank=0, curtain=3)
 RATE = 8000  # 1/s
@@ -263,7 +272,7 @@ def test_the_formats_are_ones_that_a_film_can_have() -> None:
 
 
 def test_the_doctor_tells_of_the_voice(monkeypatch: pytest.MonkeyPatch) -> None:
-    from app.command.doctor import _voice
+    from softlab.app.command.doctor import _voice
 
     def available(answer: Any) -> None:
         monkeypatch.setattr(voice, "voice_available", lambda: answer)

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from test_film import RATE
 
-from app.output import voice
-from labbook import words
-from labbook.film.sound import LOUDNESS, levelled, spoken
+from softlab.app.output import voice
+from softlab.labbook import words
+from softlab.labbook.film.sound import LOUDNESS, levelled, spoken
 
 # ---------------------------------------------------------------------- who speaks
 

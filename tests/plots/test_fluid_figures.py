@@ -6,11 +6,11 @@ import pytest
 from read_figures import LABELS, labels
 from synthetic_store import GPU_RECORD, Maker
 
-from bench.experiments import fluid_rest
-from bench.experiments.fluid_truth import laws
-from bench.experiments.fluid_truth.experiment import PEERS, Way
-from bench.experiments.fluid_truth.laws import start_off
-from bench.experiments.fluid_truth.scenes import (
+from softlab.bench.experiments import fluid_rest
+from softlab.bench.experiments.fluid_truth import laws
+from softlab.bench.experiments.fluid_truth.experiment import PEERS, Way
+from softlab.bench.experiments.fluid_truth.laws import start_off
+from softlab.bench.experiments.fluid_truth.scenes import (
     COLUMN,
     DAM,
     DAM_EFFORTS,
@@ -22,7 +22,7 @@ from bench.experiments.fluid_truth.scenes import (
     Setting,
     settings,
 )
-from bench.experiments.fluids import (
+from softlab.bench.experiments.fluids import (
     FRAME,
     PHASES,
     RATE,
@@ -33,15 +33,15 @@ from bench.experiments.fluids import (
     phase_name,
     pool,
 )
-from bench.measure.case_timing import make_case
-from bench.measure.costs_timing import SECONDS
-from bench.store.database import Store
-from labbook.claims.fluids import CLAIMS
-from model.fluid.plan import neighbours_at_rest
-from plots.core.data import Results
-from plots.core.read import load
-from plots.core.style import settings as drawing_settings
-from plots.figures.fluids import phases, rest, truth
+from softlab.bench.measure.case_timing import make_case
+from softlab.bench.measure.costs_timing import SECONDS
+from softlab.bench.store.database import Store
+from softlab.labbook.claims.fluids import CLAIMS
+from softlab.model.fluid.plan import neighbours_at_rest
+from softlab.plots.core.data import Results
+from softlab.plots.core.read import load
+from softlab.plots.core.style import settings as drawing_settings
+from softlab.plots.figures.fluids import phases, rest, truth
 
 TAKEN = 1e-9  # s a particle of the first stage, twice that of the second ...
 

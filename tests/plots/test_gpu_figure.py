@@ -11,15 +11,15 @@ import pytest
 from read_figures import LABELS, labels
 from synthetic_store import GPU_RECORD
 
-from bench.experiments.scaling.experiment import DIFFERENCE, JOULES, RATES, shared_case, sheet_of
-from bench.store.database import Store
-from bench.store.transfer import load_text
-from labbook.build import committed_data
-from labbook.claims.gpus import CLAIMS
-from plots.core.data import Results
-from plots.core.read import load
-from plots.core.style import settings
-from plots.figures.scaling import gpus as figure
+from softlab.bench.experiments.scaling.experiment import DIFFERENCE, JOULES, RATES, shared_case, sheet_of
+from softlab.bench.store.database import Store
+from softlab.bench.store.transfer import load_text
+from softlab.labbook.build import committed_data
+from softlab.labbook.claims.gpus import CLAIMS
+from softlab.plots.core.data import Results
+from softlab.plots.core.read import load
+from softlab.plots.core.style import settings
+from softlab.plots.figures.scaling import gpus as figure
 
 STEPS = {  # scene, rows, columns, GPUs, link -> seconds of a step
     ("grid", 2048, 2048, 1, "flags"): 16e-6,
@@ -36,7 +36,7 @@ STEPS = {  # scene, rows, columns, GPUs, link -> seconds of a step
 def results(tmp_path_factory: pytest.TempPathFactory) -> Results:
     """A machine with two GPUs, each of which takes 100 W."""
     with pytest.MonkeyPatch.context() as patch, Store(tmp_path_factory.mktemp("gpus") / "made.sqlite") as store:
-        patch.setattr("gpu_backend.domains.devices.devices_for", lambda count: list(range(count)))
+        patch.setattr("softlab.gpu_backend.domains.devices.devices_for", lambda count: list(range(count)))
         store.add_machine("two", "Made-up machine; 2 x Made-up GPU", GPU_RECORD | {"gpu_count": 2})
         run = store.start_run("two", "softlab sweep --gpus 2", None)
         for (scene, rows, columns, count, link), step in STEPS.items():

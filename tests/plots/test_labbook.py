@@ -16,11 +16,11 @@ from hand_written import HAND_WRITTEN, failures
 from matplotlib.image import imread
 from synthetic_store import CPU_RECORD, GPU_RECORD, SIZES, Maker, cpu_store, gpu_store
 
-from bench.store.database import Store
-from bench.store.results import open_readonly
-from bench.store.transfer import export
-from labbook import words
-from labbook.build import (
+from softlab.bench.store.database import Store
+from softlab.bench.store.results import open_readonly
+from softlab.bench.store.transfer import export
+from softlab.labbook import words
+from softlab.labbook.build import (
     CHAPTERS,
     CLAIMS,
     ENTRIES,
@@ -32,13 +32,13 @@ from labbook.build import (
     notices,
     write_sources,
 )
-from labbook.claims import accuracy as accuracy_claims
-from labbook.claims import claim as claims
-from labbook.claims import comparison as comparison_claims
-from labbook.facts import constant, facts
-from model.core.errors import InputError
-from plots.core.data import Results
-from plots.core.read import load
+from softlab.labbook.claims import accuracy as accuracy_claims
+from softlab.labbook.claims import claim as claims
+from softlab.labbook.claims import comparison as comparison_claims
+from softlab.labbook.facts import constant, facts
+from softlab.model.core.errors import InputError
+from softlab.plots.core.data import Results
+from softlab.plots.core.read import load
 
 
 @pytest.fixture(scope="module")
@@ -266,7 +266,7 @@ def test_no_number_is_typed_by_hand() -> None:
 
 
 def test_every_name_in_the_entries_is_known(variants: dict[str, Results]) -> None:
-    from plots.core.draw import FIGURES
+    from softlab.plots.core.draw import FIGURES
 
     data = book_data(variants["cpu alone"])
     known = {"fact": data["facts"], "claim": data["claims"], "fig": FIGURES, "sheets": data["tables"]}
@@ -342,10 +342,10 @@ def test_an_earlier_book_survives_a_failure(folder: Path, tmp_path: Path, monkey
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("model.core.files.os.replace", full)
-    monkeypatch.setattr("labbook.build.draw_figures", lambda *_, **__: [])
+    monkeypatch.setattr("softlab.model.core.files.os.replace", full)
+    monkeypatch.setattr("softlab.labbook.build.draw_figures", lambda *_, **__: [])
     monkeypatch.setattr(
-        "labbook.build.write_sources", lambda _, folder, *__: (folder / "labbook.typ").write_text("short")
+        "softlab.labbook.build.write_sources", lambda _, folder, *__: (folder / "labbook.typ").write_text("short")
     )
     with pytest.raises(InputError, match="No space left"):
         build(folder / "cpu.csv", out, [])

@@ -16,18 +16,18 @@ from synthetic_store import (
     kernel_seconds,
 )
 
-from bench.store.database import Store
-from labbook import tables as book_tables
-from labbook.claims import kernels as kernel_claims
-from labbook.rungs import rung as ladder_rung
-from labbook.rungs import rung_tables
-from model.mass_spring.plan import mass_spring_plan
-from model.scene.scene import load_scene
-from plots.core.data import Results
-from plots.core.ladder import defaults, fastest, in_order, machine_of, rung
-from plots.core.read import load
-from plots.core.style import settings
-from plots.figures import joules, kernels, roofline
+from softlab.bench.store.database import Store
+from softlab.labbook import tables as book_tables
+from softlab.labbook.claims import kernels as kernel_claims
+from softlab.labbook.rungs import rung as ladder_rung
+from softlab.labbook.rungs import rung_tables
+from softlab.model.mass_spring.plan import mass_spring_plan
+from softlab.model.scene.scene import load_scene
+from softlab.plots.core.data import Results
+from softlab.plots.core.ladder import defaults, fastest, in_order, machine_of, rung
+from softlab.plots.core.read import load
+from softlab.plots.core.style import settings
+from softlab.plots.figures import joules, kernels, roofline
 
 
 @pytest.fixture(scope="module")

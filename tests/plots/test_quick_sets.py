@@ -12,27 +12,27 @@ from typing import Any
 import pytest
 from synthetic_store import CPU_RECORD, GPU_RECORD, Maker, cpu_store, gpu_store
 
-from bench.experiments.accuracy.methods import XPBD
-from bench.experiments.bar_costs import Cost
-from bench.experiments.tetrahedral.bars import Bar
-from bench.store.database import Store
-from bench.store.results import Measure
-from bench.store.transfer import export
-from bench.stress.results import HardRow
-from labbook import build
-from labbook.answer import answer_tables
-from labbook.build import FOLDER, told
-from labbook.claims import bar_costs, tetrahedra
-from labbook.claims.claim import Claim
-from labbook.claims.hard import compare_backends
-from labbook.tables import machine_table
-from model.scene.scene import load_scene
-from plots.core.data import Results, Source, judgements
-from plots.core.read import load
-from plots.core.style import Drawing, new_figure, settings
-from plots.figures import bar_costs as bar_costs_figure
-from plots.figures import convergence
-from plots.figures.convergence import Converging
+from softlab.bench.experiments.accuracy.methods import XPBD
+from softlab.bench.experiments.bar_costs import Cost
+from softlab.bench.experiments.tetrahedral.bars import Bar
+from softlab.bench.store.database import Store
+from softlab.bench.store.results import Measure
+from softlab.bench.store.transfer import export
+from softlab.bench.stress.results import HardRow
+from softlab.labbook import build
+from softlab.labbook.answer import answer_tables
+from softlab.labbook.build import FOLDER, told
+from softlab.labbook.claims import bar_costs, tetrahedra
+from softlab.labbook.claims.claim import Claim
+from softlab.labbook.claims.hard import compare_backends
+from softlab.labbook.tables import machine_table
+from softlab.model.scene.scene import load_scene
+from softlab.plots.core.data import Results, Source, judgements
+from softlab.plots.core.read import load
+from softlab.plots.core.style import Drawing, new_figure, settings
+from softlab.plots.figures import bar_costs as bar_costs_figure
+from softlab.plots.figures import convergence
+from softlab.plots.figures.convergence import Converging
 
 
 @cache

@@ -8,20 +8,20 @@ from typing import Any
 
 import pytest
 
-from bench.experiments import projections, throughput
-from bench.experiments.projections import sheet
-from bench.experiments.scaling import experiment as scaling
-from bench.experiments.stability import points as stability_points
-from bench.experiments.throughput import bodies, cube, heap, jelly
-from labbook.build import book_data, committed_data
-from model.scene.scene import Scene, load_scene
-from model.shape_matching import body_set
-from plots.core import accuracy_points
-from plots.core.data import Results
-from plots.core.draw import FIGURES
-from plots.core.read import load
-from plots.core.style import settings
-from plots.figures import roofline
+from softlab.bench.experiments import projections, throughput
+from softlab.bench.experiments.projections import sheet
+from softlab.bench.experiments.scaling import experiment as scaling
+from softlab.bench.experiments.stability import points as stability_points
+from softlab.bench.experiments.throughput import bodies, cube, heap, jelly
+from softlab.labbook.build import book_data, committed_data
+from softlab.model.scene.scene import Scene, load_scene
+from softlab.model.shape_matching import body_set
+from softlab.plots.core import accuracy_points
+from softlab.plots.core.data import Results
+from softlab.plots.core.draw import FIGURES
+from softlab.plots.core.read import load
+from softlab.plots.core.style import settings
+from softlab.plots.figures import roofline
 
 
 def refuse(*_: Any, **__: Any) -> None:
@@ -56,7 +56,7 @@ def test_points_are_read_without_building_a_scene(
 
 def test_neither_figures_nor_sentences_make_a_body(committed: Results, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(body_set, "make_body_set", refuse)
-    monkeypatch.setattr("model.scene.scene_parts.make_body_set", refuse)
+    monkeypatch.setattr("softlab.model.scene.scene_parts.make_body_set", refuse)
     assert book_data(committed)["claims"]
     with settings():
         for name, draw in FIGURES.items():

@@ -15,19 +15,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bench.experiments.accuracy.equal_error import equal_error
-from bench.store.database import Store
-from bench.store.schema import canonical
-from bench.store.transfer import load_text
-from labbook import words
-from labbook.answer import answer_tables
-from labbook.build import CLAIMS, book_data, committed_data
-from labbook.claims.claim import Claim
-from labbook.tables import DASH
-from model.scene.scene import load_scene
-from plots.core.data import Results
-from plots.core.read import load
-from plots.figures import regimes
+from softlab.bench.experiments.accuracy.equal_error import equal_error
+from softlab.bench.store.database import Store
+from softlab.bench.store.schema import canonical
+from softlab.bench.store.transfer import load_text
+from softlab.labbook import words
+from softlab.labbook.answer import answer_tables
+from softlab.labbook.build import CLAIMS, book_data, committed_data
+from softlab.labbook.claims.claim import Claim
+from softlab.labbook.tables import DASH
+from softlab.model.scene.scene import load_scene
+from softlab.plots.core.data import Results
+from softlab.plots.core.read import load
+from softlab.plots.figures import regimes
 
 SPREAD = 0.1
 WITH_GPU = [path for path in committed_data() if "h200" in path.name]

@@ -6,10 +6,10 @@ import pytest
 from read_figures import LABELS, labels, line
 from synthetic_store import cpu_store
 
-from plots.core.accuracy_points import Point
-from plots.core.read import load
-from plots.core.style import Drawing, settings
-from plots.figures import regimes
+from softlab.plots.core.accuracy_points import Point
+from softlab.plots.core.read import load
+from softlab.plots.core.style import Drawing, settings
+from softlab.plots.figures import regimes
 
 
 def run(scene: str, integrator: str, dt: float, backend: str, error: float, seconds: float | None) -> Point:

@@ -11,13 +11,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bench.store.database import Store
-from bench.store.results import Timing, configuration, machines, measures, open_readonly, timings
-from bench.store.schema import TABLES, canonical, configuration_hash
-from bench.store.text import flatten, unflatten
-from bench.store.transfer import export, load_text, merge
-from model.core.errors import InputError
-from model.scene.scene import Scene, load_scene
+from softlab.bench.store.database import Store
+from softlab.bench.store.results import Timing, configuration, machines, measures, open_readonly, timings
+from softlab.bench.store.schema import TABLES, canonical, configuration_hash
+from softlab.bench.store.text import flatten, unflatten
+from softlab.bench.store.transfer import export, load_text, merge
+from softlab.model.core.errors import InputError
+from softlab.model.scene.scene import Scene, load_scene
 
 RECORD = {"cpu": "Some CPU", "cores": 2, "caches": {"L2": 1 << 20}, "gpu": None, "copy_bandwidth": 2.0e10 / 3}
 

@@ -7,13 +7,13 @@ from dataclasses import replace
 import pytest
 from synthetic_store import CPU_RECORD, Maker, cpu_store, gpu_store
 
-from bench.store.database import Store
-from labbook.claims import stability as stability_claims
-from model.core.integrators import INTEGRATORS
-from plots.core.data import Results
-from plots.core.read import load
-from plots.core.style import settings
-from plots.figures import stability
+from softlab.bench.store.database import Store
+from softlab.labbook.claims import stability as stability_claims
+from softlab.model.core.integrators import INTEGRATORS
+from softlab.plots.core.data import Results
+from softlab.plots.core.read import load
+from softlab.plots.core.style import settings
+from softlab.plots.figures import stability
 
 
 @pytest.fixture(scope="module")

@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 from test_results import content, filled
 
-from bench.store.database import Store
-from bench.store.results import open_readonly, timings
-from bench.store.schema import SCHEMA_VERSION
-from bench.store.transfer import export, merge
-from model.core.errors import InputError
+from softlab.bench.store.database import Store
+from softlab.bench.store.results import open_readonly, timings
+from softlab.bench.store.schema import SCHEMA_VERSION
+from softlab.bench.store.transfer import export, merge
+from softlab.model.core.errors import InputError
 
 # ---------------------------------------------------------------------- what may be wrong with a file
 

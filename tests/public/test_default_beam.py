@@ -7,8 +7,8 @@ import re
 import numpy as np
 import pytest
 
-from app.command.run_parts import body_lines, built_report
-from model.scene.scene import Scene
+from softlab.app.command.run_parts import body_lines, built_report
+from softlab.model.scene.scene import Scene
 
 BEAM = {"kind": "tetrahedral_body", "shape": {"name": "beam"}}
 BALL = {"kind": "tetrahedral_body", "shape": {"name": "ball", "resolution": 12}, "voxels": 5, "origin": [3.0, 0.0, 0.0]}

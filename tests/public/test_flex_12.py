@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.driver import open_simulation
-from model.core.simulation import State
-from model.scene.scene import Scene
+from softlab.app.driver import open_simulation
+from softlab.model.core.simulation import State
+from softlab.model.scene.scene import Scene
 
 FRAME = 1 / 60
 L, AB = {"name": "letters", "text": "L"}, {"name": "letters", "text": "AB"}

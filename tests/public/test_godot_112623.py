@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.command.run import Request, run_scene
-from app.driver import open_simulation
-from model.core.errors import Diverged
-from model.core.simulation import State
-from model.core.stability.resolution import resolution_line
-from model.scene.reader import catalogue
-from model.scene.scene import Scene, load_scene
+from softlab.app.command.run import Request, run_scene
+from softlab.app.driver import open_simulation
+from softlab.model.core.errors import Diverged
+from softlab.model.core.simulation import State
+from softlab.model.core.stability.resolution import resolution_line
+from softlab.model.scene.reader import catalogue
+from softlab.model.scene.scene import Scene, load_scene
 
 BOX = {"kind": "tetrahedral_body", "shape": {"name": "box", "sides": [1.0, 1.0, 1.0]}, "edge": 0.5}
 LUMP = {"shape": {"name": "box", "sides": [0.2, 0.2, 0.2]}, "particle_spacing": 0.1}

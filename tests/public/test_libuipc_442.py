@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from app.driver import open_simulation
-from model.formulas.elastic import friction
-from model.scene.scene import Scene
+from softlab.app.driver import open_simulation
+from softlab.model.formulas.elastic import friction
+from softlab.model.scene.scene import Scene
 
 
 def dropped(factor: float, iterations: int) -> np.ndarray:

@@ -9,17 +9,17 @@ import numpy as np
 import pytest
 from closed_meshes import area_of, ball, box, volume_of
 
-from model.core import waiting
-from model.core.build import masses
-from model.core.errors import InputError, SceneError
-from model.geometry.formats import source
-from model.geometry.formats.polygons import ears, triangulated
-from model.geometry.measures import triangle_areas
-from model.geometry.mesh import read_mesh, triangle_mesh
-from model.geometry.mesh_files import FORMATS, read_arrays
-from model.geometry.tetrahedra.files import holds_tetrahedra, read_tetrahedra
-from model.geometry.tetrahedra.voxels import voxel_mesh
-from model.scene.scene import Scene
+from softlab.model.core import waiting
+from softlab.model.core.build import masses
+from softlab.model.core.errors import InputError, SceneError
+from softlab.model.geometry.formats import source
+from softlab.model.geometry.formats.polygons import ears, triangulated
+from softlab.model.geometry.measures import triangle_areas
+from softlab.model.geometry.mesh import read_mesh, triangle_mesh
+from softlab.model.geometry.mesh_files import FORMATS, read_arrays
+from softlab.model.geometry.tetrahedra.files import holds_tetrahedra, read_tetrahedra
+from softlab.model.geometry.tetrahedra.voxels import voxel_mesh
+from softlab.model.scene.scene import Scene
 
 DART = np.array([[0, 0, 0], [2, 1, 0], [0, 2, 0], [0.5, 1, 0.0]])  # area 1.5; a fan from corner 0 has 2.5
 SQUARE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"

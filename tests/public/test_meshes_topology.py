@@ -12,20 +12,20 @@ from closed_meshes import Mesh, ball, blocks, both, box, turned_over, volume_of
 from meshes import sheet, strip
 from test_mesh import binary_stl, check_sound, obj, write
 
-from model.assets.cooked import cooked
-from model.assets.soft_body import RigidBody, SoftBody
-from model.core.errors import InputError, SceneError
-from model.geometry import neighbours
-from model.geometry.distance_field import DistanceField
-from model.geometry.edges import NonManifold, edge_uses
-from model.geometry.mending.hull import bounding
-from model.geometry.mesh import read_mesh, triangle_mesh
-from model.geometry.solid import filled, solid
-from model.geometry.voxels import winding_numbers
-from model.scene.bodies import RigidBodyPart
-from model.scene.regions import Region
-from model.scene.scene import Scene
-from model.scene.tetrahedra import TetrahedralBody
+from softlab.model.assets.cooked import cooked
+from softlab.model.assets.soft_body import RigidBody, SoftBody
+from softlab.model.core.errors import InputError, SceneError
+from softlab.model.geometry import neighbours
+from softlab.model.geometry.distance_field import DistanceField
+from softlab.model.geometry.edges import NonManifold, edge_uses
+from softlab.model.geometry.mending.hull import bounding
+from softlab.model.geometry.mesh import read_mesh, triangle_mesh
+from softlab.model.geometry.solid import filled, solid
+from softlab.model.geometry.voxels import winding_numbers
+from softlab.model.scene.bodies import RigidBodyPart
+from softlab.model.scene.regions import Region
+from softlab.model.scene.scene import Scene
+from softlab.model.scene.tetrahedra import TetrahedralBody
 
 # ---------------------------------------------------------------------- seams
 

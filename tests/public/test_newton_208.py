@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.driver import open_simulation
-from model.core.simulation import State
-from model.scene.scene import Scene
+from softlab.app.driver import open_simulation
+from softlab.model.core.simulation import State
+from softlab.model.scene.scene import Scene
 
 RATE, TAU = 10.0, 0.01  # rad/s, s
 SWEEPS = 100  # of vertex block descent
@@ -71,7 +71,7 @@ def test_two_stages_lose_no_more_than_of_a_rigid_body(damping: float) -> None:
 def test_what_turns_as_a_whole_has_no_strain_rate(order: int) -> None:
     """A bar that was turned rigidly while it was stretched: the damper's energy and stress are 0 to rounding, and those of
     another turn as large are not those of the linear strain, theta^2 / 2."""
-    from model.formulas.elastic import damper
+    from softlab.model.formulas.elastic import damper
 
     formulas = damper.make(np.float64)
     stretch = np.array([[1.3, 0.1, 0.0], [0.0, 0.8, 0.05], [0.02, 0.0, 1.1]])

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.driver import open_simulation
-from model.core.build import build
-from model.scene.scene import Scene
+from softlab.app.driver import open_simulation
+from softlab.model.core.build import build
+from softlab.model.scene.scene import Scene
 
 RATE, STEPS, H = 10.0, 20, 1 / 60
 WAYS: list[tuple[str, str, str]] = [

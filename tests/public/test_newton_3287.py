@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.driver import open_simulation
-from model.core.simulation import State
-from model.formulas import surface_contact
-from model.scene.scene import Scene
+from softlab.app.driver import open_simulation
+from softlab.model.core.simulation import State
+from softlab.model.formulas import surface_contact
+from softlab.model.scene.scene import Scene
 
 DISTANCE = 0.025  # m
 

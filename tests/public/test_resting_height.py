@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.driver import open_simulation
-from model.scene.resting import MAX_SUBSTEPS, SINKING, resting_notes
-from model.scene.scene import Scene
+from softlab.app.driver import open_simulation
+from softlab.model.scene.resting import MAX_SUBSTEPS, SINKING, resting_notes
+from softlab.model.scene.scene import Scene
 
 LAYERS, GRAVITY, FAR = 3, 9.81, 1000
 KINDS = ("plane", "box", "sphere", "capsule", "mesh_collider", "distance_field")

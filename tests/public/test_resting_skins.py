@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.driver import open_simulation
-from app.output.pieces import pieces_of
-from app.render.bodies.skinning import ClusterFrames
-from model.scene.resting import TOLERANCE, resting_notes
-from model.scene.scene import Scene
+from softlab.app.driver import open_simulation
+from softlab.app.output.pieces import pieces_of
+from softlab.app.render.bodies.skinning import ClusterFrames
+from softlab.model.scene.resting import TOLERANCE, resting_notes
+from softlab.model.scene.scene import Scene
 
 TURNED = {"angle": 35.0, "axis": [1.0, 0.3, 0.6]}
 GROUND = {"plane": {"static_friction": 0.5, "dynamic_friction": 0.5}, "gravity": {}}

@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.driver import open_simulation
-from bench.reference.fluid import simulate
-from model.core.build import build
-from model.scene.scene import Scene
+from softlab.app.driver import open_simulation
+from softlab.bench.reference.fluid import simulate
+from softlab.model.core.build import build
+from softlab.model.scene.scene import Scene
 
 D, SPEED, ALONG = 0.1, 10.0, 1.0  # m, m/s
 MESH: dict[str, Any] = {"shape": {"name": "box", "sides": [2.0, 1.0, 2.0], "resolution": 1}, "origin": [0.0, -0.5, 0.0]}

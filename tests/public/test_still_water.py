@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import pytest
 
-from app.driver import open_simulation
-from bench.experiments.fluid_rest import (
+from softlab.app.driver import open_simulation
+from softlab.bench.experiments.fluid_rest import (
     ENERGY_BOUND,
     GRAVITY,
     SPEED,
@@ -19,9 +19,9 @@ from bench.experiments.fluid_rest import (
     still_tank,
     watched,
 )
-from bench.experiments.fluid_truth.scenes import SCHEMES
-from bench.experiments.fluids import FRAME
-from model.fluid.family import fluid_note
+from softlab.bench.experiments.fluid_truth.scenes import SCHEMES
+from softlab.bench.experiments.fluids import FRAME
+from softlab.model.fluid.family import fluid_note
 
 # by seconds: rms speed over sqrt(g H) in the last span; 1.5 times the largest measured, with 2 to 16 substeps (macklin: 1)
 SLOW = {

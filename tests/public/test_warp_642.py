@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.driver import open_simulation
-from model.core.build import build
-from model.core.simulation import State
-from model.scene.scene import Scene
+from softlab.app.driver import open_simulation
+from softlab.model.core.build import build
+from softlab.model.core.simulation import State
+from softlab.model.scene.scene import Scene
 
 METHOD = {"solver": "xpbd", "dt": 1 / 60, "substeps": 1}
 CUBE: dict[str, Any] = {

@@ -14,10 +14,10 @@ import pytest
 from closed_meshes import Mesh, ball, box, without_some
 from test_mesh import binary_stl, obj
 
-import softlab
-from model.geometry.topology import pinned_vertices
-from model.scene.scene import load_scene
-from model.xpbd.colouring import MAX_COLOURS
+from softlab import cli
+from softlab.model.geometry.topology import pinned_vertices
+from softlab.model.scene.scene import load_scene
+from softlab.model.xpbd.colouring import MAX_COLOURS
 
 ROOT = Path(__file__).resolve().parents[2]
 TEXT = (ROOT / "docs" / "your-own-mesh.md").read_text(encoding="utf-8")
@@ -70,7 +70,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def run(words: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "argv", words)
     with pytest.raises(SystemExit) as ended:
-        softlab.main()
+        cli.main()
     assert ended.value.code == 0
 
 

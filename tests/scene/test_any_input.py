@@ -36,11 +36,11 @@ def test_the_answers_are_looked_at(tmp_path: Path, monkeypatch: pytest.MonkeyPat
 
     from any_input import Case
 
-    import softlab
-    from model.core.errors import SceneError
+    from softlab import cli
+    from softlab.model.core.errors import SceneError
 
     def told(action) -> str:
-        monkeypatch.setattr(softlab, "app", lambda **_: action())
+        monkeypatch.setattr(cli, "app", lambda **_: action())
         return " ".join(answer(Case(["run"], ["grid"]), tmp_path).wrong)
 
     def refused(message: str) -> None:

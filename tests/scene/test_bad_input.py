@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app.driver import open_simulation
-from model.core.build import build
-from model.core.errors import InputError, SceneError, SoftlabError
-from model.scene.kinds import KINDS
-from model.scene.reader import parse_settings
-from model.scene.scene import Scene, load_scene
+from softlab.app.driver import open_simulation
+from softlab.model.core.build import build
+from softlab.model.core.errors import InputError, SceneError, SoftlabError
+from softlab.model.scene.kinds import KINDS
+from softlab.model.scene.reader import parse_settings
+from softlab.model.scene.scene import Scene, load_scene
 
 NAN, INF = float("nan"), float("inf")
 

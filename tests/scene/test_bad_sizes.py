@@ -13,16 +13,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-import softlab
-from model.assets.soft_body import SoftBody
-from model.core import build as build_module
-from model.core import memory
-from model.core.build import build
-from model.core.errors import InputError, SceneError
-from model.geometry.shapes import Shape
-from model.scene.particle_contact import Contact
-from model.scene.scene import Scene, load_scene
-from model.scene.self_collision import CONTACT_BYTES, SelfCollision
+from softlab import cli
+from softlab.model.assets.soft_body import SoftBody
+from softlab.model.core import build as build_module
+from softlab.model.core import memory
+from softlab.model.core.build import build
+from softlab.model.core.errors import InputError, SceneError
+from softlab.model.geometry.shapes import Shape
+from softlab.model.scene.particle_contact import Contact
+from softlab.model.scene.scene import Scene, load_scene
+from softlab.model.scene.self_collision import CONTACT_BYTES, SelfCollision
 
 STAR = Shape(name="star").mesh()
 BOX = Shape(name="box").mesh()
@@ -36,7 +36,7 @@ def cloth(rows: int, columns: int) -> Scene:
 def command(monkeypatch: pytest.MonkeyPatch, *words: str) -> Any:
     monkeypatch.setattr(sys, "argv", ["softlab", *words])
     with pytest.raises(SystemExit) as ended:
-        softlab.main()
+        cli.main()
     return ended.value.code
 
 
@@ -54,7 +54,7 @@ def test_a_plan_needs_no_array_of_the_grid(
 ) -> None:
     scene = Scene(tables)
     file = tmp_path / "large.toml"
-    from app.command.scene_file import scene_toml
+    from softlab.app.command.scene_file import scene_toml
 
     file.write_text(scene_toml(scene))
     command(monkeypatch, "plan", str(file), "--json")  # what it imports is loaded
@@ -85,7 +85,7 @@ def test_a_cloth_with_contacts_is_refused_by_what_they_take(monkeypatch: pytest.
 
 @pytest.mark.parametrize("real", [np.float32, np.float64])
 def test_what_contacts_take_is_what_is_looked_for(real: type, monkeypatch: pytest.MonkeyPatch) -> None:
-    from cpu_backend.contact import self_contact as contacts
+    from softlab.cpu_backend.contact import self_contact as contacts
 
     for kernels in ("make_find", "make_project"):
         monkeypatch.setattr(contacts, kernels, lambda *_: None)
@@ -100,14 +100,14 @@ def test_what_contacts_take_is_what_is_looked_for(real: type, monkeypatch: pytes
 
 
 def test_bodies_beyond_the_memory(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("model.shape_matching.body_set.available_bytes", lambda: 2**30)
+    monkeypatch.setattr("softlab.model.shape_matching.body_set.available_bytes", lambda: 2**30)
     body = {"kind": "soft_body", "shape": {"name": "box"}, "particle_spacing": 0.5, "copies": [100, 100, 100]}
     with pytest.raises(SceneError, match=r"copies = 8000000: needs .*iB of main memory"):
         Scene({"b": body}).body_set  # noqa: B018
 
 
 def test_no_memory_for_the_bandwidth(monkeypatch: pytest.MonkeyPatch) -> None:
-    from bench.measure import machine
+    from softlab.bench.measure import machine
 
     def none(_: int) -> float:
         raise MemoryError
@@ -123,7 +123,7 @@ def test_no_memory_at_all_is_a_line(monkeypatch: pytest.MonkeyPatch, capsys: pyt
     def none(*_: object) -> None:
         raise MemoryError("Unable to allocate 3 TiB")
 
-    monkeypatch.setattr("app.plan.report.plan_report", none)
+    monkeypatch.setattr("softlab.app.plan.report.plan_report", none)
     assert command(monkeypatch, "plan", "lab-grid") == 2
     assert "Unable to allocate 3 TiB" in capsys.readouterr().err
 
@@ -182,7 +182,7 @@ def test_links_that_reach_nobody() -> None:
 
 def test_what_slept_stays() -> None:
     """`contact.sleeping_speed`, in the reference that the kernels are held against."""
-    from bench.reference.contact.particle_contacts import Contacts
+    from softlab.bench.reference.contact.particle_contacts import Contacts
 
     scene = Scene({
         "b": {"kind": "soft_body", "shape": {"name": "box"}, "particle_spacing": 0.5}, "contact": {"sleeping_speed": 0.5},
@@ -207,7 +207,7 @@ def test_particles_without_a_mass(kind: str, field: dict[str, float]) -> None:
 
 
 def test_pairs_end() -> None:
-    from model.geometry import neighbours as nearby
+    from softlab.model.geometry import neighbours as nearby
 
     points = np.random.default_rng(1).random((300, 3))
     nearby.MAX_PAIRS, kept = 1000, nearby.MAX_PAIRS
@@ -240,11 +240,11 @@ def test_options_are_looked_at_before_a_store_is_made(
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="a full disk as a file: Linux has one")
 def test_a_full_standard_output_is_a_line() -> None:
-    folder = Path(softlab.__file__).parent
+    folder = Path(cli.__file__).parents[1]
     environment = os.environ | {"PYTHONPATH": str(folder)}
     with open("/dev/full", "w") as full:
         done = subprocess.run(
-            [sys.executable, "softlab.py", "plan", "rope", "--json"],
+            [sys.executable, "-m", "softlab", "plan", "rope", "--json"],
             stdout=full, stderr=subprocess.PIPE, cwd=folder, text=True, env=environment, check=False,
         )  # fmt: skip
     assert done.returncode == 2

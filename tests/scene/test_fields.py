@@ -11,22 +11,22 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from app.command.tables import print_fields
-from app.driver import open_simulation
-from model.assets.strokes import letters
-from model.core.errors import SceneError
-from model.core.pins import PIN_WORDS
-from model.scene.fields import REQUIRED, about, document, rows_of
-from model.scene.kinds import KINDS
-from model.scene.parts import CAMERA
-from model.scene.scene import Scene
-from model.scene.tank import TANK
+from softlab.app.command.tables import print_fields
+from softlab.app.driver import open_simulation
+from softlab.model.assets.strokes import letters
+from softlab.model.core.errors import SceneError
+from softlab.model.core.pins import PIN_WORDS
+from softlab.model.scene.fields import REQUIRED, about, document, rows_of
+from softlab.model.scene.kinds import KINDS
+from softlab.model.scene.parts import CAMERA
+from softlab.model.scene.scene import Scene
+from softlab.model.scene.tank import TANK
 
 PAGE = Path(__file__).parents[2] / "docs" / "scene.md"
 
 
 def test_the_page_is_that_of_the_code() -> None:
-    """Made anew: python -c 'from model.scene.fields import document; open("docs/scene.md", "w").write(document())'"""
+    """Made anew: python -c 'from softlab.model.scene.fields import document; open("docs/scene.md", "w").write(document())'"""
     assert PAGE.read_text(encoding="utf-8") == document()
 
 

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from bodies_scenes import AWAY
 
-from bench.reference import shape_matching, xpbd, xpbd_mesh
-from bench.reference.steps import masses
-from model.core.build import build
-from model.core.families import stability_limit
-from model.core.integrators import frequency_bound, lightest_mass
-from model.core.stability.limit import scene_frequency, scene_net
-from model.scene.scene import Scene
+from softlab.bench.reference import shape_matching, xpbd, xpbd_mesh
+from softlab.bench.reference.steps import masses
+from softlab.model.core.build import build
+from softlab.model.core.families import stability_limit
+from softlab.model.core.integrators import frequency_bound, lightest_mass
+from softlab.model.core.stability.limit import scene_frequency, scene_net
+from softlab.model.scene.scene import Scene
 
 SLACK = {"stiffness": 1e-12}  # N/m: what holds a mass does not matter
 METHOD = {"solver": "xpbd", "dt": 0.001, "substeps": 2}

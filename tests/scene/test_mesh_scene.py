@@ -9,18 +9,18 @@ import numpy as np
 import pytest
 from mesh_scenes import PARTS, SHEET, mesh_scene
 
-from app.render.drawn_springs import drawn_lines
-from bench.reference import xpbd as sheets
-from bench.reference import xpbd_mesh as reference
-from model.core.build import build, masses, pinned_indices, rest_positions
-from model.core.energy import energies, spring_strain
-from model.core.errors import InputError, SceneError
-from model.core.families import scene_plan
-from model.geometry.normals import vertex_normals
-from model.geometry.topology import mesh_of
-from model.scene.scene import Scene, load_scene
-from model.scene.sheets import mesh_lines, scene_normals, triangles_of
-from model.xpbd.mesh_constraints import constraint_sets
+from softlab.app.render.drawn_springs import drawn_lines
+from softlab.bench.reference import xpbd as sheets
+from softlab.bench.reference import xpbd_mesh as reference
+from softlab.model.core.build import build, masses, pinned_indices, rest_positions
+from softlab.model.core.energy import energies, spring_strain
+from softlab.model.core.errors import InputError, SceneError
+from softlab.model.core.families import scene_plan
+from softlab.model.geometry.normals import vertex_normals
+from softlab.model.geometry.topology import mesh_of
+from softlab.model.scene.scene import Scene, load_scene
+from softlab.model.scene.sheets import mesh_lines, scene_normals, triangles_of
+from softlab.model.xpbd.mesh_constraints import constraint_sets
 
 GARMENT = {"mesh": {"file": "garment.obj", "pinned": "top"}, "structural": {}, "method": {"solver": "xpbd"}}
 

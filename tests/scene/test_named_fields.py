@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from app.driver import open_simulation
-from model.core.build import build
-from model.core.errors import InputError, SceneError
-from model.core.families import family_of, stability_limit
-from model.core.stability.diagnosis import diagnose, refusal
-from model.geometry.measures import turned_about
-from model.scene.scene import Scene, load_scene
+from softlab.app.driver import open_simulation
+from softlab.model.core.build import build
+from softlab.model.core.errors import InputError, SceneError
+from softlab.model.core.families import family_of, stability_limit
+from softlab.model.core.stability.diagnosis import diagnose, refusal
+from softlab.model.geometry.measures import turned_about
+from softlab.model.scene.scene import Scene, load_scene
 
 SHEET = {"shape": "sheet", "rows": 3, "columns": 3, "spacing": 0.1}
 

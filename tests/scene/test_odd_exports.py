@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from bench.store.database import Store
-from bench.store.transfer import export, merge
-from model.core.errors import InputError
+from softlab.bench.store.database import Store
+from softlab.bench.store.transfer import export, merge
+from softlab.model.core.errors import InputError
 
 # ---------------------------------------------------------------------- stores
 

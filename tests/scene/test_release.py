@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 from release_scenes import BEAM, GRID, LETS_GO, MORE, TABLES, XPBD, G, end_state, release_scene
 
-from app.driver import open_simulation
-from app.output.files import read_state, write_state
-from app.shared import check_cut
-from bench.experiments.accuracy.judge import judge_run
-from bench.reference import mass_spring, xpbd_mesh
-from model.core.build import build, masses
-from model.core.errors import InputError, SceneError, UnstableTimeStep
-from model.core.families import stability_limit
-from model.scene.scene import Scene, load_scene
+from softlab.app.driver import open_simulation
+from softlab.app.output.files import read_state, write_state
+from softlab.app.shared import check_cut
+from softlab.bench.experiments.accuracy.judge import judge_run
+from softlab.bench.reference import mass_spring, xpbd_mesh
+from softlab.model.core.build import build, masses
+from softlab.model.core.errors import InputError, SceneError, UnstableTimeStep
+from softlab.model.core.families import stability_limit
+from softlab.model.scene.scene import Scene, load_scene
 
 FILE: dict[str, Any] = {
     "mesh": {"file": "garment.obj", "density": 0.2, "pinned": [0, 1, 2]}, "structural": {}, "method": {"solver": "xpbd"},
@@ -218,8 +218,8 @@ def test_sharing_live_targets_and_an_error_are_refused() -> None:
 
 def test_the_window_keeps_released_pins_free_until_a_restart(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Also where a field is changed that opens the scene again; a scene that is saved has all its pins and the release."""
-    from app.window.demo import Demo
-    from app.window.keeping import save_scene
+    from softlab.app.window.demo import Demo
+    from softlab.app.window.keeping import save_scene
 
     monkeypatch.chdir(tmp_path)
     with Demo([release_scene("sheet")]) as demo:

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from release_scenes import BEAM, GRID, XPBD
 
-from app.output.offscreen import OffscreenRenderer, opengl_available
-from app.render import colours
-from model.core.build import rest_positions
-from model.scene.scene import Scene
+from softlab.app.output.offscreen import OffscreenRenderer, opengl_available
+from softlab.app.render import colours
+from softlab.model.core.build import rest_positions
+from softlab.model.scene.scene import Scene
 
 WORKS, TEXT = opengl_available()
 pytestmark = pytest.mark.skipif(not WORKS, reason=f"no off-screen OpenGL: {TEXT}")

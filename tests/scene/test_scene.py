@@ -5,13 +5,13 @@ import json
 import numpy as np
 import pytest
 
-from bench.reference import mass_spring as reference
-from model.core.build import build, pinned_indices
-from model.core.errors import SceneError
-from model.mass_spring.plan import present_parts
-from model.scene.reader import catalogue, parse_settings, parse_value
-from model.scene.scene import Scene, load_scene
-from model.scene.sheets import rest_lines
+from softlab.bench.reference import mass_spring as reference
+from softlab.model.core.build import build, pinned_indices
+from softlab.model.core.errors import SceneError
+from softlab.model.mass_spring.plan import present_parts
+from softlab.model.scene.reader import catalogue, parse_settings, parse_value
+from softlab.model.scene.scene import Scene, load_scene
+from softlab.model.scene.sheets import rest_lines
 
 MINIMAL = {"grid": {"rows": 3, "columns": 4}}
 SETTABLE = [

@@ -8,10 +8,10 @@ from typing import Any
 
 import pytest
 
-from app.command.scene_file import write_scene
-from model.core.errors import InputError
-from model.geometry.topology import mesh_path
-from model.scene.scene import Scene, load_scene
+from softlab.app.command.scene_file import write_scene
+from softlab.model.core.errors import InputError
+from softlab.model.geometry.topology import mesh_path
+from softlab.model.scene.scene import Scene, load_scene
 
 TETRAHEDRON = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
 BIGGER = TETRAHEDRON.replace("v 1 0 0", "v 2 0 0")

@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import softlab
-from app.driver import open_simulation
-from app.window.panel.scene_list import scene_entries
-from model.scene.scene import load_scene
+from softlab import cli
+from softlab.app.driver import open_simulation
+from softlab.app.window.panel.scene_list import scene_entries
+from softlab.model.scene.scene import load_scene
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "scene-tutorial.md"
 BLOCKS = re.findall(r"```(\w+)(?: title=\"([\w.-]+)\")?\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
@@ -64,5 +64,5 @@ def test_each_command_is_understood(line: str, folder: Path, monkeypatch: pytest
             del words[place : place + 2]
     monkeypatch.setattr(sys, "argv", [*words, "--steps", "0", "--threads", "1", "--no-judge"])
     with pytest.raises(SystemExit) as ended:
-        softlab.main()
+        cli.main()
     assert ended.value.code == 0

@@ -15,13 +15,13 @@ import pytest
 from real_window import PATIENCE, display, needs_display  # noqa: F401
 from test_viewer import GRID, TABLES
 
-from app.window.demo import Demo
-from app.window.demo_report import numbers_text, title_text
-from app.window.keys import WORLDS_KEY, hint, keys_text
-from app.window.panes import GAP, MAX_WORLDS, check_alike, panes, titles_of
-from app.window.worlds import STEPS_PER_FRAME
-from model.core.errors import SceneError
-from model.scene.scene import Scene, load_scene
+from softlab.app.window.demo import Demo
+from softlab.app.window.demo_report import numbers_text, title_text
+from softlab.app.window.keys import WORLDS_KEY, hint, keys_text
+from softlab.app.window.panes import GAP, MAX_WORLDS, check_alike, panes, titles_of
+from softlab.app.window.worlds import STEPS_PER_FRAME
+from softlab.model.core.errors import SceneError
+from softlab.model.scene.scene import Scene, load_scene
 
 MOON = 1.62  # m/s^2
 
@@ -202,10 +202,10 @@ def test_the_key_is_told_where_it_does_something() -> None:
 CODE = """
 import json, sys
 import numpy as np
-from app.window.demo import Demo
-from app.output.offscreen import read_pixels
-from app.window.viewer import Viewer
-from model.scene.scene import Scene
+from softlab.app.window.demo import Demo
+from softlab.app.output.offscreen import read_pixels
+from softlab.app.window.viewer import Viewer
+from softlab.model.scene.scene import Scene
 tables, folder = json.loads(sys.argv[1]), sys.argv[2]
 with Demo([Scene(tables | {"title": "left"}), Scene(tables | {"title": "right"})]) as demo:
     viewer = Viewer(demo, None, None)

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from bodies_scenes import BAR, BRICK, bodies_scene, end_state, method, opened, same
 
-from app.output.files import read_state, write_state
-from model.core.errors import InputError, SceneError
-from model.scene.scene import Scene
+from softlab.app.output.files import read_state, write_state
+from softlab.model.core.errors import InputError, SceneError
+from softlab.model.scene.scene import Scene
 
 CONTACT: dict[str, Any] = {"contact": {}}
 

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.command.scene_file import scene_toml
-from app.driver import open_simulation
-from model.core.errors import SceneError
-from model.scene.reader import tables_of
-from model.scene.scene import Scene, load_scene
+from softlab.app.command.scene_file import scene_toml
+from softlab.app.driver import open_simulation
+from softlab.model.core.errors import SceneError
+from softlab.model.scene.reader import tables_of
+from softlab.model.scene.scene import Scene, load_scene
 
 WATER: dict[str, Any] = {
     "water": {"kind": "fluid", "size": [0.2, 0.1, 0.1], "rest_distance": 0.05},

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.render.fluid.tank_frame import BAR, tank_box, tank_frame
-from model.scene.scene import Scene, load_scene
+from softlab.app.render.fluid.tank_frame import BAR, tank_box, tank_frame
+from softlab.model.scene.scene import Scene, load_scene
 
 WATER: dict[str, Any] = {"kind": "fluid", "size": [0.2, 0.4, 0.1], "rest_distance": 0.05}
 TANK: dict[str, Any] = {"size": [0.4, 0.5, 0.3], "origin": [-0.1, 0.0, 0.2]}

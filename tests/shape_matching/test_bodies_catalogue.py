@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from app.driver import open_simulation
-from model.scene.scene import Scene, load_scene
-from model.shape_matching.spare import present
+from softlab.app.driver import open_simulation
+from softlab.model.scene.scene import Scene, load_scene
+from softlab.model.shape_matching.spare import present
 
 SMALL = {
     "soft-rain": {"drop.copies": [2, 2, 1]},

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from bodies_scenes import by_hand, degenerate, end_state, everything, hung, opened, same, start
 
-from model.scene.scene import load_scene
+from softlab.model.scene.scene import load_scene
 
 pytestmark = pytest.mark.gpu
 KERNELS = ("graph", "launch", "stages")

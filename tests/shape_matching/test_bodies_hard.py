@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from bodies_scenes import checks_of, end_state, holds, same
 
-from bench.experiments.body_scenes import (
+from softlab.bench.experiments.body_scenes import (
     BRICK,
     CHANGED,
     RIGID_SPACING,
@@ -31,7 +31,7 @@ from bench.experiments.body_scenes import (
     thrown_at_a_box,
     thrown_at_a_plane,
 )
-from bench.stress.bodies import (
+from softlab.bench.stress.bodies import (
     finds_its_shape,
     is_let_go_slowly,
     is_pushed_out_in_place,
@@ -41,8 +41,8 @@ from bench.stress.bodies import (
     is_whole_at_once,
     parts,
 )
-from model.core.simulation import State
-from model.scene.scene import Scene
+from softlab.model.core.simulation import State
+from softlab.model.scene.scene import Scene
 
 BOTH = pytest.mark.parametrize("precision", ["float64", "float32"])
 

@@ -23,9 +23,9 @@ pytestmark = pytest.mark.usefixtures("ptx_compiler")
 
 
 def ptx(name: str, real: Any, math: str) -> str:
-    from gpu_backend.shape_matching.damping import make_damping_ends, make_gather
-    from gpu_backend.shape_matching.shapes import make_shaped_turn
-    from model.shape_matching.cluster_tables import shaping
+    from softlab.gpu_backend.shape_matching.damping import make_damping_ends, make_gather
+    from softlab.gpu_backend.shape_matching.shapes import make_shaped_turn
+    from softlab.model.shape_matching.cluster_tables import shaping
 
     made = SimpleNamespace(
         turn=make_shaped_turn(real, math, shaping(PARTS)), gather=make_gather(real, math),

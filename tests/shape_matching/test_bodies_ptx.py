@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from kernel_text import kernel_text
 
-from model.shape_matching.links import LINKS
+from softlab.model.shape_matching.links import LINKS
 
 PARTS = frozenset({"gravity", "poke", "damping", "load", "plane", "friction"})
 LETTERS = {  # of each kernel's arguments, see kernel_text.py
@@ -26,8 +26,8 @@ pytestmark = pytest.mark.usefixtures("ptx_compiler")
 
 
 def ptx(name: str, real: Any, math: str) -> str:
-    from gpu_backend.core.constraints import make_projections
-    from gpu_backend.shape_matching.kernels import make_bodies_clusters, make_bodies_ends
+    from softlab.gpu_backend.core.constraints import make_projections
+    from softlab.gpu_backend.shape_matching.kernels import make_bodies_clusters, make_bodies_ends
 
     made = SimpleNamespace(**vars(make_bodies_clusters(real, math)), **vars(make_bodies_ends(real, math, PARTS)))
     made.project = make_projections(real, math, LINKS)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from bodies_scenes import checks_of, end_state, holds, opened
 
-from bench.experiments.body_scenes import (
+from softlab.bench.experiments.body_scenes import (
     FALL,
     GRAVITY,
     SEPARATION,
@@ -25,10 +25,10 @@ from bench.experiments.body_scenes import (
     stack,
     sunk,
 )
-from bench.stress.piles import LOWERED, bears, heaps_up, lies_still, stands
-from cpu_backend.contact.particles_project import make_settle_stage
-from model.contact.particle_parameters import H_ASLEEP, H_FASTEST, PAIRS
-from model.scene.scene import load_scene
+from softlab.bench.stress.piles import LOWERED, bears, heaps_up, lies_still, stands
+from softlab.cpu_backend.contact.particles_project import make_settle_stage
+from softlab.model.contact.particle_parameters import H_ASLEEP, H_FASTEST, PAIRS
+from softlab.model.scene.scene import load_scene
 
 BOTH = pytest.mark.parametrize("precision", ["float64", "float32"])
 

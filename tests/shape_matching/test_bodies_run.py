@@ -14,19 +14,19 @@ from fake_cloth import FakeCloth
 from rich.console import Console
 from test_cli import KEYS, command  # noqa: F401  # a fixture
 
-from app.command.run_parts import body_lines
-from app.command.scene_file import scene_toml
-from app.command.tables import number, print_scenes
-from app.plan.report import plan_report
-from app.plan.table import print_plan
-from model.core.build import masses
-from model.core.energy import energies, spring_strain
-from model.core.errors import SoftlabError
-from model.formulas.shape_matching import cluster
-from model.scene.reader import catalogue
-from model.scene.scene import Scene, load_scene
-from model.shape_matching.energy import window_energy
-from model.shape_matching.matching import lattice_clusters
+from softlab.app.command.run_parts import body_lines
+from softlab.app.command.scene_file import scene_toml
+from softlab.app.command.tables import number, print_scenes
+from softlab.app.plan.report import plan_report
+from softlab.app.plan.table import print_plan
+from softlab.model.core.build import masses
+from softlab.model.core.energy import energies, spring_strain
+from softlab.model.core.errors import SoftlabError
+from softlab.model.formulas.shape_matching import cluster
+from softlab.model.scene.reader import catalogue
+from softlab.model.scene.scene import Scene, load_scene
+from softlab.model.shape_matching.energy import window_energy
+from softlab.model.shape_matching.matching import lattice_clusters
 
 SCENE = beams_and_torus()
 BODY_SET = SCENE.body_set
@@ -91,7 +91,7 @@ def falling(monkeypatch: pytest.MonkeyPatch) -> None:
     def open_it(scene: Scene, backend: str, **options: Any) -> FakeCloth:
         return FakeCloth(scene)
 
-    monkeypatch.setattr("app.command.run.open_simulation", open_it)
+    monkeypatch.setattr("softlab.app.command.run.open_simulation", open_it)
 
 
 @pytest.fixture
@@ -143,12 +143,12 @@ def test_each_body_is_told_of_once_for_all_its_copies() -> None:
 
 
 def test_the_catalogue_lists_bodies_by_their_particles(command: Any, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: F811
-    monkeypatch.setattr("app.command.tables.catalogue", lambda: {"bodies": None})
-    monkeypatch.setattr("app.command.tables.load_scene", lambda name: SCENE)
+    monkeypatch.setattr("softlab.app.command.tables.catalogue", lambda: {"bodies": None})
+    monkeypatch.setattr("softlab.app.command.tables.load_scene", lambda name: SCENE)
     out = command("scenes").out
     assert str(BODY_SET.particle_count) in out and "shape-matching" in out and "1 x" not in out
     spare = beams_and_torus(torus=TORUS | {"spare": 2})
-    monkeypatch.setattr("app.command.tables.load_scene", lambda name: spare)
+    monkeypatch.setattr("softlab.app.command.tables.load_scene", lambda name: spare)
     assert command("scenes").out == out  # what waits is not counted
 
 
@@ -244,7 +244,7 @@ def test_bodies_that_lie_in_each_other_are_told() -> None:
     """A brick put into another one, a hundredth of a second before; apart, nothing is said."""
     from bodies_scenes import BRICK, bodies_scene
 
-    from app.command.run import Request, run_scene
+    from softlab.app.command.run import Request, run_scene
 
     for gap, caught in ((0.05, True), (2.0, False)):
         scene = bodies_scene(brick=BRICK | {"copies": [1, 2, 1], "apart": [0.0, gap, 0.0]}, contact={})

@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 from bodies_scenes import block, bodies_scene, end_state, lone_points, method, same
 
-from app.driver import open_simulation
-from bench.experiments.body_scenes import centre, masses
-from bench.reference import cluster_material
-from bench.reference import shape_matching as reference
-from bench.reference.contact.particle_contacts import Contacts
-from model.formulas.shape_matching import couple
-from model.scene.scene import Scene
-from model.xpbd.plan import xpbd_parts, xpbd_plan
+from softlab.app.driver import open_simulation
+from softlab.bench.experiments.body_scenes import centre, masses
+from softlab.bench.reference import cluster_material
+from softlab.bench.reference import shape_matching as reference
+from softlab.bench.reference.contact.particle_contacts import Contacts
+from softlab.model.formulas.shape_matching import couple
+from softlab.model.scene.scene import Scene
+from softlab.model.xpbd.plan import xpbd_parts, xpbd_plan
 
 CUBE: dict[str, Any] = {
     "shape": {"name": "box", "resolution": 4, "sides": [0.4] * 3},

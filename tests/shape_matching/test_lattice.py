@@ -21,17 +21,17 @@ from bodies_scenes import (
 )
 from closed_meshes import rotation as rotation_by
 
-from app.output.files import read_state, write_state
-from app.render.bodies.skinning import ClusterFrames
-from app.render.particle_colours import cluster_colours
-from bench.experiments.body_scenes import FLOOR, ULP, centre, masses
-from bench.reference import shape_matching as reference
-from model.assets.baked import baked
-from model.assets.soft_lattice import SoftLattice
-from model.core.errors import InputError, SceneError
-from model.geometry.shapes import Shape
-from model.shape_matching import body_set
-from model.shape_matching.lattice import Lattice
+from softlab.app.output.files import read_state, write_state
+from softlab.app.render.bodies.skinning import ClusterFrames
+from softlab.app.render.particle_colours import cluster_colours
+from softlab.bench.experiments.body_scenes import FLOOR, ULP, centre, masses
+from softlab.bench.reference import shape_matching as reference
+from softlab.model.assets.baked import baked
+from softlab.model.assets.soft_lattice import SoftLattice
+from softlab.model.core.errors import InputError, SceneError
+from softlab.model.geometry.shapes import Shape
+from softlab.model.shape_matching import body_set
+from softlab.model.shape_matching.lattice import Lattice
 
 KERNELS = [("stages", 1), ("stages", 3), ("fused", 1), ("fused", 2), ("fused", 5)]
 SHAPES = [((5, 4, 3), 2), ((1, 1, 1), 1), ((7, 1, 2), 1), ((3, 9, 2), 3), ((2, 2, 2), 5), ((1, 6, 13), 2)]

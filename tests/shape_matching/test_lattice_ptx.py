@@ -22,7 +22,7 @@ pytestmark = pytest.mark.usefixtures("ptx_compiler")
 
 
 def ptx(name: str, real: Any, math: str) -> str:
-    from gpu_backend.shape_matching.lattice_kernels import make_lattice_kernels
+    from softlab.gpu_backend.shape_matching.lattice_kernels import make_lattice_kernels
 
     return kernel_text(getattr(make_lattice_kernels(real, math), name), LETTERS[name], real, math)
 

@@ -22,13 +22,13 @@ from bodies_scenes import (
     start,
 )
 
-from bench.reference import shape_matching as reference
-from model.assets.soft_sheet import SoftSheet
-from model.core.errors import InputError, SceneError
-from model.geometry.shapes import Shape
-from model.scene.scene import Scene
-from model.shape_matching.links import LinkedCopies, make_links
-from model.xpbd.plan import xpbd_plan
+from softlab.bench.reference import shape_matching as reference
+from softlab.model.assets.soft_sheet import SoftSheet
+from softlab.model.core.errors import InputError, SceneError
+from softlab.model.geometry.shapes import Shape
+from softlab.model.scene.scene import Scene
+from softlab.model.shape_matching.links import LinkedCopies, make_links
+from softlab.model.xpbd.plan import xpbd_plan
 
 SHEET: dict[str, Any] = {"kind": "soft_sheet", "shape": {"name": "sheet", "resolution": 6}, "particle_spacing": 1 / 6}
 

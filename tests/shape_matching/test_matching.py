@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.driver import open_simulation
-from bench.reference import shape_matching as reference
-from model.core.errors import InputError, SceneError
-from model.core.simulation import State
-from model.scene.scene import Scene, load_scene
-from model.shape_matching.clusters import Clusters, matching_share, stiffness_of_coefficient
-from model.shape_matching.lattice import matching_axis
-from model.shape_matching.matching import lattice_clusters, matching_stiffness
+from softlab.app.driver import open_simulation
+from softlab.bench.reference import shape_matching as reference
+from softlab.model.core.errors import InputError, SceneError
+from softlab.model.core.simulation import State
+from softlab.model.scene.scene import Scene, load_scene
+from softlab.model.shape_matching.clusters import Clusters, matching_share, stiffness_of_coefficient
+from softlab.model.shape_matching.lattice import matching_axis
+from softlab.model.shape_matching.matching import lattice_clusters, matching_stiffness
 
 STEPS = 7
 POKE = (20, (0.1, 0.2))

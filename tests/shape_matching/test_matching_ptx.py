@@ -12,7 +12,7 @@ pytestmark = pytest.mark.usefixtures("ptx_compiler")
 @pytest.mark.parametrize("math", ["fast", "exact"])
 @pytest.mark.parametrize("kernel,arguments", [("match", "RRWWii"), ("move", "RRRWWPii")])
 def test_float32_has_no_doubles(kernel: str, arguments: str, math: str) -> None:
-    from gpu_backend.shape_matching.matching import make_matching
+    from softlab.gpu_backend.shape_matching.matching import make_matching
 
     text = ptx(getattr(make_matching(np.float32, math, 1), kernel), np.float32, math, arguments)
     assert ".f64" not in text and ".local" not in text

@@ -13,10 +13,10 @@ import pytest
 from bodies_scenes import BAR, bodies_scene, by_hand, clusters_of, end_state, method, opened, same, start
 from rebound_scenes import BRICK, FLOOR, among_soft_ones, dropped
 
-from bench.reference import shape_matching as reference
-from model.scene.scene import Scene
-from model.shape_matching.rigid_rebound import rebound_limits, whole_clusters
-from model.xpbd.plan import xpbd_parts, xpbd_plan
+from softlab.bench.reference import shape_matching as reference
+from softlab.model.scene.scene import Scene
+from softlab.model.shape_matching.rigid_rebound import rebound_limits, whole_clusters
+from softlab.model.xpbd.plan import xpbd_parts, xpbd_plan
 
 G = 9.81
 CORNERS = np.array([[x, y, z] for x in (-0.1, 0.1) for y in (-0.1, 0.1) for z in (-0.1, 0.1)])

@@ -26,11 +26,11 @@ pytestmark = pytest.mark.usefixtures("ptx_compiler")
 
 
 def text_of(name: str, real: Any, math: str) -> str:
-    from gpu_backend.contact.bodies_bounce import make_bodies_bounce, make_give
-    from gpu_backend.contact.particles_bounce import make_bounce
-    from gpu_backend.contact.particles_project import make_contact_ends, make_project
-    from gpu_backend.shape_matching.rebound import make_rebound, make_strike
-    from gpu_backend.shape_matching.rigid import make_begin, make_ends
+    from softlab.gpu_backend.contact.bodies_bounce import make_bodies_bounce, make_give
+    from softlab.gpu_backend.contact.particles_bounce import make_bounce
+    from softlab.gpu_backend.contact.particles_project import make_contact_ends, make_project
+    from softlab.gpu_backend.shape_matching.rebound import make_rebound, make_strike
+    from softlab.gpu_backend.shape_matching.rigid import make_begin, make_ends
 
     if name in RIGID:
         rigid = make_begin(real, math, PARTS) if name in ("begin", "predict") else make_ends(real, math, PARTS)

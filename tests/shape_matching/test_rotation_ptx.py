@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from kernel_text import entry_of
 
-from model.formulas import rotation
+from softlab.model.formulas import rotation
 
 pytestmark = pytest.mark.usefixtures("ptx_compiler")
 
@@ -17,7 +17,7 @@ def ptx(real: Any, math: str) -> str:
     """Of a kernel of one cluster: A (9,), q (4,) -> q, and a turn in two dimensions of the same numbers."""
     from numba import types
 
-    from gpu_backend.core.formulas import device_formulas
+    from softlab.gpu_backend.core.formulas import device_formulas
 
     formulas, rotation_2d = (device_formulas(make, real, math) for make in (rotation.make, rotation.make_2d))
     rotation_3d, rotated = formulas.rotation_3d, formulas.rotated

@@ -18,7 +18,7 @@ from greenlet import getcurrent, greenlet
 from numba import cuda
 from numba.cuda.simulator import kernel as simulator
 
-from cpu_backend.core.plain import readable
+from softlab.cpu_backend.core.plain import readable
 
 
 class _Carrier(greenlet):  # type: ignore[misc]

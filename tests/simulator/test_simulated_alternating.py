@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from app.driver import open_simulation
-from model.core.errors import Diverged, SceneError
-from model.scene.scene import Scene, load_scene
+from softlab.app.driver import open_simulation
+from softlab.model.core.errors import Diverged, SceneError
+from softlab.model.scene.scene import Scene, load_scene
 
 CHANGES = {
     "grid.rows": 8,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numba import cuda
 
-from gpu_backend.core.arithmetic import NUMBERS, UNROLLED, arithmetic_rate, make_chains
+from softlab.gpu_backend.core.arithmetic import NUMBERS, UNROLLED, arithmetic_rate, make_chains
 
 
 @pytest.mark.parametrize("real", [np.float32, np.float64])

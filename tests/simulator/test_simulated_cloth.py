@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from cloth_scenes import BODIES, PARTS, POKE, cloth_scene
 
-from app.driver import open_simulation
-from bench.reference import mass_spring as reference
-from model.core.errors import Diverged, SceneError
-from model.core.integrators import INTEGRATORS
-from model.core.simulation import State
-from model.scene.scene import Scene
+from softlab.app.driver import open_simulation
+from softlab.bench.reference import mass_spring as reference
+from softlab.model.core.errors import Diverged, SceneError
+from softlab.model.core.integrators import INTEGRATORS
+from softlab.model.core.simulation import State
+from softlab.model.scene.scene import Scene
 
 STEPS = 2
 

@@ -12,10 +12,10 @@ import pytest
 from cloth_scenes import PARTS, POKE, cloth_scene
 from test_simulated_tiles import assert_same, blocks_together  # noqa: F401  # a fixture
 
-from app.driver import open_simulation
-from model.core.errors import SceneError
-from model.core.simulation import State
-from model.scene.scene import Scene
+from softlab.app.driver import open_simulation
+from softlab.model.core.errors import SceneError
+from softlab.model.core.simulation import State
+from softlab.model.scene.scene import Scene
 
 
 def end_state(scene: Scene, kernel: str, steps: int, **options: Any) -> State:

@@ -10,10 +10,10 @@ from flow_scenes import FLOWS
 from fluid_scenes import in_a_cup
 from small_fluids import few, flat, free, rich, stirred
 
-from app.driver import open_simulation
-from bench.reference import fluid as judge
-from model.core.state import State
-from model.scene.scene import Scene
+from softlab.app.driver import open_simulation
+from softlab.bench.reference import fluid as judge
+from softlab.model.core.state import State
+from softlab.model.scene.scene import Scene
 
 SCENES = {
     "rich": rich(),

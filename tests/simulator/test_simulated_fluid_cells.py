@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from numba import cuda
 
-from gpu_backend.fluid.cells import Cells
-from gpu_backend.fluid.kernels import make_density_kernels
-from gpu_backend.fluid.sort_kernels import CELLS, WRAPS
-from model.fluid.parameters import FLUID_PARAMETERS
+from softlab.gpu_backend.fluid.cells import Cells
+from softlab.gpu_backend.fluid.kernels import make_density_kernels
+from softlab.gpu_backend.fluid.sort_kernels import CELLS, WRAPS
+from softlab.model.fluid.parameters import FLUID_PARAMETERS
 
 SUPPORT, NEIGHBOURS, PERIOD = 0.1, 6, 0.5
 SCATTERED, CROWDED, TORN, LOST, ROUND = "scattered", "crowded", "torn", "lost", "round"

@@ -7,14 +7,14 @@ import json
 import numpy as np
 import pytest
 
-from app.driver import open_simulation
-from bench.reference import mass_spring as reference
-from gpu_backend.core.sheet import BLOCK
-from gpu_backend.mass_spring.grid.kernels import make_tools
-from model.core.errors import Diverged, SceneError
-from model.core.integrators import INTEGRATORS
-from model.core.simulation import State
-from model.scene.scene import load_scene
+from softlab.app.driver import open_simulation
+from softlab.bench.reference import mass_spring as reference
+from softlab.gpu_backend.core.sheet import BLOCK
+from softlab.gpu_backend.mass_spring.grid.kernels import make_tools
+from softlab.model.core.errors import Diverged, SceneError
+from softlab.model.core.integrators import INTEGRATORS
+from softlab.model.core.simulation import State
+from softlab.model.scene.scene import load_scene
 
 SCENES = {
     "busy": {
@@ -170,12 +170,12 @@ def test_a_graph_is_refused_with_the_reason() -> None:
 def test_run_prints_one_json_object(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     import sys
 
-    import softlab
+    from softlab import cli
 
     command = "softlab run lab-grid --backend gpu --set grid.rows=8 --set grid.columns=8 --steps 20 --json"
     monkeypatch.setattr(sys, "argv", command.split())
     with pytest.raises(SystemExit) as caught:
-        softlab.main()
+        cli.main()
     assert caught.value.code in (0, None)
     report = json.loads(capsys.readouterr().out)
     assert report["backend"] == "gpu" and report["particles"] == 64 and report["outcome"] == "ok"

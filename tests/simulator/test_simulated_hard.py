@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import pytest
 
-from bench.experiments.accuracy.methods import FLUIDS, MATCHING
-from bench.stress import fluids
-from bench.stress.bodies import is_stopped_by_a_box, is_whole_at_once
-from bench.stress.cases import CASES
-from bench.stress.experiment import judge_case
-from bench.stress.rotations import finds_rotations, goals_are_exact
+from softlab.bench.experiments.accuracy.methods import FLUIDS, MATCHING
+from softlab.bench.stress import fluids
+from softlab.bench.stress.bodies import is_stopped_by_a_box, is_whole_at_once
+from softlab.bench.stress.cases import CASES
+from softlab.bench.stress.experiment import judge_case
+from softlab.bench.stress.rotations import finds_rotations, goals_are_exact
 
 TINY = [case for case in CASES if case.row in ("B4", "B24")]
 BODIES = {case.name: case for case in CASES if case.of_bodies}

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from cloth_scenes import POKE, cloth_scene
 
-from app.driver import open_simulation
+from softlab.app.driver import open_simulation
 
 
 @pytest.mark.parametrize(

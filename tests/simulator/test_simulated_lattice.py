@@ -19,7 +19,7 @@ def test_the_bits_of_the_cpu(counts: tuple[int, int, int], region: int, precisio
 
 def test_windows_in_turn(monkeypatch: pytest.MonkeyPatch) -> None:
     """How many windows a thread goes through changes no bit: one each, two, all of a group."""
-    import gpu_backend.shape_matching.lattice as lattice
+    import softlab.gpu_backend.shape_matching.lattice as lattice
 
     scene, found = blocks(1, 1, (2, 6, 7), 1), []
     for busy in (2**17, 40, 1):

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from mesh_scenes import PARTS, POKE, mesh_scene
 
-from app.driver import open_simulation
-from bench.reference import xpbd_mesh as reference
-from model.core.build import build
-from model.core.simulation import State
-from model.geometry.tables import wind_lists
-from model.geometry.topology import mesh_of, vertex_masses
-from model.scene.scene import Scene
-from model.scene.sheets import scene_normals
+from softlab.app.driver import open_simulation
+from softlab.bench.reference import xpbd_mesh as reference
+from softlab.model.core.build import build
+from softlab.model.core.simulation import State
+from softlab.model.geometry.tables import wind_lists
+from softlab.model.geometry.topology import mesh_of, vertex_masses
+from softlab.model.scene.scene import Scene
+from softlab.model.scene.sheets import scene_normals
 
 STEPS = 2
 

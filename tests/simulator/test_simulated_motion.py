@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from cloth_scenes import POKE, cloth_scene
 
-from app.driver import open_simulation
-from gpu_backend.contact.pins import STILL, pin_marks
-from model.core.build import build
-from model.core.errors import SceneError
-from model.core.simulation import State
-from model.mass_spring.cloth_parameters import P_MOTION, body_rows
-from model.scene.scene import Scene, load_scene
+from softlab.app.driver import open_simulation
+from softlab.gpu_backend.contact.pins import STILL, pin_marks
+from softlab.model.core.build import build
+from softlab.model.core.errors import SceneError
+from softlab.model.core.simulation import State
+from softlab.model.mass_spring.cloth_parameters import P_MOTION, body_rows
+from softlab.model.scene.scene import Scene, load_scene
 
 
 def end_state(scene: Scene, backend: str, kernel: str, **options: Any) -> State:

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from numba import cuda
 
-from cpu_backend.core.compile import Compiler
-from gpu_backend.core.formulas import device_formulas
-from model.formulas import rotation
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.gpu_backend.core.formulas import device_formulas
+from softlab.model.formulas import rotation
 
 
 def matrices() -> np.ndarray:

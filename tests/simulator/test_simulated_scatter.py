@@ -6,9 +6,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bench.experiments.checks import LIMITS, displaced
-from bench.experiments.findings import determinism as findings_determinism
-from bench.experiments.findings.determinism import (
+from softlab.bench.experiments.checks import LIMITS, displaced
+from softlab.bench.experiments.findings import determinism as findings_determinism
+from softlab.bench.experiments.findings.determinism import (
     DIFFERENT,
     DISTANCE,
     GATHER,
@@ -17,10 +17,10 @@ from bench.experiments.findings.determinism import (
     different_runs,
     open_way,
 )
-from bench.measure.costs_timing import RATIO, Effort, Record
-from bench.measure.machine import enter_machine
-from bench.store.database import Store
-from model.scene.scene import load_scene
+from softlab.bench.measure.costs_timing import RATIO, Effort, Record
+from softlab.bench.measure.machine import enter_machine
+from softlab.bench.store.database import Store
+from softlab.model.scene.scene import load_scene
 
 STEPS = 6
 

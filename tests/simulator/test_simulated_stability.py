@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from app.driver import open_simulation
-from bench.experiments.stability import runs as stability_runs
-from bench.experiments.stability.runs import DIVERGED, LIVE, MOVING, linear, measured_edge, outcome
-from model.scene.scene import Scene, load_scene
+from softlab.app.driver import open_simulation
+from softlab.bench.experiments.stability import runs as stability_runs
+from softlab.bench.experiments.stability.runs import DIVERGED, LIVE, MOVING, linear, measured_edge, outcome
+from softlab.model.scene.scene import Scene, load_scene
 
 
 def small(integrator: str) -> Scene:

@@ -15,14 +15,14 @@ import pytest
 from numba.cuda.simulator import kernel as simulator_kernel
 from numba.cuda.simulator import kernelapi
 
-import gpu_backend.mass_spring.grid.tile_launch as tile_launch
-from app.driver import open_simulation
-from gpu_backend.core.tiling import owned, tile_count
-from gpu_backend.mass_spring.grid.choice import parsed_tile
-from gpu_backend.mass_spring.grid.tiles import make_tile_parts
-from model.core.errors import SceneError
-from model.core.simulation import State
-from model.scene.scene import load_scene
+import softlab.gpu_backend.mass_spring.grid.tile_launch as tile_launch
+from softlab.app.driver import open_simulation
+from softlab.gpu_backend.core.tiling import owned, tile_count
+from softlab.gpu_backend.mass_spring.grid.choice import parsed_tile
+from softlab.gpu_backend.mass_spring.grid.tiles import make_tile_parts
+from softlab.model.core.errors import SceneError
+from softlab.model.core.simulation import State
+from softlab.model.scene.scene import load_scene
 
 BUSY = {
     "grid.pinned": "every:3",

@@ -9,9 +9,9 @@ import pytest
 from wet_scenes import wet_scene
 from world_scenes import moving
 
-from app.driver import open_simulation
-from model.core.simulation import State
-from model.scene.scene import Scene
+from softlab.app.driver import open_simulation
+from softlab.model.core.simulation import State
+from softlab.model.scene.scene import Scene
 
 
 def end_state(scene: Scene, backend: str, **options: Any) -> State:

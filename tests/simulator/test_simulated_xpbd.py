@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from xpbd_scenes import PARTS, poke_of, xpbd_scene
 
-from app.driver import open_simulation
-from bench.reference import xpbd as reference
-from gpu_backend.core.sheet import BLOCK
-from model.core.build import build, rest_positions
-from model.core.errors import Diverged, SceneError
-from model.core.simulation import State
-from model.scene.scene import Scene
+from softlab.app.driver import open_simulation
+from softlab.bench.reference import xpbd as reference
+from softlab.gpu_backend.core.sheet import BLOCK
+from softlab.model.core.build import build, rest_positions
+from softlab.model.core.errors import Diverged, SceneError
+from softlab.model.core.simulation import State
+from softlab.model.scene.scene import Scene
 
 ORDERINGS = {"gauss-seidel": "gauss-seidel", "jacobi": "weighted-jacobi", "averaged-jacobi": "averaged-jacobi"}
 SHARED = ("one-block", "tiled:4x4x32d1", "tiled:8x4x64d2")  # kernels: several tiles, some iterations left over

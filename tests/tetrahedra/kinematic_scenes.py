@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from app.driver import open_simulation
-from model.core.simulation import State
-from model.scene.scene import Scene
+from softlab.app.driver import open_simulation
+from softlab.model.core.simulation import State
+from softlab.model.scene.scene import Scene
 
 SOLVERS = ("xpbd", "vbd", "newton")
 BAR: dict[str, Any] = {

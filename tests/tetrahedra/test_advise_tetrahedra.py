@@ -8,22 +8,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import softlab
-from app.driver import open_simulation
-from bench.experiments import tetrahedra as experiment
-from bench.experiments.advise.answer import answer
-from bench.experiments.advise.tetrahedra import _beside, advise_tetrahedra, bodies, budgets_by_law
-from bench.experiments.advise.tetrahedra_advice import Budget, TetrahedraAdvice
-from bench.experiments.advise.tetrahedra_laws import MOST, Stiff, fewest, gravity_lost, least_substep
-from bench.experiments.tetrahedra import drop, settle
-from bench.experiments.tetrahedral.bars import bars
-from bench.experiments.tetrahedral.cantilever import BLOCKS, SECOND, cantilever, exact_drop, exact_rest, sag
-from bench.measure.experiment import described
-from bench.reference.finite_elements import modes
-from bench.store.database import Store
-from bench.store.results import measures
-from model.core.errors import SceneError
-from model.scene.scene import Scene, load_scene
+from softlab import cli
+from softlab.app.driver import open_simulation
+from softlab.bench.experiments import tetrahedra as experiment
+from softlab.bench.experiments.advise.answer import answer
+from softlab.bench.experiments.advise.tetrahedra import _beside, advise_tetrahedra, bodies, budgets_by_law
+from softlab.bench.experiments.advise.tetrahedra_advice import Budget, TetrahedraAdvice
+from softlab.bench.experiments.advise.tetrahedra_laws import MOST, Stiff, fewest, gravity_lost, least_substep
+from softlab.bench.experiments.tetrahedra import drop, settle
+from softlab.bench.experiments.tetrahedral.bars import bars
+from softlab.bench.experiments.tetrahedral.cantilever import BLOCKS, SECOND, cantilever, exact_drop, exact_rest, sag
+from softlab.bench.measure.experiment import described
+from softlab.bench.reference.finite_elements import modes
+from softlab.bench.store.database import Store
+from softlab.bench.store.results import measures
+from softlab.model.core.errors import SceneError
+from softlab.model.scene.scene import Scene, load_scene
 
 JUDGE = 1e-3  # of the way: what the bar's judge in motion, linear vibrations, is itself off by
 
@@ -153,7 +153,7 @@ def test_what_the_laws_do_not_know_is_left_out() -> None:
 ])  # fmt: skip
 def test_measured_bars_are_told_beside_the_law(store: Store, precision: str, told: tuple[str, ...]) -> None:
     """Those of the store, of this machine; in float32 they were measured all the same, and hold nothing."""
-    from bench.measure.machine import enter_machine
+    from softlab.bench.measure.machine import enter_machine
 
     machine = enter_machine(store)
     run = store.start_run(machine, "made up", None)
@@ -188,12 +188,12 @@ def test_the_command_writes_what_it_advises(tmp_path: Path, monkeypatch: pytest.
         found.append(TetrahedraAdvice(scene, error, 0.5, (budget,), (), (), 1.0))
         return found[0]
 
-    monkeypatch.setattr("bench.experiments.advise.answer.advise_tetrahedra", made_up)
+    monkeypatch.setattr("softlab.bench.experiments.advise.answer.advise_tetrahedra", made_up)
     target = tmp_path / "fast.toml"
     monkeypatch.setattr("sys.argv", ["softlab", "advise", "fem-cantilever", "--error", "0.02", "--write", str(target),
                                      "--store", str(tmp_path / "s.sqlite")])  # fmt: skip
     with pytest.raises(SystemExit) as left:
-        softlab.main()
+        cli.main()
     assert left.value.code in (0, None)
     assert load_scene(target).method.substeps == 7
     assert found[0].error == 0.02

@@ -10,12 +10,12 @@ import pytest
 from kinematic_scenes import BAR, CUBE, HOOK, LOOSE, SOLVERS, kinematic_scene, run
 from vbd_scenes import elastic_force
 
-from app.driver import open_simulation
-from model.contact.surface_parameters import contact_surface
-from model.core.errors import InputError, SceneError
-from model.scene.scene import Scene
-from model.tetrahedra.attachments import attachment_sets, contact_free
-from model.tetrahedra.springs import springs
+from softlab.app.driver import open_simulation
+from softlab.model.contact.surface_parameters import contact_surface
+from softlab.model.core.errors import InputError, SceneError
+from softlab.model.scene.scene import Scene
+from softlab.model.tetrahedra.attachments import attachment_sets, contact_free
+from softlab.model.tetrahedra.springs import springs
 
 DT = 0.01
 

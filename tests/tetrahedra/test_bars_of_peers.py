@@ -9,21 +9,21 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from app.driver import open_simulation
-from bench.experiments.tetrahedral.cantilever import POISSON
-from bench.peers.bars.fem import WarpFem
-from bench.peers.bars.newton import NewtonTetrahedra, squares_stress, stable_substeps
-from bench.peers.bars.own import OwnTetrahedra
-from bench.peers.bars.tip import BARS, by_stress, exact_tip, quickest
-from bench.peers.base import Peer
-from bench.peers.registry import PEERS
-from bench.peers.results import print_peers, ratios
-from bench.peers.scenes import SCENES, peer_scenes, shape_of, word_of
-from bench.peers.sweep import run_peers
-from bench.reference.elastic_materials import cofactor, lame, linear_tangent, stress
-from bench.store.database import Store
-from bench.store.results import measures
-from model.core.build import build
+from softlab.app.driver import open_simulation
+from softlab.bench.experiments.tetrahedral.cantilever import POISSON
+from softlab.bench.peers.bars.fem import WarpFem
+from softlab.bench.peers.bars.newton import NewtonTetrahedra, squares_stress, stable_substeps
+from softlab.bench.peers.bars.own import OwnTetrahedra
+from softlab.bench.peers.bars.tip import BARS, by_stress, exact_tip, quickest
+from softlab.bench.peers.base import Peer
+from softlab.bench.peers.registry import PEERS
+from softlab.bench.peers.results import print_peers, ratios
+from softlab.bench.peers.scenes import SCENES, peer_scenes, shape_of, word_of
+from softlab.bench.peers.sweep import run_peers
+from softlab.bench.reference.elastic_materials import cofactor, lame, linear_tangent, stress
+from softlab.bench.store.database import Store
+from softlab.bench.store.results import measures
+from softlab.model.core.build import build
 
 WORD = "tetrahedra-1e7"
 

@@ -7,7 +7,7 @@ import io
 import pytest
 from rich.console import Console
 
-from bench.experiments.element_projections import (
+from softlab.bench.experiments.element_projections import (
     BARS,
     FREE,
     LARGE,
@@ -23,9 +23,9 @@ from bench.experiments.element_projections import (
     projections_of,
     run_element_projections,
 )
-from bench.store.database import Store
-from bench.store.results import measures
-from model.core.errors import SceneError
+from softlab.bench.store.database import Store
+from softlab.bench.store.results import measures
+from softlab.model.core.errors import SceneError
 
 
 @pytest.mark.parametrize("count", [400, 3200])
@@ -71,9 +71,9 @@ def test_quick_is_a_part_of_the_whole() -> None:
 
 
 def test_rates_are_kept_and_told(tmp_path: object, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("bench.experiments.element_projections.QUICK_BARS", (400,))
-    monkeypatch.setattr("bench.experiments.element_projections.SMALL_STEPS", 1)
-    monkeypatch.setattr("bench.measure.case_timing.SAMPLE_SECONDS", 0.002)
+    monkeypatch.setattr("softlab.bench.experiments.element_projections.QUICK_BARS", (400,))
+    monkeypatch.setattr("softlab.bench.experiments.element_projections.SMALL_STEPS", 1)
+    monkeypatch.setattr("softlab.bench.measure.case_timing.SAMPLE_SECONDS", 0.002)
     with Store(tmp_path / "results.sqlite") as store:  # type: ignore[operator]
         summary = run_element_projections(store, quick=True, backends=["cpu"], progress=False)
         assert (summary.measured, summary.skipped) == (2, [])
@@ -88,7 +88,7 @@ def test_rates_are_kept_and_told(tmp_path: object, monkeypatch: pytest.MonkeyPat
 
 
 def test_sheets_have_sizes_and_bars_do_not(tmp_path: object) -> None:
-    from bench.commands import projections
+    from softlab.bench.commands import projections
 
     with pytest.raises(SceneError, match="applies to sheets"):
         projections(size=[8], tetrahedra=True)

@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.driver import open_simulation
-from model.core.build import build
-from model.core.simulation import State
-from model.scene.scene import Scene
+from softlab.app.driver import open_simulation
+from softlab.model.core.build import build
+from softlab.model.core.simulation import State
+from softlab.model.scene.scene import Scene
 
 MU, G, H, SIDE, THICKNESS, STICKING = 0.6, 9.81, 1 / 60, 0.3, 0.01, 1.05
 SPEED, SECONDS = 0.2, 0.5

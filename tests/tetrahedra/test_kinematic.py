@@ -10,10 +10,10 @@ import pytest
 from kinematic_scenes import BAR, ENDS, SOLVERS, kinematic_scene, run
 from vbd_scenes import elastic_force
 
-from app.driver import open_simulation
-from model.core.errors import InputError, SceneError, UnstableTimeStep
-from model.scene.regions import Region
-from model.scene.scene import Scene
+from softlab.app.driver import open_simulation
+from softlab.model.core.errors import InputError, SceneError, UnstableTimeStep
+from softlab.model.scene.regions import Region
+from softlab.model.scene.scene import Scene
 
 DT = 0.01
 EXACT: dict[str, Any] = {"precision": "float64", "math": "exact", "threads": 1}

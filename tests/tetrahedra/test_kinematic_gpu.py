@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from kinematic_scenes import BAR, CLAMP, CUBE, ENDS, HOOK, LOOSE, SOLVERS, kinematic_scene, run
 
-from app.driver import open_simulation
-from model.scene.scene import load_scene
+from softlab.app.driver import open_simulation
+from softlab.model.scene.scene import load_scene
 
 pytestmark = pytest.mark.gpu
 

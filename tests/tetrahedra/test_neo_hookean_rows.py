@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.driver import open_simulation
-from model.core.build import build
-from model.core.simulation import State
-from model.scene.scene import Scene
-from model.tetrahedra.material import energies
+from softlab.app.driver import open_simulation
+from softlab.model.core.build import build
+from softlab.model.core.simulation import State
+from softlab.model.scene.scene import Scene
+from softlab.model.tetrahedra.material import energies
 
 H = 1 / 60
 VOXEL: dict[str, Any] = {

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.driver import open_simulation
-from model.contact.shortfalls import inverted
-from model.core.simulation import State
-from model.formulas.constraints.tetrahedron import MATERIALS
-from model.scene.scene import Scene
+from softlab.app.driver import open_simulation
+from softlab.model.contact.shortfalls import inverted
+from softlab.model.core.simulation import State
+from softlab.model.formulas.constraints.tetrahedron import MATERIALS
+from softlab.model.scene.scene import Scene
 
 EDGE = 0.1  # m
 METHODS: dict[str, dict[str, Any]] = {

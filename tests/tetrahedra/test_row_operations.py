@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from model.formulas.constraints import tetrahedron, voxel_volume
-from model.formulas.constraints.tetrahedron import COROTATED, FIXED, HOOKEAN, MATERIALS
+from softlab.model.formulas.constraints import tetrahedron, voxel_volume
+from softlab.model.formulas.constraints.tetrahedron import COROTATED, FIXED, HOOKEAN, MATERIALS
 
 counted = [0]
 

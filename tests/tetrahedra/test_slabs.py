@@ -8,11 +8,21 @@ import numpy as np
 import pytest
 from tetrahedra_scenes import BODY, tetrahedra_scene
 
-from gpu_backend.tetrahedra.resident_launch import chosen_slabs, default_slabs, layers_of
-from gpu_backend.tetrahedra.slabs import ALL, BORDER_AFTER, BORDER_BEFORE, HEADER, LIST, OWN, SHARED, STARTS, Slabs
-from model.core.errors import SceneError
-from model.scene.scene import Scene
-from model.tetrahedra.constraints import constraint_sets
+from softlab.gpu_backend.tetrahedra.resident_launch import chosen_slabs, default_slabs, layers_of
+from softlab.gpu_backend.tetrahedra.slabs import (
+    ALL,
+    BORDER_AFTER,
+    BORDER_BEFORE,
+    HEADER,
+    LIST,
+    OWN,
+    SHARED,
+    STARTS,
+    Slabs,
+)
+from softlab.model.core.errors import SceneError
+from softlab.model.scene.scene import Scene
+from softlab.model.tetrahedra.constraints import constraint_sets
 
 LIMITS = (132, 200_000)  # blocks at once, bytes of shared memory
 

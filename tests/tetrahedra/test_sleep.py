@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from kinematic_scenes import BAR, ENDS, LOOSE, kinematic_scene, run
 
-from app.driver import open_simulation
-from model.core.errors import SceneError
-from model.formulas.elastic.sleep import SHARE
-from model.scene.scene import Scene, load_scene
+from softlab.app.driver import open_simulation
+from softlab.model.core.errors import SceneError
+from softlab.model.formulas.elastic.sleep import SHARE
+from softlab.model.scene.scene import Scene, load_scene
 
 SPEED = 0.05  # m/s
 DT = 0.01

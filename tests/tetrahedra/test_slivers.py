@@ -13,13 +13,13 @@ import pytest
 from scipy.linalg import solve_continuous_lyapunov
 from scipy.spatial import Delaunay
 
-from app.driver import open_simulation
-from bench.reference import tetrahedra as reference
-from bench.reference.finite_elements import Body, lumped_mass
-from model.formulas import plain
-from model.formulas.constraints import tetrahedron
-from model.formulas.constraints.tetrahedron_block import make_lyapunov
-from model.scene.scene import Scene
+from softlab.app.driver import open_simulation
+from softlab.bench.reference import tetrahedra as reference
+from softlab.bench.reference.finite_elements import Body, lumped_mass
+from softlab.model.formulas import plain
+from softlab.model.formulas.constraints import tetrahedron
+from softlab.model.formulas.constraints.tetrahedron_block import make_lyapunov
+from softlab.model.scene.scene import Scene
 
 SIDE, H = 0.3, 1 / 60
 # Poisson's ratio, Young's modulus [Pa], material

@@ -8,17 +8,17 @@ import numpy as np
 import pytest
 from tetrahedra_scenes import BODY, FREE, METHOD, PARTS, moving, tetrahedra_scene
 
-from app.driver import open_simulation
-from app.output.pieces import pieces_of
-from bench.reference import tetrahedra as reference
-from bench.reference import tetrahedra_voxels as voxel_reference
-from bench.reference.finite_elements import Body
-from model.core.build import build
-from model.core.simulation import State
-from model.formulas.elastic import deformation
-from model.scene.scene import Scene
-from model.tetrahedra.constraints import constraint_sets, tetrahedra_of_sets
-from model.tetrahedra.material import energies, stretches
+from softlab.app.driver import open_simulation
+from softlab.app.output.pieces import pieces_of
+from softlab.bench.reference import tetrahedra as reference
+from softlab.bench.reference import tetrahedra_voxels as voxel_reference
+from softlab.bench.reference.finite_elements import Body
+from softlab.model.core.build import build
+from softlab.model.core.simulation import State
+from softlab.model.formulas.elastic import deformation
+from softlab.model.scene.scene import Scene
+from softlab.model.tetrahedra.constraints import constraint_sets, tetrahedra_of_sets
+from softlab.model.tetrahedra.material import energies, stretches
 
 STEPS = 2
 

@@ -11,8 +11,8 @@ import pytest
 from read_figures import LABELS, labels
 from synthetic_store import GPU_RECORD
 
-from bench.experiments import tetrahedra
-from bench.experiments.tetrahedra import (
+from softlab.bench.experiments import tetrahedra
+from softlab.bench.experiments.tetrahedra import (
     ELEMENTS,
     MESH_ERROR,
     MODULI,
@@ -23,8 +23,8 @@ from bench.experiments.tetrahedra import (
     run_tetrahedra,
     settings,
 )
-from bench.experiments.tetrahedral.bars import Bar, bars
-from bench.experiments.tetrahedral.cantilever import (
+from softlab.bench.experiments.tetrahedral.bars import Bar, bars
+from softlab.bench.experiments.tetrahedral.cantilever import (
     BLOCKS,
     bending_frequency,
     cantilever,
@@ -32,18 +32,18 @@ from bench.experiments.tetrahedral.cantilever import (
     exact_rest,
     sag,
 )
-from bench.experiments.tetrahedral.decides import decisions, targets
-from bench.measure.costs_timing import SECONDS
-from bench.measure.experiment import described
-from bench.store.database import Store
-from bench.store.results import measures
-from labbook.claims.tetrahedra import CLAIMS
-from model.core.errors import SceneError, UnstableTimeStep
-from plots.core.read import load
-from plots.core.style import settings as drawing_settings
-from plots.figures import tetrahedra as figure
-from plots.figures import tetrahedra_decides
-from plots.figures.tetrahedra_decides import frontier
+from softlab.bench.experiments.tetrahedral.decides import decisions, targets
+from softlab.bench.measure.costs_timing import SECONDS
+from softlab.bench.measure.experiment import described
+from softlab.bench.store.database import Store
+from softlab.bench.store.results import measures
+from softlab.labbook.claims.tetrahedra import CLAIMS
+from softlab.model.core.errors import SceneError, UnstableTimeStep
+from softlab.plots.core.read import load
+from softlab.plots.core.style import settings as drawing_settings
+from softlab.plots.figures import tetrahedra as figure
+from softlab.plots.figures import tetrahedra_decides
+from softlab.plots.figures.tetrahedra_decides import frontier
 
 
 def test_the_bar_is_what_it_is_called() -> None:

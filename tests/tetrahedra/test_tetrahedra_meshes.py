@@ -11,8 +11,8 @@ from read_figures import LABELS, labels
 from rich.console import Console
 from synthetic_store import CPU_RECORD
 
-from bench.experiments.bar_strip import REFUSED
-from bench.experiments.tetrahedral.meshes import (
+from softlab.bench.experiments.bar_strip import REFUSED
+from softlab.bench.experiments.tetrahedral.meshes import (
     CONTINUUM,
     CUTS,
     DECAY,
@@ -31,13 +31,13 @@ from bench.experiments.tetrahedral.meshes import (
     steps,
     swinging,
 )
-from bench.store.database import Store
-from bench.store.results import measures
-from labbook.claims.tetrahedra import CLAIMS
-from model.core.errors import BackendUnavailable
-from plots.core.read import load
-from plots.core.style import settings
-from plots.figures import tetrahedra_mesh
+from softlab.bench.store.database import Store
+from softlab.bench.store.results import measures
+from softlab.labbook.claims.tetrahedra import CLAIMS
+from softlab.model.core.errors import BackendUnavailable
+from softlab.plots.core.read import load
+from softlab.plots.core.style import settings
+from softlab.plots.figures import tetrahedra_mesh
 
 NOTHING = Store(":memory:")
 SAGS = {  # cut, Poisson's ratio -> tip sag [m] with 1 and 2 voxels across, of another program
@@ -74,7 +74,7 @@ def test_what_a_backend_lacks_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     def missing(*_: Any, **__: Any) -> None:
         raise BackendUnavailable("no kernels", "run it elsewhere")
 
-    monkeypatch.setattr("bench.experiments.tetrahedral.meshes.open_simulation", missing)
+    monkeypatch.setattr("softlab.bench.experiments.tetrahedral.meshes.open_simulation", missing)
     found = decay(swinging("newton", 1, 1), "gpu")
     assert all(str(reason).startswith(REFUSED) for _, _, reason in found.values())
 

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from tetrahedra_scenes import moving, tetrahedra_scene
 
-from app.driver import open_simulation
-from bench.peers.cpp_tetrahedra import CppTetrahedra
-from bench.peers.registry import PEERS
-from bench.peers.scenes import SCENES, shape_of, word_of
-from bench.peers.sweep import run_peers
-from bench.store.database import Store
+from softlab.app.driver import open_simulation
+from softlab.bench.peers.cpp_tetrahedra import CppTetrahedra
+from softlab.bench.peers.registry import PEERS
+from softlab.bench.peers.scenes import SCENES, shape_of, word_of
+from softlab.bench.peers.sweep import run_peers
+from softlab.bench.store.database import Store
 
 
 @pytest.fixture

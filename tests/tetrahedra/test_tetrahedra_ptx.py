@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from kernel_text import entry_of, record_of
 
-from model.core.constraints import Projection
-from model.formulas.constraints.tetrahedron import MATERIALS
-from model.tetrahedra.constraints import BLOCKS, DAMPED, ITERATED, part_of_run, projections_of
+from softlab.model.core.constraints import Projection
+from softlab.model.formulas.constraints.tetrahedron import MATERIALS
+from softlab.model.tetrahedra.constraints import BLOCKS, DAMPED, ITERATED, part_of_run, projections_of
 
 pytestmark = pytest.mark.usefixtures("ptx_compiler")
 
@@ -23,7 +23,7 @@ def text_of(material: str, real: Any, math: str, *more: str) -> str:
 def projection_text(projection: Projection, real: Any, math: str) -> str:
     from numba import types
 
-    from gpu_backend.core.constraints import make_projections
+    from softlab.gpu_backend.core.constraints import make_projections
 
     reals, i, n = (types.float32 if real is np.float32 else types.float64)[::1], types.int32, types.int32[::1]
     kernel = make_projections(real, math, projection)
@@ -80,7 +80,7 @@ def test_the_resident_kernel_contracts_nothing_in_exact_math() -> None:
 def resident_text(material: str, real: Any, math: str, *more: str) -> str:
     from numba import types
 
-    from gpu_backend.tetrahedra.resident import make_tetrahedra_resident
+    from softlab.gpu_backend.tetrahedra.resident import make_tetrahedra_resident
 
     parts = frozenset({material, part_of_run(material, 5), *more})
     (projection,) = projections_of(parts)
@@ -109,7 +109,7 @@ def test_multipliers_are_only_there_where_they_are_kept() -> None:
 def test_pins_that_move_compile_likewise(real: Any, math: str) -> None:
     from numba import types
 
-    from gpu_backend.contact.pins import make_drive
+    from softlab.gpu_backend.contact.pins import make_drive
 
     reals = (types.float32 if real is np.float32 else types.float64)[::1]
     i, n, wide = types.int32, types.int32[::1], types.int64
@@ -123,7 +123,7 @@ def test_pins_that_move_compile_likewise(real: Any, math: str) -> None:
 def test_bodies_that_are_slowed_compile_likewise(real: Any, math: str) -> None:
     from numba import types
 
-    from gpu_backend.xpbd.mesh_kernels import make_slow
+    from softlab.gpu_backend.xpbd.mesh_kernels import make_slow
 
     reals = (types.float32 if real is np.float32 else types.float64)[::1]
     body = entry_of(make_slow(real, math).py_func, (reals, reals, record_of(real, "tetrahedra")), math)

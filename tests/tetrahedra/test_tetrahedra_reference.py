@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 from bar_mesh import Bar, bar
 
-from bench.reference import elastic_materials as materials
-from bench.reference import finite_elements as fem
-from bench.reference import tetrahedra as rows
-from bench.reference.finite_elements_newton import implicit_euler, nonlinear_static
+from softlab.bench.reference import elastic_materials as materials
+from softlab.bench.reference import finite_elements as fem
+from softlab.bench.reference import tetrahedra as rows
+from softlab.bench.reference.finite_elements_newton import implicit_euler, nonlinear_static
 
 DENSITY, FRAME = 1000.0, 1 / 60
 ONE = np.array([[0.0, 0.0, 0.0], [0.3, 0.02, 0.0], [0.05, 0.25, 0.01], [0.1, 0.08, 0.2]])

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from tetrahedra_scenes import BODY, tetrahedra_scene
 
-from model.core.constraints import ConstraintSet
-from model.core.errors import InputError
-from model.scene.scene import Scene
-from model.tetrahedra.body_set import TetrahedraSet
-from model.tetrahedra.constraints import constraint_sets, tetrahedra_of_sets
-from model.tetrahedra.voxel_order import voxel_order
+from softlab.model.core.constraints import ConstraintSet
+from softlab.model.core.errors import InputError
+from softlab.model.scene.scene import Scene
+from softlab.model.tetrahedra.body_set import TetrahedraSet
+from softlab.model.tetrahedra.constraints import constraint_sets, tetrahedra_of_sets
+from softlab.model.tetrahedra.voxel_order import voxel_order
 
 BAR = BODY | {"shape": {"name": "box", "sides": [0.3, 0.5, 0.4], "resolution": 10}}
 

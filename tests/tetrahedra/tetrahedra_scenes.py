@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from model.core.build import build
-from model.core.simulation import State
-from model.scene.scene import Scene
+from softlab.model.core.build import build
+from softlab.model.core.simulation import State
+from softlab.model.scene.scene import Scene
 
 METHOD = {"solver": "xpbd", "dt": 0.01, "substeps": 3, "iterations": 2}
 BODY: dict[str, Any] = {

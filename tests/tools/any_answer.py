@@ -20,10 +20,10 @@ import numpy as np
 from any_input import Case
 from fake_cloth import FakeCloth
 
-import softlab
-from bench.store.database import Store
-from model.core.families import scene_plan
-from model.core.simulation import Simulation
+from softlab import cli
+from softlab.bench.store.database import Store
+from softlab.model.core.families import scene_plan
+from softlab.model.core.simulation import Simulation
 
 SECONDS = 20  # of computing that any answer may take; three times as many by the clock, for one that waits
 PARTS = 10_000  # of a run that was asked to last, with its progress bar, until it counts as accepted
@@ -74,20 +74,24 @@ class Still(FakeCloth):
 @contextlib.contextmanager
 def quiet_lab() -> Iterator[None]:
     """No solver, no measurement, no window, while it lasts."""
-    import app.driver
-    import app.window.viewer
-    import bench.measure.machine
-    import bench.store.database
+    import softlab.app.driver
+    import softlab.app.window.viewer
+    import softlab.bench.measure.machine
+    import softlab.bench.store.database
 
     def work(*_: Any, **__: Any) -> None:
         raise Worked
 
     replaced: list[tuple[Any, str, Any]] = [
-        (app.driver, "_open", lambda scene, backend, options, threads: Still(scene, options)),
-        (app.window.viewer, "run_demo", work),
-        (bench.measure.machine, "measured_limits", work),
-        (bench.store.database.Store, "start_run", work),
-        (bench.store.database.Store, "add_machine", _machine_or_work(bench.store.database.Store.add_machine)),
+        (softlab.app.driver, "_open", lambda scene, backend, options, threads: Still(scene, options)),
+        (softlab.app.window.viewer, "run_demo", work),
+        (softlab.bench.measure.machine, "measured_limits", work),
+        (softlab.bench.store.database.Store, "start_run", work),
+        (
+            softlab.bench.store.database.Store,
+            "add_machine",
+            _machine_or_work(softlab.bench.store.database.Store.add_machine),
+        ),
     ]
     kept = [(owner, name, getattr(owner, name)) for owner, name, _ in replaced]
     for owner, name, new in replaced:
@@ -143,7 +147,7 @@ def answer(case: Case, folder: Path) -> Answer:
                 signal.setitimer(clock, seconds)
             try:
                 with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
-                    softlab.main()
+                    cli.main()
             except SystemExit as ended:
                 status = int(ended.code or 0)
             except Worked:

@@ -40,10 +40,10 @@ from odd_values import (
     frames_of,
 )  # fmt: skip
 
-from bench.store.database import Store
-from bench.store.transfer import export
-from model.scene.kinds import KINDS
-from model.scene.reader import catalogue
+from softlab.bench.store.database import Store
+from softlab.bench.store.transfer import export
+from softlab.model.scene.kinds import KINDS
+from softlab.model.scene.reader import catalogue
 
 FIELDS = [(kind, name) for kind, part in KINDS.items() for name in part.model_fields]
 

@@ -12,14 +12,14 @@ from typing import Any
 
 import numpy as np
 
-from app.driver import open_simulation
-from bench.experiments.body_scenes import AWAY, SAMPLED, bodies_scene, method, start
-from bench.experiments.clusters_by_hand import by_hand, clusters_of, degenerate
-from bench.stress.laws import Law
-from bench.stress.trial import Check, Trial
-from model.core.simulation import State
-from model.scene.scene import Scene
-from model.shape_matching.body_set import Copy
+from softlab.app.driver import open_simulation
+from softlab.bench.experiments.body_scenes import AWAY, SAMPLED, bodies_scene, method, start
+from softlab.bench.experiments.clusters_by_hand import by_hand, clusters_of, degenerate
+from softlab.bench.stress.laws import Law
+from softlab.bench.stress.trial import Check, Trial
+from softlab.model.core.simulation import State
+from softlab.model.scene.scene import Scene
+from softlab.model.shape_matching.body_set import Copy
 
 __all__ = [
     "AWAY",

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from model.assets.baked_body import BakedBody
-from model.assets.soft_body import SoftBody
+from softlab.model.assets.baked_body import BakedBody
+from softlab.model.assets.soft_body import SoftBody
 
 Mesh = tuple[np.ndarray, np.ndarray]
 SOFT = {"particle_spacing": 0.1, "cluster_spacing": 0.25, "cluster_radius": 0.3}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from model.scene.scene import Scene
+from softlab.model.scene.scene import Scene
 
 SHEET = {
     "cloth": {"rows": 7, "columns": 6, "spacing": 0.1, "pinned": [[0, 0], [3, 2]]},

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bench.reference import mass_spring as reference
-from model.core.build import build
-from model.core.simulation import State
-from model.scene.scene import Scene
+from softlab.bench.reference import mass_spring as reference
+from softlab.model.core.build import build
+from softlab.model.core.simulation import State
+from softlab.model.scene.scene import Scene
 
 each_solver = pytest.mark.parametrize("solver", ["reference", "cpu", pytest.param("gpu", marks=pytest.mark.gpu)])
 
@@ -31,7 +31,7 @@ def solve(
     ]
     if solver == "reference":
         return reference.simulate(scene, steps, *begin)
-    from app.driver import open_simulation
+    from softlab.app.driver import open_simulation
 
     threads = {"threads": 1} if solver == "cpu" else {}
     initial = State(begin[0], begin[1], build(scene).inverse_mass, 0.0, 0)

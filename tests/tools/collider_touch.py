@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from model.core.parameters import record_type
-from model.mass_spring.cloth_parameters import CLOTH_PARAMETERS, collider_numbers
-from model.scene.scene import Scene
+from softlab.model.core.parameters import record_type
+from softlab.model.mass_spring.cloth_parameters import CLOTH_PARAMETERS, collider_numbers
+from softlab.model.scene.scene import Scene
 
 DT, STEP = 0.5, 0  # s: so that the step ends at 0.5 s, and colliders at 1 m/s have moved by half a metre
 RUBS = {"velocity": (0.0, 1.0, 0.0), "thickness": 0.1, "static_friction": 0.5, "dynamic_friction": 0.4}

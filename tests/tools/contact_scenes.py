@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from model.core.build import build
-from model.scene.scene import Scene
+from softlab.model.core.build import build
+from softlab.model.scene.scene import Scene
 
 SPACING = 0.1
 

@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from model.core.errors import SceneError
-from model.core.families import scene_plan
-from model.core.plan import Plan
-from model.core.simulation import Options, Simulation
-from model.scene.scene import Scene
+from softlab.model.core.errors import SceneError
+from softlab.model.core.families import scene_plan
+from softlab.model.core.plan import Plan
+from softlab.model.core.simulation import Options, Simulation
+from softlab.model.scene.scene import Scene
 
 DAMPING = 100.0  # 1/s: a pull that is renewed once a frame of 0.01 s settles, with no neighbours to hold the mass
 

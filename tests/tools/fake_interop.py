@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from fake_cloth import FakeCloth
 
-from model.core.simulation import Options
-from model.scene.scene import Scene
+from softlab.model.core.simulation import Options
+from softlab.model.scene.scene import Scene
 
 
 class Status(IntEnum):

@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from model.scene.scene import Scene
+from softlab.model.scene.scene import Scene
 
 FORCE = 1e-9  # N, left on a free mass at rest, in float64
 PINS = {"top": np.s_[:1], "top-corners": np.s_[:1, [0, -1]], "none": np.s_[:0]}  # of (rows, columns)

@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from model.contact.self_contact_parameters import SELF_CONTACT_PARAMETERS
-from model.contact.surface_parameters import SURFACE_CONTACT_PARAMETERS
-from model.core.parameters import PARAMETERS, record_type
-from model.fluid.parameters import record_names
-from model.mass_spring.implicit_parameters import SYSTEM_PARAMETERS
-from model.tetrahedra.constraints import CONSTANTS
-from model.xpbd.parameters import XPBD_PARAMETERS
+from softlab.model.contact.self_contact_parameters import SELF_CONTACT_PARAMETERS
+from softlab.model.contact.surface_parameters import SURFACE_CONTACT_PARAMETERS
+from softlab.model.core.parameters import PARAMETERS, record_type
+from softlab.model.fluid.parameters import record_names
+from softlab.model.mass_spring.implicit_parameters import SYSTEM_PARAMETERS
+from softlab.model.tetrahedra.constraints import CONSTANTS
+from softlab.model.xpbd.parameters import XPBD_PARAMETERS
 
 RECORDS = {  # of a grid; of all solvers of quads, a cloth's names among others; of a cloth's contacts; of a matrix; ...
     "grid": PARAMETERS,
@@ -64,6 +64,6 @@ def kernel_text(kernel: Any, letters: str, real: Any, math: str) -> str:
 
 def collide_text(real: Any, math: str, parts: frozenset[str]) -> str:
     """Of the kernel in which the masses of a position-based solver meet the colliders among `parts`."""
-    from gpu_backend.xpbd.stages import make_xpbd_stages
+    from softlab.gpu_backend.xpbd.stages import make_xpbd_stages
 
     return kernel_text(make_xpbd_stages(real, math, parts, 3).collide, "RRRPRUl", real, math)

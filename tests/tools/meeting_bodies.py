@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from bodies_scenes import AWAY, SAMPLED, bodies_scene, method
 
-from model.contact.particle_parameters import (
+from softlab.model.contact.particle_parameters import (
     G_DISTANCE,
     G_NEIGHBOURS,
     G_OWN,
@@ -19,8 +19,8 @@ from model.contact.particle_parameters import (
     kinds_of_particles,
     particle_contact_record,
 )
-from model.formulas import particle_contact
-from model.scene.scene import Scene
+from softlab.model.formulas import particle_contact
+from softlab.model.scene.scene import Scene
 
 SOFT = {"kind": "soft_body", "particle_spacing": 0.16, **SAMPLED}
 BRICK = {"kind": "rigid_body", "particle_spacing": 0.2, **SAMPLED}

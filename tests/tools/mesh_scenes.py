@@ -6,7 +6,7 @@ from typing import Any
 
 from cloth_scenes import AIR, BODIES
 
-from model.scene.scene import Scene
+from softlab.model.scene.scene import Scene
 
 METHOD = {"solver": "xpbd", "dt": 0.004, "substeps": 2, "iterations": 2}
 SHEET: dict[str, Any] = {

@@ -7,7 +7,7 @@ from typing import Any
 from bodies_scenes import SAMPLED, bodies_scene, method
 from meeting_bodies import meeting
 
-from model.scene.scene import Scene
+from softlab.model.scene.scene import Scene
 
 BRICK = {"kind": "rigid_body", "particle_spacing": 0.14, **SAMPLED}  # 28 particles
 FLOOR = {"point": [0.0, 0.0, 0.0], "normal": [0.0, 1.0, 0.0], "thickness": 0.0, "static_friction": 1e-30}

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from cloth_solve import solve
 
-from bench.reference import cloth as judge
-from model.contact.surface_collider import SurfaceCollider
-from model.mass_spring.cloth_parameters import B_TREE, COLLIDER_FIELDS, collider_numbers
-from model.scene.scene import Scene
+from softlab.bench.reference import cloth as judge
+from softlab.model.contact.surface_collider import SurfaceCollider
+from softlab.model.mass_spring.cloth_parameters import B_TREE, COLLIDER_FIELDS, collider_numbers
+from softlab.model.scene.scene import Scene
 
 
 def touch_by(

@@ -10,26 +10,26 @@ from pathlib import Path
 
 import numpy as np
 
-from bench.experiments.accuracy.experiment import STAGE
-from bench.experiments.accuracy.judgement import ERROR, GROWTH, HALF
-from bench.experiments.accuracy.points import COPY, COST
-from bench.experiments.findings import experiment as findings
-from bench.experiments.stability.experiment import analytic, chain
-from bench.experiments.stability.points import EDGE, LIMIT, OUTCOME, STEP
-from bench.experiments.stability.runs import linear
-from bench.measure.case_timing import FINDINGS
-from bench.peers.registry import OURS, PEERS
-from bench.peers.scenes import SCENES
-from bench.store.database import Store
-from bench.store.results import configuration
-from bench.stress.bodies import OFF_LAW, OFF_NEWTON, OUT_OF_SHAPE, PARTING, SPIN_KEPT
-from bench.stress.body_cases import BODY_CASES
-from bench.stress.piles import BORNE, DEPTH, LOWERED, RATIO, SINKING
-from bench.stress.results import CHECK, CODES, SHAPE, VERDICT
-from bench.stress.shapes import bodies_as_text
-from model.core.families import stability_limit
-from model.core.integrators import INTEGRATORS
-from model.scene.scene import Scene, load_scene
+from softlab.bench.experiments.accuracy.experiment import STAGE
+from softlab.bench.experiments.accuracy.judgement import ERROR, GROWTH, HALF
+from softlab.bench.experiments.accuracy.points import COPY, COST
+from softlab.bench.experiments.findings import experiment as findings
+from softlab.bench.experiments.stability.experiment import analytic, chain
+from softlab.bench.experiments.stability.points import EDGE, LIMIT, OUTCOME, STEP
+from softlab.bench.experiments.stability.runs import linear
+from softlab.bench.measure.case_timing import FINDINGS
+from softlab.bench.peers.registry import OURS, PEERS
+from softlab.bench.peers.scenes import SCENES
+from softlab.bench.store.database import Store
+from softlab.bench.store.results import configuration
+from softlab.bench.stress.bodies import OFF_LAW, OFF_NEWTON, OUT_OF_SHAPE, PARTING, SPIN_KEPT
+from softlab.bench.stress.body_cases import BODY_CASES
+from softlab.bench.stress.piles import BORNE, DEPTH, LOWERED, RATIO, SINKING
+from softlab.bench.stress.results import CHECK, CODES, SHAPE, VERDICT
+from softlab.bench.stress.shapes import bodies_as_text
+from softlab.model.core.families import stability_limit
+from softlab.model.core.integrators import INTEGRATORS
+from softlab.model.scene.scene import Scene, load_scene
 
 SIZES = (16, 32, 64, 128, 256, 512)
 STEPS = (0.02, 0.01, 0.005, 0.0025)

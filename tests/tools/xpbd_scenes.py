@@ -6,7 +6,7 @@ from typing import Any
 
 from cloth_scenes import AIR, BODIES
 
-from model.scene.scene import Scene
+from softlab.model.scene.scene import Scene
 
 METHOD: dict[str, Any] = {"solver": "xpbd", "dt": 0.004, "substeps": 3, "iterations": 3}
 CLOTH: dict[str, Any] = {

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from xpbd_scenes import poke_of
 
-from app.driver import open_simulation
-from model.core.simulation import State
-from model.scene.scene import Scene
+from softlab.app.driver import open_simulation
+from softlab.model.core.simulation import State
+from softlab.model.scene.scene import Scene
 
 STEPS = 4
 

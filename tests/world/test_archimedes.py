@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.driver import open_simulation
-from model.scene.scene import Scene, load_scene
+from softlab.app.driver import open_simulation
+from softlab.model.scene.scene import Scene, load_scene
 
 D, ACROSS, HIGH, TANK, BELOW = 0.025, 12, 8, 20, 6  # m; the block, its tank and the water below it, in rest distances
 HOW: dict[str, Any] = {"precision": "float32", "math": "fast", "threads": 2}

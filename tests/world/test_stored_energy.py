@@ -9,11 +9,11 @@ import pytest
 from bodies_scenes import BAR, block, bodies_scene, method, start
 from world_scenes import world_scene
 
-from app.driver import open_simulation
-from model.core.build import build
-from model.core.energy import energies
-from model.core.simulation import State
-from model.scene.scene import Scene
+from softlab.app.driver import open_simulation
+from softlab.model.core.build import build
+from softlab.model.core.energy import energies
+from softlab.model.core.simulation import State
+from softlab.model.scene.scene import Scene
 
 H = 1e-5  # s
 SHEET: dict[str, Any] = {

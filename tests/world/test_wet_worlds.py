@@ -11,11 +11,11 @@ from test_world_cpu import run
 from wet_scenes import PARTS, SHEET, WATER, D, wet_scene
 from world_scenes import moving
 
-from app.driver import open_simulation
-from bench.reference import world as reference
-from model.contact.self_contact_parameters import MAX_CONTACTS
-from model.core.errors import SceneError
-from model.world.solids import solids_of
+from softlab.app.driver import open_simulation
+from softlab.bench.reference import world as reference
+from softlab.model.contact.self_contact_parameters import MAX_CONTACTS
+from softlab.model.core.errors import SceneError
+from softlab.model.world.solids import solids_of
 
 
 @pytest.mark.parametrize("name", PARTS)

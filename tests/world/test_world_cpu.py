@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from world_scenes import BLOCK, BY_VERTICES, JELLY, METHOD, PARTS, SHEET, moving, world_scene
 
-from app.driver import open_simulation
-from bench.reference import world as reference
-from model.contact.self_contact_parameters import MAX_CONTACTS
-from model.core.errors import SceneError
-from model.core.simulation import State
-from model.scene.scene import Scene
+from softlab.app.driver import open_simulation
+from softlab.bench.reference import world as reference
+from softlab.model.contact.self_contact_parameters import MAX_CONTACTS
+from softlab.model.core.errors import SceneError
+from softlab.model.core.simulation import State
+from softlab.model.scene.scene import Scene
 
 STEPS = 3
 

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from world_scenes import BALL, BLOCK, CONTACT, JELLY
 
-from app.driver import open_simulation
-from model.core.simulation import State
-from model.scene.scene import Scene
+from softlab.app.driver import open_simulation
+from softlab.model.core.simulation import State
+from softlab.model.scene.scene import Scene
 
 GRAVITY, RADIUS, DISTANCE, TOP = 9.81, 0.025, CONTACT["distance"], 0.05
 SUBSTEP = 0.01 / 10

@@ -8,17 +8,17 @@ import numpy as np
 import pytest
 from world_scenes import BALL, BLOCK, CLOTH, JELLY, METHOD, moving, world_scene
 
-from app.driver import open_simulation
-from app.output.export import Exporter, check_export
-from app.plan.report import plan_report
-from app.plan.table import amounts
-from app.render.drawn_springs import drawn_strain
-from model.contact.shortfalls import shortfalls
-from model.core.build import build, masses
-from model.core.errors import SceneError
-from model.core.families import family_of, scene_plan
-from model.scene.scene import Scene, load_scene
-from model.world.meeting import MEMBERS_MEET, cross_surface, distances_of_groups
+from softlab.app.driver import open_simulation
+from softlab.app.output.export import Exporter, check_export
+from softlab.app.plan.report import plan_report
+from softlab.app.plan.table import amounts
+from softlab.app.render.drawn_springs import drawn_strain
+from softlab.model.contact.shortfalls import shortfalls
+from softlab.model.core.build import build, masses
+from softlab.model.core.errors import SceneError
+from softlab.model.core.families import family_of, scene_plan
+from softlab.model.scene.scene import Scene, load_scene
+from softlab.model.world.meeting import MEMBERS_MEET, cross_surface, distances_of_groups
 
 NAN = float("nan")
 

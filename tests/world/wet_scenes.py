@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from model.scene.scene import Scene
+from softlab.model.scene.scene import Scene
 
 D = 0.05  # m
 METHOD = {"solver": "world", "dt": 0.01, "substeps": 2, "iterations": 3}

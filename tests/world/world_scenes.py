@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from model.core.build import build
-from model.core.state import State
-from model.scene.scene import Scene
+from softlab.model.core.build import build
+from softlab.model.core.state import State
+from softlab.model.scene.scene import Scene
 
 METHOD = {"solver": "world", "dt": 0.01, "substeps": 3, "iterations": 2}
 BLOCK: dict[str, Any] = {

@@ -6,10 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from meshes import octahedron, sheet
 
-from model.core.errors import SceneError
-from model.geometry.edges import mesh_edges
-from model.mass_spring.energy import spring_ends
-from model.xpbd.colouring import MAX_COLOURS, Colouring, colour
+from softlab.model.core.errors import SceneError
+from softlab.model.geometry.edges import mesh_edges
+from softlab.model.mass_spring.energy import spring_ends
+from softlab.model.xpbd.colouring import MAX_COLOURS, Colouring, colour
 
 
 def check_valid(constraints: np.ndarray, found: Colouring) -> None:

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from model.core.build import build
-from model.core.simulation import State
-from model.scene.scene import Scene
+from softlab.model.core.build import build
+from softlab.model.core.simulation import State
+from softlab.model.scene.scene import Scene
 
 RATE, STEPS, H = 10.0, 30, 1 / 60
 STIFFNESS = 100.0

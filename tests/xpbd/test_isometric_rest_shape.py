@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.driver import open_simulation
-from model.core.build import build
-from model.core.errors import SceneError
-from model.core.simulation import State
-from model.scene.scene import Scene
+from softlab.app.driver import open_simulation
+from softlab.model.core.build import build
+from softlab.model.core.errors import SceneError
+from softlab.model.core.simulation import State
+from softlab.model.scene.scene import Scene
 
 
 def hinge(degrees: float) -> np.ndarray:

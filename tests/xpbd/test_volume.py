@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 from mesh_scenes import mesh_scene
 
-from app.driver import open_simulation
-from bench.reference import xpbd_mesh as reference
-from model.core.build import build
-from model.core.energy import energies
-from model.core.errors import InputError, SceneError
-from model.formulas.constraints import volume
-from model.geometry.mesh import triangle_mesh
-from model.geometry.topology import mesh_of
-from model.scene.scene import Scene
-from model.xpbd.mesh_constraints import constraint_sets, sixfold_volumes, tetrahedra_within
+from softlab.app.driver import open_simulation
+from softlab.bench.reference import xpbd_mesh as reference
+from softlab.model.core.build import build
+from softlab.model.core.energy import energies
+from softlab.model.core.errors import InputError, SceneError
+from softlab.model.formulas.constraints import volume
+from softlab.model.geometry.mesh import triangle_mesh
+from softlab.model.geometry.topology import mesh_of
+from softlab.model.scene.scene import Scene
+from softlab.model.xpbd.mesh_constraints import constraint_sets, sixfold_volumes, tetrahedra_within
 
 PROJECT = volume.make(np.float64).project
 REST = np.array([[0.0, 0.0, 0.0], [0.3, 0.02, 0.0], [0.05, 0.25, 0.01], [0.1, 0.08, 0.2]])

@@ -11,10 +11,10 @@ import pytest
 from test_cpu_assembly import DOUBLE, PACKED_ROOT, SCALAR_ROOT, row_loops, vector_units  # noqa: F401 - a fixture
 from xpbd_scenes import xpbd_scene
 
-from app.driver import open_simulation
-from cpu_backend.xpbd import solver as xpbd
-from cpu_backend.xpbd.jacobi_kernel import make_jacobi_advance
-from cpu_backend.xpbd.seidel import make_seidel_advance
+from softlab.app.driver import open_simulation
+from softlab.cpu_backend.xpbd import solver as xpbd
+from softlab.cpu_backend.xpbd.jacobi_kernel import make_jacobi_advance
+from softlab.cpu_backend.xpbd.seidel import make_seidel_advance
 
 
 @pytest.mark.parametrize(

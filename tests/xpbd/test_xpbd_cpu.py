@@ -9,8 +9,8 @@ import pytest
 from xpbd_scenes import xpbd_scene
 from xpbd_solve import end_state, same
 
-from model.core.build import build
-from model.scene.scene import Scene
+from softlab.model.core.build import build
+from softlab.model.scene.scene import Scene
 
 SHEETS = [(1, 1), (1, 7), (7, 1), (2, 2), (3, 5), (7, 6), (17, 35)]  # the last: of several vectors, and not whole ones
 THREADS = [n for n in (1, 2, 3, 8) if n <= numba.config.NUMBA_NUM_THREADS]

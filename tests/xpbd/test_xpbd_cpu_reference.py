@@ -7,13 +7,13 @@ import pytest
 from xpbd_scenes import PARTS, poke_of, xpbd_scene
 from xpbd_solve import STEPS, end_state, same
 
-from app.driver import open_simulation
-from bench.reference import xpbd as reference
-from model.core.build import build, rest_positions
-from model.core.errors import SceneError
-from model.core.simulation import State
-from model.geometry.normals import vertex_normals
-from model.scene.scene import Scene
+from softlab.app.driver import open_simulation
+from softlab.bench.reference import xpbd as reference
+from softlab.model.core.build import build, rest_positions
+from softlab.model.core.errors import SceneError
+from softlab.model.core.simulation import State
+from softlab.model.geometry.normals import vertex_normals
+from softlab.model.scene.scene import Scene
 
 ORDERINGS = {"gauss-seidel": "gauss-seidel", "jacobi": "weighted-jacobi", "averaged-jacobi": "averaged-jacobi"}
 OTHERS = (

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from xpbd_scenes import poke_of, xpbd_scene
 
-from app.driver import open_simulation
-from model.core.errors import Diverged, SceneError
-from model.core.simulation import State
-from model.scene.scene import Scene
+from softlab.app.driver import open_simulation
+from softlab.model.core.errors import Diverged, SceneError
+from softlab.model.core.simulation import State
+from softlab.model.scene.scene import Scene
 
 pytestmark = pytest.mark.gpu
 STEPS = 60

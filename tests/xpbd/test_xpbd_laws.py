@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 from xpbd_scenes import HEAVY_END, PUBLISHED
 
-from bench.reference import mass_spring
-from model.core.build import build
-from model.core.energy import spring_strain
-from model.core.simulation import State
-from model.scene.scene import Scene, load_scene
-from model.xpbd.plan import xpbd_parts
+from softlab.bench.reference import mass_spring
+from softlab.model.core.build import build
+from softlab.model.core.energy import spring_strain
+from softlab.model.core.simulation import State
+from softlab.model.scene.scene import Scene, load_scene
+from softlab.model.xpbd.plan import xpbd_parts
 
 G = 9.81
 FRAME = 1 / 60

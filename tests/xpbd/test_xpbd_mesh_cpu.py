@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from mesh_scenes import HELD, PARTS, POKE, SHEET, mesh_scene
 
-from app.driver import open_simulation
-from bench.reference import xpbd_mesh as reference
-from model.core.build import build, pinned_indices
-from model.core.simulation import State
-from model.geometry.topology import vertex_masses
-from model.scene.scene import Scene
+from softlab.app.driver import open_simulation
+from softlab.bench.reference import xpbd_mesh as reference
+from softlab.model.core.build import build, pinned_indices
+from softlab.model.core.simulation import State
+from softlab.model.geometry.topology import vertex_masses
+from softlab.model.scene.scene import Scene
 
 STEPS = 3
 
@@ -112,7 +112,7 @@ def test_pins_inside_a_collider_stay_and_nothing_breaks() -> None:
 
 def test_attachments_hold() -> None:
     """No vertex is farther from its anchor than the way along edges, times 1 + slack, whatever the springs do."""
-    from model.geometry.tables import vertex_attachments
+    from softlab.model.geometry.tables import vertex_attachments
 
     soft = {"structural": {"stiffness": 0.1}, "method": {"solver": "xpbd", "dt": 0.01, "substeps": 2}}
     scene = Scene({k: HELD[k] for k in ("mesh", "gravity")} | soft | {"attachments": {"slack": 0.001}})

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from mesh_scenes import POKE, mesh_scene
 
-from app.driver import open_simulation
-from model.core.simulation import State
-from model.scene.scene import Scene, load_scene
+from softlab.app.driver import open_simulation
+from softlab.model.core.simulation import State
+from softlab.model.scene.scene import Scene, load_scene
 
 pytestmark = pytest.mark.gpu
 KERNELS = ("graph", "launch", "stages")

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from kernel_text import entry_of, record_of
 
-from model.xpbd.mesh_constraints import projection_of
+from softlab.model.xpbd.mesh_constraints import projection_of
 
 AIR = frozenset({"wind", "gust", "external", "gravity", "poke", "damping", "pins", "load", "gauss-seidel"})
 SOFT = frozenset({"structural-compliance", "bending-compliance"})
@@ -40,7 +40,7 @@ def ptx(kernel: Any, real: Any, math: str, *arguments: str) -> str:
 
 
 def projection(name: str, real: Any, math: str) -> str:
-    from gpu_backend.core.constraints import make_projections
+    from softlab.gpu_backend.core.constraints import make_projections
 
     kind, parts = FAMILIES[name]
     projection = projection_of(kind, parts | {kind})
@@ -71,7 +71,7 @@ def test_multipliers_are_only_there_for_what_gives() -> None:
 
 @pytest.mark.parametrize("math", ["fast", "exact"])
 def test_the_prediction_and_normals_compile(math: str) -> None:
-    from gpu_backend.xpbd.mesh_kernels import make_mesh_begin, make_mesh_tools
+    from softlab.gpu_backend.xpbd.mesh_kernels import make_mesh_begin, make_mesh_tools
 
     text = ptx(make_mesh_begin(np.float32, math, AIR), np.float32, math, "RRRIIIPULlll")
     assert ".f64" not in text and ".local" not in text

@@ -5,18 +5,18 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from bench.reference import xpbd
-from model.core.build import build
-from model.core.energy import energies
-from model.core.errors import SceneError
-from model.core.families import scene_plan, stability_limit
-from model.core.parameters import parameter_record
-from model.scene.scene import Scene, load_scene
-from model.xpbd.parameters import (
+from softlab.bench.reference import xpbd
+from softlab.model.core.build import build
+from softlab.model.core.energy import energies
+from softlab.model.core.errors import SceneError
+from softlab.model.core.families import scene_plan, stability_limit
+from softlab.model.core.parameters import parameter_record
+from softlab.model.scene.scene import Scene, load_scene
+from softlab.model.xpbd.parameters import (
     constants_of,
     xpbd_record,
 )
-from model.xpbd.plan import FAMILIES, colour_order, constraint_count, families, xpbd_parts
+from softlab.model.xpbd.plan import FAMILIES, colour_order, constraint_count, families, xpbd_parts
 
 XPBD = {"method.solver": "xpbd"}
 CLOTH = {

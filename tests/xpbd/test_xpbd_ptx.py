@@ -47,8 +47,8 @@ TILED = "fffffffifspfulbbbssbss"
 
 @pytest.mark.parametrize("ordering", ["gauss-seidel", "jacobi"])
 def test_one_block_keeps_multipliers_in_registers(ordering: str) -> None:
-    from gpu_backend.xpbd.tile import whole
-    from gpu_backend.xpbd.tiled import make_one_block
+    from softlab.gpu_backend.xpbd.tile import whole
+    from softlab.gpu_backend.xpbd.tiled import make_one_block
 
     tile = whole(32, 32, 512)
     text = ptx(make_one_block(np.float32, "fast", SOFT | {ordering}, 3, tile), BLOCK, np.float32, "fast")
@@ -67,8 +67,8 @@ def test_one_block_keeps_multipliers_in_registers(ordering: str) -> None:
     "ordering,parts", [("gauss-seidel", EVERYTHING), ("averaged-jacobi", SOFT | {"structural-damping", "attachments"})]
 )
 def test_tiles_of_many_parts(ordering: str, parts: frozenset[str]) -> None:
-    from gpu_backend.xpbd.choice import cut
-    from gpu_backend.xpbd.tiled import make_tiled
+    from softlab.gpu_backend.xpbd.choice import cut
+    from softlab.gpu_backend.xpbd.tiled import make_tiled
 
     parts = parts | {ordering}
     text = ptx(make_tiled(np.float32, "exact", parts, 3, cut(parts, (8, 8), 1)), TILED, np.float32, "exact")
@@ -78,8 +78,8 @@ def test_tiles_of_many_parts(ordering: str, parts: frozenset[str]) -> None:
 
 def test_a_grid_is_projected_in_two_dimensions() -> None:
     """The third axis leaves no arithmetic: of a constraint two differences, a fused and a plain square and the four ends."""
-    from gpu_backend.xpbd.kernels import make_colour
-    from model.xpbd.plan import colour_order
+    from softlab.gpu_backend.xpbd.kernels import make_colour
+    from softlab.model.xpbd.plan import colour_order
 
     (family, colour), *_ = colour_order(GRID | {"gauss-seidel"})
     flat = frozenset({"structural", "gauss-seidel"})
@@ -93,8 +93,15 @@ def test_a_grid_is_projected_in_two_dimensions() -> None:
 
 @pytest.mark.parametrize("real", [np.float32, np.float64])
 def test_passes_hold_no_double_and_no_local_memory(real: Any) -> None:
-    from gpu_backend.xpbd.kernels import make_attach, make_begin, make_colour, make_end, make_jacobi, make_plane_tools
-    from model.xpbd.plan import colour_order
+    from softlab.gpu_backend.xpbd.kernels import (
+        make_attach,
+        make_begin,
+        make_colour,
+        make_end,
+        make_jacobi,
+        make_plane_tools,
+    )
+    from softlab.model.xpbd.plan import colour_order
 
     parts = (EVERYTHING if real is np.float32 else SOFT) | {"gauss-seidel"}
     rising = next(entry for entry in colour_order(parts) if entry[0].name == "rising")
@@ -117,8 +124,8 @@ def test_passes_hold_no_double_and_no_local_memory(real: Any) -> None:
 
 
 def test_stages_hold_no_double() -> None:
-    from gpu_backend.core.forces import make_force_stages
-    from gpu_backend.xpbd.stages import make_xpbd_stages
+    from softlab.gpu_backend.core.forces import make_force_stages
+    from softlab.gpu_backend.xpbd.stages import make_xpbd_stages
 
     stage = make_xpbd_stages(np.float32, "fast", EVERYTHING | {"jacobi"}, 3)
     own = make_force_stages(np.float32, "fast", EVERYTHING | {"load"})

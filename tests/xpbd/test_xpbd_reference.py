@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bench.reference import xpbd
-from model.core.errors import SceneError
-from model.scene.scene import load_scene
+from softlab.bench.reference import xpbd
+from softlab.model.core.errors import SceneError
+from softlab.model.scene.scene import load_scene
 
 G = 9.81
 FRAME = 1 / 60

@@ -5,8 +5,8 @@ import pytest
 from test_xpbd_reference import DOWN, FRAME, G, chain, hang, inverse, loads, under
 from xpbd_scenes import HEAVY_END
 
-from bench.reference import xpbd
-from model.scene.scene import Scene
+from softlab.bench.reference import xpbd
+from softlab.model.scene.scene import Scene
 
 
 def implicit_euler(constraints, p, v, w, h, acceleration):

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from test_xpbd_reference import G
 
-from bench.reference import mass_spring, xpbd
-from model.scene.scene import Scene, load_scene
+from softlab.bench.reference import mass_spring, xpbd
+from softlab.model.scene.scene import Scene, load_scene
 
 CLOTH = {
     "cloth": {"rows": 6, "columns": 5, "spacing": 0.1, "mass": 0.01, "pinned": []},

@@ -5,11 +5,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gpu_backend.xpbd.choice import Choice, best_tiled, default_choice, default_xpbd_kernel, estimate, xpbd_kernel
-from gpu_backend.xpbd.tile import SheetTile, dependencies, span
-from model.core.errors import SceneError
-from model.scene.scene import Scene
-from model.xpbd.plan import colour_order, families, xpbd_parts
+from softlab.gpu_backend.xpbd.choice import (
+    Choice,
+    best_tiled,
+    default_choice,
+    default_xpbd_kernel,
+    estimate,
+    xpbd_kernel,
+)
+from softlab.gpu_backend.xpbd.tile import SheetTile, dependencies, span
+from softlab.model.core.errors import SceneError
+from softlab.model.scene.scene import Scene
+from softlab.model.xpbd.plan import colour_order, families, xpbd_parts
 
 KINDS = ("structural", "shear", "bending")
 H200 = (132, 227 << 10)
@@ -106,7 +113,7 @@ def test_every_sheet_gets_a_kernel_that_fits(n: int, ordering: str) -> None:
 @pytest.fixture
 def limits(monkeypatch: pytest.MonkeyPatch) -> None:
     """Those of a GPU that is not there."""
-    monkeypatch.setattr("gpu_backend.xpbd.choice.device_limits", lambda: H200)
+    monkeypatch.setattr("softlab.gpu_backend.xpbd.choice.device_limits", lambda: H200)
 
 
 @pytest.mark.usefixtures("limits")

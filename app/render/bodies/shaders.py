@@ -5,7 +5,7 @@ Lights and the ground's fading are those of app/render/shaders3d.py.
 
 from __future__ import annotations
 
-from app.render.shaders3d import LIGHT, SHADOW_FRAGMENT, shadow_fragment
+from softlab.app.render.shaders3d import LIGHT, SHADOW_FRAGMENT, shadow_fragment
 
 # A square that covers the sphere as the eye sees it: through its centre, across the line of sight, and as much larger than
 # the sphere as rays that touch it lie outside its middle.

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from model.core.errors import SceneError
-from model.core.simulation import Simulation
-from model.scene.scene import Scene
+from softlab.model.core.errors import SceneError
+from softlab.model.core.simulation import Simulation
+from softlab.model.scene.scene import Scene
 
 
 class ClusterFrames:

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from app.render.bodies.shaders import ACROSS
-from app.render.vertex_arrays import NORMAL, POSITION, delete_all, static_buffer, vertex_array
-from model.shape_matching.body_set import Copy
+from softlab.app.render.bodies.shaders import ACROSS
+from softlab.app.render.vertex_arrays import NORMAL, POSITION, delete_all, static_buffer, vertex_array
+from softlab.model.shape_matching.body_set import Copy
 
 CLUSTER, WEIGHT = 2, 3  # where the shaders of app/render/bodies/shaders.py look for them
 

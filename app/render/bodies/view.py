@@ -9,17 +9,17 @@ from typing import Any
 
 import numpy as np
 
-from app.render import colours, shaders
-from app.render.bodies import shaders as body_shaders
-from app.render.bodies.skinning import ClusterFrames
-from app.render.bodies.skins import ClusterTexture, Skins
-from app.render.camera3d import Camera3D
-from app.render.detail import FINE, Detail
-from app.render.opengl import shader_program
-from app.render.particle_colours import COLOURINGS, cluster_colours, particle_colours
-from app.render.scenery import Lit
-from app.render.spheres import Spheres, use_shadow
-from app.render.vertex_arrays import (
+from softlab.app.render import colours, shaders
+from softlab.app.render.bodies import shaders as body_shaders
+from softlab.app.render.bodies.skinning import ClusterFrames
+from softlab.app.render.bodies.skins import ClusterTexture, Skins
+from softlab.app.render.camera3d import Camera3D
+from softlab.app.render.detail import FINE, Detail
+from softlab.app.render.opengl import shader_program
+from softlab.app.render.particle_colours import COLOURINGS, cluster_colours, particle_colours
+from softlab.app.render.scenery import Lit
+from softlab.app.render.spheres import Spheres, use_shadow
+from softlab.app.render.vertex_arrays import (
     delete_all,
     draw_elements,
     refill,
@@ -28,10 +28,10 @@ from app.render.vertex_arrays import (
     uniform_matrix,
     vertex_array,
 )
-from app.render.view import View
-from model.core.simulation import Simulation
-from model.scene.scene import Scene
-from model.shape_matching.spare import copies_there
+from softlab.app.render.view import View
+from softlab.model.core.simulation import Simulation
+from softlab.model.scene.scene import Scene
+from softlab.model.shape_matching.spare import copies_there
 
 PARTICLE_RADIUS = 0.5  # of the particle spacing
 SKIN_COVER = 0.22  # of the particles behind it, where both are shown

@@ -6,14 +6,14 @@ from typing import Any
 
 import numpy as np
 
-from app.render.camera3d import Camera3D
-from app.render.fluid.surface import FluidSurface
-from app.render.opengl import shader_program
-from app.render.vertex_arrays import delete_all, point_array, static_buffer, uniform_matrix
-from app.render.vertices import HostVertices
-from model.fluid.foam import NAMES, FoamPoints
-from model.scene.fluid import Foam
-from model.scene.scene import Scene
+from softlab.app.render.camera3d import Camera3D
+from softlab.app.render.fluid.surface import FluidSurface
+from softlab.app.render.opengl import shader_program
+from softlab.app.render.vertex_arrays import delete_all, point_array, static_buffer, uniform_matrix
+from softlab.app.render.vertices import HostVertices
+from softlab.model.fluid.foam import NAMES, FoamPoints
+from softlab.model.scene.fluid import Foam
+from softlab.model.scene.scene import Scene
 
 LOOKS = np.array(
     [[0.62, 0.76, 0.88, 0.85], [0.98, 0.99, 1.0, 0.9], [0.78, 0.90, 0.97, 0.6]], np.float32

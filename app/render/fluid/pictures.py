@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from model.core.errors import BackendUnavailable
+from softlab.model.core.errors import BackendUnavailable
 
 DEPTH, OTHER_DEPTH, THICKNESS, NORMALS, BEHIND, BEHIND_DEPTH = range(
     6

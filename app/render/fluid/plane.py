@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from app.render import colours, shaders
-from app.render.fluid.disc_shaders import DISC_FRAGMENT, DISC_VERTEX
-from app.render.fluid.outlines import outlines
-from app.render.opengl import shader_program
-from app.render.vertex_arrays import (
+from softlab.app.render import colours, shaders
+from softlab.app.render.fluid.disc_shaders import DISC_FRAGMENT, DISC_VERTEX
+from softlab.app.render.fluid.outlines import outlines
+from softlab.app.render.opengl import shader_program
+from softlab.app.render.vertex_arrays import (
     delete_all,
     draw_elements,
     draw_squares,
@@ -19,8 +19,8 @@ from app.render.vertex_arrays import (
     uniform_matrix,
     vertex_array,
 )
-from app.render.vertices import HostVertices
-from model.scene.scene import Scene
+from softlab.app.render.vertices import HostVertices
+from softlab.model.scene.scene import Scene
 
 
 class PlaneFluid:

@@ -6,7 +6,7 @@ app/render/fluid/surface.py; what makes the depth smooth is in app/render/fluid/
 
 from __future__ import annotations
 
-from app.render.fluid.filter_shaders import AT
+from softlab.app.render.fluid.filter_shaders import AT
 
 # A square across the line of sight that covers the ball about an ellipsoid. `axes` takes the unit ball to the ellipsoid,
 # `back` takes it back: the three rows of the inverse.

@@ -16,9 +16,9 @@ from typing import Any
 
 import numpy as np
 
-from app.render.camera3d import FARTHEST, NEAREST, Camera3D
-from app.render.fluid import filter_shaders, shaders
-from app.render.fluid.pictures import (
+from softlab.app.render.camera3d import FARTHEST, NEAREST, Camera3D
+from softlab.app.render.fluid import filter_shaders, shaders
+from softlab.app.render.fluid.pictures import (
     BEHIND,
     BEHIND_DEPTH,
     DEPTH,
@@ -27,10 +27,10 @@ from app.render.fluid.pictures import (
     THICKNESS,
     FluidPictures,
 )
-from app.render.opengl import shader_program
-from app.render.scenery import KEY
-from app.render.vertex_arrays import LOOK, POSITION, uniform_matrix
-from model.core.errors import InputError
+from softlab.app.render.opengl import shader_program
+from softlab.app.render.scenery import KEY
+from softlab.app.render.vertex_arrays import LOOK, POSITION, uniform_matrix
+from softlab.model.core.errors import InputError
 
 FILTERS = ("narrow-range", "curvature-flow", "none")
 BACK = 5  # where shaders look for the first row of an ellipsoid's inverse

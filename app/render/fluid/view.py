@@ -8,28 +8,28 @@ from typing import Any
 
 import numpy as np
 
-from app.render import colours
-from app.render.camera3d import Camera3D
-from app.render.detail import FINE, Detail
-from app.render.fluid.foam import NAMED, FoamLayer
-from app.render.fluid.plane import PlaneFluid
-from app.render.fluid.surface import FluidSurface
-from app.render.particle_colours import of_numbers
-from app.render.spheres import Spheres
-from app.render.vertex_arrays import (
+from softlab.app.render import colours
+from softlab.app.render.camera3d import Camera3D
+from softlab.app.render.detail import FINE, Detail
+from softlab.app.render.fluid.foam import NAMED, FoamLayer
+from softlab.app.render.fluid.plane import PlaneFluid
+from softlab.app.render.fluid.surface import FluidSurface
+from softlab.app.render.particle_colours import of_numbers
+from softlab.app.render.spheres import Spheres
+from softlab.app.render.vertex_arrays import (
     delete_all,
     square_array,
     static_buffer,
     vertex_array,
 )
-from app.render.view import View
-from model.core.errors import InputError
-from model.core.simulation import Simulation
-from model.fluid.fluid_set import FluidSet
-from model.fluid.foam import FoamPoints
-from model.fluid.measure import density_errors
-from model.geometry.anisotropy import ellipsoids
-from model.scene.scene import Scene
+from softlab.app.render.view import View
+from softlab.model.core.errors import InputError
+from softlab.model.core.simulation import Simulation
+from softlab.model.fluid.fluid_set import FluidSet
+from softlab.model.fluid.foam import FoamPoints
+from softlab.model.fluid.measure import density_errors
+from softlab.model.geometry.anisotropy import ellipsoids
+from softlab.model.scene.scene import Scene
 
 COLOURINGS = ("fluid", "speed", "density")  # the first is how fluids are shown at first
 TITLES = {"speed": "speed, m/s", "density": "density over that at rest, less 1, %"}

@@ -7,8 +7,8 @@ from collections.abc import Callable
 from time import perf_counter
 from typing import Any
 
-from app.command.dear_imgui import load_imgui
-from app.window.panel.look import Look
+from softlab.app.command.dear_imgui import load_imgui
+from softlab.app.window.panel.look import Look
 
 KEYS = {  # pyglet's names of keys -> Dear ImGui's: those that texts and sliders know
     "TAB": "tab", "BACKSPACE": "backspace", "RETURN": "enter", "ENTER": "enter", "NUM_ENTER": "keypad_enter",

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from app.render.opengl import shader_program
+from softlab.app.render.opengl import shader_program
 
 VERTEX = """#version 330 core
 layout(location = 0) in vec2 place;

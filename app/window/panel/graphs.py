@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from app.window.frame_times import BUDGET, FrameTimes
-from app.window.panel.look import Look
+from softlab.app.window.frame_times import BUDGET, FrameTimes
+from softlab.app.window.panel.look import Look
 
 HEIGHT = 74.0  # units
 ROOM = 16.0  # units, over and under a curve for its numbers

@@ -6,8 +6,8 @@ from math import hypot
 
 import numpy as np
 
-from app.window.measures import Statistics
-from model.core.simulation import Simulation
+from softlab.app.window.measures import Statistics
+from softlab.model.core.simulation import Simulation
 
 LENGTH = 240  # looks that are kept
 COLUMNS = ("time", "energy", "kinetic", "momentum")

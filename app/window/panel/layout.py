@@ -5,20 +5,20 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from app.window.panel.look import Look
-from app.window.panel.sections.fields import parameters
-from app.window.panel.sections.files import files
-from app.window.panel.sections.itself import itself
-from app.window.panel.sections.layers import layers
-from app.window.panel.sections.machine import machine
-from app.window.panel.sections.measured import measured
-from app.window.panel.sections.running import head
-from app.window.panel.sections.said import Said
-from app.window.panel.sections.scene import scene
-from app.window.panel.sections.view import view
-from app.window.panel.sliders import Sliders
-from app.window.panel.state import PanelState
-from app.window.shown import Shown
+from softlab.app.window.panel.look import Look
+from softlab.app.window.panel.sections.fields import parameters
+from softlab.app.window.panel.sections.files import files
+from softlab.app.window.panel.sections.itself import itself
+from softlab.app.window.panel.sections.layers import layers
+from softlab.app.window.panel.sections.machine import machine
+from softlab.app.window.panel.sections.measured import measured
+from softlab.app.window.panel.sections.running import head
+from softlab.app.window.panel.sections.said import Said
+from softlab.app.window.panel.sections.scene import scene
+from softlab.app.window.panel.sections.view import view
+from softlab.app.window.panel.sliders import Sliders
+from softlab.app.window.panel.state import PanelState
+from softlab.app.window.shown import Shown
 
 SECTIONS: tuple[tuple[str, Callable[[Said], None], bool], ...] = (
     ("Scene", scene, True),

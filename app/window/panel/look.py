@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from app.render import colours
+from softlab.app.render import colours
 
 WIDTH = 372.0  # units: of the column
 FONT_SIZE = 15.0  # units

@@ -5,12 +5,12 @@ from __future__ import annotations
 
 from typing import Any
 
-from app.command.dear_imgui import REMEDY, panel_available
-from app.window.panel.context import Context
-from app.window.panel.layout import Layout
-from app.window.panel.look import SIZES, Look
-from app.window.panel.state import PanelState
-from app.window.shown import Shown
+from softlab.app.command.dear_imgui import REMEDY, panel_available
+from softlab.app.window.panel.context import Context
+from softlab.app.window.panel.layout import Layout
+from softlab.app.window.panel.look import SIZES, Look
+from softlab.app.window.panel.state import PanelState
+from softlab.app.window.shown import Shown
 
 MOST = 0.65  # of the window's width
 
@@ -49,7 +49,7 @@ class Panel:
 
     def _make(self) -> None:
         """Its fonts, buffers and shaders, at its first opening."""
-        from app.window.panel.drawing import Drawing
+        from softlab.app.window.panel.drawing import Drawing
 
         window, key = self.viewer.window, self.viewer.pyglet.window.key
         scale = float(getattr(window, "scale", 1.0) or 1.0)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from app.window.panel.look import Look
-from app.window.panel.scene_list import Entry, matching
-from app.window.panel.state import PanelState
+from softlab.app.window.panel.look import Look
+from softlab.app.window.panel.scene_list import Entry, matching
+from softlab.app.window.panel.state import PanelState
 
 NAME, TIP = 126.0, 300.0  # units: of the names' column, of the text of a tooltip
 

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from app.window.panes import kind_of_tables
-from model.core.errors import SoftlabError
-from model.scene.bodies import BODY_KINDS
-from model.scene.kinds import SHEETS
-from model.scene.reader import catalogue, scene_tables
-from model.scene.tetrahedra import TETRAHEDRAL_KINDS
+from softlab.app.window.panes import kind_of_tables
+from softlab.model.core.errors import SoftlabError
+from softlab.model.scene.bodies import BODY_KINDS
+from softlab.model.scene.kinds import SHEETS
+from softlab.model.scene.reader import catalogue, scene_tables
+from softlab.model.scene.tetrahedra import TETRAHEDRAL_KINDS
 
 MAX_FILES = 200  # of the working folder
 WITH_PARTICLES = {

@@ -6,8 +6,8 @@ from collections.abc import Callable
 from math import log
 from typing import Any
 
-from app.window.panel.parameters import Parameter
-from app.window.panel.rows import Rows
+from softlab.app.window.panel.parameters import Parameter
+from softlab.app.window.panel.rows import Rows
 
 RESET, ROUND = 26.0, 5.0  # units: of the button at the right, and of corners
 DIGITS = 6  # of a slider's value: it goes through 32-bit numbers

@@ -6,8 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
-from app.window.panel.history import History
-from app.window.panel.scene_list import Entry
+from softlab.app.window.panel.history import History
+from softlab.app.window.panel.scene_list import Entry
 
 T = TypeVar("T")
 

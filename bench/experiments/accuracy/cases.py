@@ -6,17 +6,25 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from app.driver import open_simulation
-from bench.experiments.accuracy.methods import OF_CLOTHS, QUICK_FLOAT32, WRONG, XPBD, changes, fits, position_based
-from bench.experiments.accuracy.points import CLOTHS, SCENES, SIZES, end_of
-from bench.measure import case_timing
-from bench.measure.experiment import host_of, source_hash
-from bench.reference import cache
-from bench.store.results import configuration
-from model.core.digest import source_digest
-from model.core.integrators import INTEGRATORS
-from model.core.simulation import PRECISIONS, Simulation
-from model.scene.scene import Scene, load_scene
+from softlab.app.driver import open_simulation
+from softlab.bench.experiments.accuracy.methods import (
+    OF_CLOTHS,
+    QUICK_FLOAT32,
+    WRONG,
+    XPBD,
+    changes,
+    fits,
+    position_based,
+)
+from softlab.bench.experiments.accuracy.points import CLOTHS, SCENES, SIZES, end_of
+from softlab.bench.measure import case_timing
+from softlab.bench.measure.experiment import host_of, source_hash
+from softlab.bench.reference import cache
+from softlab.bench.store.results import configuration
+from softlab.model.core.digest import source_digest
+from softlab.model.core.integrators import INTEGRATORS
+from softlab.model.core.simulation import PRECISIONS, Simulation
+from softlab.model.scene.scene import Scene, load_scene
 
 STEP_SIZES = (0.02, 0.01, 0.005, 0.0025)  # s
 CLOTH_STEP_SIZES = (0.004, 0.002, 0.001, 0.0005)  # s

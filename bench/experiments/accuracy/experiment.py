@@ -30,10 +30,10 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from typing import Any
 
-from bench.experiments.accuracy.cases import Case, cases
-from bench.experiments.accuracy.judgement import GROWTH, SOLVER, judge
-from bench.experiments.accuracy.methods import METHODS, OF_CLOTHS
-from bench.experiments.accuracy.points import (
+from softlab.bench.experiments.accuracy.cases import Case, cases
+from softlab.bench.experiments.accuracy.judgement import GROWTH, SOLVER, judge
+from softlab.bench.experiments.accuracy.methods import METHODS, OF_CLOTHS
+from softlab.bench.experiments.accuracy.points import (
     AT_REST,
     CLOTHS,
     COPY,
@@ -44,19 +44,19 @@ from bench.experiments.accuracy.points import (
     end_of,
     point,
 )
-from bench.experiments.accuracy.references import converged_for, growth_for, motion_of, references
-from bench.experiments.accuracy.solver_error import Iterated, solver_numbers
-from bench.measure.costs_timing import Effort
-from bench.measure.experiment import Tell, backends_here, chosen, keep, resume
-from bench.measure.growth import Growth
-from bench.measure.samples import in_turns
-from bench.measure.timing import Subject, prepare_run
-from bench.reference import cache
-from bench.store.database import Store
-from bench.store.results import by_configuration, measures_of, timings
-from bench.store.schema import configuration_hash
-from model.core.errors import Diverged
-from model.core.simulation import PRECISIONS, Simulation
+from softlab.bench.experiments.accuracy.references import converged_for, growth_for, motion_of, references
+from softlab.bench.experiments.accuracy.solver_error import Iterated, solver_numbers
+from softlab.bench.measure.costs_timing import Effort
+from softlab.bench.measure.experiment import Tell, backends_here, chosen, keep, resume
+from softlab.bench.measure.growth import Growth
+from softlab.bench.measure.samples import in_turns
+from softlab.bench.measure.timing import Subject, prepare_run
+from softlab.bench.reference import cache
+from softlab.bench.store.database import Store
+from softlab.bench.store.results import by_configuration, measures_of, timings
+from softlab.bench.store.schema import configuration_hash
+from softlab.model.core.errors import Diverged
+from softlab.model.core.simulation import PRECISIONS, Simulation
 
 HALF_ACCELERATION = 2.0  # inertia factor of the equation that the hand-out's step converges to
 COPIES = 3  # copies of the state to the host; their median is stored

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from bench.experiments.accuracy.methods import why_unknown
-from bench.reference.mass_spring import converged, smooth
-from model.core.errors import Diverged
-from model.core.integrators import fastest_damping, frequency_bound, spring_damping_bound
-from model.core.simulation import State
-from model.scene.scene import Scene
+from softlab.bench.experiments.accuracy.methods import why_unknown
+from softlab.bench.reference.mass_spring import converged, smooth
+from softlab.model.core.errors import Diverged
+from softlab.model.core.integrators import fastest_damping, frequency_bound, spring_damping_bound
+from softlab.model.core.simulation import State
+from softlab.model.scene.scene import Scene
 
 # Cost of the reference in NumPy, per mass and force evaluation; RK4 takes four evaluations a step, at h and at h/2.
 SECONDS_PER_EVALUATION = 1e-7  # s, rounded up
@@ -19,11 +19,24 @@ BUDGET = 4.0  # s
 STEPS_PER_RADIAN = 4  # as in the reference
 
 
-def judge_run(scene: Scene, state: State, diverged: Diverged | None) -> tuple[float | None, str | None]:
-    """Return (error, None), or (None, the reason why there is no error).
+def judge_run(scene: Scene, state: State, diverged: Diverged | None = None) -> tuple[float | None, str | None]:
+    """Compare the state at the end of a run with a converged reference at the same physical time.
 
-    The error is the root mean square over the free masses of the distance to the converged reference at the same
-    physical time, divided by the spacing. References that would take longer than `BUDGET` seconds are not computed.
+    Parameters
+    ----------
+    scene : Scene
+        The scene that was run.
+    state : State
+        Its state at the end.
+    diverged : Diverged, optional
+        The error that ended the run.
+
+    Returns
+    -------
+    error : float or None
+        Root mean square over the free masses of the distance to the reference, divided by the spacing.
+    reason : str or None
+        Why there is no error: none is known for the scene, or the reference would take longer than BUDGET seconds.
     """
     if diverged is not None:
         return None, "diverged"
@@ -71,8 +84,20 @@ def evaluation_seconds(scene: Scene) -> float:
 
 
 def distance(position: np.ndarray, reference: np.ndarray, free: np.ndarray, spacing: float) -> tuple[float, float]:
-    """Return (root mean square, maximum) over the masses `free` of |position - reference| [m], divided by `spacing`
-    [m].
+    """Measure how far positions are from a reference.
+
+    Parameters
+    ----------
+    position, reference : (particles, dimensions) float arrays, m
+    free : (particles,) bool array
+        Particles to compare.
+    spacing : float
+        Unit of the result, m.
+
+    Returns
+    -------
+    rms, maximum : float
+        Root mean square and maximum of the distances, divided by `spacing`.
     """
     away = position[free].astype(np.float64) - reference[free]
     squared = np.sum(away * away, axis=1)

@@ -11,14 +11,14 @@ import math
 
 import numpy as np
 
-from bench.experiments.accuracy.judge import distance
-from bench.measure.growth import DISTURBANCE, Growth
-from bench.reference.cache import Converged
-from model.core.build import masses
-from model.core.energy import energies, spring_strain
-from model.core.errors import Diverged
-from model.core.simulation import State
-from model.scene.scene import Scene
+from softlab.bench.experiments.accuracy.judge import distance
+from softlab.bench.measure.growth import DISTURBANCE, Growth
+from softlab.bench.reference.cache import Converged
+from softlab.model.core.build import masses
+from softlab.model.core.energy import energies, spring_strain
+from softlab.model.core.errors import Diverged
+from softlab.model.core.simulation import State
+from softlab.model.scene.scene import Scene
 
 ERROR, LARGEST = "accuracy_error", "accuracy_error_largest"
 HALF = "accuracy_error_half"

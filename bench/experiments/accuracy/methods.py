@@ -9,10 +9,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from model.core.errors import SceneError
-from model.core.families import family_of
-from model.core.integrators import IMPLICIT, INTEGRATORS
-from model.scene.scene import Scene
+from softlab.model.core.errors import SceneError
+from softlab.model.core.families import family_of
+from softlab.model.core.integrators import IMPLICIT, INTEGRATORS
+from softlab.model.scene.scene import Scene
 
 XPBD = ("xpbd gauss-seidel", "xpbd jacobi", "xpbd averaged-jacobi")
 WRONG = {"xpbd averaged-jacobi": "another stiffness"}  # method -> what it converges to instead of the scene's motion

@@ -7,14 +7,14 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Protocol, TypeVar
 
-from bench.experiments.accuracy import judgement
-from bench.experiments.accuracy.equal_error import Fastest, equal_error
-from bench.experiments.accuracy.methods import WRONG, efforts, name_of
-from bench.measure.experiment import Summary
-from bench.measure.growth import growth_words
-from bench.store.results import Timing
-from bench.store.schema import tables_by_kind
-from model.core.errors import SceneError
+from softlab.bench.experiments.accuracy import judgement
+from softlab.bench.experiments.accuracy.equal_error import Fastest, equal_error
+from softlab.bench.experiments.accuracy.methods import WRONG, efforts, name_of
+from softlab.bench.measure.experiment import Summary
+from softlab.bench.measure.growth import growth_words
+from softlab.bench.store.results import Timing
+from softlab.bench.store.schema import tables_by_kind
+from softlab.model.core.errors import SceneError
 
 SCENES = {"S1": "lab-curtain", "S2": "lab-hammock"}
 SIZES = {"S1-16": ("S1", 16), "S1-64": ("S1", 64)}  # the same scene with other numbers of rows and columns

@@ -23,21 +23,21 @@ from pathlib import Path
 
 import numpy as np
 
-from app.driver import open_simulation
-from bench.experiments.accuracy.judge import SECONDS_PER_EVALUATION, evaluation_seconds, fastest_rate
-from bench.experiments.accuracy.methods import newton, why_unknown
-from bench.experiments.accuracy.points import AT_REST
-from bench.measure.experiment import source_hash
-from bench.measure.growth import LOOKS, Growth, growth_along, kept_growth
-from bench.reference import cache, rope
-from bench.reference.mass_spring import simulate, smooth, start
-from bench.reference.richardson import refine
-from bench.store.database import Store
-from model.core.build import build
-from model.core.families import stability_limit
-from model.core.integrators import damping_rate, frequency_bound
-from model.core.simulation import Simulation, State
-from model.scene.scene import Scene
+from softlab.app.driver import open_simulation
+from softlab.bench.experiments.accuracy.judge import SECONDS_PER_EVALUATION, evaluation_seconds, fastest_rate
+from softlab.bench.experiments.accuracy.methods import newton, why_unknown
+from softlab.bench.experiments.accuracy.points import AT_REST
+from softlab.bench.measure.experiment import source_hash
+from softlab.bench.measure.growth import LOOKS, Growth, growth_along, kept_growth
+from softlab.bench.reference import cache, rope
+from softlab.bench.reference.mass_spring import simulate, smooth, start
+from softlab.bench.reference.richardson import refine
+from softlab.bench.store.database import Store
+from softlab.model.core.build import build
+from softlab.model.core.families import stability_limit
+from softlab.model.core.integrators import damping_rate, frequency_bound
+from softlab.model.core.simulation import Simulation, State
+from softlab.model.scene.scene import Scene
 
 CLOTH_TOLERANCE = 2e-7  # spacings; RK4 at dt 0.0005 on S4 has an error of 3e-6, which shall be resolved tenfold
 ROPE_TOLERANCE = 2e-6

@@ -14,15 +14,15 @@ from pathlib import Path
 
 import numpy as np
 
-from app.driver import open_simulation
-from bench.experiments.accuracy.judge import distance
-from bench.experiments.accuracy.judgement import BALANCE, CONSTRAINT, SOLVER, Numbers
-from bench.experiments.accuracy.methods import why_unknown
-from bench.measure.experiment import source_hash
-from bench.reference import cache, xpbd
-from bench.reference.steps import masses
-from model.core.simulation import State
-from model.scene.scene import Scene
+from softlab.app.driver import open_simulation
+from softlab.bench.experiments.accuracy.judge import distance
+from softlab.bench.experiments.accuracy.judgement import BALANCE, CONSTRAINT, SOLVER, Numbers
+from softlab.bench.experiments.accuracy.methods import why_unknown
+from softlab.bench.measure.experiment import source_hash
+from softlab.bench.reference import cache, xpbd
+from softlab.bench.reference.steps import masses
+from softlab.model.core.simulation import State
+from softlab.model.scene.scene import Scene
 
 SHARE = 1e-3  # fraction of the solver's error that doubling the iterations may still change
 FLOOR = 1e-9  # spacings: below the resolution of the references, above the rounding of float64 in thousands of steps

@@ -22,12 +22,12 @@ from typing import Any
 
 import numpy as np
 
-from bench.experiments.accuracy.cases import Case, make_case
-from bench.experiments.accuracy.judge import distance
-from bench.experiments.accuracy.judgement import judge
-from bench.experiments.accuracy.methods import newton, sweeps
-from bench.experiments.accuracy.points import END
-from bench.experiments.accuracy.references import (
+from softlab.bench.experiments.accuracy.cases import Case, make_case
+from softlab.bench.experiments.accuracy.judge import distance
+from softlab.bench.experiments.accuracy.judgement import judge
+from softlab.bench.experiments.accuracy.methods import newton, sweeps
+from softlab.bench.experiments.accuracy.points import END
+from softlab.bench.experiments.accuracy.references import (
     OWN_SECONDS,
     by_numpy,
     converged_of,
@@ -39,23 +39,30 @@ from bench.experiments.accuracy.references import (
     own_seconds,
     references,
 )
-from bench.experiments.advise.ablation import FULL, Ablation, ablations, random_force
-from bench.experiments.advise.ablation_results import CHANGE, PREFIX, SECONDS, SUSPECT, AblationSummary, tables_of
-from bench.experiments.advise.experiment import REFERENCE_SECONDS
-from bench.measure.experiment import Tell, backends_here, keep, resume
-from bench.measure.growth import Growth
-from bench.measure.samples import in_turns
-from bench.measure.timing import Subject, prepare_run
-from bench.reference import cache
-from bench.reference.cache import Converged
-from bench.store.database import Store
-from bench.store.results import measures_of
-from bench.store.schema import configuration_hash
-from model.core.build import pinned_indices
-from model.core.errors import Diverged, SceneError
-from model.core.families import stability_limit
-from model.core.simulation import State
-from model.scene.scene import Scene
+from softlab.bench.experiments.advise.ablation import FULL, Ablation, ablations, random_force
+from softlab.bench.experiments.advise.ablation_results import (
+    CHANGE,
+    PREFIX,
+    SECONDS,
+    SUSPECT,
+    AblationSummary,
+    tables_of,
+)
+from softlab.bench.experiments.advise.experiment import REFERENCE_SECONDS
+from softlab.bench.measure.experiment import Tell, backends_here, keep, resume
+from softlab.bench.measure.growth import Growth
+from softlab.bench.measure.samples import in_turns
+from softlab.bench.measure.timing import Subject, prepare_run
+from softlab.bench.reference import cache
+from softlab.bench.reference.cache import Converged
+from softlab.bench.store.database import Store
+from softlab.bench.store.results import measures_of
+from softlab.bench.store.schema import configuration_hash
+from softlab.model.core.build import pinned_indices
+from softlab.model.core.errors import Diverged, SceneError
+from softlab.model.core.families import stability_limit
+from softlab.model.core.simulation import State
+from softlab.model.scene.scene import Scene
 
 VERSION = 1  # part of every resume key: raise it when the measurement changes
 STAGE = "ablate"  # stage of the samples in the store

@@ -11,10 +11,10 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from model.core.errors import SceneError
-from model.core.families import scene_plan
-from model.core.integrators import INTEGRATORS
-from model.scene.scene import Scene
+from softlab.model.core.errors import SceneError
+from softlab.model.core.families import scene_plan
+from softlab.model.core.integrators import INTEGRATORS
+from softlab.model.scene.scene import Scene
 
 FULL_PRECISION, FULL_MATH = "float64", "exact"
 # kinds that are neither force nor constraint: the method and the start; a

@@ -11,16 +11,16 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Column, Table
 
-from bench.experiments.accuracy.judgement import RESOLVED
-from bench.experiments.accuracy.methods import name_of
-from bench.experiments.advise.ablation import ARITHMETIC, COARSER, FINER, FULL, INTEGRATOR, PART
-from bench.experiments.advise.advice import NOISE
-from bench.experiments.advise.search import FLOOR
-from bench.measure.experiment import Summary
-from bench.measure.growth import MAX_GROWTH, growth_words
-from bench.reference.cache import TOLERANCE
-from bench.store.results import Measure
-from bench.store.schema import tables_by_kind
+from softlab.bench.experiments.accuracy.judgement import RESOLVED
+from softlab.bench.experiments.accuracy.methods import name_of
+from softlab.bench.experiments.advise.ablation import ARITHMETIC, COARSER, FINER, FULL, INTEGRATOR, PART
+from softlab.bench.experiments.advise.advice import NOISE
+from softlab.bench.experiments.advise.search import FLOOR
+from softlab.bench.measure.experiment import Summary
+from softlab.bench.measure.growth import MAX_GROWTH, growth_words
+from softlab.bench.reference.cache import TOLERANCE
+from softlab.bench.store.results import Measure
+from softlab.bench.store.schema import tables_by_kind
 
 PREFIX = "ablation_"
 # spacings: root mean square over the free masses, to the end state of the full scene's own run

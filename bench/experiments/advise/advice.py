@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-from bench.experiments.accuracy.methods import changes
-from bench.experiments.accuracy.points import method_words
-from bench.measure.growth import DISTURBANCE, growth_words
-from model.scene.scene import Scene
+from softlab.bench.experiments.accuracy.methods import changes
+from softlab.bench.experiments.accuracy.points import method_words
+from softlab.bench.measure.growth import DISTURBANCE, growth_words
+from softlab.model.scene.scene import Scene
 
 NOISE = 1.1  # times whose ratio is smaller are called equal
 

@@ -8,16 +8,16 @@ from __future__ import annotations
 
 from typing import Any
 
-from bench.experiments.advise.advice import Advice
-from bench.experiments.advise.check import brute_force
-from bench.experiments.advise.experiment import TOTAL_SECONDS, advise
-from bench.experiments.advise.fluids import advise_fluids
-from bench.experiments.advise.fluids_advice import FluidAdvice
-from bench.experiments.advise.tetrahedra import advise_tetrahedra
-from bench.experiments.advise.tetrahedra_advice import TetrahedraAdvice
-from bench.store.database import Store
-from model.core.errors import SceneError
-from model.scene.scene import Scene
+from softlab.bench.experiments.advise.advice import Advice
+from softlab.bench.experiments.advise.check import brute_force
+from softlab.bench.experiments.advise.experiment import TOTAL_SECONDS, advise
+from softlab.bench.experiments.advise.fluids import advise_fluids
+from softlab.bench.experiments.advise.fluids_advice import FluidAdvice
+from softlab.bench.experiments.advise.tetrahedra import advise_tetrahedra
+from softlab.bench.experiments.advise.tetrahedra_advice import TetrahedraAdvice
+from softlab.bench.store.database import Store
+from softlab.model.core.errors import SceneError
+from softlab.model.scene.scene import Scene
 
 
 def answer(

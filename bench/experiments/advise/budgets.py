@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Generic, Protocol, TypeVar
 
-from bench.experiments.advise.advice import NOISE
-from model.scene.scene import Scene
+from softlab.bench.experiments.advise.advice import NOISE
+from softlab.model.scene.scene import Scene
 
 
 class Timed(Protocol):

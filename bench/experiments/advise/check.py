@@ -11,15 +11,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import ceil, inf
 
-from bench.experiments.accuracy.methods import newton
-from bench.experiments.accuracy.references import converged_of, growth_of, references
-from bench.experiments.advise.advice import NOISE, Advice, Choice
-from bench.experiments.advise.experiment import ADVISED, iterations_of
-from bench.experiments.advise.search import MIN_STEPS, Kind, Search, Task
-from bench.measure.experiment import backends_here
-from bench.measure.progress import progress_bar
-from bench.store.database import Store
-from model.core.simulation import PRECISIONS
+from softlab.bench.experiments.accuracy.methods import newton
+from softlab.bench.experiments.accuracy.references import converged_of, growth_of, references
+from softlab.bench.experiments.advise.advice import NOISE, Advice, Choice
+from softlab.bench.experiments.advise.experiment import ADVISED, iterations_of
+from softlab.bench.experiments.advise.search import MIN_STEPS, Kind, Search, Task
+from softlab.bench.measure.experiment import backends_here
+from softlab.bench.measure.progress import progress_bar
+from softlab.bench.store.database import Store
+from softlab.model.core.simulation import PRECISIONS
 
 
 @dataclass(frozen=True)

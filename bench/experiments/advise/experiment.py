@@ -15,10 +15,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 from math import inf
 
-from bench.experiments.accuracy.judgement import RESOLVED
-from bench.experiments.accuracy.methods import METHODS, XPBD, newton, order_of, position_based, sweeps
-from bench.experiments.accuracy.points import END
-from bench.experiments.accuracy.references import (
+from softlab.bench.experiments.accuracy.judgement import RESOLVED
+from softlab.bench.experiments.accuracy.methods import METHODS, XPBD, newton, order_of, position_based, sweeps
+from softlab.bench.experiments.accuracy.points import END
+from softlab.bench.experiments.accuracy.references import (
     by_numpy,
     converged_of,
     growth_of,
@@ -26,19 +26,19 @@ from bench.experiments.accuracy.references import (
     own_seconds,
     references,
 )
-from bench.experiments.advise.advice import Advice
-from bench.experiments.advise.search import Kind, Search, Task, disturbed
-from bench.measure.experiment import backends_here
-from bench.measure.growth import MAX_GROWTH, Growth
-from bench.measure.machine import enter_machine
-from bench.measure.progress import progress_bar
-from bench.reference import cache
-from bench.store.database import Store
-from bench.store.versions import code_version
-from model.core.build import pinned_indices
-from model.core.errors import SceneError
-from model.core.simulation import PRECISIONS
-from model.scene.scene import Scene
+from softlab.bench.experiments.advise.advice import Advice
+from softlab.bench.experiments.advise.search import Kind, Search, Task, disturbed
+from softlab.bench.measure.experiment import backends_here
+from softlab.bench.measure.growth import MAX_GROWTH, Growth
+from softlab.bench.measure.machine import enter_machine
+from softlab.bench.measure.progress import progress_bar
+from softlab.bench.reference import cache
+from softlab.bench.store.database import Store
+from softlab.bench.store.versions import code_version
+from softlab.model.core.build import pinned_indices
+from softlab.model.core.errors import SceneError
+from softlab.model.core.simulation import PRECISIONS
+from softlab.model.scene.scene import Scene
 
 REFERENCE_SECONDS = 60.0  # longest estimated time of a reference
 TOTAL_SECONDS = 180.0

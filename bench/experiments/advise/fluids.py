@@ -18,25 +18,25 @@ from pathlib import Path
 
 import numpy as np
 
-from app.driver import open_simulation
-from bench.experiments.advise.fluids_advice import FluidAdvice, FluidBudget
-from bench.experiments.fluid_truth import laws
-from bench.experiments.fluid_truth.rows import Judged, rows
-from bench.experiments.fluid_truth.scenes import DAM, SCHEMES, WIDTH
-from bench.measure.costs_timing import QUICK, SECONDS, Record, in_turn
-from bench.measure.experiment import backends_here, described, keep
-from bench.measure.items import cost_sources
-from bench.measure.machine import enter_machine
-from bench.measure.progress import progress_bar
-from bench.measure.timing import Subject, incomplete, prepare
-from bench.store.database import Store
-from bench.store.results import measures
-from bench.store.versions import code_version
-from model.core.errors import Diverged, SceneError, SoftlabError
-from model.core.simulation import PRECISIONS
-from model.fluid.family import comes_to_rest
-from model.fluid.measure import compression
-from model.scene.scene import Scene
+from softlab.app.driver import open_simulation
+from softlab.bench.experiments.advise.fluids_advice import FluidAdvice, FluidBudget
+from softlab.bench.experiments.fluid_truth import laws
+from softlab.bench.experiments.fluid_truth.rows import Judged, rows
+from softlab.bench.experiments.fluid_truth.scenes import DAM, SCHEMES, WIDTH
+from softlab.bench.measure.costs_timing import QUICK, SECONDS, Record, in_turn
+from softlab.bench.measure.experiment import backends_here, described, keep
+from softlab.bench.measure.items import cost_sources
+from softlab.bench.measure.machine import enter_machine
+from softlab.bench.measure.progress import progress_bar
+from softlab.bench.measure.timing import Subject, incomplete, prepare
+from softlab.bench.store.database import Store
+from softlab.bench.store.results import measures
+from softlab.bench.store.versions import code_version
+from softlab.model.core.errors import Diverged, SceneError, SoftlabError
+from softlab.model.core.simulation import PRECISIONS
+from softlab.model.fluid.family import comes_to_rest
+from softlab.model.fluid.measure import compression
+from softlab.model.scene.scene import Scene
 
 FINDING, DENSITY = "advise fluids", "advise_density"  # value of `finding`; name of the measure
 LADDER = ((1, 2), (1, 4), (2, 3), (2, 6), (4, 5), (4, 10), (8, 5), (8, 10), (16, 10), (32, 10))  # substeps, iterations

@@ -17,20 +17,20 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
-from app.driver import open_simulation
-from bench.experiments.advise.ablation import ARITHMETIC, FINER, FULL, PART, Ablation, ablations
-from bench.experiments.advise.fluids import UNTIL
-from bench.measure.costs_timing import QUICK, SECONDS, Measures, Record, in_turn
-from bench.measure.experiment import Summary, backends_here, described, ending_cleanly, keep
-from bench.measure.items import cost_sources
-from bench.measure.progress import progress_bar
-from bench.measure.timing import Subject, prepare
-from bench.store.database import Store
-from bench.store.tables import columns, print_table
-from model.core.errors import Diverged, SceneError
-from model.core.simulation import Simulation
-from model.fluid.measure import compression, height
-from model.scene.scene import Scene
+from softlab.app.driver import open_simulation
+from softlab.bench.experiments.advise.ablation import ARITHMETIC, FINER, FULL, PART, Ablation, ablations
+from softlab.bench.experiments.advise.fluids import UNTIL
+from softlab.bench.measure.costs_timing import QUICK, SECONDS, Measures, Record, in_turn
+from softlab.bench.measure.experiment import Summary, backends_here, described, ending_cleanly, keep
+from softlab.bench.measure.items import cost_sources
+from softlab.bench.measure.progress import progress_bar
+from softlab.bench.measure.timing import Subject, prepare
+from softlab.bench.store.database import Store
+from softlab.bench.store.tables import columns, print_table
+from softlab.model.core.errors import Diverged, SceneError
+from softlab.model.core.simulation import Simulation
+from softlab.model.fluid.measure import compression, height
+from softlab.model.scene.scene import Scene
 
 FINDING = "ablate fluids"  # value of `finding`
 OPTIONS = ("viscosity", "cohesion", "surface_tension", "vorticity_confinement", "drag", "free_surface_drag")

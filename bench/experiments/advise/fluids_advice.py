@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from math import inf
 from typing import Any
 
-from bench.experiments.advise.budgets import BudgetAdvice
+from softlab.bench.experiments.advise.budgets import BudgetAdvice
 
 
 @dataclass(frozen=True)

@@ -11,26 +11,26 @@ from typing import Any
 
 import numpy as np
 
-from bench.experiments.accuracy.cases import Case, make_case
-from bench.experiments.accuracy.experiment import copy_seconds
-from bench.experiments.accuracy.judgement import ERROR, judge
-from bench.experiments.accuracy.methods import changes, order_of, sweeps
-from bench.experiments.accuracy.points import COPY, method_words
-from bench.experiments.advise.advice import Choice
-from bench.experiments.advise.bracket import TIGHT, Tried, next_steps
-from bench.measure.case_timing import ready
-from bench.measure.experiment import keep
-from bench.measure.growth import Growth
-from bench.measure.samples import in_turns
-from bench.reference.cache import Converged
-from bench.reference.mass_spring import start
-from bench.store.database import Store
-from bench.store.results import Timing, measures, timings
-from bench.store.schema import configuration_hash
-from model.core.errors import Diverged, SoftlabError
-from model.core.families import stability_limit
-from model.core.simulation import Simulation, State
-from model.scene.scene import Scene
+from softlab.bench.experiments.accuracy.cases import Case, make_case
+from softlab.bench.experiments.accuracy.experiment import copy_seconds
+from softlab.bench.experiments.accuracy.judgement import ERROR, judge
+from softlab.bench.experiments.accuracy.methods import changes, order_of, sweeps
+from softlab.bench.experiments.accuracy.points import COPY, method_words
+from softlab.bench.experiments.advise.advice import Choice
+from softlab.bench.experiments.advise.bracket import TIGHT, Tried, next_steps
+from softlab.bench.measure.case_timing import ready
+from softlab.bench.measure.experiment import keep
+from softlab.bench.measure.growth import Growth
+from softlab.bench.measure.samples import in_turns
+from softlab.bench.reference.cache import Converged
+from softlab.bench.reference.mass_spring import start
+from softlab.bench.store.database import Store
+from softlab.bench.store.results import Timing, measures, timings
+from softlab.bench.store.schema import configuration_hash
+from softlab.model.core.errors import Diverged, SoftlabError
+from softlab.model.core.families import stability_limit
+from softlab.model.core.simulation import Simulation, State
+from softlab.model.scene.scene import Scene
 
 STAGE = "advise"  # stage of the samples in the store
 MAX_RUNS = 12  # largest number of runs of one integrator, precision and backend

@@ -18,9 +18,9 @@ from typing import Any
 
 import numpy as np
 
-from app.driver import open_simulation
-from bench.experiments.advise.tetrahedra_advice import Budget, TetrahedraAdvice
-from bench.experiments.advise.tetrahedra_laws import (
+from softlab.app.driver import open_simulation
+from softlab.bench.experiments.advise.tetrahedra_advice import Budget, TetrahedraAdvice
+from softlab.bench.experiments.advise.tetrahedra_laws import (
     DAMPING,
     LARGEST,
     LEAST,
@@ -32,22 +32,22 @@ from bench.experiments.advise.tetrahedra_laws import (
     least_descent,
     least_substep,
 )
-from bench.experiments.tetrahedral.bars import Bar, bars
-from bench.experiments.tetrahedral.cantilever import DENSITY, FRAME, LENGTH, POISSON, SECOND, SIDE
-from bench.measure.costs_timing import QUICK, SECONDS, Record, in_turn
-from bench.measure.experiment import backends_here, described
-from bench.measure.items import cost_sources
-from bench.measure.machine import enter_machine
-from bench.measure.timing import Subject, prepare
-from bench.reference.finite_elements import mode_shapes
-from bench.store.database import Store
-from bench.store.marks import is_wrong
-from bench.store.results import measures
-from bench.store.versions import code_version
-from model.core.errors import SceneError, SoftlabError
-from model.core.simulation import PRECISIONS
-from model.scene.checks.tetrahedra import NOT_SMOOTH, unsteady
-from model.scene.scene import Scene
+from softlab.bench.experiments.tetrahedral.bars import Bar, bars
+from softlab.bench.experiments.tetrahedral.cantilever import DENSITY, FRAME, LENGTH, POISSON, SECOND, SIDE
+from softlab.bench.measure.costs_timing import QUICK, SECONDS, Record, in_turn
+from softlab.bench.measure.experiment import backends_here, described
+from softlab.bench.measure.items import cost_sources
+from softlab.bench.measure.machine import enter_machine
+from softlab.bench.measure.timing import Subject, prepare
+from softlab.bench.reference.finite_elements import mode_shapes
+from softlab.bench.store.database import Store
+from softlab.bench.store.marks import is_wrong
+from softlab.bench.store.results import measures
+from softlab.bench.store.versions import code_version
+from softlab.model.core.errors import SceneError, SoftlabError
+from softlab.model.core.simulation import PRECISIONS
+from softlab.model.scene.checks.tetrahedra import NOT_SMOOTH, unsteady
+from softlab.model.scene.scene import Scene
 
 FINDING = "advise tetrahedra"  # value of `finding`
 FACTORED = 20_000  # tetrahedra of the largest body whose frequency is computed from its own mesh: a few seconds

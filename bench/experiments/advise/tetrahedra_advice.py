@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 from math import inf
 from typing import Any
 
-from bench.experiments.advise.budgets import BudgetAdvice
-from bench.experiments.tetrahedral.cantilever import SECOND
-from model.formulas.elastic.stages import STAGE
+from softlab.bench.experiments.advise.budgets import BudgetAdvice
+from softlab.bench.experiments.tetrahedral.cantilever import SECOND
+from softlab.model.formulas.elastic.stages import STAGE
 
 
 @dataclass(frozen=True)

@@ -14,15 +14,15 @@ from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
-from app.driver import open_simulation
-from bench.measure.costs_timing import FULL, QUICK, QUICKEST, Effort, Measures, Record, in_turn
-from bench.measure.experiment import described
-from bench.measure.items import Group, Items, cost_sources
-from bench.measure.timing import Subject, prepare
-from bench.store.database import Store
-from model.core import stepping
-from model.core.simulation import PRECISIONS, Simulation
-from model.scene.scene import Scene, load_scene
+from softlab.app.driver import open_simulation
+from softlab.bench.measure.costs_timing import FULL, QUICK, QUICKEST, Effort, Measures, Record, in_turn
+from softlab.bench.measure.experiment import described
+from softlab.bench.measure.items import Group, Items, cost_sources
+from softlab.bench.measure.timing import Subject, prepare
+from softlab.bench.store.database import Store
+from softlab.model.core import stepping
+from softlab.model.core.simulation import PRECISIONS, Simulation
+from softlab.model.scene.scene import Scene, load_scene
 
 LOOKS = "looks"  # value of `finding`
 SHARE = "cost_share"  # of LOOKS: time of a check over that of the steps between two
@@ -36,8 +36,8 @@ NEVER = 2**62  # steps
 
 def groups(store: Store, backends: Sequence[str], quick: bool) -> list[Group]:
     """Return the groups of all costs; `quick`: no grid wider than QUICK_MOST, fewer and shorter samples."""
-    from bench.experiments.findings.determinism import determinism
-    from bench.measure.vertex_timing import vertex_groups  # imported late, because it loads the drawing code
+    from softlab.bench.experiments.findings.determinism import determinism
+    from softlab.bench.measure.vertex_timing import vertex_groups  # imported late, because it loads the drawing code
 
     effort, most = (QUICK, QUICK_MOST) if quick else (FULL, None)
     found = [g for backend in backends for g in (*looks(backend, effort, most), *determinism(backend, effort, most))]

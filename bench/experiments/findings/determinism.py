@@ -21,16 +21,16 @@ from contextlib import ExitStack
 from functools import partial
 from typing import Any
 
-from app.driver import open_simulation
-from bench.experiments import checks
-from bench.experiments.checks import compare, displaced
-from bench.experiments.findings import gather_cpu, scatter_cpu
-from bench.measure.costs_timing import RATIO, Effort, Measures, Record, in_turn
-from bench.measure.experiment import described
-from bench.measure.items import Group, cost_sources
-from bench.measure.timing import Subject, prepare
-from model.core.simulation import PRECISIONS, Simulation, State
-from model.scene.scene import Scene, load_scene
+from softlab.app.driver import open_simulation
+from softlab.bench.experiments import checks
+from softlab.bench.experiments.checks import compare, displaced
+from softlab.bench.experiments.findings import gather_cpu, scatter_cpu
+from softlab.bench.measure.costs_timing import RATIO, Effort, Measures, Record, in_turn
+from softlab.bench.measure.experiment import described
+from softlab.bench.measure.items import Group, cost_sources
+from softlab.bench.measure.timing import Subject, prepare
+from softlab.model.core.simulation import PRECISIONS, Simulation, State
+from softlab.model.scene.scene import Scene, load_scene
 
 DETERMINISM = "determinism"  # value of `finding`
 DIFFERENT = "cost_different"  # runs whose end state differs in bits from the first
@@ -48,7 +48,7 @@ def determinism(backend: str, effort: Effort, most: int | None = None) -> list[G
     """Return groups for the lab's grid at several sizes, both precisions: (gather, the others), all in `fast` math."""
     files = [checks.__file__, scatter_cpu.__file__, gather_cpu.__file__]
     if backend == "gpu":
-        from bench.experiments.findings import scatter_gpu
+        from softlab.bench.experiments.findings import scatter_gpu
 
         files = [checks.__file__, scatter_gpu.__file__]
     sources = cost_sources(backend, *map(str, files), __file__)
@@ -72,7 +72,7 @@ def open_way(scene: Scene, backend: str, precision: str, how: str) -> Simulation
     if how == GATHER:
         return open_simulation(scene, backend, precision=precision, kernel=_own_kernel(backend))
     if backend == "gpu":
-        from bench.experiments.findings.scatter_gpu import ScatterGrid
+        from softlab.bench.experiments.findings.scatter_gpu import ScatterGrid
 
         return ScatterGrid(scene, precision, how)
     make: Callable[..., Simulation] = scatter_cpu.ColouredGrid if how == scatter_cpu.COLOURS else gather_cpu.GatherGrid
@@ -83,7 +83,7 @@ def _own_kernel(backend: str) -> str:
     """Return the lab's kernel with one pass per step."""
     if backend == "cpu":
         return "fused"
-    from gpu_backend.core.launch import can_capture
+    from softlab.gpu_backend.core.launch import can_capture
 
     return "graph" if can_capture() else "launch"
 

@@ -16,25 +16,25 @@ from typing import Any
 
 import numpy as np
 
-from app.driver import open_simulation
-from bench.experiments import discretisation
-from bench.experiments.accuracy.cases import STEP_SIZES
-from bench.experiments.accuracy.judge import distance
-from bench.experiments.accuracy.points import END, SCENES
-from bench.experiments.accuracy.references import references
-from bench.measure.case_timing import Case, StepTimes
-from bench.measure.costs_timing import Measures
-from bench.measure.experiment import described, source_hash
-from bench.measure.items import Experiment, Item, Items
-from bench.reference import cache
-from bench.reference import mass_spring as reference
-from bench.store.database import Store
-from model.core.build import build
-from model.core.digest import source_digest
-from model.core.errors import Diverged
-from model.core.integrators import INTEGRATORS
-from model.core.simulation import PRECISIONS, State
-from model.scene.scene import Scene, load_scene
+from softlab.app.driver import open_simulation
+from softlab.bench.experiments import discretisation
+from softlab.bench.experiments.accuracy.cases import STEP_SIZES
+from softlab.bench.experiments.accuracy.judge import distance
+from softlab.bench.experiments.accuracy.points import END, SCENES
+from softlab.bench.experiments.accuracy.references import references
+from softlab.bench.measure.case_timing import Case, StepTimes
+from softlab.bench.measure.costs_timing import Measures
+from softlab.bench.measure.experiment import described, source_hash
+from softlab.bench.measure.items import Experiment, Item, Items
+from softlab.bench.reference import cache
+from softlab.bench.reference import mass_spring as reference
+from softlab.bench.store.database import Store
+from softlab.model.core.build import build
+from softlab.model.core.digest import source_digest
+from softlab.model.core.errors import Diverged
+from softlab.model.core.integrators import INTEGRATORS
+from softlab.model.core.simulation import PRECISIONS, State
+from softlab.model.scene.scene import Scene, load_scene
 
 VERSION = 1  # part of every resume key: raise it when an experiment changes
 DAMPING, FLOOR, AWAY, DISSIPATION, EXACT = "damping", "floor", "far away", "dissipation", "exact"  # values of `finding`

@@ -12,14 +12,14 @@ from typing import Any
 import numpy as np
 from numba import prange
 
-from cpu_backend.core.compile import Compiler
-from cpu_backend.core.layout import PLANES, row_at
-from cpu_backend.mass_spring.grid.rows import variant_name
-from cpu_backend.mass_spring.grid.solver import MassSpring
-from model.core.plan import Executor
-from model.core.simulation import Options
-from model.formulas import integrators, springs
-from model.scene.scene import Scene
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.core.layout import PLANES, row_at
+from softlab.cpu_backend.mass_spring.grid.rows import variant_name
+from softlab.cpu_backend.mass_spring.grid.solver import MassSpring
+from softlab.model.core.plan import Executor
+from softlab.model.core.simulation import Options
+from softlab.model.formulas import integrators, springs
+from softlab.model.scene.scene import Scene
 
 TWICE = "twice"  # the kernel's name
 

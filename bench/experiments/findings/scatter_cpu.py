@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 from numba import prange
 
-from bench.experiments.findings.gather_cpu import GatherGrid
-from cpu_backend.core.compile import Compiler
-from cpu_backend.core.layout import PLANES, row_at
-from cpu_backend.mass_spring.grid.rows import variant_name
-from model.formulas import integrators, springs
+from softlab.bench.experiments.findings.gather_cpu import GatherGrid
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.core.layout import PLANES, row_at
+from softlab.cpu_backend.mass_spring.grid.rows import variant_name
+from softlab.model.formulas import integrators, springs
 
 COLOURS = "colours"  # the kernel's name
 

@@ -20,18 +20,18 @@ from typing import Any
 import numpy as np
 from numba import cuda as numba_cuda
 
-from gpu_backend.core.compile import kernel_options, make_kernel, variant_name
-from gpu_backend.core.formulas import device_formulas
-from gpu_backend.core.launch import Graphs, can_capture
-from gpu_backend.core.pairs import load_pair, store_pair
-from gpu_backend.core.world import Cell
-from gpu_backend.mass_spring.grid.kernels import make_tools
-from gpu_backend.mass_spring.grid.point import make_moves
-from gpu_backend.mass_spring.grid.solver import MassSpring
-from model.core.plan import Executor
-from model.core.simulation import Options
-from model.formulas import springs
-from model.scene.scene import Scene
+from softlab.gpu_backend.core.compile import kernel_options, make_kernel, variant_name
+from softlab.gpu_backend.core.formulas import device_formulas
+from softlab.gpu_backend.core.launch import Graphs, can_capture
+from softlab.gpu_backend.core.pairs import load_pair, store_pair
+from softlab.gpu_backend.core.world import Cell
+from softlab.gpu_backend.mass_spring.grid.kernels import make_tools
+from softlab.gpu_backend.mass_spring.grid.point import make_moves
+from softlab.gpu_backend.mass_spring.grid.solver import MassSpring
+from softlab.model.core.plan import Executor
+from softlab.model.core.simulation import Options
+from softlab.model.formulas import springs
+from softlab.model.scene.scene import Scene
 
 cuda: Any = numba_cuda  # numba infers the types of kernels when they are compiled
 ATOMICS, COLOURS = "atomics", "colours"  # the kernels' names

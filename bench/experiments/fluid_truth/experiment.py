@@ -14,22 +14,22 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from app.driver import open_simulation
-from bench.experiments.fluid_truth.laws import judged
-from bench.experiments.fluid_truth.scenes import DAM, TANK, Setting, settings
-from bench.measure.costs_timing import FULL, QUICK, RATIO, SECONDS, Effort, Measures, Record, in_turn
-from bench.measure.experiment import host_of
-from bench.measure.items import Group, Items, cost_sources
-from bench.measure.timing import Subject, prepare
-from bench.peers.base import Peer, PeerError
-from bench.peers.cases import Beside
-from bench.peers.fluids.splishsplash import PROCESS, SplishSplash
-from bench.store.database import Store
-from bench.store.results import configuration
-from model.core.build import build
-from model.core.errors import SoftlabError
-from model.core.simulation import State
-from model.scene.scene import Scene
+from softlab.app.driver import open_simulation
+from softlab.bench.experiments.fluid_truth.laws import judged
+from softlab.bench.experiments.fluid_truth.scenes import DAM, TANK, Setting, settings
+from softlab.bench.measure.costs_timing import FULL, QUICK, RATIO, SECONDS, Effort, Measures, Record, in_turn
+from softlab.bench.measure.experiment import host_of
+from softlab.bench.measure.items import Group, Items, cost_sources
+from softlab.bench.measure.timing import Subject, prepare
+from softlab.bench.peers.base import Peer, PeerError
+from softlab.bench.peers.cases import Beside
+from softlab.bench.peers.fluids.splishsplash import PROCESS, SplishSplash
+from softlab.bench.store.database import Store
+from softlab.bench.store.results import configuration
+from softlab.model.core.build import build
+from softlab.model.core.errors import SoftlabError
+from softlab.model.core.simulation import State
+from softlab.model.scene.scene import Scene
 
 FINDING = "fluid: "  # prefix of `finding`, followed by the kind
 PEERS: dict[str, tuple[Peer, ...]] = {  # by kind; the PBF of this program takes seconds per frame in the tank

@@ -24,12 +24,12 @@ from typing import Any
 
 import numpy as np
 
-from bench.experiments.fluid_truth.scenes import COLUMN, DAM, DROP, TANK, TENSION, TWO, VORTICES, WIDTH
-from bench.measure.costs_timing import Measures
-from model.core.errors import SoftlabError
-from model.fluid.fluid_set import vortices
-from model.fluid.measure import compression, height
-from model.scene.scene import Scene
+from softlab.bench.experiments.fluid_truth.scenes import COLUMN, DAM, DROP, TANK, TENSION, TWO, VORTICES, WIDTH
+from softlab.bench.measure.costs_timing import Measures
+from softlab.model.core.errors import SoftlabError
+from softlab.model.fluid.fluid_set import vortices
+from softlab.model.fluid.measure import compression, height
+from softlab.model.scene.scene import Scene
 
 HEIGHT, MEAN, LARGEST = "fluid_height_off", "fluid_density_mean", "fluid_density_largest"
 SPEED, PRESSURE = "fluid_speed", "fluid_pressure_off"

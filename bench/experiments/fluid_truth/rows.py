@@ -8,15 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 from rich.console import Console
 
-from bench.experiments.fluid_truth import laws
-from bench.experiments.fluid_truth.experiment import FINDING, PEERS
-from bench.experiments.fluid_truth.scenes import COLUMN, DAM, DROP, TANK, TENSION, TWO, VORTICES
-from bench.experiments.fluids import FRAME
-from bench.measure.costs_timing import SECONDS
-from bench.store.database import Store
-from bench.store.results import Measure, by_configuration, measures
-from bench.store.tables import columns, print_table
-from model.scene.scene import Scene
+from softlab.bench.experiments.fluid_truth import laws
+from softlab.bench.experiments.fluid_truth.experiment import FINDING, PEERS
+from softlab.bench.experiments.fluid_truth.scenes import COLUMN, DAM, DROP, TANK, TENSION, TWO, VORTICES
+from softlab.bench.experiments.fluids import FRAME
+from softlab.bench.measure.costs_timing import SECONDS
+from softlab.bench.store.database import Store
+from softlab.bench.store.results import Measure, by_configuration, measures
+from softlab.bench.store.tables import columns, print_table
+from softlab.model.scene.scene import Scene
 
 NUMBERS: dict[str, dict[str, str]] = {  # kind -> measures and their column titles
     COLUMN: {

@@ -9,9 +9,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, get_args
 
-from bench.experiments.fluids import FRAME, pool
-from model.scene.method import SchemeName
-from model.scene.scene import Scene, load_scene
+from softlab.bench.experiments.fluids import FRAME, pool
+from softlab.model.scene.method import SchemeName
+from softlab.model.scene.scene import Scene, load_scene
 
 COLUMN, TANK, DAM, VORTICES, DROP, TWO = "column", "tank", "dam", "vortices", "drop", "two fluids"
 TENSION = "surface tension"

@@ -13,21 +13,21 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
-from app.driver import open_simulation
-from bench.experiments.scaling.model import WAYS, Cluster, predicted
-from bench.measure.case_timing import Case, RatePoint, Rates, Summary
-from bench.measure.costs_timing import Measures
-from bench.measure.energy import joules_of_all, nvml_counter
-from bench.measure.experiment import keep, source_hash
-from bench.measure.gpu import gpu_simulated
-from bench.measure.timing import Subject
-from bench.store.database import Store
-from bench.store.results import Measure, configuration, measures
-from bench.store.tables import print_table
-from model.core.errors import SceneError
-from model.core.simulation import Simulation
-from model.domains.decomposition import Reach, decompose
-from model.scene.scene import Scene, load_scene
+from softlab.app.driver import open_simulation
+from softlab.bench.experiments.scaling.model import WAYS, Cluster, predicted
+from softlab.bench.measure.case_timing import Case, RatePoint, Rates, Summary
+from softlab.bench.measure.costs_timing import Measures
+from softlab.bench.measure.energy import joules_of_all, nvml_counter
+from softlab.bench.measure.experiment import keep, source_hash
+from softlab.bench.measure.gpu import gpu_simulated
+from softlab.bench.measure.timing import Subject
+from softlab.bench.store.database import Store
+from softlab.bench.store.results import Measure, configuration, measures
+from softlab.bench.store.tables import print_table
+from softlab.model.core.errors import SceneError
+from softlab.model.core.simulation import Simulation
+from softlab.model.domains.decomposition import Reach, decompose
+from softlab.model.scene.scene import Scene, load_scene
 
 STAGE = "shared"  # stage of the samples
 STEP = "shared_step"  # s: the median of a step
@@ -69,7 +69,7 @@ def shared_case(scene: Scene, precision: str, gpus: int, link: str, exchange_eve
 
     One GPU has the same description for any link, and windows that take turns on a GPU do not count as GPUs.
     """
-    from gpu_backend.domains.devices import devices_for
+    from softlab.gpu_backend.domains.devices import devices_for
 
     description = configuration(scene, backend="gpu", precision=precision) | {"gpus": gpus}
     label = f"{scene.grid.rows} x {scene.grid.columns} on {gpus}"
@@ -96,7 +96,7 @@ def groups(
     `weak`: `size` x `size` masses for each GPU, stacked in rows; `scene`: one of SCENES. Raises SceneError for a
     backend without GPUs, an invalid number or an unknown scene, and BackendUnavailable for more GPUs than there are.
     """
-    from gpu_backend.domains.devices import devices_for
+    from softlab.gpu_backend.domains.devices import devices_for
 
     if "gpu" not in backends:
         raise SceneError("--gpus", list(gpus), "applies to --backend gpu")

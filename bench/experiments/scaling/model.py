@@ -13,8 +13,8 @@ from math import sqrt
 
 import numpy as np
 
-from model.domains.decomposition import Decomposition, Reach, decompose
-from model.domains.link import NETWORK, NVLINK, Link
+from softlab.model.domains.decomposition import Decomposition, Reach, decompose
+from softlab.model.domains.link import NETWORK, NVLINK, Link
 
 MASS_BYTES = 16  # state of a mass in float32
 PASS = 4  # steps of the kernel `tiles` per pass
@@ -98,7 +98,7 @@ class Predicted:
 
 def window_seconds(rows: int, columns: int) -> float:
     """Return the time [s] of a step of a float32 window, by the table of kernels, on the GPU of that table."""
-    from gpu_backend.mass_spring.grid.choice import MEASURED_LIMITS, step_seconds
+    from softlab.gpu_backend.mass_spring.grid.choice import MEASURED_LIMITS, step_seconds
 
     return step_seconds(rows, columns, np.float32, MEASURED_LIMITS)
 

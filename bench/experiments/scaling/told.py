@@ -6,12 +6,20 @@ from pathlib import Path
 
 from rich.console import Console
 
-from app.command.tables import number
-from bench.experiments.scaling.experiment import points, speedups
-from bench.experiments.scaling.model import Cluster, Predicted, Seconds, predicted, restart, waiting, window_seconds
-from bench.store.results import measures, open_readonly
-from bench.store.tables import print_table
-from model.core.errors import SceneError
+from softlab.app.command.tables import number
+from softlab.bench.experiments.scaling.experiment import points, speedups
+from softlab.bench.experiments.scaling.model import (
+    Cluster,
+    Predicted,
+    Seconds,
+    predicted,
+    restart,
+    waiting,
+    window_seconds,
+)
+from softlab.bench.store.results import measures, open_readonly
+from softlab.bench.store.tables import print_table
+from softlab.model.core.errors import SceneError
 
 HEADS = "GPUs", "rows each", "every", "step / us", "exchange", "waiting", "T masses / s", "x one", "of ideal"
 MOST = 16_384  # GPUs: with more, each line takes seconds

@@ -17,9 +17,9 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Any
 
-from app.driver import open_simulation
-from bench.experiments.accuracy.methods import QUICK_FLOAT32
-from bench.experiments.stability.points import (
+from softlab.app.driver import open_simulation
+from softlab.bench.experiments.accuracy.methods import QUICK_FLOAT32
+from softlab.bench.experiments.stability.points import (
     DAMPING,
     EDGE,
     LIMIT,
@@ -29,16 +29,16 @@ from bench.experiments.stability.points import (
     StabilitySummary,
     stability_of,
 )
-from bench.experiments.stability.runs import DIVERGED, LIVE, linear, measured_edge, outcome
-from bench.measure import case_timing
-from bench.measure.experiment import Tell, backends_here, chosen, keep, resume, source_hash
-from bench.measure.gpu import gpu_simulated
-from bench.store.database import Store
-from bench.store.results import configuration, measures_of
-from model.core.integrators import INTEGRATORS, damping_rate
-from model.core.simulation import PRECISIONS, Simulation
-from model.core.stability.limit import scene_frequency
-from model.scene.scene import Scene, load_scene
+from softlab.bench.experiments.stability.runs import DIVERGED, LIVE, linear, measured_edge, outcome
+from softlab.bench.measure import case_timing
+from softlab.bench.measure.experiment import Tell, backends_here, chosen, keep, resume, source_hash
+from softlab.bench.measure.gpu import gpu_simulated
+from softlab.bench.store.database import Store
+from softlab.bench.store.results import configuration, measures_of
+from softlab.model.core.integrators import INTEGRATORS, damping_rate
+from softlab.model.core.simulation import PRECISIONS, Simulation
+from softlab.model.core.stability.limit import scene_frequency
+from softlab.model.scene.scene import Scene, load_scene
 
 MEANING = 1  # version of what is stored; raise it when the meaning of an outcome or an edge changes
 ROWS = COLUMNS = 8

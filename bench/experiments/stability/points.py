@@ -9,13 +9,13 @@ from functools import lru_cache
 from math import inf, isfinite
 from typing import Any
 
-from bench.experiments.stability.runs import DIVERGED, END, GROWS, OUTCOMES
-from bench.measure.experiment import Summary
-from bench.store.results import Measure, by_configuration
-from bench.store.schema import canonical
-from model.core.families import stability_limit
-from model.core.integrators import INTEGRATORS
-from model.scene.scene import Scene
+from softlab.bench.experiments.stability.runs import DIVERGED, END, GROWS, OUTCOMES
+from softlab.bench.measure.experiment import Summary
+from softlab.bench.store.results import Measure, by_configuration
+from softlab.bench.store.schema import canonical
+from softlab.model.core.families import stability_limit
+from softlab.model.core.integrators import INTEGRATORS
+from softlab.model.scene.scene import Scene
 
 OUTCOME, STEP = "stability_outcome", "stability_step"
 EDGE, LIMIT = "stability_edge", "stability_limit"

@@ -21,12 +21,12 @@ from math import ceil, inf, isfinite, sqrt
 
 import numpy as np
 
-from model.core.build import pinned_indices, wave
-from model.core.errors import Diverged, SceneError
-from model.core.integrators import damping_rate
-from model.core.simulation import Simulation, State
-from model.core.stability.limit import MAX_MASSES, scene_frequency
-from model.scene.scene import Scene
+from softlab.model.core.build import pinned_indices, wave
+from softlab.model.core.errors import Diverged, SceneError
+from softlab.model.core.integrators import damping_rate
+from softlab.model.core.simulation import Simulation, State
+from softlab.model.core.stability.limit import MAX_MASSES, scene_frequency
+from softlab.model.scene.scene import Scene
 
 SETTLES, MOVING, GROWS, DIVERGED = 0, 1, 2, 3  # as stored
 OUTCOMES = ("settles", "moving", "grows", "diverged")

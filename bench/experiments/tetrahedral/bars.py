@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import nan
 
-from bench.experiments.tetrahedra import ELEMENTS, MESH_ERROR, MOTION_ERROR, SOLVER_ERROR, TETRAHEDRA
-from bench.experiments.tetrahedral.cantilever import setting_of
-from bench.measure.costs_timing import SECONDS
-from bench.store.marks import is_wrong
-from bench.store.results import Measure, by_configuration
-from bench.store.schema import tables_by_kind
+from softlab.bench.experiments.tetrahedra import ELEMENTS, MESH_ERROR, MOTION_ERROR, SOLVER_ERROR, TETRAHEDRA
+from softlab.bench.experiments.tetrahedral.cantilever import setting_of
+from softlab.bench.measure.costs_timing import SECONDS
+from softlab.bench.store.marks import is_wrong
+from softlab.bench.store.results import Measure, by_configuration
+from softlab.bench.store.schema import tables_by_kind
 
 
 @dataclass(frozen=True)

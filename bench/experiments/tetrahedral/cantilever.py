@@ -15,11 +15,11 @@ from typing import Any
 
 import numpy as np
 
-from bench.reference.cache import kept_arrays, sources
-from bench.reference.finite_elements import mode_shapes
-from bench.reference.finite_elements_newton import nonlinear_static
-from model.core.disk_cache import cache_folder
-from model.scene.scene import Scene
+from softlab.bench.reference.cache import kept_arrays, sources
+from softlab.bench.reference.finite_elements import mode_shapes
+from softlab.bench.reference.finite_elements_newton import nonlinear_static
+from softlab.model.core.disk_cache import cache_folder
+from softlab.model.scene.scene import Scene
 
 LENGTH, SIDE, DENSITY, POISSON = 1.0, 0.1, 1000.0, 0.3  # m, m, kg/m^3
 WEIGHT = 0.1 / 1e6  # gravity [m/s^2] per Pa of Young's modulus

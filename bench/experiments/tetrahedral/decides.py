@@ -13,11 +13,11 @@ from math import isnan
 
 from rich.console import Console
 
-from bench.experiments.tetrahedral.bars import Bar, bars
-from bench.experiments.tetrahedral.promised import WITHIN
-from bench.store.database import Store
-from bench.store.results import measures
-from bench.store.tables import print_table
+from softlab.bench.experiments.tetrahedral.bars import Bar, bars
+from softlab.bench.experiments.tetrahedral.promised import WITHIN
+from softlab.bench.store.database import Store
+from softlab.bench.store.results import measures
+from softlab.bench.store.tables import print_table
 
 MOVES = 0.75  # fraction of the displacement in half a vibration
 STIFF = 1e7  # Pa, of the bars that the target applies to

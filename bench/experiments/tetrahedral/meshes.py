@@ -23,24 +23,24 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
-from app.driver import open_simulation
-from bench.experiments.bar_strip import follow, swing_of, told
-from bench.experiments.tetrahedra import FREE, SECTIONS
-from bench.experiments.tetrahedral.cantilever import DENSITY, SECOND, cantilever, setting_of
-from bench.measure.costs_timing import Measures
-from bench.measure.experiment import described
-from bench.measure.items import Experiment, Items, cost_sources
-from bench.reference import finite_elements
-from bench.reference.finite_elements import linear_static, mode_shapes, spread_evenly
-from bench.store.database import Store
-from bench.store.results import Measure, by_configuration, measures
-from bench.store.schema import tables_by_kind
-from bench.store.tables import print_table
-from model.core.build import build
-from model.core.digest import source_digest
-from model.core.simulation import State
-from model.formulas.elastic.stages import STAGE
-from model.scene.scene import Scene
+from softlab.app.driver import open_simulation
+from softlab.bench.experiments.bar_strip import follow, swing_of, told
+from softlab.bench.experiments.tetrahedra import FREE, SECTIONS
+from softlab.bench.experiments.tetrahedral.cantilever import DENSITY, SECOND, cantilever, setting_of
+from softlab.bench.measure.costs_timing import Measures
+from softlab.bench.measure.experiment import described
+from softlab.bench.measure.items import Experiment, Items, cost_sources
+from softlab.bench.reference import finite_elements
+from softlab.bench.reference.finite_elements import linear_static, mode_shapes, spread_evenly
+from softlab.bench.store.database import Store
+from softlab.bench.store.results import Measure, by_configuration, measures
+from softlab.bench.store.schema import tables_by_kind
+from softlab.bench.store.tables import print_table
+from softlab.model.core.build import build
+from softlab.model.core.digest import source_digest
+from softlab.model.core.simulation import State
+from softlab.model.formulas.elastic.stages import STAGE
+from softlab.model.scene.scene import Scene
 
 MESH, STEP = "tetrahedra: mesh", "tetrahedra: step"  # values of `finding`
 PART, TETRAHEDRA = "tetrahedra_mesh_part", "tetrahedra_mesh_count"  # sag over the continuum's

@@ -6,8 +6,8 @@ there.
 
 from __future__ import annotations
 
-from bench.experiments.advise.tetrahedra_laws import Stiff, fewest, least_descent
-from bench.experiments.tetrahedral.cantilever import SECOND
+from softlab.bench.experiments.advise.tetrahedra_laws import Stiff, fewest, least_descent
+from softlab.bench.experiments.tetrahedral.cantilever import SECOND
 
 WITHIN = 0.01  # of the displacement, or of the sag: the requested error
 SAFE = 0.7  # fraction of the substeps that the law of rows requires: in fine meshes it requires too many

@@ -13,11 +13,11 @@ from typing import Any
 
 import numpy as np
 
-from bench.peers.bars.tip import BARS, NEAR, lame_of, tetrahedra_refusal
-from bench.peers.base import Opened, PeerError
-from bench.peers.warp_base import WarpPeer, load_warp
-from model.core.build import build
-from model.scene.scene import Scene
+from softlab.bench.peers.bars.tip import BARS, NEAR, lame_of, tetrahedra_refusal
+from softlab.bench.peers.base import Opened, PeerError
+from softlab.bench.peers.warp_base import WarpPeer, load_warp
+from softlab.model.core.build import build
+from softlab.model.scene.scene import Scene
 
 TOLERANCE = 1e-4  # of conjugate gradients, relative to the right-hand side: that of its examples
 

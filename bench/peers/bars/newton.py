@@ -22,13 +22,23 @@ from typing import Any
 
 import numpy as np
 
-from bench.peers.bars.tip import BARS, NEAR, Tip, across_of, by_stress, lame_of, quickest, tetrahedra_refusal, young_of
-from bench.peers.base import Opened
-from bench.peers.newton_sheet import Newton, load_newton
-from bench.peers.warp_base import Replayed
-from bench.reference.elastic_materials import cofactor
-from model.core.build import build
-from model.scene.scene import Scene
+from softlab.bench.peers.bars.tip import (
+    BARS,
+    NEAR,
+    Tip,
+    across_of,
+    by_stress,
+    lame_of,
+    quickest,
+    tetrahedra_refusal,
+    young_of,
+)
+from softlab.bench.peers.base import Opened
+from softlab.bench.peers.newton_sheet import Newton, load_newton
+from softlab.bench.peers.warp_base import Replayed
+from softlab.bench.reference.elastic_materials import cofactor
+from softlab.model.core.build import build
+from softlab.model.scene.scene import Scene
 
 MOST = 200_000  # tetrahedra: its model is made of Python lists
 STABLE = 0.7  # fraction of the longest stable explicit step

@@ -6,11 +6,11 @@ these strains, of 1e-3, the bar is the same.
 
 from __future__ import annotations
 
-from app.driver import open_simulation
-from bench.peers.bars.tip import BARS, NEAR, tetrahedra_refusal
-from bench.peers.base import Opened
-from bench.peers.own_xpbd import Own, OwnXpbd
-from model.scene.scene import Scene
+from softlab.app.driver import open_simulation
+from softlab.bench.peers.bars.tip import BARS, NEAR, tetrahedra_refusal
+from softlab.bench.peers.base import Opened
+from softlab.bench.peers.own_xpbd import Own, OwnXpbd
+from softlab.model.scene.scene import Scene
 
 
 class OwnTetrahedra(OwnXpbd):

@@ -17,10 +17,10 @@ import numpy as np
 from scipy.sparse import diags
 from scipy.sparse.linalg import eigsh
 
-from bench.experiments.tetrahedral.cantilever import POISSON, WEIGHT, cantilever, exact_drop, sag
-from bench.reference.elastic_materials import lame
-from bench.reference.finite_elements import Body, free_coordinates
-from model.scene.scene import Scene
+from softlab.bench.experiments.tetrahedral.cantilever import POISSON, WEIGHT, cantilever, exact_drop, sag
+from softlab.bench.reference.elastic_materials import lame
+from softlab.bench.reference.finite_elements import Body, free_coordinates
+from softlab.model.scene.scene import Scene
 
 BARS = {"tetrahedra-1e5": (1e5, 4), "tetrahedra-1e6": (1e6, 10), "tetrahedra-1e7": (1e7, 24)}
 # word of bench/peers/scenes.py -> Young's modulus [Pa], the lab's substeps per frame, by which its error is below 1 %

@@ -21,12 +21,12 @@ from typing import Any
 
 import numpy as np
 
-from bench.peers.base import Opened, Peer, PeerError
-from model.core.build import build
-from model.scene.cloth import Plane
-from model.scene.scene import Scene
+from softlab.bench.peers.base import Opened, Peer, PeerError
+from softlab.model.core.build import build
+from softlab.model.scene.cloth import Plane
+from softlab.model.scene.scene import Scene
 
-REMEDY = "pip install 'softlab[peers]'"
+REMEDY = "pip install 'soft-body-lab[peers]'"
 PACKAGE, PROCESS = "pysplishsplash", Path(__file__).with_name("splishsplash_process.py")
 METHODS = {"DFSPH": 4, "PBF": 2}  # its numbers; its IISPH starts with pressures that cannot be reset from outside
 RADIUS = 0.025  # m: of its particles, the default

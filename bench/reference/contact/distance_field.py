@@ -12,7 +12,7 @@ from itertools import product
 
 import numpy as np
 
-from model.geometry.distance_field import DistanceField, Field
+from softlab.model.geometry.distance_field import DistanceField, Field
 
 ROUNDS, STEPS = 4, 64
 SETTLED = 1 - 1 / 64  # of the thickness: a mass that was moved and is farther away than this stays

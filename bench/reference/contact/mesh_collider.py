@@ -12,7 +12,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from model.contact.mesh_collider import MeshCollider
+from softlab.model.contact.mesh_collider import MeshCollider
 
 ROUNDS = 4
 SETTLED = 1 - 1 / 64  # of the thickness: a mass that was moved and is farther away than this stays

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from model.scene.scene import Scene
+from softlab.model.scene.scene import Scene
 
 MARGIN = 0.2  # of the distance: margin of the neighbour search
 BESIDE = 1.001  # of the distance: particles nearer than this at the end of the substep are in contact

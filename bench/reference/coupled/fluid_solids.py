@@ -13,10 +13,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from bench.reference.fluid import _Pairs, _smooth, _World
-from bench.reference.fluid_impact import velocities
-from model.fluid.samples import Samples
-from model.scene.scene import Scene
+from softlab.bench.reference.fluid import _Pairs, _smooth, _World
+from softlab.bench.reference.fluid_impact import velocities
+from softlab.model.fluid.samples import Samples
+from softlab.model.scene.scene import Scene
 
 
 class FluidAmongSolids:

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from cpu_backend.core.compile import Compiler
-from cpu_backend.core.layout import block_of, row_at
-from cpu_backend.mass_spring.cloth.scratch import AXES
-from model.formulas import implicit
-from model.mass_spring.cloth_parameters import spring_constants
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.core.layout import block_of, row_at
+from softlab.cpu_backend.mass_spring.cloth.scratch import AXES
+from softlab.model.formulas import implicit
+from softlab.model.mass_spring.cloth_parameters import spring_constants
 
 BESIDE = 2 * AXES  # planes from a vector to the one that belongs to it
 

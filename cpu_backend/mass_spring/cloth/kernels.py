@@ -13,21 +13,21 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.contact.colliders import make_collide_row
-from cpu_backend.contact.pins import make_follow
-from cpu_backend.core.compile import Compiler
-from cpu_backend.core.layout import L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, block_of, row_at
-from cpu_backend.core.progress import shares
-from cpu_backend.mass_spring.cloth.rows import make_cloth_forces
-from cpu_backend.mass_spring.cloth.scratch import AXES, cloth_variant, triples_of
-from cpu_backend.mass_spring.grid.row_step import CLOSING, OPENING, make_finish_axis, make_finishes, pass_kind
-from model.formulas import cloth, springs
-from model.mass_spring.cloth_parameters import (
+from softlab.cpu_backend.contact.colliders import make_collide_row
+from softlab.cpu_backend.contact.pins import make_follow
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.core.layout import L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, block_of, row_at
+from softlab.cpu_backend.core.progress import shares
+from softlab.cpu_backend.mass_spring.cloth.rows import make_cloth_forces
+from softlab.cpu_backend.mass_spring.cloth.scratch import AXES, cloth_variant, triples_of
+from softlab.cpu_backend.mass_spring.grid.row_step import CLOSING, OPENING, make_finish_axis, make_finishes, pass_kind
+from softlab.model.formulas import cloth, springs
+from softlab.model.mass_spring.cloth_parameters import (
     P_MOTION,
     PIN_FIELDS,
 )
-from model.mass_spring.cloth_plan import kicks_meet
-from model.scene.cloth import COLLIDER_KINDS
+from softlab.model.mass_spring.cloth_plan import kicks_meet
+from softlab.model.scene.cloth import COLLIDER_KINDS
 
 PLANES = 2 * AXES  # x, y, z, vx, vy, vz
 PIN_ROWS = 3  # index in the integers: where the rows of pins begin among those of colliders and motions

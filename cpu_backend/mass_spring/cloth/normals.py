@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numba import prange
 
-from cpu_backend.core.compile import Compiler
-from model.formulas import cloth
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.model.formulas import cloth
 
 
 @cache

@@ -14,17 +14,17 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.core.compile import Compiler
-from cpu_backend.core.layout import L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, block_of, row_at
-from cpu_backend.core.own_forces import make_own_row
-from cpu_backend.mass_spring.cloth.scratch import AXES, REACH, make_scratch, triples_of
-from cpu_backend.mass_spring.cloth.wind import make_winds
-from model.core.own_forces import own_changes, own_forces
-from model.formulas import springs
-from model.mass_spring.cloth_parameters import (
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.core.layout import L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, block_of, row_at
+from softlab.cpu_backend.core.own_forces import make_own_row
+from softlab.cpu_backend.mass_spring.cloth.scratch import AXES, REACH, make_scratch, triples_of
+from softlab.cpu_backend.mass_spring.cloth.wind import make_winds
+from softlab.model.core.own_forces import own_changes, own_forces
+from softlab.model.formulas import springs
+from softlab.model.mass_spring.cloth_parameters import (
     spring_constants,
 )
-from model.scene.cloth import SPRING_KINDS
+from softlab.model.scene.cloth import SPRING_KINDS
 
 
 def make_accelerations(compiler: Compiler, real: Any, parts: frozenset[str], kind: str, place: Any) -> Any:

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.core.compile import Compiler
-from cpu_backend.core.layout import block_of
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.core.layout import block_of
 
 AXES = 3
 REACH = 2  # columns that a spring spans at most

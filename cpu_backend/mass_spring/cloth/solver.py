@@ -8,22 +8,22 @@ from typing import Any
 import numba
 import numpy as np
 
-from cpu_backend.core.layout import aligned_zeros, padded, plain
-from cpu_backend.core.simulation import RowsSimulation, chosen_kernel
-from cpu_backend.mass_spring.cloth.implicit import ImplicitSteps
-from cpu_backend.mass_spring.cloth.kernels import PIN_ROWS, PLANES, make_cloth_advance
-from cpu_backend.mass_spring.cloth.normals import make_normals
-from cpu_backend.mass_spring.cloth.rk4 import make_cloth_rk4
-from cpu_backend.mass_spring.cloth.scratch import AXES, scratch_width, triples_of
-from cpu_backend.mass_spring.cloth.stages import bind_cloth_stages
-from cpu_backend.mass_spring.grid.row_step import CLOSING, MIDDLE, OPENING
-from model.core.errors import SceneError
-from model.core.integrators import IMPLICIT
-from model.core.plan import Executor
-from model.core.simulation import Options
-from model.mass_spring.cloth_parameters import body_rows, pin_velocity
-from model.mass_spring.cloth_plan import cloth_plan, kicks_meet
-from model.scene.scene import Scene
+from softlab.cpu_backend.core.layout import aligned_zeros, padded, plain
+from softlab.cpu_backend.core.simulation import RowsSimulation, chosen_kernel
+from softlab.cpu_backend.mass_spring.cloth.implicit import ImplicitSteps
+from softlab.cpu_backend.mass_spring.cloth.kernels import PIN_ROWS, PLANES, make_cloth_advance
+from softlab.cpu_backend.mass_spring.cloth.normals import make_normals
+from softlab.cpu_backend.mass_spring.cloth.rk4 import make_cloth_rk4
+from softlab.cpu_backend.mass_spring.cloth.scratch import AXES, scratch_width, triples_of
+from softlab.cpu_backend.mass_spring.cloth.stages import bind_cloth_stages
+from softlab.cpu_backend.mass_spring.grid.row_step import CLOSING, MIDDLE, OPENING
+from softlab.model.core.errors import SceneError
+from softlab.model.core.integrators import IMPLICIT
+from softlab.model.core.plan import Executor
+from softlab.model.core.simulation import Options
+from softlab.model.mass_spring.cloth_parameters import body_rows, pin_velocity
+from softlab.model.mass_spring.cloth_plan import cloth_plan, kicks_meet
+from softlab.model.scene.scene import Scene
 
 
 def choose_kernel(wanted: str | None, integrator: str = "") -> str:

@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 from numba import prange
 
-from cpu_backend.core.compile import Compiler
-from cpu_backend.mass_spring.cloth.wind import make_air, make_triangle
-from model.formulas import springs
-from model.mass_spring.cloth_parameters import spring_constants
-from model.scene.cloth import SPRING_KINDS
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.mass_spring.cloth.wind import make_air, make_triangle
+from softlab.model.formulas import springs
+from softlab.model.mass_spring.cloth_parameters import spring_constants
+from softlab.model.scene.cloth import SPRING_KINDS
 
 
 def make_pull(compiler: Compiler, real: Any, kind: str, has_damper: bool) -> Any:

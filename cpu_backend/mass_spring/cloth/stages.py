@@ -13,21 +13,21 @@ from typing import Any
 import numpy as np
 from numba import prange
 
-from cpu_backend.contact.colliders import make_collide_mass
-from cpu_backend.contact.pins import make_follow
-from cpu_backend.core.compile import Compiler
-from cpu_backend.core.own_forces import bind_forces
-from cpu_backend.mass_spring.cloth.kernels import PIN_ROWS
-from cpu_backend.mass_spring.cloth.scratch import cloth_variant
-from cpu_backend.mass_spring.cloth.stage_forces import make_spring_stage, make_wind_stage
-from cpu_backend.mass_spring.motion_stages import bind_motion, make_motion_stages
-from model.core.plan import Moment, StageRun
-from model.formulas import cloth, motion
-from model.mass_spring.cloth_parameters import (
+from softlab.cpu_backend.contact.colliders import make_collide_mass
+from softlab.cpu_backend.contact.pins import make_follow
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.core.own_forces import bind_forces
+from softlab.cpu_backend.mass_spring.cloth.kernels import PIN_ROWS
+from softlab.cpu_backend.mass_spring.cloth.scratch import cloth_variant
+from softlab.cpu_backend.mass_spring.cloth.stage_forces import make_spring_stage, make_wind_stage
+from softlab.cpu_backend.mass_spring.motion_stages import bind_motion, make_motion_stages
+from softlab.model.core.plan import Moment, StageRun
+from softlab.model.formulas import cloth, motion
+from softlab.model.mass_spring.cloth_parameters import (
     P_MOTION,
     PIN_FIELDS,
 )
-from model.scene.cloth import COLLIDER_KINDS, SPRING_KINDS
+from softlab.model.scene.cloth import COLLIDER_KINDS, SPRING_KINDS
 
 
 def make_collide_stage(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:

@@ -9,9 +9,9 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
-from cpu_backend.core.compile import Compiler
-from model.formulas import implicit
-from model.mass_spring.implicit_parameters import LANES, SEGMENT, TREE
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.model.formulas import implicit
+from softlab.model.mass_spring.implicit_parameters import LANES, SEGMENT, TREE
 
 
 def make_sums_over_masses(compiler: Compiler, real: Any) -> SimpleNamespace:

@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.core.compile import Compiler
-from cpu_backend.core.layout import L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, block_of, row_at
-from cpu_backend.mass_spring.cloth.scratch import AXES, REACH
-from model.formulas import cloth, manufactured, random, wind
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.core.layout import L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, block_of, row_at
+from softlab.cpu_backend.mass_spring.cloth.scratch import AXES, REACH
+from softlab.model.formulas import cloth, manufactured, random, wind
 
 
 def make_air(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:

@@ -26,13 +26,13 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.core.layout import block_of, padded
-from cpu_backend.core.threads import threading_layer
-from cpu_backend.mass_spring.grid.tiled import halo, tile_buffer
-from model.core.errors import SceneError
-from model.core.memory import readable
-from model.core.options import unknown_kernel
-from model.scene.scene import Scene
+from softlab.cpu_backend.core.layout import block_of, padded
+from softlab.cpu_backend.core.threads import threading_layer
+from softlab.cpu_backend.mass_spring.grid.tiled import halo, tile_buffer
+from softlab.model.core.errors import SceneError
+from softlab.model.core.memory import readable
+from softlab.model.core.options import unknown_kernel
+from softlab.model.scene.scene import Scene
 
 KERNELS = ("fused", "team", "tiled", "stages")
 TEAM_LAYER = "omp"  # gives each band its own thread; tbb does not, workqueue has regions of 0.1 ms

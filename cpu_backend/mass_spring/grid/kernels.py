@@ -13,11 +13,11 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.core.compile import Compiler
-from cpu_backend.core.layout import L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, PLANES, block_of, row_at
-from cpu_backend.core.progress import shares
-from cpu_backend.mass_spring.grid.row_step import make_row_step, pass_kind
-from cpu_backend.mass_spring.grid.rows import SUM_ROWS, variant_name
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.core.layout import L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, PLANES, block_of, row_at
+from softlab.cpu_backend.core.progress import shares
+from softlab.cpu_backend.mass_spring.grid.row_step import make_row_step, pass_kind
+from softlab.cpu_backend.mass_spring.grid.rows import SUM_ROWS, variant_name
 
 ABOVE_ROWS = 2  # of a walk: pulls along x and y, passed to the next row
 SCRATCH_ROWS = ABOVE_ROWS + SUM_ROWS

@@ -17,12 +17,12 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.core.compile import Compiler
-from cpu_backend.core.layout import L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, PLANES, block_of, row_at
-from cpu_backend.core.progress import SPINS, bide, exchange, load_acquire, store_release
-from cpu_backend.mass_spring.grid.kernels import ABOVE_ROWS, SCRATCH_ROWS
-from cpu_backend.mass_spring.grid.row_step import make_row_step, pass_kind
-from cpu_backend.mass_spring.grid.rows import variant_name
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.core.layout import L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, PLANES, block_of, row_at
+from softlab.cpu_backend.core.progress import SPINS, bide, exchange, load_acquire, store_release
+from softlab.cpu_backend.mass_spring.grid.kernels import ABOVE_ROWS, SCRATCH_ROWS
+from softlab.cpu_backend.mass_spring.grid.row_step import make_row_step, pass_kind
+from softlab.cpu_backend.mass_spring.grid.rows import variant_name
 
 TEAM_FLAGS, BORDER, DONE = 3, 1, 2
 TEAM_SCRATCH_ROWS = SCRATCH_ROWS + ABOVE_ROWS  # one more walk: that of the lower border row

@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.core.compile import Compiler
-from cpu_backend.core.layout import L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, PLANES, block_of, row_at
-from cpu_backend.core.progress import shares
-from cpu_backend.mass_spring.grid.kernels import ABOVE_ROWS, SCRATCH_ROWS
-from cpu_backend.mass_spring.grid.rows import CLOSE_X, CLOSE_Y, make_row_forces, variant_name
-from model.formulas import integrators
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.core.layout import L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, PLANES, block_of, row_at
+from softlab.cpu_backend.core.progress import shares
+from softlab.cpu_backend.mass_spring.grid.kernels import ABOVE_ROWS, SCRATCH_ROWS
+from softlab.cpu_backend.mass_spring.grid.rows import CLOSE_X, CLOSE_Y, make_row_forces, variant_name
+from softlab.model.formulas import integrators
 
 BASE, STAGE_1, STAGE_2, TOTAL = 0, 1, 2, 3  # the states; each stage reads one and writes another
 SOURCE = (BASE, STAGE_1, STAGE_2, STAGE_1)

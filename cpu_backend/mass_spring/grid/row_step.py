@@ -10,10 +10,10 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
-from cpu_backend.core.compile import Compiler
-from cpu_backend.core.layout import block_of, row_at
-from cpu_backend.mass_spring.grid.rows import CLOSE_X, CLOSE_Y, OPEN_X, OPEN_Y, make_row_forces
-from model.formulas import integrators
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.core.layout import block_of, row_at
+from softlab.cpu_backend.mass_spring.grid.rows import CLOSE_X, CLOSE_Y, OPEN_X, OPEN_Y, make_row_forces
+from softlab.model.formulas import integrators
 
 OPENING, MIDDLE, CLOSING = 0, 1, 2  # passes of velocity Verlet; one-force integrators use MIDDLE only
 

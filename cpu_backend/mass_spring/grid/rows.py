@@ -13,12 +13,12 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.core.compile import Compiler
-from cpu_backend.core.layout import L_COLUMNS, L_ROWS, block_of, row_at
-from cpu_backend.core.own_forces import make_own_row
-from cpu_backend.mass_spring.grid.alternating import make_alternating_rows
-from model.core.own_forces import own_changes, own_forces
-from model.formulas import manufactured, springs
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.core.layout import L_COLUMNS, L_ROWS, block_of, row_at
+from softlab.cpu_backend.core.own_forces import make_own_row
+from softlab.cpu_backend.mass_spring.grid.alternating import make_alternating_rows
+from softlab.model.core.own_forces import own_changes, own_forces
+from softlab.model.formulas import manufactured, springs
 
 # rows of accelerations of a band: two sums for the step, and two for the step before (velocity Verlet)
 CLOSE_X, CLOSE_Y, OPEN_X, OPEN_Y = range(4)

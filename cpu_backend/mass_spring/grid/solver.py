@@ -11,21 +11,21 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.core.layout import aligned_zeros, padded, plain
-from cpu_backend.core.progress import new_flags
-from cpu_backend.core.simulation import RowsSimulation
-from cpu_backend.mass_spring.grid.choice import choose_kernel, tiling
-from cpu_backend.mass_spring.grid.kernels import SCRATCH_ROWS, make_advance
-from cpu_backend.mass_spring.grid.persistent import TEAM_FLAGS, TEAM_SCRATCH_ROWS, make_team_advance
-from cpu_backend.mass_spring.grid.rk4 import make_advance_rk4
-from cpu_backend.mass_spring.grid.row_step import CLOSING, MIDDLE, OPENING
-from cpu_backend.mass_spring.grid.stages import bind_stages
-from cpu_backend.mass_spring.grid.tiled import make_tiled_advance
-from model.core.own_forces import in_window
-from model.core.plan import Executor
-from model.core.simulation import Options
-from model.mass_spring.plan import mass_spring_plan
-from model.scene.scene import Scene
+from softlab.cpu_backend.core.layout import aligned_zeros, padded, plain
+from softlab.cpu_backend.core.progress import new_flags
+from softlab.cpu_backend.core.simulation import RowsSimulation
+from softlab.cpu_backend.mass_spring.grid.choice import choose_kernel, tiling
+from softlab.cpu_backend.mass_spring.grid.kernels import SCRATCH_ROWS, make_advance
+from softlab.cpu_backend.mass_spring.grid.persistent import TEAM_FLAGS, TEAM_SCRATCH_ROWS, make_team_advance
+from softlab.cpu_backend.mass_spring.grid.rk4 import make_advance_rk4
+from softlab.cpu_backend.mass_spring.grid.row_step import CLOSING, MIDDLE, OPENING
+from softlab.cpu_backend.mass_spring.grid.stages import bind_stages
+from softlab.cpu_backend.mass_spring.grid.tiled import make_tiled_advance
+from softlab.model.core.own_forces import in_window
+from softlab.model.core.plan import Executor
+from softlab.model.core.simulation import Options
+from softlab.model.mass_spring.plan import mass_spring_plan
+from softlab.model.scene.scene import Scene
 
 
 class MassSpring(RowsSimulation):

@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 from numba import prange
 
-from cpu_backend.core.compile import Compiler
-from cpu_backend.core.own_forces import bind_forces
-from cpu_backend.mass_spring.motion_stages import bind_motion, make_motion_stages
-from model.core.plan import Moment, StageRun
-from model.formulas import manufactured, springs
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.core.own_forces import bind_forces
+from softlab.cpu_backend.mass_spring.motion_stages import bind_motion, make_motion_stages
+from softlab.model.core.plan import Moment, StageRun
+from softlab.model.formulas import manufactured, springs
 
 
 @cache

@@ -15,18 +15,18 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
-from gpu_backend.core.cooperative import Cooperative
-from gpu_backend.core.device import simulated
-from gpu_backend.core.formulas import device_formulas
-from gpu_backend.core.meeting import make_meet
-from gpu_backend.core.world import Cell, World
-from gpu_backend.mass_spring.cloth.implicit_point import make_implicit_point
-from gpu_backend.mass_spring.cloth.point import make_cloth_forces
-from model.core.errors import SceneError
-from model.formulas import implicit
-from model.formulas.implicit import FINISH, MOVE, PRODUCT, RESIDUAL, RETREAT, START, UPDATE
-from model.mass_spring.implicit_parameters import (
+from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
+from softlab.gpu_backend.core.cooperative import Cooperative
+from softlab.gpu_backend.core.device import simulated
+from softlab.gpu_backend.core.formulas import device_formulas
+from softlab.gpu_backend.core.meeting import make_meet
+from softlab.gpu_backend.core.world import Cell, World
+from softlab.gpu_backend.mass_spring.cloth.implicit_point import make_implicit_point
+from softlab.gpu_backend.mass_spring.cloth.point import make_cloth_forces
+from softlab.model.core.errors import SceneError
+from softlab.model.formulas import implicit
+from softlab.model.formulas.implicit import FINISH, MOVE, PRODUCT, RESIDUAL, RETREAT, START, UPDATE
+from softlab.model.mass_spring.implicit_parameters import (
     LANES,
     SEGMENT,
     SUMS,
@@ -35,7 +35,7 @@ from model.mass_spring.implicit_parameters import (
     system_record,
     without_dampers,
 )
-from model.scene.scene import Scene
+from softlab.model.scene.scene import Scene
 
 COUNTS = ("steps", "matrices", "iterations", "halvings")  # counters of a simulation
 THREADS = LANES if simulated() else SEGMENT  # per block; the simulator's are Python threads

@@ -11,14 +11,14 @@ from functools import cache
 from types import SimpleNamespace
 from typing import Any
 
-from gpu_backend.contact.colliders import make_collide
-from gpu_backend.contact.pins import make_pins
-from gpu_backend.core.compile import inlined
-from gpu_backend.core.formulas import device_formulas
-from gpu_backend.core.quads import load_quad, store_quad
-from gpu_backend.mass_spring.cloth.point import make_cloth_forces, make_cloth_springs
-from model.formulas import implicit
-from model.scene.cloth import SPRING_KINDS
+from softlab.gpu_backend.contact.colliders import make_collide
+from softlab.gpu_backend.contact.pins import make_pins
+from softlab.gpu_backend.core.compile import inlined
+from softlab.gpu_backend.core.formulas import device_formulas
+from softlab.gpu_backend.core.quads import load_quad, store_quad
+from softlab.gpu_backend.mass_spring.cloth.point import make_cloth_forces, make_cloth_springs
+from softlab.model.formulas import implicit
+from softlab.model.scene.cloth import SPRING_KINDS
 
 
 def _make_vectors(real: Any, math: str) -> SimpleNamespace:

@@ -14,13 +14,13 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.compile import inlined, kernel_options, make_kernel, make_kernels, variant_name
-from gpu_backend.core.formulas import device_formulas
-from gpu_backend.core.quads import SIZE, load_quad, store_quad
-from gpu_backend.core.world import Cell, World
-from gpu_backend.mass_spring.cloth.moves import RK4_OFFSETS, make_cloth_moves, make_cloth_rk4
-from gpu_backend.mass_spring.cloth.point import make_cloth_forces
-from model.formulas import cloth
+from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernel, make_kernels, variant_name
+from softlab.gpu_backend.core.formulas import device_formulas
+from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
+from softlab.gpu_backend.core.world import Cell, World
+from softlab.gpu_backend.mass_spring.cloth.moves import RK4_OFFSETS, make_cloth_moves, make_cloth_rk4
+from softlab.gpu_backend.mass_spring.cloth.point import make_cloth_forces
+from softlab.model.formulas import cloth
 
 
 @cache

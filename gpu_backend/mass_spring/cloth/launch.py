@@ -8,16 +8,16 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.launch import prepare
-from gpu_backend.core.messages import message_size
-from gpu_backend.core.sheet import MAX_BLOCKS_DOWN
-from gpu_backend.core.tiling import Tile, tile_count
-from gpu_backend.mass_spring.cloth.resident import make_cloth_resident
-from gpu_backend.mass_spring.cloth.tiles import cloth_blocks_together, make_cloth_tiles
-from gpu_backend.mass_spring.cloth.tiling import fields, most_to_fetch, overlap_of, tile_bytes
-from gpu_backend.mass_spring.grid import tile_launch
-from gpu_backend.mass_spring.passes import TileLaunches
-from model.core.errors import SceneError
+from softlab.gpu_backend.core.launch import prepare
+from softlab.gpu_backend.core.messages import message_size
+from softlab.gpu_backend.core.sheet import MAX_BLOCKS_DOWN
+from softlab.gpu_backend.core.tiling import Tile, tile_count
+from softlab.gpu_backend.mass_spring.cloth.resident import make_cloth_resident
+from softlab.gpu_backend.mass_spring.cloth.tiles import cloth_blocks_together, make_cloth_tiles
+from softlab.gpu_backend.mass_spring.cloth.tiling import fields, most_to_fetch, overlap_of, tile_bytes
+from softlab.gpu_backend.mass_spring.grid import tile_launch
+from softlab.gpu_backend.mass_spring.passes import TileLaunches
+from softlab.model.core.errors import SceneError
 
 MAX_THREADS = 1024  # per block
 MAX_EACH = 31  # masses that a thread fetches: bits of an integer

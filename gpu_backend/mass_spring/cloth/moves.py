@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from gpu_backend.contact.colliders import make_collide
-from gpu_backend.contact.pins import make_pins
-from gpu_backend.core.compile import inlined
-from gpu_backend.core.formulas import device_formulas
-from gpu_backend.mass_spring.cloth.point import make_cloth_forces
-from model.core.own_forces import own_changes
-from model.formulas import integrators
+from softlab.gpu_backend.contact.colliders import make_collide
+from softlab.gpu_backend.contact.pins import make_pins
+from softlab.gpu_backend.core.compile import inlined
+from softlab.gpu_backend.core.formulas import device_formulas
+from softlab.gpu_backend.mass_spring.cloth.point import make_cloth_forces
+from softlab.model.core.own_forces import own_changes
+from softlab.model.formulas import integrators
 
 RK4_OFFSETS = (0.0, 0.5, 0.5, 1.0)  # of a stage's time, in steps
 RK4_DERIVATIVE = ("half_dt", "half_dt", "dt", "dt")

@@ -15,17 +15,17 @@ from typing import Any
 
 import numpy as np
 
-from gpu_backend.core.compile import inlined
-from gpu_backend.core.forces import make_forces
-from gpu_backend.core.formulas import device_formulas
-from gpu_backend.core.integers import WIND_SEED, knows_time
-from gpu_backend.core.quads import load_quad
-from model.formulas import cloth, implicit, manufactured, random, springs, wind
-from model.mass_spring.cloth_parameters import (
+from softlab.gpu_backend.core.compile import inlined
+from softlab.gpu_backend.core.forces import make_forces
+from softlab.gpu_backend.core.formulas import device_formulas
+from softlab.gpu_backend.core.integers import WIND_SEED, knows_time
+from softlab.gpu_backend.core.quads import load_quad
+from softlab.model.formulas import cloth, implicit, manufactured, random, springs, wind
+from softlab.model.mass_spring.cloth_parameters import (
     CLOTH_PARAMETERS,
     spring_constants,
 )
-from model.scene.cloth import SPRING_KINDS
+from softlab.model.scene.cloth import SPRING_KINDS
 
 
 @cache

@@ -13,17 +13,17 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.contact.colliders import make_collide
-from gpu_backend.contact.pins import make_pins
-from gpu_backend.core.compile import kernel_options, make_kernels, variant_name
-from gpu_backend.core.forces import bind_forces
-from gpu_backend.core.formulas import device_formulas
-from gpu_backend.core.quads import SIZE, load_quad, store_quad
-from gpu_backend.core.world import Cell, World
-from gpu_backend.mass_spring.cloth.kernels import make_block_air
-from gpu_backend.mass_spring.cloth.point import make_cloth_forces
-from model.core.plan import Moment, StageRun
-from model.formulas import integrators
+from softlab.gpu_backend.contact.colliders import make_collide
+from softlab.gpu_backend.contact.pins import make_pins
+from softlab.gpu_backend.core.compile import kernel_options, make_kernels, variant_name
+from softlab.gpu_backend.core.forces import bind_forces
+from softlab.gpu_backend.core.formulas import device_formulas
+from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
+from softlab.gpu_backend.core.world import Cell, World
+from softlab.gpu_backend.mass_spring.cloth.kernels import make_block_air
+from softlab.gpu_backend.mass_spring.cloth.point import make_cloth_forces
+from softlab.model.core.plan import Moment, StageRun
+from softlab.model.formulas import integrators
 
 
 @cache

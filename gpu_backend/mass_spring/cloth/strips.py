@@ -22,15 +22,15 @@ from typing import Any
 
 import numpy as np
 
-from gpu_backend.core.compile import inlined
-from gpu_backend.core.planes import near, put_near
-from gpu_backend.core.quads import load_quad
-from gpu_backend.core.tiling import Tile
-from gpu_backend.mass_spring.cloth.moves import make_cloth_kicks
-from gpu_backend.mass_spring.cloth.point import make_accelerations, make_wind
-from gpu_backend.mass_spring.cloth.tiling import fields, needs_velocities, plane_shape, reach_of
-from model.core.tuples import reader
-from model.mass_spring.cloth_parameters import CLOTH_PARAMETERS
+from softlab.gpu_backend.core.compile import inlined
+from softlab.gpu_backend.core.planes import near, put_near
+from softlab.gpu_backend.core.quads import load_quad
+from softlab.gpu_backend.core.tiling import Tile
+from softlab.gpu_backend.mass_spring.cloth.moves import make_cloth_kicks
+from softlab.gpu_backend.mass_spring.cloth.point import make_accelerations, make_wind
+from softlab.gpu_backend.mass_spring.cloth.tiling import fields, needs_velocities, plane_shape, reach_of
+from softlab.model.core.tuples import reader
+from softlab.model.mass_spring.cloth_parameters import CLOTH_PARAMETERS
 
 WEST, EAST, NORTH, SOUTH, WEST_2, EAST_2, NORTH_2, SOUTH_2 = (1 << n for n in range(8))  # where the sheet continues
 

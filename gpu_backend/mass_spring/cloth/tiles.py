@@ -19,17 +19,24 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
-from gpu_backend.core.device import simulated
-from gpu_backend.core.planes import near
-from gpu_backend.core.quads import load_quad, store_quad
-from gpu_backend.core.tiling import Tile
-from gpu_backend.core.world import Cell, World
-from gpu_backend.mass_spring.cloth.point import make_cloth_forces
-from gpu_backend.mass_spring.cloth.strips import make_cloth_strips
-from gpu_backend.mass_spring.cloth.tiling import fields, most_to_fetch, overlap_of, plane_shape, reach_of, tile_bytes
-from gpu_backend.mass_spring.grid.strips import ALIGNMENT, make_bits_between
-from gpu_backend.mass_spring.grid.tiles import SHARED_MEMORY
+from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
+from softlab.gpu_backend.core.device import simulated
+from softlab.gpu_backend.core.planes import near
+from softlab.gpu_backend.core.quads import load_quad, store_quad
+from softlab.gpu_backend.core.tiling import Tile
+from softlab.gpu_backend.core.world import Cell, World
+from softlab.gpu_backend.mass_spring.cloth.point import make_cloth_forces
+from softlab.gpu_backend.mass_spring.cloth.strips import make_cloth_strips
+from softlab.gpu_backend.mass_spring.cloth.tiling import (
+    fields,
+    most_to_fetch,
+    overlap_of,
+    plane_shape,
+    reach_of,
+    tile_bytes,
+)
+from softlab.gpu_backend.mass_spring.grid.strips import ALIGNMENT, make_bits_between
+from softlab.gpu_backend.mass_spring.grid.tiles import SHARED_MEMORY
 
 BLOCK_OVERHEAD = 1 << 10  # bytes of shared memory that the system reserves per block
 MAX_BLOCKS = 32  # per multiprocessor

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from gpu_backend.core.tiling import Tile
+from softlab.gpu_backend.core.tiling import Tile
 
 AIRS = 8  # scalars: the air's velocity of this step and of the next
 

@@ -12,12 +12,12 @@ from typing import Any
 
 import numpy as np
 
-from gpu_backend.core.launch import can_capture
-from gpu_backend.core.tiling import Tile
-from gpu_backend.mass_spring.grid.strips import shared_bytes
-from gpu_backend.mass_spring.grid.tile_launch import blocks_of, device_limits, fits_resident
-from model.core.errors import SceneError
-from model.scene.scene import Scene
+from softlab.gpu_backend.core.launch import can_capture
+from softlab.gpu_backend.core.tiling import Tile
+from softlab.gpu_backend.mass_spring.grid.strips import shared_bytes
+from softlab.gpu_backend.mass_spring.grid.tile_launch import blocks_of, device_limits, fits_resident
+from softlab.model.core.errors import SceneError
+from softlab.model.scene.scene import Scene
 
 # us per step of `resident` on a tile, by the blocks that share a multiprocessor; all run at once, so the grid's size
 # does not matter otherwise

@@ -19,10 +19,10 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.compile import kernel_options, make_kernel, make_kernels, variant_name
-from gpu_backend.core.pairs import load_pair, store_pair
-from gpu_backend.core.world import Cell
-from gpu_backend.mass_spring.grid.point import make_moves, make_point_functions
+from softlab.gpu_backend.core.compile import kernel_options, make_kernel, make_kernels, variant_name
+from softlab.gpu_backend.core.pairs import load_pair, store_pair
+from softlab.gpu_backend.core.world import Cell
+from softlab.gpu_backend.mass_spring.grid.point import make_moves, make_point_functions
 
 
 @cache

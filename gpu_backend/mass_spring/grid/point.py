@@ -15,12 +15,12 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.compile import kernel_options
-from gpu_backend.core.forces import make_own_force
-from gpu_backend.core.formulas import device_formulas
-from gpu_backend.core.pairs import load_pair
-from model.core.own_forces import own_changes
-from model.formulas import integrators, manufactured, springs
+from softlab.gpu_backend.core.compile import kernel_options
+from softlab.gpu_backend.core.forces import make_own_force
+from softlab.gpu_backend.core.formulas import device_formulas
+from softlab.gpu_backend.core.pairs import load_pair
+from softlab.model.core.own_forces import own_changes
+from softlab.model.formulas import integrators, manufactured, springs
 
 
 def _make_spring_sum(real: Any, device: Any, spring_acceleration_2d: Any, parts: frozenset[str]) -> Any:

@@ -13,20 +13,20 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.launch import Graphs, can_capture
-from gpu_backend.core.sheet import BLOCK
-from gpu_backend.mass_spring.grid.choice import best_tile, default_kernel, named_tile
-from gpu_backend.mass_spring.grid.kernels import make_passes, make_rk4_stages, make_tools
-from gpu_backend.mass_spring.grid.stages import bind_stages
-from gpu_backend.mass_spring.grid.tile_launch import TileLauncher
-from gpu_backend.mass_spring.passes import SheetPasses
-from model.core.errors import SceneError
-from model.core.options import unknown_kernel
-from model.core.own_forces import EXTERNAL_SEED, FIRST, in_window, own_changes
-from model.core.plan import Executor
-from model.core.simulation import Options
-from model.mass_spring.plan import mass_spring_plan
-from model.scene.scene import Scene
+from softlab.gpu_backend.core.launch import Graphs, can_capture
+from softlab.gpu_backend.core.sheet import BLOCK
+from softlab.gpu_backend.mass_spring.grid.choice import best_tile, default_kernel, named_tile
+from softlab.gpu_backend.mass_spring.grid.kernels import make_passes, make_rk4_stages, make_tools
+from softlab.gpu_backend.mass_spring.grid.stages import bind_stages
+from softlab.gpu_backend.mass_spring.grid.tile_launch import TileLauncher
+from softlab.gpu_backend.mass_spring.passes import SheetPasses
+from softlab.model.core.errors import SceneError
+from softlab.model.core.options import unknown_kernel
+from softlab.model.core.own_forces import EXTERNAL_SEED, FIRST, in_window, own_changes
+from softlab.model.core.plan import Executor
+from softlab.model.core.simulation import Options
+from softlab.model.mass_spring.plan import mass_spring_plan
+from softlab.model.scene.scene import Scene
 
 KERNELS = ("one-block", "resident", "tiles", "graph", "launch", "stages")
 ON_TILES = ("one-block", "resident", "tiles")

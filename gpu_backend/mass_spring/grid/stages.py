@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.compile import kernel_options, make_kernel, make_kernels, variant_name
-from gpu_backend.core.forces import make_own_force
-from gpu_backend.core.world import Cell
-from gpu_backend.mass_spring.grid.point import make_point_functions
-from model.core.own_forces import WINDOW, own_forces
-from model.core.plan import Moment, StageRun
+from softlab.gpu_backend.core.compile import kernel_options, make_kernel, make_kernels, variant_name
+from softlab.gpu_backend.core.forces import make_own_force
+from softlab.gpu_backend.core.world import Cell
+from softlab.gpu_backend.mass_spring.grid.point import make_point_functions
+from softlab.model.core.own_forces import WINDOW, own_forces
+from softlab.model.core.plan import Moment, StageRun
 
 STAGE_PARTS = frozenset({"springs", "gravity", "damping"})
 

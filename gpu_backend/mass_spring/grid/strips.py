@@ -16,13 +16,13 @@ from typing import Any
 
 import numpy as np
 
-from gpu_backend.core.compile import inlined
-from gpu_backend.core.device import simulated
-from gpu_backend.core.pairs import load_pair, store_pair
-from gpu_backend.core.tiling import Tile
-from gpu_backend.core.world import Cell
-from model.core.parameters import PARAMETERS
-from model.core.tuples import reader
+from softlab.gpu_backend.core.compile import inlined
+from softlab.gpu_backend.core.device import simulated
+from softlab.gpu_backend.core.pairs import load_pair, store_pair
+from softlab.gpu_backend.core.tiling import Tile
+from softlab.gpu_backend.core.world import Cell
+from softlab.model.core.parameters import PARAMETERS
+from softlab.model.core.tuples import reader
 
 ON_TILES = PARAMETERS[
     : PARAMETERS.index("stiff")

@@ -7,15 +7,15 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.device import simulated
-from gpu_backend.core.launch import can_capture, prepare
-from gpu_backend.core.tiling import Tile, owned, tile_count, whole_strips
-from gpu_backend.mass_spring.bands import Bands, band_cuts
-from gpu_backend.mass_spring.grid.resident import FLAG_STRIDE, make_resident
-from gpu_backend.mass_spring.grid.strips import shared_bytes
-from gpu_backend.mass_spring.grid.tiles import blocks_together, make_tile_pass
-from gpu_backend.mass_spring.passes import TileLaunches
-from model.core.errors import SceneError
+from softlab.gpu_backend.core.device import simulated
+from softlab.gpu_backend.core.launch import can_capture, prepare
+from softlab.gpu_backend.core.tiling import Tile, owned, tile_count, whole_strips
+from softlab.gpu_backend.mass_spring.bands import Bands, band_cuts
+from softlab.gpu_backend.mass_spring.grid.resident import FLAG_STRIDE, make_resident
+from softlab.gpu_backend.mass_spring.grid.strips import shared_bytes
+from softlab.gpu_backend.mass_spring.grid.tiles import blocks_together, make_tile_pass
+from softlab.gpu_backend.mass_spring.passes import TileLaunches
+from softlab.model.core.errors import SceneError
 
 SIMULATED_LIMITS = (1, 1 << 20)  # one block at a time runs there; shared memory is not limited
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from model.contact.surface_parameters import contact_surface
-from model.scene.scene import Scene
+from softlab.model.contact.surface_parameters import contact_surface
+from softlab.model.scene.scene import Scene
 
 UNRESOLVED = 5.0  # of `damping_load`: there a ball's lowest tetrahedra have 0.4 of their rest volume, not 0.75
 

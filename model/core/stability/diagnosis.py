@@ -13,11 +13,11 @@ from math import ceil, floor, isfinite, log10, sqrt
 
 import numpy as np
 
-from model.core.errors import SceneError, UnstableTimeStep
-from model.core.families import stability_limit
-from model.core.integrators import INTEGRATORS
-from model.scene.parts import Part
-from model.scene.scene import Scene
+from softlab.model.core.errors import SceneError, UnstableTimeStep
+from softlab.model.core.families import stability_limit
+from softlab.model.core.integrators import INTEGRATORS
+from softlab.model.scene.parts import Part
+from softlab.model.scene.scene import Scene
 
 FAST = 0.5  # spacings per step: a faster mass passes its neighbours before their springs can deflect it
 MUCH = 2.0  # another integrator is recommended if its step size is this many times as large

@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from model.core.build import build
-from model.core.options import PRECISIONS
-from model.fluid.fluid_set import PARKED
-from model.scene.scene import Scene
+from softlab.model.core.build import build
+from softlab.model.core.options import PRECISIONS
+from softlab.model.fluid.fluid_set import PARKED
+from softlab.model.scene.scene import Scene
 
 FRAME = 1 / 60  # s: a velocity stored beside the position grows for this long before its displacement must be visible
 

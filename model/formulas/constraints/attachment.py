@@ -10,9 +10,9 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
-from model.formulas import plain
-from model.formulas.bending import make as make_bending
-from model.formulas.distance import make as make_distance
+from softlab.model.formulas import plain
+from softlab.model.formulas.bending import make as make_bending
+from softlab.model.formulas.distance import make as make_distance
 
 WORLD, CLOTH, BODY = 1, 4, 5  # number of corners
 COUNTS = {WORLD: 4, CLOTH: 4, BODY: 5}  # values

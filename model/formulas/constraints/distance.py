@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
-from model.formulas import plain
-from model.formulas.distance import make as make_distance
+from softlab.model.formulas import plain
+from softlab.model.formulas.distance import make as make_distance
 
 
 def make(real, compiled=plain, soft=True, damped=False, own_compliance=False):

@@ -5,9 +5,9 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
-from model.formulas import plain
-from model.formulas.bending import make_isometric
-from model.formulas.distance import make as make_distance
+from softlab.model.formulas import plain
+from softlab.model.formulas.bending import make_isometric
+from softlab.model.formulas.distance import make as make_distance
 
 
 def make(real, compiled=plain):

@@ -27,18 +27,18 @@ from math import sqrt
 from types import SimpleNamespace
 from typing import Any
 
-from model.formulas import plain
-from model.formulas.bending import make as make_bending
-from model.formulas.constraints.tetrahedron_block import OPERATIONS as OPERATIONS_BLOCK
-from model.formulas.constraints.tetrahedron_block import OPERATIONS_DAMPER as OPERATIONS_BLOCK_DAMPER
-from model.formulas.constraints.tetrahedron_block import OPERATIONS_KEPT as OPERATIONS_BLOCK_KEPT
-from model.formulas.constraints.tetrahedron_block import make_block
-from model.formulas.constraints.tetrahedron_hookean import OPERATIONS as OPERATIONS_HOOKEAN
-from model.formulas.constraints.tetrahedron_hookean import OPERATIONS_COMBINED, make_hookean
-from model.formulas.constraints.tetrahedron_hookean import OPERATIONS_DAMPER as OPERATIONS_HOOKEAN_DAMPER
-from model.formulas.constraints.tetrahedron_hookean import OPERATIONS_KEPT as OPERATIONS_HOOKEAN_KEPT
-from model.formulas.distance import make as make_distance
-from model.formulas.elastic.deformation import (
+from softlab.model.formulas import plain
+from softlab.model.formulas.bending import make as make_bending
+from softlab.model.formulas.constraints.tetrahedron_block import OPERATIONS as OPERATIONS_BLOCK
+from softlab.model.formulas.constraints.tetrahedron_block import OPERATIONS_DAMPER as OPERATIONS_BLOCK_DAMPER
+from softlab.model.formulas.constraints.tetrahedron_block import OPERATIONS_KEPT as OPERATIONS_BLOCK_KEPT
+from softlab.model.formulas.constraints.tetrahedron_block import make_block
+from softlab.model.formulas.constraints.tetrahedron_hookean import OPERATIONS as OPERATIONS_HOOKEAN
+from softlab.model.formulas.constraints.tetrahedron_hookean import OPERATIONS_COMBINED, make_hookean
+from softlab.model.formulas.constraints.tetrahedron_hookean import OPERATIONS_DAMPER as OPERATIONS_HOOKEAN_DAMPER
+from softlab.model.formulas.constraints.tetrahedron_hookean import OPERATIONS_KEPT as OPERATIONS_HOOKEAN_KEPT
+from softlab.model.formulas.distance import make as make_distance
+from softlab.model.formulas.elastic.deformation import (
     OPERATIONS_COFACTOR,
     OPERATIONS_DETERMINANT,
     OPERATIONS_FRAMED,
@@ -48,7 +48,7 @@ from model.formulas.elastic.deformation import (
     make_gradient,
     make_rotation,
 )
-from model.formulas.lengths import make as make_lengths
+from softlab.model.formulas.lengths import make as make_lengths
 
 MATERIALS = ("fixed-corotated", "corotated", "neo-hookean")
 FIXED, COROTATED, HOOKEAN = range(len(MATERIALS))

@@ -22,8 +22,8 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from model.formulas.elastic.deformation import make_framed, make_rotation
-from model.formulas.lengths import make as make_lengths
+from softlab.model.formulas.elastic.deformation import make_framed, make_rotation
+from softlab.model.formulas.lengths import make as make_lengths
 
 OPERATIONS = 36 + 69 + 99 + 45 + 33 + 24  # 1 - S, H + alpha~, Z, R Z, corners, their displacement
 OPERATIONS_DAMPER = 36 + 30 + 18 + 6  # besides a rotation: F at the start, S0, their contribution, 1 + gamma

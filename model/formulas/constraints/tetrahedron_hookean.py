@@ -24,9 +24,9 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from model.formulas import plain
-from model.formulas.elastic.deformation import make_framed, make_gradient
-from model.formulas.lengths import make as make_lengths
+from softlab.model.formulas import plain
+from softlab.model.formulas.elastic.deformation import make_framed, make_gradient
+from softlab.model.formulas.lengths import make as make_lengths
 
 OPERATIONS = 27 + 5 + 19 + 33 + 12 + 24 + 36 + 17 + 17 + 27 + 17 + 12 + 24  # cof, J, G, R B, w, R:D, D, q, x, applied
 OPERATIONS_COMBINED = 18

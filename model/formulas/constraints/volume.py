@@ -10,10 +10,10 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
-from model.formulas import plain
-from model.formulas.bending import make as make_bending
-from model.formulas.distance import make as make_distance
-from model.formulas.lengths import make as make_lengths
+from softlab.model.formulas import plain
+from softlab.model.formulas.bending import make as make_bending
+from softlab.model.formulas.distance import make as make_distance
+from softlab.model.formulas.lengths import make as make_lengths
 
 OPERATIONS = (
     123  # 9 differences, 27 for the products, 5 + 1 the constraint, 6 + 27 the weight, 6 the change, 42 to apply it

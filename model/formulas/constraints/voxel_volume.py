@@ -18,10 +18,10 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
-from model.formulas import plain
-from model.formulas.bending import make as make_bending
-from model.formulas.distance import make as make_distance
-from model.formulas.lengths import make as make_lengths
+from softlab.model.formulas import plain
+from softlab.model.formulas.bending import make as make_bending
+from softlab.model.formulas.distance import make as make_distance
+from softlab.model.formulas.lengths import make as make_lengths
 
 CORNERS, COUNT = (
     8,

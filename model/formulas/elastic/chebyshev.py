@@ -13,7 +13,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from model.formulas import plain
+from softlab.model.formulas import plain
 
 OPERATIONS = 9
 

@@ -14,8 +14,8 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from model.formulas import plain
-from model.formulas.lengths import make as make_lengths
+from softlab.model.formulas import plain
+from softlab.model.formulas.lengths import make as make_lengths
 
 LOST = 64  # rounding units: a pivot below so many times its row's entry is rounding, and its motion is omitted
 

@@ -22,10 +22,10 @@ from __future__ import annotations
 from math import sqrt
 from types import SimpleNamespace
 
-from model.formulas import plain
-from model.formulas.elastic.deformation import make_gradient
-from model.formulas.elastic.tangent import make_moduli
-from model.formulas.lengths import make as make_lengths
+from softlab.model.formulas import plain
+from softlab.model.formulas.elastic.deformation import make_gradient
+from softlab.model.formulas.elastic.tangent import make_moduli
+from softlab.model.formulas.lengths import make as make_lengths
 
 OPERATIONS = 9 + 3 * 5 + 3 * 11 + 20 + 45 + 9  # F of the displacement, the strain, D and N, F N, the sum with P
 OPERATIONS_BLOCK = 18 + 30 + 6 * 12  # one of six blocks: F times two rows of B is counted with each of them

@@ -18,9 +18,9 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from model.formulas import joined, plain
-from model.formulas.lengths import make as make_lengths
-from model.formulas.rotation import OPERATIONS_MATRIX, OPERATIONS_NEAR, make_far, make_near, make_quaternions
+from softlab.model.formulas import joined, plain
+from softlab.model.formulas.lengths import make as make_lengths
+from softlab.model.formulas.rotation import OPERATIONS_MATRIX, OPERATIONS_NEAR, make_far, make_near, make_quaternions
 
 OPERATIONS_GRADIENT = 9 + 45  # the edges, and their product with B
 OPERATIONS_CORNERS = 45 + 6  # three products with G, and their sum

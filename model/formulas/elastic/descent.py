@@ -28,14 +28,14 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
-from model.formulas import plain
-from model.formulas.constraints.tetrahedron import FIXED, HOOKEAN
-from model.formulas.elastic import damper, deformation
-from model.formulas.elastic import energy as energies
-from model.formulas.elastic.damper import make as make_damper
-from model.formulas.elastic.deformation import make_gradient
-from model.formulas.elastic.energy import make as make_energy
-from model.formulas.lengths import make as make_lengths
+from softlab.model.formulas import plain
+from softlab.model.formulas.constraints.tetrahedron import FIXED, HOOKEAN
+from softlab.model.formulas.elastic import damper, deformation
+from softlab.model.formulas.elastic import energy as energies
+from softlab.model.formulas.elastic.damper import make as make_damper
+from softlab.model.formulas.elastic.deformation import make_gradient
+from softlab.model.formulas.elastic.energy import make as make_energy
+from softlab.model.formulas.lengths import make as make_lengths
 
 COUNT = 13  # values of a tetrahedron: 9 of B; at 9, 10 V k_D, V k_H [J]; at 11 alpha, or 1; at 12 `time` [s]
 STRAINS = 6  # entries of E_0, which is symmetric: xx, yy, zz, xy, xz, yz

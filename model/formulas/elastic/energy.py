@@ -17,11 +17,11 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
-from model.formulas import plain
-from model.formulas.constraints.tetrahedron import COROTATED, FIXED, HOOKEAN
-from model.formulas.elastic import deformation
-from model.formulas.elastic.deformation import make_gradient, make_rotation
-from model.formulas.lengths import make as make_lengths
+from softlab.model.formulas import plain
+from softlab.model.formulas.constraints.tetrahedron import COROTATED, FIXED, HOOKEAN
+from softlab.model.formulas.elastic import deformation
+from softlab.model.formulas.elastic.deformation import make_gradient, make_rotation
+from softlab.model.formulas.lengths import make as make_lengths
 
 OPERATIONS_STRESS = 9 + 2 + 27  # F - R, the pressure, the sum of both terms
 

@@ -15,7 +15,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from model.formulas import plain
+from softlab.model.formulas import plain
 
 SLIP = 0.01  # m/s: below it friction is a dashpot; a body that it supports on a slope creeps more slowly than that
 FAST = 1e4  # m/s: trial speed that finds the collider's velocity

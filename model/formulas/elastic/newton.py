@@ -15,7 +15,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from model.formulas import plain
+from softlab.model.formulas import plain
 
 KINDS = (
     "begin", "look", "weigh", "accept", "return", "ahead", "blocks", "rows",

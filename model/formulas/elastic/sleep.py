@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
-from model.formulas import plain
+from softlab.model.formulas import plain
 
 SHARE = 0.05  # of the velocity that gravity adds in a substep
 OPERATIONS = 20

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
-from model.formulas import plain
-from model.formulas.elastic.descent import make_matrices
-from model.formulas.lengths import make as make_lengths
+from softlab.model.formulas import plain
+from softlab.model.formulas.elastic.descent import make_matrices
+from softlab.model.formulas.lengths import make as make_lengths
 
 
 def make(real, compiled=plain):

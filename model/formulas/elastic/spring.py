@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
-from model.formulas import plain
+from softlab.model.formulas import plain
 
 CORNERS = 5  # the vertex, and four that carry it; without such a body, the vertex itself with weights of 0
 AT_POINT, AT_STIFFNESS, COUNT = 4, 7, 8  # indices: after the weights, the point [m] and k [N/m]

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from math import sqrt
 
-from model.formulas import plain
+from softlab.model.formulas import plain
 
 STAGE = 1 - 1 / sqrt(2)  # of the substep, which each of two stages takes
 OPERATIONS_AHEAD = 3 * (3 + 3)

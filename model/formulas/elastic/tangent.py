@@ -23,11 +23,11 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from model.formulas import joined, plain
-from model.formulas.constraints.tetrahedron import COROTATED, FIXED, HOOKEAN
-from model.formulas.elastic import deformation
-from model.formulas.elastic.deformation import make_gradient
-from model.formulas.lengths import make as make_lengths
+from softlab.model.formulas import joined, plain
+from softlab.model.formulas.constraints.tetrahedron import COROTATED, FIXED, HOOKEAN
+from softlab.model.formulas.elastic import deformation
+from softlab.model.formulas.elastic.deformation import make_gradient
+from softlab.model.formulas.lengths import make as make_lengths
 
 SWEEPS = {4: 4, 8: 6}  # of Jacobi's method over a 3 x 3 matrix, by the bytes of a number: it converges quadratically
 FLATTEST = 0.05  # smallest s_i + s_j of a twist: below it the corner is inverted, where R jumps

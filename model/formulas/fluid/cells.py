@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
-from model.formulas import plain
+from softlab.model.formulas import plain
 
 MOST_ALONG = 1e9  # cells along an axis: fits a 32-bit integer
 

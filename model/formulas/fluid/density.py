@@ -23,8 +23,8 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
-from model.formulas import joined, plain
-from model.formulas.lengths import make as make_lengths
+from softlab.model.formulas import joined, plain
+from softlab.model.formulas.lengths import make as make_lengths
 
 OPERATIONS_FIND = 9  # a tested particle: the distance's square and its comparison
 OPERATIONS_DENSITY = 15  # a neighbour: the distance, the kernel, the sum

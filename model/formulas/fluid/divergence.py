@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
-from model.formulas import plain
+from softlab.model.formulas import plain
 
 OPERATIONS_APPROACH = 27  # a neighbour: slope, and the difference of velocities along it
 OPERATIONS_MOVE = 20  # a particle

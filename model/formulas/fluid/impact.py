@@ -12,8 +12,8 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
-from model.formulas import plain
-from model.formulas.cloth import make as make_cloth
+from softlab.model.formulas import plain
+from softlab.model.formulas.cloth import make as make_cloth
 
 
 def make(real, compiled=plain):

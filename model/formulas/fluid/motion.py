@@ -13,7 +13,7 @@ from __future__ import annotations
 from math import sqrt
 from types import SimpleNamespace
 
-from model.formulas import joined, plain
+from softlab.model.formulas import joined, plain
 
 OPERATIONS_SHAPE = 40  # a neighbour: slope, three sums of normals, six of the curl
 OPERATIONS_SMOOTH = 45  # a neighbour

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
-from model.formulas import plain
+from softlab.model.formulas import plain
 
 OPERATIONS_DENSITY = 15  # a neighbour
 OPERATIONS_FACTORS = 37

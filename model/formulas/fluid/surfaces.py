@@ -12,13 +12,13 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from model.formulas import plain
-from model.formulas.cloth import make as make_cloth
-from model.formulas.distance_field import NULL, make_field
-from model.formulas.frame import make as make_frame
-from model.formulas.lengths import make as make_lengths
-from model.formulas.motion import make as make_motion
-from model.formulas.triangle_tree import make_tree
+from softlab.model.formulas import plain
+from softlab.model.formulas.cloth import make as make_cloth
+from softlab.model.formulas.distance_field import NULL, make_field
+from softlab.model.formulas.frame import make as make_frame
+from softlab.model.formulas.lengths import make as make_lengths
+from softlab.model.formulas.motion import make as make_motion
+from softlab.model.formulas.triangle_tree import make_tree
 
 
 def make(real, compiled=plain):

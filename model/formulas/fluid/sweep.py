@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
-from model.formulas import plain
-from model.formulas.colliders import make as make_colliders
+from softlab.model.formulas import plain
+from softlab.model.formulas.colliders import make as make_colliders
 
 CONTACT = (
     1e-3  # of half an edge: a particle this little inside counts as on the face, whatever rounding did to its position

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
-from model.formulas import plain
+from softlab.model.formulas import plain
 
 OPERATIONS = 12  # a particle: its saturation and its weight
 

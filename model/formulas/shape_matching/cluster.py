@@ -15,8 +15,8 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
-from model.formulas import plain
-from model.formulas.rotation import OPERATIONS_MATRIX, OPERATIONS_NEAR
+from softlab.model.formulas import plain
+from softlab.model.formulas.rotation import OPERATIONS_MATRIX, OPERATIONS_NEAR
 
 LANES = 16
 MOMENTS = 12  # of a cluster: the sum of mass times relative position, by axis; that times the rest offset, by rows

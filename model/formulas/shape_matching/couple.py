@@ -23,9 +23,9 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from model.formulas import plain
-from model.formulas.lengths import make as make_lengths
-from model.formulas.shape_matching.pace import make as make_pace
+from softlab.model.formulas import plain
+from softlab.model.formulas.lengths import make as make_lengths
+from softlab.model.formulas.shape_matching.pace import make as make_pace
 
 SUMS = 12  # of a cluster: mass times position; couples; m d d' (xx, yy, zz, xy, xz, yz), d from its first particle
 FARTHEST = 0.25  # rad: largest turn of a cluster by friction in a substep, however small it was squashed

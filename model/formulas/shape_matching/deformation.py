@@ -14,8 +14,8 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from model.formulas import joined, plain
-from model.formulas.lengths import make as make_lengths
+from softlab.model.formulas import joined, plain
+from softlab.model.formulas.lengths import make as make_lengths
 
 # Fraction of the volume at rest below which the linear map's weight falls to 0 with the volume. 1 / cbrt(det F)
 # stretches what is already long: a crushed body that cannot regain its volume would spread sideways, ever faster.

@@ -14,8 +14,8 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
-from model.formulas import plain
-from model.formulas.rotation import OPERATIONS_2D, make_2d
+from softlab.model.formulas import plain
+from softlab.model.formulas.rotation import OPERATIONS_2D, make_2d
 
 OPERATIONS_MEMBER = 11  # a member of a window's row, besides the mass itself
 OPERATIONS_ROW = 18  # of a window

@@ -21,8 +21,8 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
-from model.formulas import plain
-from model.formulas.rotation import OPERATIONS_MATRIX, OPERATIONS_NEAR
+from softlab.model.formulas import plain
+from softlab.model.formulas.rotation import OPERATIONS_MATRIX, OPERATIONS_NEAR
 
 OPERATIONS_MEMBER = 3 * 5  # of a row of a window along x
 OPERATIONS_MOMENTS = 3 * 2 * (6 + 8) + 3 * (2 + 3 + 3) + 3 * (5 + 6)  # of a mass: scans, their two halves, ends

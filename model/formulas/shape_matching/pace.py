@@ -16,7 +16,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from model.formulas import plain
+from softlab.model.formulas import plain
 
 MOMENTA = 15  # of a cluster: mass times position and velocity, by axis; d x (m u); m d d' (xx, yy, zz, xy, xz, yz)
 MOTION = 9  # numbers of a cluster's motion: its centre, the velocity there, its spin

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
-from model.formulas import plain
-from model.formulas.lengths import make as make_lengths
+from softlab.model.formulas import plain
+from softlab.model.formulas.lengths import make as make_lengths
 
 SUMS = 4  # of a cluster: `got`, its `worth` as a rigid motion, the mass of the particles concerned, `asked`
 OPERATIONS_MEMBER = 8 + 15 + 8  # of an entry

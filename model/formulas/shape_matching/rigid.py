@@ -24,7 +24,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from model.formulas import plain
+from softlab.model.formulas import plain
 
 OPERATIONS_PREDICT = 1  # per axis
 OPERATIONS_RATE = 1  # per axis

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from model.core.errors import InputError
-from model.geometry.formats.faces import Faces
+from softlab.model.core.errors import InputError
+from softlab.model.geometry.formats.faces import Faces
 
 SIDES = np.array([(1, 2, 3), (0, 3, 2), (0, 1, 3), (0, 2, 1)])  # of a tetrahedron, outer side outwards
 

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from model.core.errors import InputError
-from model.geometry.arithmetic.ordered import applied, determinant
-from model.geometry.formats.faces import Faces, uniform
+from softlab.model.core.errors import InputError
+from softlab.model.geometry.arithmetic.ordered import applied, determinant
+from softlab.model.geometry.formats.faces import Faces, uniform
 
 COMPRESSED = (b"KHR_draco_mesh_compression", b"EXT_meshopt_compression")
 

@@ -9,10 +9,10 @@ import re
 
 import numpy as np
 
-from model.core.errors import InputError
-from model.geometry.formats.elements import Elements
-from model.geometry.formats.source import NotANumber, plain, wholes
-from model.geometry.formats.words import Words
+from softlab.model.core.errors import InputError
+from softlab.model.geometry.formats.elements import Elements
+from softlab.model.geometry.formats.source import NotANumber, plain, wholes
+from softlab.model.geometry.formats.words import Words
 
 NODES = {
     1: 2, 2: 3, 3: 4, 4: 4, 5: 8, 6: 6, 7: 5, 8: 3, 9: 6, 10: 9, 11: 10, 12: 27, 13: 18, 14: 14, 15: 1, 16: 8, 17: 20,

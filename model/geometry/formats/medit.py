@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from model.core.errors import InputError
-from model.geometry.formats.elements import Elements
-from model.geometry.formats.source import plain, without_comments
-from model.geometry.formats.words import Words
+from softlab.model.core.errors import InputError
+from softlab.model.geometry.formats.elements import Elements
+from softlab.model.geometry.formats.source import plain, without_comments
+from softlab.model.geometry.formats.words import Words
 
 CORNERS = {"Triangles": 3, "Quadrilaterals": 4, "Tetrahedra": 4}
 

@@ -8,9 +8,9 @@ from itertools import chain
 
 import numpy as np
 
-from model.core.errors import InputError
-from model.geometry.formats.faces import Faces
-from model.geometry.formats.source import (
+from softlab.model.core.errors import InputError
+from softlab.model.geometry.formats.faces import Faces
+from softlab.model.geometry.formats.source import (
     NotANumber,
     joined,
     line_of,

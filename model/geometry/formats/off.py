@@ -6,10 +6,10 @@ import re
 
 import numpy as np
 
-from model.core.errors import InputError
-from model.core.waiting import steps
-from model.geometry.formats.faces import Faces
-from model.geometry.formats.source import (
+from softlab.model.core.errors import InputError
+from softlab.model.core.waiting import steps
+from softlab.model.geometry.formats.faces import Faces
+from softlab.model.geometry.formats.source import (
     READING,
     NotANumber,
     plain,

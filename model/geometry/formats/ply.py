@@ -9,11 +9,11 @@ import re
 
 import numpy as np
 
-from model.core.errors import InputError
-from model.core.waiting import steps
-from model.geometry.formats.faces import Faces
-from model.geometry.formats.ply_header import Element, coordinates, header_of, list_of, refused
-from model.geometry.formats.source import READING, NotANumber, plain, polygon_table, reals, table, wholes
+from softlab.model.core.errors import InputError
+from softlab.model.core.waiting import steps
+from softlab.model.geometry.formats.faces import Faces
+from softlab.model.geometry.formats.ply_header import Element, coordinates, header_of, list_of, refused
+from softlab.model.geometry.formats.source import READING, NotANumber, plain, polygon_table, reals, table, wholes
 
 _Lists = tuple[str, np.ndarray, np.ndarray]  # name of an element, vertices of its lists (sum of sizes,), sizes (rows,)
 

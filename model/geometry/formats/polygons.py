@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from model.geometry.arithmetic.ordered import dot, norm
+from softlab.model.geometry.arithmetic.ordered import dot, norm
 
 FLAT = 2.0**-20  # height over longest side of a triangle without an area: what float32, as in STL, cannot tell from 0
 FANNED = 6  # corners: larger polygons are cut into better triangles than those of a fan, which all meet at one vertex

@@ -6,9 +6,9 @@ import re
 
 import numpy as np
 
-from model.core.errors import InputError
-from model.geometry.formats.faces import Faces, uniform
-from model.geometry.formats.source import NotANumber, line_of, plain, reals, table
+from softlab.model.core.errors import InputError
+from softlab.model.geometry.formats.faces import Faces, uniform
+from softlab.model.geometry.formats.source import NotANumber, line_of, plain, reals, table
 
 HEADER, TRIANGLE = 84, 50  # bytes of a binary file
 RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])

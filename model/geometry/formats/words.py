@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from model.core.errors import InputError
-from model.geometry.formats.source import NotANumber, reals, wholes
+from softlab.model.core.errors import InputError
+from softlab.model.geometry.formats.source import NotANumber, reals, wholes
 
 
 class Words:

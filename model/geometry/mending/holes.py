@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from model.geometry.arithmetic.ordered import mean, norm
-from model.geometry.edges import edge_uses
-from model.geometry.formats.polygons import on_a_line, triangulated
+from softlab.model.geometry.arithmetic.ordered import mean, norm
+from softlab.model.geometry.edges import edge_uses
+from softlab.model.geometry.formats.polygons import on_a_line, triangulated
 
 LONGEST = 500  # edges of a rim that is cut as a polygon, in O(n^2)
 

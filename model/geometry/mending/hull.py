@@ -11,12 +11,12 @@ from itertools import pairwise
 
 import numpy as np
 
-from model.core.waiting import steps
-from model.geometry.arithmetic.ordered import dot, norm
-from model.geometry.edges import components, edge_uses, mesh_edges
-from model.geometry.measures import triangle_areas
-from model.geometry.mending.welding import many, turned
-from model.geometry.voxels import winding_numbers
+from softlab.model.core.waiting import steps
+from softlab.model.geometry.arithmetic.ordered import dot, norm
+from softlab.model.geometry.edges import components, edge_uses, mesh_edges
+from softlab.model.geometry.measures import triangle_areas
+from softlab.model.geometry.mending.welding import many, turned
+from softlab.model.geometry.voxels import winding_numbers
 
 PROBES = 3  # triangles of a sheet at which the winding number is taken
 SMALL = 4  # triangles: of a sheet with so few, one; none where it hangs on the others by less than half of its outline

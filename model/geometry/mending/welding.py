@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from model.core.errors import InputError
-from model.geometry.arithmetic.ordered import dot, norm
-from model.geometry.edges import MeshEdges, components, edge_uses
-from model.geometry.formats.polygons import FLAT
+from softlab.model.core.errors import InputError
+from softlab.model.geometry.arithmetic.ordered import dot, norm
+from softlab.model.geometry.edges import MeshEdges, components, edge_uses
+from softlab.model.geometry.formats.polygons import FLAT
 
 NEAR = 1e-8  # of the diagonal of the box around a mesh: rims nearer to each other were torn by rounding
 

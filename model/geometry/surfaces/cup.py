@@ -6,7 +6,7 @@ from math import pi
 
 import numpy as np
 
-from model.geometry.arithmetic.functions import cosine, sine
+from softlab.model.geometry.arithmetic.functions import cosine, sine
 
 RADIUS, HEIGHT, WALL = 0.4, 1.0, 0.05  # m: of its outer side; how thick walls and bottom are
 

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 
-from model.geometry.arithmetic.ordered import dot, norm
+from softlab.model.geometry.arithmetic.ordered import dot, norm
 
 # points (n, 3) [m] -> (n,), under 0 inside, about a distance [m] near the surface
 Field = Callable[[np.ndarray], np.ndarray]

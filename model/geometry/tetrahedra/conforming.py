@@ -16,13 +16,13 @@ from pathlib import Path
 
 import numpy as np
 
-from model.core.disk_cache import read_arrays
-from model.core.errors import BackendUnavailable, InputError, SceneError
-from model.geometry.arithmetic.ordered import norm
-from model.geometry.mending.welding import without_flat
-from model.geometry.mesh_files import check_vertices
-from model.geometry.tetrahedra.embedding import Embedding, carriers
-from model.geometry.tetrahedra.mesh import TetrahedralMesh, signed_volumes
+from softlab.model.core.disk_cache import read_arrays
+from softlab.model.core.errors import BackendUnavailable, InputError, SceneError
+from softlab.model.geometry.arithmetic.ordered import norm
+from softlab.model.geometry.mending.welding import without_flat
+from softlab.model.geometry.mesh_files import check_vertices
+from softlab.model.geometry.tetrahedra.embedding import Embedding, carriers
+from softlab.model.geometry.tetrahedra.mesh import TetrahedralMesh, signed_volumes
 
 TOLERANCE = 1e-3  # of the diagonal of the box: how far the surface may be moved
 DENSEST, COARSEST = 1e-3, 1.0  # of the diagonal: the edge of a tetrahedron

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from model.geometry.arithmetic.ordered import applied, combined, dot, norm
-from model.geometry.tetrahedra.mesh import FACES, TetrahedralMesh, rest_inverse
+from softlab.model.geometry.arithmetic.ordered import applied, combined, dot, norm
+from softlab.model.geometry.tetrahedra.mesh import FACES, TetrahedralMesh, rest_inverse
 
 OUTSIDE = 1e-9  # of a weight below 0: less is rounding
 NEAREST = 24  # tetrahedra, by their middles, that a point may lie in

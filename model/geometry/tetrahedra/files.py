@@ -13,14 +13,14 @@ from pathlib import Path
 
 import numpy as np
 
-from model.core.errors import InputError, SceneError
-from model.core.files import read_archive, replacing
-from model.geometry.formats.elements import Elements
-from model.geometry.formats.gmsh import read_gmsh
-from model.geometry.formats.medit import read_medit
-from model.geometry.formats.source import plain, read_bytes, without_comments
-from model.geometry.formats.words import Words
-from model.geometry.tetrahedra.mesh import TetrahedralMesh
+from softlab.model.core.errors import InputError, SceneError
+from softlab.model.core.files import read_archive, replacing
+from softlab.model.geometry.formats.elements import Elements
+from softlab.model.geometry.formats.gmsh import read_gmsh
+from softlab.model.geometry.formats.medit import read_medit
+from softlab.model.geometry.formats.source import plain, read_bytes, without_comments
+from softlab.model.geometry.formats.words import Words
+from softlab.model.geometry.tetrahedra.mesh import TetrahedralMesh
 
 WHAT = "tetrahedra come in a .msh, .mesh, .vtk, .ele and .node, or .npz file"
 VTK_TETRAHEDRA = (10, 24)  # of first and second order: their first four nodes are the corners

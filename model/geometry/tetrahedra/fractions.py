@@ -13,8 +13,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from model.geometry.arithmetic.ordered import determinant, dot, total
-from model.geometry.tetrahedra.pieces import PROBES, Chords, Pieces
+from softlab.model.geometry.arithmetic.ordered import determinant, dot, total
+from softlab.model.geometry.tetrahedra.pieces import PROBES, Chords, Pieces
 
 MIN_FRACTION = 1e-3  # of a tetrahedron: no vertex is without mass, no tetrahedron without stiffness
 MIN_STIFFNESS = (

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from model.geometry.edges import MeshEdges
+from softlab.model.geometry.edges import MeshEdges
 
 DENSE = 1 << 24  # cells of a lattice up to which a table tells the voxel of each
 

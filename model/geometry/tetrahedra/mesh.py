@@ -8,10 +8,10 @@ from math import isfinite
 
 import numpy as np
 
-from model.core.errors import InputError, SceneError
-from model.geometry.arithmetic.ordered import dot
-from model.geometry.edges import components
-from model.geometry.mesh_files import LARGEST
+from softlab.model.core.errors import InputError, SceneError
+from softlab.model.geometry.arithmetic.ordered import dot
+from softlab.model.geometry.edges import components
+from softlab.model.geometry.mesh_files import LARGEST
 
 ROUNDING = 16 * float(np.finfo(np.float64).eps)  # of a coordinate: what its own rounding can make of a flat tetrahedron
 # the corners of the faces of (a, b, c, d), seen from outside in mathematical order; face k lies opposite to corner k

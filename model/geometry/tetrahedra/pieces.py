@@ -15,12 +15,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from model.geometry.arithmetic.ordered import dot
-from model.geometry.edges import MeshEdges, components
-from model.geometry.lists import ranges
-from model.geometry.tetrahedra.meeting import Cells, across_edges, over_edges, positions
-from model.geometry.tetrahedra.sight import in_sight
-from model.geometry.voxels import crossings
+from softlab.model.geometry.arithmetic.ordered import dot
+from softlab.model.geometry.edges import MeshEdges, components
+from softlab.model.geometry.lists import ranges
+from softlab.model.geometry.tetrahedra.meeting import Cells, across_edges, over_edges, positions
+from softlab.model.geometry.tetrahedra.sight import in_sight
+from softlab.model.geometry.voxels import crossings
 
 PROBES = 4  # lines a voxel, along each of two axes
 LOOKS = 4  # triangles of a part that no line meets, from which is looked

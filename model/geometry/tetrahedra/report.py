@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from model.geometry.arithmetic.ordered import dot
-from model.geometry.moments import point_moments, surface_moments, tetrahedra_moments
-from model.geometry.tetrahedra.embedding import Embedding
-from model.geometry.tetrahedra.mesh import TetrahedralMesh, check_density
+from softlab.model.geometry.arithmetic.ordered import dot
+from softlab.model.geometry.moments import point_moments, surface_moments, tetrahedra_moments
+from softlab.model.geometry.tetrahedra.embedding import Embedding
+from softlab.model.geometry.tetrahedra.mesh import TetrahedralMesh, check_density
 
 SAME = 1e-9  # of a volume: two that differ by less are the same
 

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from model.geometry.arithmetic.ordered import dot
-from model.geometry.lists import ranges
+from softlab.model.geometry.arithmetic.ordered import dot
+from softlab.model.geometry.lists import ranges
 
 NEAREST = 8  # of what lies in the voxel, that a part looks at
 MOST = 1 << 24  # triangles looked through at most, or a part stays alone: seconds

@@ -16,21 +16,21 @@ from typing import Literal
 
 import numpy as np
 
-from model.core.errors import SceneError
-from model.core.memory import available_bytes, readable
-from model.geometry.arithmetic.ordered import applied, determinant, dot
-from model.geometry.edges import components
-from model.geometry.mesh import TriangleMesh
-from model.geometry.mesh_files import LARGEST
-from model.geometry.normals import mesh_normals
-from model.geometry.solid import CLOTH, Solid, as_mesh, filled, solid
-from model.geometry.tetrahedra.embedding import Embedding
-from model.geometry.tetrahedra.fractions import fractions_of
-from model.geometry.tetrahedra.meeting import Cells
-from model.geometry.tetrahedra.mesh import TetrahedralMesh
-from model.geometry.tetrahedra.overlap import EIGHT, triangles_in_voxels
-from model.geometry.tetrahedra.pieces import Pieces, pieces_of
-from model.geometry.voxels import runs_inside
+from softlab.model.core.errors import SceneError
+from softlab.model.core.memory import available_bytes, readable
+from softlab.model.geometry.arithmetic.ordered import applied, determinant, dot
+from softlab.model.geometry.edges import components
+from softlab.model.geometry.mesh import TriangleMesh
+from softlab.model.geometry.mesh_files import LARGEST
+from softlab.model.geometry.normals import mesh_normals
+from softlab.model.geometry.solid import CLOTH, Solid, as_mesh, filled, solid
+from softlab.model.geometry.tetrahedra.embedding import Embedding
+from softlab.model.geometry.tetrahedra.fractions import fractions_of
+from softlab.model.geometry.tetrahedra.meeting import Cells
+from softlab.model.geometry.tetrahedra.mesh import TetrahedralMesh
+from softlab.model.geometry.tetrahedra.overlap import EIGHT, triangles_in_voxels
+from softlab.model.geometry.tetrahedra.pieces import Pieces, pieces_of
+from softlab.model.geometry.voxels import runs_inside
 
 VOXELS = 10  # along the longest axis, unless given
 MOST_VOXELS = 1 << 20  # along an axis: the number of a voxel stays inside 64 bits

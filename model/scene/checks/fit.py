@@ -4,19 +4,19 @@ from __future__ import annotations
 
 from typing import Any
 
-from model.core.errors import SceneError
-from model.fluid.flow import check_flow
-from model.fluid.fluid_set import check_among_solids, check_fluids
-from model.scene.bodies import BODY_KINDS
-from model.scene.checks.solver import OF_MESHES
-from model.scene.checks.tetrahedra import check_tetrahedra
-from model.scene.cloth import CLOTH_KINDS, COLLIDER_KINDS, SPRING_KINDS
-from model.scene.kinds import KINDS
-from model.scene.members import members_of
-from model.scene.method import OF_FLUIDS, OF_WORLDS, Method
-from model.scene.particle_contact import MAX_KINDS
-from model.scene.resting import take_resting_defaults
-from model.scene.scene_parts import SceneParts
+from softlab.model.core.errors import SceneError
+from softlab.model.fluid.flow import check_flow
+from softlab.model.fluid.fluid_set import check_among_solids, check_fluids
+from softlab.model.scene.bodies import BODY_KINDS
+from softlab.model.scene.checks.solver import OF_MESHES
+from softlab.model.scene.checks.tetrahedra import check_tetrahedra
+from softlab.model.scene.cloth import CLOTH_KINDS, COLLIDER_KINDS, SPRING_KINDS
+from softlab.model.scene.kinds import KINDS
+from softlab.model.scene.members import members_of
+from softlab.model.scene.method import OF_FLUIDS, OF_WORLDS, Method
+from softlab.model.scene.particle_contact import MAX_KINDS
+from softlab.model.scene.resting import take_resting_defaults
+from softlab.model.scene.scene_parts import SceneParts
 
 GRID_ONLY = ("springs", "manufactured")
 WITH_FLUIDS = ("fluid", "emitter", "sink", "domain", "foam", "gravity", "external", "method", *COLLIDER_KINDS)

@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from model.core.errors import SceneError
-from model.core.pins import PIN_WORDS, pin_indices
-from model.scene.attachment import pins as is_pinning
-from model.scene.kinds import SHEETS
-from model.scene.motion import ALL, RELEASE, Release
-from model.scene.scene_parts import SceneParts
-from model.scene.tetrahedra import TETRAHEDRAL_KINDS
-from model.scene.words import suggestion
+from softlab.model.core.errors import SceneError
+from softlab.model.core.pins import PIN_WORDS, pin_indices
+from softlab.model.scene.attachment import pins as is_pinning
+from softlab.model.scene.kinds import SHEETS
+from softlab.model.scene.motion import ALL, RELEASE, Release
+from softlab.model.scene.scene_parts import SceneParts
+from softlab.model.scene.tetrahedra import TETRAHEDRAL_KINDS
+from softlab.model.scene.words import suggestion
 
 Table = dict[str, Any]
 

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from model.core.errors import SceneError
-from model.scene.cloth import CONSTRAINT_KINDS, SPRING_KINDS
-from model.scene.kinds import KINDS
-from model.scene.method import OF_FLUIDS, OF_WORLDS
-from model.scene.method import OF_TETRAHEDRA as TETRAHEDRAL_SOLVERS
-from model.scene.motion import RELEASE, motions_of_pins
-from model.scene.parts import Elastic
-from model.scene.scene_parts import SceneParts
-from model.scene.xpbd import XPBD_KINDS
+from softlab.model.core.errors import SceneError
+from softlab.model.scene.cloth import CONSTRAINT_KINDS, SPRING_KINDS
+from softlab.model.scene.kinds import KINDS
+from softlab.model.scene.method import OF_FLUIDS, OF_WORLDS
+from softlab.model.scene.method import OF_TETRAHEDRA as TETRAHEDRAL_SOLVERS
+from softlab.model.scene.motion import RELEASE, motions_of_pins
+from softlab.model.scene.parts import Elastic
+from softlab.model.scene.scene_parts import SceneParts
+from softlab.model.scene.xpbd import XPBD_KINDS
 
 OF_MESHES = tuple(kind for kind in CONSTRAINT_KINDS if kind not in SPRING_KINDS)
 NOT_OF_MESHES = ("shear", "fold", "motion", "load", "self_collision")

@@ -3,19 +3,19 @@ be accepted."""
 
 from __future__ import annotations
 
-from model.core.errors import SceneError
-from model.scene.attachment import check_attachment
-from model.scene.cloth import COLLIDER_KINDS, CONSTRAINT_KINDS
-from model.scene.kinds import KINDS
-from model.scene.members import OF_PARTICLES
-from model.scene.method import OF_TETRAHEDRA as TETRAHEDRAL_SOLVERS
-from model.scene.method import Method
-from model.scene.motion import RELEASE
-from model.scene.particle_contact import MAX_KINDS
-from model.scene.scene_parts import SceneParts
-from model.scene.tetrahedra import TETRAHEDRAL_KINDS
-from model.tetrahedra.matter import check_material
-from model.tetrahedra.selection import check_word
+from softlab.model.core.errors import SceneError
+from softlab.model.scene.attachment import check_attachment
+from softlab.model.scene.cloth import COLLIDER_KINDS, CONSTRAINT_KINDS
+from softlab.model.scene.kinds import KINDS
+from softlab.model.scene.members import OF_PARTICLES
+from softlab.model.scene.method import OF_TETRAHEDRA as TETRAHEDRAL_SOLVERS
+from softlab.model.scene.method import Method
+from softlab.model.scene.motion import RELEASE
+from softlab.model.scene.particle_contact import MAX_KINDS
+from softlab.model.scene.scene_parts import SceneParts
+from softlab.model.scene.tetrahedra import TETRAHEDRAL_KINDS
+from softlab.model.tetrahedra.matter import check_material
+from softlab.model.tetrahedra.selection import check_word
 
 SOLVERS_OF_TETRAHEDRA = ("xpbd", *TETRAHEDRAL_SOLVERS)
 OF_TETRAHEDRA = (

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from bench.experiments.fluids import PHASES, QUICK, SCHEMES, FluidPoint, moved_bytes, operations, points, pool
-from model.fluid.plan import neighbours_at_rest
-from plots.core.backends import name_of, on_backends, sources_of, timed
-from plots.core.colours import BLACK, BLUE, ORANGE
-from plots.core.data import Results, Source
-from plots.core.style import Drawing, new_figure
+from softlab.bench.experiments.fluids import PHASES, QUICK, SCHEMES, FluidPoint, moved_bytes, operations, points, pool
+from softlab.model.fluid.plan import neighbours_at_rest
+from softlab.plots.core.backends import name_of, on_backends, sources_of, timed
+from softlab.plots.core.colours import BLACK, BLUE, ORANGE
+from softlab.plots.core.data import Results, Source
+from softlab.plots.core.style import Drawing, new_figure
 
 TITLE = "Fluids: stages against their limits"
 MISSING = "stages of fluids were not timed: softlab fluids"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from bench.experiments.fluid_rest import (
+from softlab.bench.experiments.fluid_rest import (
     BOX,
     DEPTH,
     DISTURBANCE,
@@ -18,11 +18,11 @@ from bench.experiments.fluid_rest import (
     Still,
     rows,
 )
-from bench.experiments.fluid_truth.scenes import SCHEMES
-from plots.core.backends import on_backends, sources_of
-from plots.core.colours import BLACK, BLUE, GREEN, ORANGE, PURPLE, VERMILLION
-from plots.core.data import Results, Source
-from plots.core.style import Drawing, legend_below, new_grid, plain_ticks
+from softlab.bench.experiments.fluid_truth.scenes import SCHEMES
+from softlab.plots.core.backends import on_backends, sources_of
+from softlab.plots.core.colours import BLACK, BLUE, GREEN, ORANGE, PURPLE, VERMILLION
+from softlab.plots.core.data import Results, Source
+from softlab.plots.core.style import Drawing, legend_below, new_grid, plain_ticks
 
 TITLE = "Fluids at rest"
 MISSING = "fluids at rest were not watched: softlab fluids --rest"

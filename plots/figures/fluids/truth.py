@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
-from bench.experiments.fluid_truth import laws
-from bench.experiments.fluid_truth.rows import Judged, rows
-from bench.experiments.fluid_truth.scenes import DAM, DAM_EFFORTS, TANK, VORTICES
-from plots.core.backends import name_of, on_backends, sources_of
-from plots.core.colours import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILLION
-from plots.core.data import Results, Source
-from plots.core.style import Drawing, legend_below, new_figure, plain_ticks
+from softlab.bench.experiments.fluid_truth import laws
+from softlab.bench.experiments.fluid_truth.rows import Judged, rows
+from softlab.bench.experiments.fluid_truth.scenes import DAM, DAM_EFFORTS, TANK, VORTICES
+from softlab.plots.core.backends import name_of, on_backends, sources_of
+from softlab.plots.core.colours import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILLION
+from softlab.plots.core.data import Results, Source
+from softlab.plots.core.style import Drawing, legend_below, new_figure, plain_ticks
 
 TITLE = "Fluids: error against time"
 MISSING = "fluids were not judged: softlab fluids --truth"

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from bench.experiments.scaling.experiment import BY_TURNS, ScalingPoint, points, shares, speedups
-from bench.store.results import Measure
-from plots.core.backends import on_backends, sources_of, timed
-from plots.core.colours import BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILLION
-from plots.core.data import Results
-from plots.core.style import Drawing, legend_below, log_axes, new_figure
+from softlab.bench.experiments.scaling.experiment import BY_TURNS, ScalingPoint, points, shares, speedups
+from softlab.bench.store.results import Measure
+from softlab.plots.core.backends import on_backends, sources_of, timed
+from softlab.plots.core.colours import BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILLION
+from softlab.plots.core.data import Results
+from softlab.plots.core.style import Drawing, legend_below, log_axes, new_figure
 
 TITLE = "Several GPUs"
 LINKS = {"flags": (BLUE, "o"), "nccl": (ORANGE, "s"), "peer": (GREEN, "^")}

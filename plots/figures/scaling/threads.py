@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from bench.store.results import Timing
-from plots.core.colours import GREY
-from plots.core.data import THREAD_WORDS, Results, Source, sound
-from plots.core.style import THREADS, Drawing, draw_times, legend_below, log_axes, panels, plain_ticks
+from softlab.bench.store.results import Timing
+from softlab.plots.core.colours import GREY
+from softlab.plots.core.data import THREAD_WORDS, Results, Source, sound
+from softlab.plots.core.style import THREADS, Drawing, draw_times, legend_below, log_axes, panels, plain_ticks
 
 TITLE = "Thread scaling"
 

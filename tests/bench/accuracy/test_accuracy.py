@@ -8,20 +8,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app.command.scene_file import write_scene
-from bench.experiments.accuracy import cases as accuracy_cases
-from bench.experiments.accuracy import experiment as accuracy
-from bench.experiments.accuracy import points as accuracy_points
-from bench.experiments.accuracy.experiment import run_accuracy
-from bench.experiments.accuracy.judge import distance
-from bench.experiments.accuracy.points import FAR, pareto_front
-from bench.reference import cache
-from bench.store.database import Store
-from bench.store.results import measures
-from model.core.families import stability_limit
-from model.scene.scene import load_scene
-from plots.core.accuracy_points import points
-from plots.core.read import load
+from softlab.app.command.scene_file import write_scene
+from softlab.bench.experiments.accuracy import cases as accuracy_cases
+from softlab.bench.experiments.accuracy import experiment as accuracy
+from softlab.bench.experiments.accuracy import points as accuracy_points
+from softlab.bench.experiments.accuracy.experiment import run_accuracy
+from softlab.bench.experiments.accuracy.judge import distance
+from softlab.bench.experiments.accuracy.points import FAR, pareto_front
+from softlab.bench.reference import cache
+from softlab.bench.store.database import Store
+from softlab.bench.store.results import measures
+from softlab.model.core.families import stability_limit
+from softlab.model.scene.scene import load_scene
+from softlab.plots.core.accuracy_points import points
+from softlab.plots.core.read import load
 
 
 @dataclass(frozen=True)
@@ -184,7 +184,7 @@ def cloth_run(tmp_path_factory):
         patch.setattr(accuracy_cases, "QUICK_XPBD", ())
         patch.setitem(accuracy_points.CLOTH_ENDS, "S4", 0.24)
         patch.setattr(accuracy_cases, "CLOTH_STEP_SIZES", (0.004, 0.002))
-        patch.setattr("plots.core.accuracy_points.CLOTH_SCENES", {"S4": small.as_dict()})
+        patch.setattr("softlab.plots.core.accuracy_points.CLOTH_SCENES", {"S4": small.as_dict()})
         how = {"quick": True, "backends": ["cpu"], "precisions": ["float64"], "scenes": ["S4"], "progress": False}
         summary = run_accuracy(store, **how)
         shown = (
@@ -236,8 +236,8 @@ def test_the_cloth_belongs_to_the_full_mode(monkeypatch):
 def test_a_reference_of_contacts(tmp_path, monkeypatch):
     """S5 at 6 x 6, as wide as the ball's cap, to 0.3 s, just after the touch: the reference's own estimate is of first order
     in its steps, it agrees with bench/reference at the same steps to rounding, and the second time comes from the file."""
-    from bench.experiments.accuracy import references
-    from bench.reference import mass_spring
+    from softlab.bench.experiments.accuracy import references
+    from softlab.bench.reference import mass_spring
 
     scene = load_scene("cloth-drop").replace({"cloth.rows": 6, "cloth.columns": 6, "cloth.origin": [-0.1, 0.52, -0.1]})
     monkeypatch.setattr(references, "FINER", 8)

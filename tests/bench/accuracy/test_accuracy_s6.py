@@ -5,24 +5,24 @@ import math
 import numpy as np
 import pytest
 
-from app.command.scene_file import write_scene
-from bench.experiments.accuracy import cases as accuracy_cases
-from bench.experiments.accuracy import methods
-from bench.experiments.accuracy import points as accuracy_points
-from bench.experiments.accuracy.cases import cases, make_case
-from bench.experiments.accuracy.experiment import run_accuracy
-from bench.experiments.accuracy.judge import distance
-from bench.experiments.accuracy.references import LEFT, converged_for, growth_for, motion_of
-from bench.measure.growth import measure_growth
-from bench.reference import cloth, implicit, mass_spring, rope, steps
-from bench.store.database import Store
-from model.core.energy import energies
-from model.core.errors import SceneError
-from model.core.integrators import IMPLICIT, INTEGRATORS
-from model.scene.scene import Scene, load_scene
-from plots.core.accuracy_points import points
-from plots.core.read import load
-from plots.figures import work_precision
+from softlab.app.command.scene_file import write_scene
+from softlab.bench.experiments.accuracy import cases as accuracy_cases
+from softlab.bench.experiments.accuracy import methods
+from softlab.bench.experiments.accuracy import points as accuracy_points
+from softlab.bench.experiments.accuracy.cases import cases, make_case
+from softlab.bench.experiments.accuracy.experiment import run_accuracy
+from softlab.bench.experiments.accuracy.judge import distance
+from softlab.bench.experiments.accuracy.references import LEFT, converged_for, growth_for, motion_of
+from softlab.bench.measure.growth import measure_growth
+from softlab.bench.reference import cloth, implicit, mass_spring, rope, steps
+from softlab.bench.store.database import Store
+from softlab.model.core.energy import energies
+from softlab.model.core.errors import SceneError
+from softlab.model.core.integrators import IMPLICIT, INTEGRATORS
+from softlab.model.scene.scene import Scene, load_scene
+from softlab.plots.core.accuracy_points import points
+from softlab.plots.core.read import load
+from softlab.plots.figures import work_precision
 
 GAUSS_SEIDEL, JACOBI, AVERAGED = methods.XPBD
 G = 9.81
@@ -224,7 +224,8 @@ def small_run(tmp_path_factory):
         patch.setattr(accuracy_cases, "IMPLICIT_STEP_SIZES", (0.008, 0.004))
         patch.setattr(accuracy_cases, "ROPE_STEP_SIZES", {"S6": (0.0025, 0.000625), "S6-still": STILL_STEPS})
         patch.setattr(
-            "plots.core.accuracy_points.CLOTH_SCENES", {label: scene.as_dict() for label, scene in scenes.items()}
+            "softlab.plots.core.accuracy_points.CLOTH_SCENES",
+            {label: scene.as_dict() for label, scene in scenes.items()},
         )
         how = {"precisions": ["float64"], "backends": ["cpu"], "progress": False, "quick": True}
         with Store(folder / "results.sqlite") as store:

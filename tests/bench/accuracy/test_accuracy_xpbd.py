@@ -6,23 +6,23 @@ import numpy as np
 import pytest
 from xpbd_scenes import PUBLISHED
 
-from bench.experiments.accuracy import cases as accuracy_cases
-from bench.experiments.accuracy import experiment as accuracy
-from bench.experiments.accuracy import methods
-from bench.experiments.accuracy.cases import cases, make_case
-from bench.experiments.accuracy.experiment import run_accuracy
-from bench.experiments.accuracy.judge import distance, judge_run
-from bench.experiments.accuracy.points import SCENES, AccuracyPoint, labels_of, method_words, point
-from bench.experiments.advise.ablate import ablate
-from bench.experiments.advise.experiment import advise
-from bench.reference import cache, xpbd
-from bench.store.database import Store
-from bench.store.results import configuration
-from model.core.build import build
-from model.core.errors import SceneError
-from model.core.integrators import INTEGRATORS
-from model.core.simulation import State
-from model.scene.scene import Scene, load_scene
+from softlab.bench.experiments.accuracy import cases as accuracy_cases
+from softlab.bench.experiments.accuracy import experiment as accuracy
+from softlab.bench.experiments.accuracy import methods
+from softlab.bench.experiments.accuracy.cases import cases, make_case
+from softlab.bench.experiments.accuracy.experiment import run_accuracy
+from softlab.bench.experiments.accuracy.judge import distance, judge_run
+from softlab.bench.experiments.accuracy.points import SCENES, AccuracyPoint, labels_of, method_words, point
+from softlab.bench.experiments.advise.ablate import ablate
+from softlab.bench.experiments.advise.experiment import advise
+from softlab.bench.reference import cache, xpbd
+from softlab.bench.store.database import Store
+from softlab.bench.store.results import configuration
+from softlab.model.core.build import build
+from softlab.model.core.errors import SceneError
+from softlab.model.core.integrators import INTEGRATORS
+from softlab.model.core.simulation import State
+from softlab.model.scene.scene import Scene, load_scene
 
 GAUSS_SEIDEL, JACOBI, AVERAGED = methods.XPBD
 
@@ -183,7 +183,7 @@ def test_words_of_a_method():
 
 def test_older_stores_stay_readable():
     """A description without the solver's fields, as stores had them, and one with: the same point but for its iterations."""
-    from bench.store.results import Measure
+    from softlab.bench.store.results import Measure
 
     def read(scene: Scene) -> AccuracyPoint:
         description = configuration(scene, backend="cpu", threads=2)

@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 from test_accuracy_xpbd import GAUSS_SEIDEL, JACOBI, small, solved
 
-from bench.experiments.accuracy import cases as accuracy_cases
-from bench.experiments.accuracy.cases import make_case
-from bench.experiments.accuracy.experiment import run_accuracy
-from bench.experiments.accuracy.judgement import BALANCE, CONSTRAINT, SOLVER
-from bench.experiments.accuracy.solver_error import FLOOR, SHARE, Iterated, next_residuals, solver_numbers
-from bench.store.database import Store
-from bench.store.results import measures
-from model.scene.scene import Scene
-from plots.core.accuracy_points import points
-from plots.core.read import load
+from softlab.bench.experiments.accuracy import cases as accuracy_cases
+from softlab.bench.experiments.accuracy.cases import make_case
+from softlab.bench.experiments.accuracy.experiment import run_accuracy
+from softlab.bench.experiments.accuracy.judgement import BALANCE, CONSTRAINT, SOLVER
+from softlab.bench.experiments.accuracy.solver_error import FLOOR, SHARE, Iterated, next_residuals, solver_numbers
+from softlab.bench.store.database import Store
+from softlab.bench.store.results import measures
+from softlab.model.scene.scene import Scene
+from softlab.plots.core.accuracy_points import points
+from softlab.plots.core.read import load
 
 EXACT = {"precision": "float64", "math": "exact"}
 
@@ -70,7 +70,7 @@ def test_iterations_leave_less_and_less(name, tmp_path):
     assert list(tmp_path.glob("iterated-*.npz"))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(
-            "bench.experiments.accuracy.solver_error.open_simulation", lambda *a, **k: pytest.fail("run again")
+            "softlab.bench.experiments.accuracy.solver_error.open_simulation", lambda *a, **k: pytest.fail("run again")
         )
         kept.end(solved(scene, name, 4, 0.01), 20)
 

@@ -7,26 +7,26 @@ import numpy as np
 import pytest
 from read_figures import LABELS, labels
 
-import softlab
-from bench.experiments.accuracy.references import held_converged
-from bench.experiments.advise import ablate as module
-from bench.experiments.advise import ablation
-from bench.experiments.advise.ablate import ablate
-from bench.experiments.advise.ablation import COARSER, FINER
-from bench.experiments.advise.ablation_results import GAINS, NEEDED, NOT_NEEDED, UNTOLD
-from bench.measure import samples, timing
-from bench.measure.growth import MAX_GROWTH
-from bench.measure.timing import Sample
-from bench.reference import cache
-from bench.store.database import Store
-from labbook.claims.ablation import CLAIMS, typeset
-from model.core.errors import SceneError
-from model.core.families import stability_limit
-from model.core.integrators import INTEGRATORS
-from model.scene.scene import Scene, load_scene
-from plots.core.read import load
-from plots.core.style import Drawing, settings
-from plots.figures import ablation as figure
+from softlab import cli
+from softlab.bench.experiments.accuracy.references import held_converged
+from softlab.bench.experiments.advise import ablate as module
+from softlab.bench.experiments.advise import ablation
+from softlab.bench.experiments.advise.ablate import ablate
+from softlab.bench.experiments.advise.ablation import COARSER, FINER
+from softlab.bench.experiments.advise.ablation_results import GAINS, NEEDED, NOT_NEEDED, UNTOLD
+from softlab.bench.measure import samples, timing
+from softlab.bench.measure.growth import MAX_GROWTH
+from softlab.bench.measure.timing import Sample
+from softlab.bench.reference import cache
+from softlab.bench.store.database import Store
+from softlab.labbook.claims.ablation import CLAIMS, typeset
+from softlab.model.core.errors import SceneError
+from softlab.model.core.families import stability_limit
+from softlab.model.core.integrators import INTEGRATORS
+from softlab.model.scene.scene import Scene, load_scene
+from softlab.plots.core.read import load
+from softlab.plots.core.style import Drawing, settings
+from softlab.plots.figures import ablation as figure
 
 QUIET = {"backends": ["cpu"], "progress": False}
 
@@ -255,7 +255,7 @@ def command(words: str, monkeypatch, tmp_path) -> int:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "argv", ["softlab", "ablate", *words.split()])
     with pytest.raises(SystemExit) as ended:
-        softlab.main()
+        cli.main()
     return ended.value.code or 0
 
 

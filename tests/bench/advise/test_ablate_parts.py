@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 from test_ablate import curtain
 
-from bench.experiments.accuracy.references import held_converged
-from bench.experiments.advise import ablation
-from bench.experiments.advise.ablation import COARSER, FINER, FULL, INTEGRATOR, PART, Ablation, ablations
-from bench.experiments.advise.ablation_results import GAINS, NEEDED, NOT_NEEDED, UNTOLD, Ablated, AblationRow
-from bench.measure.growth import MAX_GROWTH
-from bench.reference import cache
-from bench.reference.philox import random_directions
-from model.core.errors import SceneError
-from model.core.integrators import INTEGRATORS
-from model.scene.scene import Scene, load_scene
+from softlab.bench.experiments.accuracy.references import held_converged
+from softlab.bench.experiments.advise import ablation
+from softlab.bench.experiments.advise.ablation import COARSER, FINER, FULL, INTEGRATOR, PART, Ablation, ablations
+from softlab.bench.experiments.advise.ablation_results import GAINS, NEEDED, NOT_NEEDED, UNTOLD, Ablated, AblationRow
+from softlab.bench.measure.growth import MAX_GROWTH
+from softlab.bench.reference import cache
+from softlab.bench.reference.philox import random_directions
+from softlab.model.core.errors import SceneError
+from softlab.model.core.integrators import INTEGRATORS
+from softlab.model.scene.scene import Scene, load_scene
 
 # ---------------------------------------------------------------------- what can be left out
 

@@ -10,23 +10,29 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-import softlab
-from app.command.scene_file import write_scene
-from bench.experiments.accuracy.references import by_numpy, numpy_seconds, own_converged, own_growth, own_seconds
-from bench.experiments.advise import experiment as advise_experiment
-from bench.experiments.advise import search as advise_search
-from bench.experiments.advise.advice import Advice, Choice
-from bench.experiments.advise.bracket import TIGHT, next_steps
-from bench.experiments.advise.check import brute_force, grid_steps
-from bench.experiments.advise.experiment import advise
-from bench.measure import samples, timing
-from bench.measure.growth import MAX_GROWTH, kept_growth, measure_growth
-from bench.measure.timing import Sample
-from bench.reference import cache
-from bench.store.database import Store
-from model.core.errors import SceneError
-from model.core.integrators import INTEGRATORS
-from model.scene.scene import Scene, load_scene
+from softlab import cli
+from softlab.app.command.scene_file import write_scene
+from softlab.bench.experiments.accuracy.references import (
+    by_numpy,
+    numpy_seconds,
+    own_converged,
+    own_growth,
+    own_seconds,
+)
+from softlab.bench.experiments.advise import experiment as advise_experiment
+from softlab.bench.experiments.advise import search as advise_search
+from softlab.bench.experiments.advise.advice import Advice, Choice
+from softlab.bench.experiments.advise.bracket import TIGHT, next_steps
+from softlab.bench.experiments.advise.check import brute_force, grid_steps
+from softlab.bench.experiments.advise.experiment import advise
+from softlab.bench.measure import samples, timing
+from softlab.bench.measure.growth import MAX_GROWTH, kept_growth, measure_growth
+from softlab.bench.measure.timing import Sample
+from softlab.bench.reference import cache
+from softlab.bench.store.database import Store
+from softlab.model.core.errors import SceneError
+from softlab.model.core.integrators import INTEGRATORS
+from softlab.model.scene.scene import Scene, load_scene
 
 END = 0.3  # s
 METHODS = ("lab", "rk4", "taylor")  # the variants that tests/bench/test_accuracy.py compiles, too
@@ -82,7 +88,7 @@ def test_no_cheaper_configuration_of_the_grid_reaches_the_error(store, clockwork
 
 
 def limit_of(name: str) -> float:
-    from model.core.families import stability_limit
+    from softlab.model.core.families import stability_limit
 
     return stability_limit(small({"method.integrator": name}))
 
@@ -256,7 +262,7 @@ def test_the_command_refuses_in_one_line(words, told, capsys, monkeypatch, tmp_p
     (tmp_path / "there.toml").write_text("mine")
     monkeypatch.setattr(sys, "argv", ["softlab", "advise", "lab-curtain", *words.split()])
     with pytest.raises(SystemExit) as ended:
-        softlab.main()
+        cli.main()
     assert ended.value.code == 2
     error = capsys.readouterr().err
     assert told in error
@@ -270,7 +276,7 @@ def test_the_command_writes_what_it_advises(capsys, monkeypatch, tmp_path, clock
     line = "advise lab-curtain --set grid.rows=6 --set grid.columns=6 --error 0.2 --time 0.3 --precision float32"
     monkeypatch.setattr(sys, "argv", ["softlab", *line.split(), "--backend", "cpu", "--write", "fast.toml"])
     with pytest.raises(SystemExit) as ended:
-        softlab.main()
+        cli.main()
     assert not ended.value.code
     printed = capsys.readouterr().out
     assert "fastest" in printed

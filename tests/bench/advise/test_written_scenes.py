@@ -5,10 +5,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from test_advise import small
 
-from app.command.scene_file import scene_toml, write_scene
-from model.core.errors import InputError
-from model.scene.reader import catalogue
-from model.scene.scene import Scene, load_scene
+from softlab.app.command.scene_file import scene_toml, write_scene
+from softlab.model.core.errors import InputError
+from softlab.model.scene.reader import catalogue
+from softlab.model.scene.scene import Scene, load_scene
 
 # ---------------------------------------------------------------------- the file that --write makes
 

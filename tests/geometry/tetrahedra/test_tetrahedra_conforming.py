@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from closed_meshes import ball, both, box, without_some
 
-from model.assets.cooked import cooked
-from model.core.errors import BackendUnavailable, InputError, SceneError
-from model.geometry.tetrahedra.conforming import conforming_mesh
-from model.geometry.tetrahedra.voxels import voxel_mesh
+from softlab.model.assets.cooked import cooked
+from softlab.model.core.errors import BackendUnavailable, InputError, SceneError
+from softlab.model.geometry.tetrahedra.conforming import conforming_mesh
+from softlab.model.geometry.tetrahedra.voxels import voxel_mesh
 
 wild = pytest.mark.skipif(importlib.util.find_spec("wildmeshing") is None, reason='needs pip install -e ".[tets]"')
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from closed_meshes import box
 
-from model.core.errors import InputError, SceneError
-from model.geometry.tetrahedra.files import read_tetrahedra, write_arrays
-from model.geometry.tetrahedra.voxels import voxel_mesh
+from softlab.model.core.errors import InputError, SceneError
+from softlab.model.geometry.tetrahedra.files import read_tetrahedra, write_arrays
+from softlab.model.geometry.tetrahedra.voxels import voxel_mesh
 
 MESH = voxel_mesh(box((0.3, 0.2, 0.1)), edge=0.1).mesh
 COUNT, CELLS = len(MESH.position), len(MESH.tetrahedra)

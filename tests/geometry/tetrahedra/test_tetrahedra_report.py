@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from closed_meshes import ball, both, box, volume_of
 
-from model.core.errors import SceneError
-from model.geometry.tetrahedra.embedding import Embedding, carriers, weights_of
-from model.geometry.tetrahedra.mesh import TetrahedralMesh
-from model.geometry.tetrahedra.report import report_of
-from model.geometry.tetrahedra.voxels import voxel_mesh
+from softlab.model.core.errors import SceneError
+from softlab.model.geometry.tetrahedra.embedding import Embedding, carriers, weights_of
+from softlab.model.geometry.tetrahedra.mesh import TetrahedralMesh
+from softlab.model.geometry.tetrahedra.report import report_of
+from softlab.model.geometry.tetrahedra.voxels import voxel_mesh
 
 
 def told(mesh, voxels=5, density=500.0):

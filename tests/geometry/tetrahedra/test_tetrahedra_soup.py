@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from closed_meshes import ball, both, box, rotation, turned_over
 
-from model.assets.cooked import cooked
-from model.assets.tetrahedral_body import CookedBody
-from model.core.errors import InputError, SoftlabError
-from model.geometry.tetrahedra.voxels import voxel_mesh
+from softlab.model.assets.cooked import cooked
+from softlab.model.assets.tetrahedral_body import CookedBody
+from softlab.model.core.errors import InputError, SoftlabError
+from softlab.model.geometry.tetrahedra.voxels import voxel_mesh
 
 SEED, FEW, MANY = 16, 200, 2_000
 
@@ -145,7 +145,7 @@ def soup(first: int, last: int, folder) -> tuple[int, int]:
 @pytest.fixture(autouse=True)
 def little_memory(monkeypatch):
     """So that voxels are refused which would fit into this machine, and take minutes."""
-    monkeypatch.setattr("model.geometry.tetrahedra.voxels.available_bytes", lambda: 1 << 26)
+    monkeypatch.setattr("softlab.model.geometry.tetrahedra.voxels.available_bytes", lambda: 1 << 26)
 
 
 def test_a_soup_of_meshes(tmp_path):

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from closed_meshes import ball, box, rotation, volume_of
 
-from model.core.errors import InputError, SceneError
-from model.geometry.tetrahedra.mesh import TetrahedralMesh, rest_inverse, signed_volumes
-from model.geometry.tetrahedra.voxels import voxel_mesh
+from softlab.model.core.errors import InputError, SceneError
+from softlab.model.geometry.tetrahedra.mesh import TetrahedralMesh, rest_inverse, signed_volumes
+from softlab.model.geometry.tetrahedra.voxels import voxel_mesh
 
 CORNER = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
 REGULAR = np.array([[1.0, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]])

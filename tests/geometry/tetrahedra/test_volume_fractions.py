@@ -17,9 +17,9 @@ from voxel_accuracy import (
     weights,
 )  # fmt: skip
 
-from model.geometry.edges import components
-from model.geometry.moments import tetrahedra_moments
-from model.geometry.tetrahedra.voxels import voxel_mesh
+from softlab.model.geometry.edges import components
+from softlab.model.geometry.moments import tetrahedra_moments
+from softlab.model.geometry.tetrahedra.voxels import voxel_mesh
 
 
 @pytest.mark.parametrize("name", SHAPES)

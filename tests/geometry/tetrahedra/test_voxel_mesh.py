@@ -6,11 +6,11 @@ from closed_meshes import ball, blocks, both, box, rotation, turned_over, withou
 from scipy.sparse import coo_array
 from scipy.sparse.linalg import spsolve
 
-from model.core.errors import InputError, SceneError
-from model.geometry.shapes import Shape
-from model.geometry.tetrahedra.mesh import rest_inverse
-from model.geometry.tetrahedra.voxels import CUTS, voxel_mesh
-from model.geometry.voxels import runs_inside
+from softlab.model.core.errors import InputError, SceneError
+from softlab.model.geometry.shapes import Shape
+from softlab.model.geometry.tetrahedra.mesh import rest_inverse
+from softlab.model.geometry.tetrahedra.voxels import CUTS, voxel_mesh
+from softlab.model.geometry.voxels import runs_inside
 
 BAR = (1.0, 0.1, 0.1)
 

@@ -9,14 +9,14 @@ import pytest
 from closed_meshes import blocks
 from scipy import ndimage
 
-from model.core.errors import InputError
-from model.geometry.mesh import triangle_mesh
-from model.geometry.solid import solid
-from model.geometry.tetrahedra.meeting import Cells
-from model.geometry.tetrahedra.overlap import triangles_in_voxels
-from model.geometry.tetrahedra.pieces import pieces_of
-from model.geometry.tetrahedra.voxels import voxel_mesh
-from model.geometry.voxels import runs_inside
+from softlab.model.core.errors import InputError
+from softlab.model.geometry.mesh import triangle_mesh
+from softlab.model.geometry.solid import solid
+from softlab.model.geometry.tetrahedra.meeting import Cells
+from softlab.model.geometry.tetrahedra.overlap import triangles_in_voxels
+from softlab.model.geometry.tetrahedra.pieces import pieces_of
+from softlab.model.geometry.tetrahedra.voxels import voxel_mesh
+from softlab.model.geometry.voxels import runs_inside
 
 
 def some_blocks(chance):

@@ -15,14 +15,14 @@ sys.path[:0] = [folder for folder in (str(ROOT), str(ROOT / "tests" / "tools")) 
 
 from closed_meshes import box, rotation  # noqa: E402  # tools of the tests, found by the line above
 
-from app.driver import open_simulation  # noqa: E402
-from bench.reference.finite_elements import linear_static  # noqa: E402
-from model.geometry.mesh import triangle_mesh  # noqa: E402
-from model.geometry.moments import point_moments, surface_moments, tetrahedra_moments  # noqa: E402
-from model.geometry.shapes import Shape  # noqa: E402
-from model.geometry.tetrahedra.fractions import MIN_STIFFNESS  # noqa: E402
-from model.geometry.tetrahedra.voxels import VoxelMesh, voxel_mesh  # noqa: E402
-from model.scene.scene import Scene  # noqa: E402
+from softlab.app.driver import open_simulation  # noqa: E402
+from softlab.bench.reference.finite_elements import linear_static  # noqa: E402
+from softlab.model.geometry.mesh import triangle_mesh  # noqa: E402
+from softlab.model.geometry.moments import point_moments, surface_moments, tetrahedra_moments  # noqa: E402
+from softlab.model.geometry.shapes import Shape  # noqa: E402
+from softlab.model.geometry.tetrahedra.fractions import MIN_STIFFNESS  # noqa: E402
+from softlab.model.geometry.tetrahedra.voxels import VoxelMesh, voxel_mesh  # noqa: E402
+from softlab.model.scene.scene import Scene  # noqa: E402
 
 PAGE = ROOT / "docs" / "method.md"
 DENSITY, YOUNG, POISSON = 1000.0, 1e5, 0.3  # kg/m^3, Pa

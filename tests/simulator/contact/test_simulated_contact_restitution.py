@@ -8,8 +8,8 @@ import pytest
 from bodies_scenes import end_state, same
 from meeting_bodies import meeting, smooth
 
-from model.core.state import State
-from model.scene.scene import Scene
+from softlab.model.core.state import State
+from softlab.model.scene.scene import Scene
 
 
 def bars() -> Scene:

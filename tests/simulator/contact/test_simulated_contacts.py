@@ -10,15 +10,15 @@ import pytest
 from contact_scenes import crumpled, folded
 from numba import cuda
 
-from app.driver import open_simulation
-from bench.reference import mass_spring
-from bench.reference.contact import self_contacts as reference
-from gpu_backend.contact.self_contact import Contacts
-from gpu_backend.core.scan import CHUNK, Scan
-from model.contact.self_contact_parameters import MAX_CONTACTS
-from model.core.build import build
-from model.core.errors import SceneError
-from model.scene.scene import Scene
+from softlab.app.driver import open_simulation
+from softlab.bench.reference import mass_spring
+from softlab.bench.reference.contact import self_contacts as reference
+from softlab.gpu_backend.contact.self_contact import Contacts
+from softlab.gpu_backend.core.scan import CHUNK, Scan
+from softlab.model.contact.self_contact_parameters import MAX_CONTACTS
+from softlab.model.core.build import build
+from softlab.model.core.errors import SceneError
+from softlab.model.scene.scene import Scene
 
 
 @pytest.mark.parametrize("count", [1, CHUNK - 1, CHUNK, 5 * CHUNK + 3])

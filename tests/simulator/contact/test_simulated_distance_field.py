@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from field_scenes import FALLING
 
-from app.driver import open_simulation
-from model.core.simulation import State
-from model.scene.scene import Scene
+from softlab.app.driver import open_simulation
+from softlab.model.core.simulation import State
+from softlab.model.scene.scene import Scene
 
 NAMES = ["bar", "semi-implicit-euler", "velocity-verlet", "rk4", "implicit-euler", "xpbd", "mesh"]
 

@@ -11,12 +11,12 @@ from bodies_scenes import bodies_scene, end_state, lone_points, opened, same, st
 from meeting_bodies import BRICK, SOFT, meeting, neighbours, smooth
 from numba import cuda
 
-from bench.reference.contact import particle_contacts as reference
-from gpu_backend.contact.particles import ParticleContacts
-from gpu_backend.core.scan import CHUNK, Scan
-from model.contact.particle_parameters import H_INVERSE_CELL, MAX_NEIGHBOURS, particle_contact_record
-from model.core.errors import Diverged
-from model.scene.scene import Scene
+from softlab.bench.reference.contact import particle_contacts as reference
+from softlab.gpu_backend.contact.particles import ParticleContacts
+from softlab.gpu_backend.core.scan import CHUNK, Scan
+from softlab.model.contact.particle_parameters import H_INVERSE_CELL, MAX_NEIGHBOURS, particle_contact_record
+from softlab.model.core.errors import Diverged
+from softlab.model.scene.scene import Scene
 
 STEPS = 2
 

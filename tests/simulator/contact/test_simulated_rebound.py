@@ -8,7 +8,7 @@ import pytest
 from bodies_scenes import end_state, same
 from rebound_scenes import among_soft_ones, dropped
 
-from model.core.state import State
+from softlab.model.core.state import State
 
 
 @pytest.mark.parametrize("precision,kernel", [("float32", "launch"), ("float64", "stages")])

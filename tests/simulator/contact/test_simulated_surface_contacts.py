@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from surface_scenes import crumpled_state, three
 
-from app.driver import open_simulation
-from model.core.simulation import State
-from model.scene.scene import Scene
+from softlab.app.driver import open_simulation
+from softlab.model.core.simulation import State
+from softlab.model.scene.scene import Scene
 
 
 def end_state(scene: Scene, backend: str, **options: Any) -> State:

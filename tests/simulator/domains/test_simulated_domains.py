@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.driver import open_simulation
-from gpu_backend.domains import devices, kernels
-from gpu_backend.domains.flags import FlagSimulation
-from model.core.errors import BackendUnavailable, SceneError
-from model.core.options import Options
-from model.core.simulation import State
-from model.scene.scene import Scene, load_scene
+from softlab.app.driver import open_simulation
+from softlab.gpu_backend.domains import devices, kernels
+from softlab.gpu_backend.domains.flags import FlagSimulation
+from softlab.model.core.errors import BackendUnavailable, SceneError
+from softlab.model.core.options import Options
+from softlab.model.core.simulation import State
+from softlab.model.scene.scene import Scene, load_scene
 
 LINKS = ("peer", "flags")
 

@@ -10,11 +10,11 @@ from typing import Any
 
 import pytest
 
-from app.driver import open_simulation
-from gpu_backend.domains import nccl
-from model.core.errors import BackendUnavailable
-from model.core.simulation import State
-from model.scene.scene import Scene, load_scene
+from softlab.app.driver import open_simulation
+from softlab.gpu_backend.domains import nccl
+from softlab.model.core.errors import BackendUnavailable
+from softlab.model.core.simulation import State
+from softlab.model.scene.scene import Scene, load_scene
 
 
 class Bindings:
@@ -77,7 +77,7 @@ def test_windows_have_the_bits_of_the_cpu(name: str, bindings: Bindings, monkeyp
     """In a plane and in space; three windows, the middle one with two neighbours."""
     monkeypatch.setattr(nccl, "devices_for", lambda count: list(range(count)))
     for module in ("nccl", "windows"):
-        monkeypatch.setattr(f"gpu_backend.domains.{module}.at", lambda device: nullcontext())
+        monkeypatch.setattr(f"softlab.gpu_backend.domains.{module}.at", lambda device: nullcontext())
     sheet = "grid" if name == "lab-grid" else "cloth"
     scene = load_scene(name).replace({f"{sheet}.rows": 13, f"{sheet}.columns": 5})
     found = end(scene, backend="gpu", gpus=3, link="nccl", exchange_every=1)

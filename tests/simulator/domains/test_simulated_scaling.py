@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from bench.experiments.scaling.experiment import points, print_scaling, run_scaling, shares, speedups
-from bench.measure import case_timing
-from bench.store.database import Store
-from bench.store.results import measures, timings
-from model.core.errors import SceneError
+from softlab.bench.experiments.scaling.experiment import points, print_scaling, run_scaling, shares, speedups
+from softlab.bench.measure import case_timing
+from softlab.bench.store.database import Store
+from softlab.bench.store.results import measures, timings
+from softlab.model.core.errors import SceneError
 
 
 def test_a_sweep_over_gpus_is_stored_checked_and_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

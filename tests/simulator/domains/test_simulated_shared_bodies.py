@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.driver import open_simulation
-from model.core.errors import SceneError
-from model.core.state import State
-from model.scene.scene import Scene
+from softlab.app.driver import open_simulation
+from softlab.model.core.errors import SceneError
+from softlab.model.core.state import State
+from softlab.model.scene.scene import Scene
 
 BOX = {"shape": {"name": "box", "sides": [0.2, 0.2, 0.2], "resolution": 2}, "particle_spacing": 0.1}
 PLANE = {"kind": "plane", "point": [0.0, 0.0, 0.0], "normal": [0.0, 1.0, 0.0]}

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.driver import open_simulation
-from model.core.errors import SceneError
-from model.core.state import State
-from model.scene.scene import Scene
+from softlab.app.driver import open_simulation
+from softlab.model.core.errors import SceneError
+from softlab.model.core.state import State
+from softlab.model.scene.scene import Scene
 
 SCENE: dict[
     str, Any

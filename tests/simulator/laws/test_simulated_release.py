@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from release_scenes import LETS_GO, MORE, TABLES, end_state, release_scene
 
-from app.driver import open_simulation
+from softlab.app.driver import open_simulation
 
 
 @pytest.mark.parametrize("name", TABLES)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from kinematic_scenes import CLAMP, CUBE, ENDS, HOOK, LOOSE, kinematic_scene, run
 
-from app.driver import open_simulation
+from softlab.app.driver import open_simulation
 
 
 @pytest.mark.parametrize("solver", ["xpbd", "vbd"])

@@ -11,10 +11,10 @@ from kinematic_scenes import BAR, CLAMP, CUBE, ENDS, HOOK, LOOSE, kinematic_scen
 from newton_scenes import end_state, groups_and_bodies, newton_scene
 from tetrahedra_scenes import BODY
 
-from app.driver import open_simulation
-from model.core.errors import SceneError
-from model.core.simulation import State
-from model.scene.scene import Scene
+from softlab.app.driver import open_simulation
+from softlab.model.core.errors import SceneError
+from softlab.model.core.simulation import State
+from softlab.model.scene.scene import Scene
 
 
 @cache

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from tetrahedra_scenes import moving, tetrahedra_scene
 
-from app.driver import open_simulation
-from gpu_backend.core.formulas import _refuse_attributes
-from model.core.simulation import State
-from model.formulas import plain
-from model.formulas.elastic import deformation
-from model.scene.scene import Scene
-from model.scene.sheets import scene_normals
+from softlab.app.driver import open_simulation
+from softlab.gpu_backend.core.formulas import _refuse_attributes
+from softlab.model.core.simulation import State
+from softlab.model.formulas import plain
+from softlab.model.formulas.elastic import deformation
+from softlab.model.scene.scene import Scene
+from softlab.model.scene.sheets import scene_normals
 
 
 def end_state(scene: Scene, backend: str, **options: Any) -> State:

@@ -9,10 +9,10 @@ import pytest
 from test_simulated_tiles import assert_same, blocks_together  # noqa: F401  # a fixture
 from tetrahedra_scenes import BODY, METHOD, moving, tetrahedra_scene
 
-from app.driver import open_simulation
-from model.core.errors import SceneError
-from model.core.simulation import State
-from model.scene.scene import Scene
+from softlab.app.driver import open_simulation
+from softlab.model.core.errors import SceneError
+from softlab.model.core.simulation import State
+from softlab.model.scene.scene import Scene
 
 BAR = BODY | {"shape": {"name": "box", "sides": [0.1, 0.5, 0.2], "resolution": 10}, "pinned": ["bottom"]}
 
@@ -62,7 +62,7 @@ def test_what_cannot_be_resident_is_refused() -> None:
 
 
 def test_a_body_too_large_for_the_chip_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    import gpu_backend.mass_spring.grid.tile_launch as tile_launch
+    import softlab.gpu_backend.mass_spring.grid.tile_launch as tile_launch
 
     for limits, why in (((1, 1 << 20), "at once"), ((64, 500), "shared memory")):
         monkeypatch.setattr(tile_launch, "device_limits", lambda limits=limits: limits)

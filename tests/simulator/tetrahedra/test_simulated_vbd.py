@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from vbd_scenes import BODY, EVERYTHING, FREE, METHOD, end_state, vbd_scene
 
-from model.scene.scene import Scene
+from softlab.model.scene.scene import Scene
 
 NEAR: dict[str, Any] = {
     "body": BODY, "second": FREE | {"origin": [0.22, 0.03, 0.01], "velocity": [-1.0, 0.0, 0.2], "spin": [0.0] * 3},

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from model.core.build import build
-from model.core.simulation import State
-from model.scene.scene import Scene
+from softlab.model.core.build import build
+from softlab.model.core.simulation import State
+from softlab.model.scene.scene import Scene
 
 SIDE, SPACING = 0.1, 0.05  # m, of the box and of the cloth
 METHOD: dict[str, Any] = {"solver": "xpbd", "dt": 0.01, "substeps": 2, "iterations": 2}

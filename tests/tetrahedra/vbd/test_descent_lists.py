@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from vbd_scenes import BODY, EVERYTHING, FREE, vbd_scene
 
-from app.driver import open_simulation
-from model.core.errors import SceneError
-from model.core.families import family_of, scene_plan
-from model.scene.scene import Scene
-from model.tetrahedra.descent import descents, neighbours, vertex_colours
-from model.tetrahedra.vbd import TETRAHEDRA_VBD
+from softlab.app.driver import open_simulation
+from softlab.model.core.errors import SceneError
+from softlab.model.core.families import family_of, scene_plan
+from softlab.model.scene.scene import Scene
+from softlab.model.tetrahedra.descent import descents, neighbours, vertex_colours
+from softlab.model.tetrahedra.vbd import TETRAHEDRA_VBD
 
 BEAM = BODY | {"shape": {"name": "box", "sides": [0.6, 0.3, 0.3]}}
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from vbd_scenes import BODY, EVERYTHING, METHOD, end_state, moving, step_slope, vbd_scene
 
-from model.core.errors import SceneError
-from model.formulas.elastic.chebyshev import weights
-from model.scene.scene import Scene
+from softlab.model.core.errors import SceneError
+from softlab.model.formulas.elastic.chebyshev import weights
+from softlab.model.scene.scene import Scene
 
 RHO = 0.9
 LONG: dict[str, Any] = BODY | {"shape": {"name": "box", "sides": [0.6, 0.1, 0.1]}, "young_modulus": 2e5}

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from vbd_scenes import end_state
 
-from app.driver import open_simulation
-from model.core.build import build
-from model.core.errors import SceneError
-from model.core.simulation import State
-from model.scene.scene import Scene
+from softlab.app.driver import open_simulation
+from softlab.model.core.build import build
+from softlab.model.core.errors import SceneError
+from softlab.model.core.simulation import State
+from softlab.model.scene.scene import Scene
 
 CUBE: dict[str, Any] = {
     "kind": "tetrahedral_body", "shape": {"name": "box", "sides": [0.2, 0.2, 0.2]}, "edge": 0.1, "young_modulus": 1e5,

@@ -22,12 +22,12 @@ from vbd_scenes import (
     zero_of,
 )
 
-from app.driver import open_simulation
-from model.core.build import build
-from model.core.simulation import State
-from model.formulas.constraints.tetrahedron import MATERIALS
-from model.scene.scene import Scene
-from model.tetrahedra.material import deformation, stretches
+from softlab.app.driver import open_simulation
+from softlab.model.core.build import build
+from softlab.model.core.simulation import State
+from softlab.model.formulas.constraints.tetrahedron import MATERIALS
+from softlab.model.scene.scene import Scene
+from softlab.model.tetrahedra.material import deformation, stretches
 
 
 def still(scene: Scene, position: np.ndarray) -> State:

@@ -7,7 +7,7 @@ import pytest
 from test_vbd_contact import on_slope, pair, rest_of
 from vbd_scenes import EVERYTHING, end_state
 
-from model.scene.scene import Scene, load_scene
+from softlab.model.scene.scene import Scene, load_scene
 
 pytestmark = pytest.mark.gpu
 

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from kernel_text import entry_of
 
-from model.core.parameters import record_type
-from model.formulas.constraints import tetrahedron
-from model.tetrahedra import springs
-from model.tetrahedra.descent import SCALE
-from model.tetrahedra.newton import CONSTANTS
-from model.xpbd.parameters import XPBD_PARAMETERS
+from softlab.model.core.parameters import record_type
+from softlab.model.formulas.constraints import tetrahedron
+from softlab.model.tetrahedra import springs
+from softlab.model.tetrahedra.descent import SCALE
+from softlab.model.tetrahedra.newton import CONSTANTS
+from softlab.model.xpbd.parameters import XPBD_PARAMETERS
 
 pytestmark = pytest.mark.usefixtures("ptx_compiler")
 
@@ -26,7 +26,7 @@ def text(name: str, real: Any, math: str, material: int, damped: bool = False, p
     """Of a kernel from its entry on. R and I: arrays of reals and of indices, P the record, i a number."""
     from numba import typeof, types
 
-    from gpu_backend.tetrahedra.descent_kernels import make_visits
+    from softlab.gpu_backend.tetrahedra.descent_kernels import make_visits
 
     kernel = getattr(make_visits(real, math, material, damped, parts), name)
     known = {
@@ -52,7 +52,7 @@ def test_float32_visits_hold_no_double_and_no_local_memory(math: str, material: 
 def test_acceleration_holds_no_double_and_no_local_memory() -> None:
     from numba import cuda, types
 
-    from gpu_backend.tetrahedra.descent_kernels import make_accelerate
+    from softlab.gpu_backend.tetrahedra.descent_kernels import make_accelerate
 
     arguments = types.float32[::1], types.float32[::1], types.float32
     found, _ = cuda.compile_ptx(make_accelerate(np.float32, "exact").py_func, arguments, cc=(9, 0))

@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 from vbd_scenes import BODY, end_state, moving, vbd_scene
 
-from model.formulas.constraints.tetrahedron import MATERIALS
+from softlab.model.formulas.constraints.tetrahedron import MATERIALS
 
-elements = pytest.importorskip("bench.reference.finite_elements", reason="the judge of tetrahedra is not there")
-newton = pytest.importorskip("bench.reference.finite_elements_newton", reason="the judge of tetrahedra is not there")
+elements = pytest.importorskip("softlab.bench.reference.finite_elements", reason="the judge of tetrahedra is not there")
+newton = pytest.importorskip(
+    "softlab.bench.reference.finite_elements_newton", reason="the judge of tetrahedra is not there"
+)
 
 
 @pytest.mark.parametrize("apart,damping", [(1e-2, 0.0), (1e-2, 0.02)])

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from tetrahedra_scenes import moving
 
-from app.driver import open_simulation
-from model.core.simulation import State
-from model.scene.scene import Scene
-from model.tetrahedra.body_set import TetrahedraSet
-from model.tetrahedra.material import deformation, energies, rest_ratio
+from softlab.app.driver import open_simulation
+from softlab.model.core.simulation import State
+from softlab.model.scene.scene import Scene
+from softlab.model.tetrahedra.body_set import TetrahedraSet
+from softlab.model.tetrahedra.material import deformation, energies, rest_ratio
 
 METHOD = {"solver": "vbd", "dt": 0.01, "substeps": 1, "iterations": 2}
 BODY: dict[str, Any] = {

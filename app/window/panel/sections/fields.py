@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 from itertools import groupby
 
-from app.window.materials import FACTORS
-from app.window.panel.parameters import Parameter, parameters_of, value_of
-from app.window.panel.sections.said import Said
+from softlab.app.window.materials import FACTORS
+from softlab.app.window.panel.parameters import Parameter, parameters_of, value_of
+from softlab.app.window.panel.sections.said import Said
 
 ANEW = "Changing one of these reopens the scene when you release the slider. The state is kept if the masses stay the same."
 DEAR = 2000  # fields: of more, as a scene of hundreds of parts has, the first are shown

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from app.window import keeping
-from app.window.panel.sections.said import Said
+from softlab.app.window import keeping
+from softlab.app.window.panel.sections.said import Said
 
 
 def files(said: Said) -> None:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from app.window.panel.look import DARK, LIGHT, SIZES
-from app.window.panel.sections.said import Said
+from softlab.app.window.panel.look import DARK, LIGHT, SIZES
+from softlab.app.window.panel.sections.said import Said
 
 
 def itself(said: Said) -> None:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from app.render.detail import DETAILS
-from app.window.panel.sections.said import Said
+from softlab.app.render.detail import DETAILS
+from softlab.app.window.panel.sections.said import Said
 
 INSIDE = (("particles", "Particles"), ("skin", "Skins"), ("clusters", "Clusters"), ("links", "Links"))
 

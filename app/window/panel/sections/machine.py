@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from app.driver import BACKENDS
-from app.window.demo import THREAD_WORDS
-from app.window.panel.sections.said import Said
-from model.core.options import MATHS, PRECISIONS
+from softlab.app.driver import BACKENDS
+from softlab.app.window.demo import THREAD_WORDS
+from softlab.app.window.panel.sections.said import Said
+from softlab.model.core.options import MATHS, PRECISIONS
 
 OWN = "automatic"
 KERNELS = {  # the words of --kernel; a solver refuses those it lacks

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from app.window.demo_report import counts_of, rates_text, strain_text
-from app.window.panel import graphs
-from app.window.panel.sections.said import Said
-from model.core.errors import SoftlabError
+from softlab.app.window.demo_report import counts_of, rates_text, strain_text
+from softlab.app.window.panel import graphs
+from softlab.app.window.panel.sections.said import Said
+from softlab.model.core.errors import SoftlabError
 
 BUTTON = "Measure the error now"
 SIGNS = {"total": "accent", "kinetic": "second"}

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from app.window.panel.sections.said import Said
-from app.window.worlds import STEPS_PER_FRAME
+from softlab.app.window.panel.sections.said import Said
+from softlab.app.window.worlds import STEPS_PER_FRAME
 
 
 def head(said: Said) -> None:

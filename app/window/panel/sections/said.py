@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from app.window.demo import Demo
-from app.window.panel.look import Look
-from app.window.panel.sliders import Sliders
-from app.window.panel.state import PanelState
-from app.window.shown import Shown
+from softlab.app.window.demo import Demo
+from softlab.app.window.panel.look import Look
+from softlab.app.window.panel.sliders import Sliders
+from softlab.app.window.panel.state import PanelState
+from softlab.app.window.shown import Shown
 
 
 @dataclass(frozen=True)

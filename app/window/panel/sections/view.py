@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from math import asin, atan2, degrees, radians
 
-from app.render.camera3d import MAX_PITCH
-from app.window.panel.sections.said import Said
+from softlab.app.render.camera3d import MAX_PITCH
+from softlab.app.window.panel.sections.said import Said
 
 LOWEST, HIGHEST = 10.0, 88.0  # degrees, of the light: flatter, shadows go on and on; straight above it has no turn
 CLOSER = 50.0  # a slider's reach of distances and scales, as a factor to either side

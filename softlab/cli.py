@@ -4,7 +4,7 @@ app/command/file_commands.py, bench/store/commands.py."""
 
 from __future__ import annotations
 
-from app.command.stopping import answer_at_once
+from softlab.app.command.stopping import answer_at_once
 
 answer_at_once()  # what is imported next takes half a second
 # ruff: noqa: E402
@@ -17,7 +17,7 @@ from typing import Annotated
 
 import typer
 
-from app.command.command_line import (
+from softlab.app.command.command_line import (
     Backend,
     Commands,
     Math,
@@ -31,15 +31,15 @@ from app.command.command_line import (
     out,
     scene_of,
 )
-from app.command.file_commands import filing
-from bench.advice_commands import advising
-from bench.commands import measuring
-from bench.scale_commands import scaling
-from bench.store.commands import keeping
-from bench.sweep_commands import sweeping
-from labbook.commands import telling
-from model.core.errors import SceneError
-from model.domains.launched import launched_ranks
+from softlab.app.command.file_commands import filing
+from softlab.bench.advice_commands import advising
+from softlab.bench.commands import measuring
+from softlab.bench.scale_commands import scaling
+from softlab.bench.store.commands import keeping
+from softlab.bench.sweep_commands import sweeping
+from softlab.labbook.commands import telling
+from softlab.model.core.errors import SceneError
+from softlab.model.domains.launched import launched_ranks
 
 app = typer.Typer(
     cls=Commands,
@@ -55,10 +55,10 @@ def tell_version(asked: bool) -> None:
     if asked:
         from importlib.metadata import version
 
-        from bench.store.versions import code_version
+        from softlab.bench.store.versions import code_version
 
         commit = code_version().split()[0]
-        out.print(f"softlab {version('softlab')}" + (f", commit {commit}" if commit != "-" else ""), markup=False)
+        out.print(f"softlab {version('soft-body-lab')}" + (f", commit {commit}" if commit != "-" else ""), markup=False)
         raise typer.Exit
 
 
@@ -79,9 +79,9 @@ def softlab(
 
 def main() -> None:
     """Run the command line; an error a user can mend is one line on standard error and its exit status."""
-    status = exit_status(lambda: app(standalone_mode=False))
+    status = exit_status(lambda: app(standalone_mode=False, prog_name="softlab"))
     if launched_ranks() > 1:
-        from app.command.ranks import rank_status
+        from softlab.app.command.ranks import rank_status
 
         status = rank_status(status)
     sys.exit(status)
@@ -169,11 +169,11 @@ def run(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
     """Run a scene without a window."""
-    from app.command.pictures import parse_camera
-    from app.command.ranks import among_ranks, start_ranks
-    from app.command.run import Request, run_scene
-    from app.command.run_length import parse_record
-    from bench.experiments.accuracy.judge import judge_run
+    from softlab.app.command.pictures import parse_camera
+    from softlab.app.command.ranks import among_ranks, start_ranks
+    from softlab.app.command.run import Request, run_scene
+    from softlab.app.command.run_length import parse_record
+    from softlab.bench.experiments.accuracy.judge import judge_run
 
     request = Request(
         backend, threads, precision, math, kernel, steps, time, initial, out_file,
@@ -200,8 +200,8 @@ def run(
     if as_json:
         print(json.dumps(result.report))
     else:
-        from app.command.tables import print_report
-        from model.core.energy import keeps
+        from softlab.app.command.tables import print_report
+        from softlab.model.core.energy import keeps
 
         print_report(out, result.report, result.written, keeps(result.scene))
     if ended := result.diverged or result.incomplete:
@@ -225,8 +225,8 @@ def demo(
     frames: Annotated[int | None, typer.Option(help="Close the window after this many frames.")] = None,
 ) -> None:
     """Show scenes in a window; key H lists the keys, key A opens the panel with all settings."""
-    from app.window.viewer import run_demo
-    from bench.experiments.accuracy.judge import judge_run
+    from softlab.app.window.viewer import run_demo
+    from softlab.bench.experiments.accuracy.judge import judge_run
 
     if frames is not None and frames < 1:
         raise SceneError("--frames", frames, "must be a whole number, at least 1")
@@ -248,7 +248,7 @@ def scenes(
     ] = None,
 ) -> None:
     """List the scenes that come with the lab, or (--fields) the fields of a table of a scene file."""
-    from app.command.tables import print_fields, print_scenes
+    from softlab.app.command.tables import print_fields, print_scenes
 
     if fields is not None:
         print_fields(out, fields)
@@ -272,10 +272,10 @@ def plan(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
     """Print the stages of a step with their bytes and operations, the kernel of each backend, and the stability limit."""
-    from app.driver import BACKENDS
-    from app.plan.report import plan_report
-    from app.plan.shared import shared_plan
-    from app.shared import check_asked
+    from softlab.app.driver import BACKENDS
+    from softlab.app.plan.report import plan_report
+    from softlab.app.plan.shared import shared_plan
+    from softlab.app.shared import check_asked
 
     check_asked("gpu", gpus, 1, exchange_every, None)
     wanted = BACKENDS if backend is None else (backend,)
@@ -286,7 +286,7 @@ def plan(
     if as_json:
         print(json.dumps(report.as_dict()))
     else:
-        from app.plan.table import print_plan
+        from softlab.app.plan.table import print_plan
 
         print_plan(out, report)
 
@@ -294,8 +294,8 @@ def plan(
 @app.command(epilog="Example: softlab doctor")
 def doctor() -> None:
     """Check what works on this machine, and print how to get what is missing."""
-    from app.command.doctor import examine
-    from app.command.tables import print_findings
+    from softlab.app.command.doctor import examine
+    from softlab.app.command.tables import print_findings
 
     print_findings(out, examine())
 
