@@ -12,14 +12,13 @@ ROOT = Path(__file__).resolve().parents[1]
 LAYERS = ("model", "cpu_backend", "gpu_backend", "app", "bench", "plots", "labbook")
 
 
-def on_config(config: Any) -> Any:
-    """Lay out the sources as they are installed, in build/api: the builder reads them and imports nothing."""
+def on_startup(**_: Any) -> None:
+    """Lay out the sources as they are installed, in build/api, before the builder looks for it; it imports nothing."""
     package = ROOT / "build" / "api" / "softlab"
     shutil.rmtree(package, ignore_errors=True)
     for source in [ROOT / "softlab", *(ROOT / layer for layer in LAYERS)]:
         target = package if source.name == "softlab" else package / source.name
         shutil.copytree(source, target, ignore=shutil.ignore_patterns("__pycache__", "data"), dirs_exist_ok=True)
-    return config
 
 
 def on_page_markdown(markdown: str, **_: Any) -> str:

@@ -208,12 +208,11 @@ def notices(results: Results) -> list[str]:
             f"The machine of these measurements has no GPU that could be timed. What is said about the GPU is from the "
             f"committed measurements, made on: {gpu.machine.label}; it is marked “committed”."
         )
-    for source in results.sources:
-        if source.older:
-            found.append(
-                f"On {source.machine.label}, {source.older}: their kernels are not proved to be those of the code that made "
-                f"this book. What rests on them is marked {OLDER}."
-            )
+    if any(source.older for source in results.sources):
+        found.append(
+            f"What rests on measurements whose kernels are not proved to be those of the code that made this book is marked "
+            f"{OLDER}; their numbers and commits are above."
+        )
     for source in results.featured:
         if source.left_out:
             found.append(
