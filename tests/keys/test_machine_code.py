@@ -46,8 +46,8 @@ def test_only_names_that_a_text_defines_do_not_count() -> None:
 
 @pytest.mark.parametrize("old,new,same", [(LINE, NAMED, True), ("scale * dx", "scale * (dx + dx)", False)])
 def test_machine_code_is_a_proof(
-    tree: Path,
-    backend: str,
+    tree: Path,  # noqa: F811
+    backend: str,  # noqa: F811
     old: str,
     new: str,
     same: bool,
