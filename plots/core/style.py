@@ -82,7 +82,9 @@ class Drawing:
     @property
     def told(self) -> str:
         """Description, then the machines, for a book whose first page states commits and dates."""
-        places = dict.fromkeys(source.place for source in self.sources)
+        places = dict.fromkeys(
+            f"{source.place}{' [older, in part]' if source.older else ''}" for source in self.sources
+        )
         return f"{self.text.strip()} Measured on: {'; '.join(places)}." if places else self.text.strip()
 
     @property
