@@ -186,7 +186,7 @@ def run(
     wanted = parse_camera(scene_of(scene, settings), camera)
     request, processes = among_ranks(wanted, request)
     if processes:
-        raise typer.Exit(start_ranks(processes, sys.argv))
+        raise typer.Exit(start_ranks(processes, sys.argv[1:]))
     with compilations_told():
         result = run_scene(wanted, request)
     if result.rank != 0:

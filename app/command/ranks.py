@@ -54,13 +54,15 @@ def check_launcher() -> str:
 
 
 def start_ranks(count: int, arguments: Sequence[str]) -> int:
-    """Run this command line on `count` MPI processes, and wait. Returns the exit status of rank 0. Raises
-    BackendUnavailable."""
+    """Run the command line with these arguments on `count` MPI processes, and wait. Returns the exit status of rank 0.
+    Raises BackendUnavailable."""
     launcher = check_launcher()
     with TemporaryDirectory() as folder:
         status = Path(folder) / "status"
         environment = {**os.environ, STATUS_FILE: str(status)}
-        done = subprocess.run([launcher, "-n", str(count), sys.executable, *arguments], env=environment)
+        done = subprocess.run(
+            [launcher, "-n", str(count), sys.executable, "-m", "softlab", *arguments], env=environment
+        )
         if status.exists():
             return int(status.read_text())
     return done.returncode or 1

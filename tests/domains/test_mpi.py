@@ -5,6 +5,7 @@ import subprocess
 import sys
 from importlib.util import find_spec
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -127,3 +128,16 @@ def test_without_mpiexec_one_line_says_how_to_get_it(tmp_path):
     )  # fmt: skip
     assert done.returncode == 3
     assert "mpiexec" in done.stderr and "pip install" in done.stderr and done.stderr.count("\n") == 1
+
+
+def test_processes_are_started_by_the_package_s_name(monkeypatch):
+    """By its path, `python -m softlab` in a checkout that is not installed would not find the package again."""
+    from softlab.app.command import ranks
+
+    started = []
+    monkeypatch.setattr(ranks, "check_launcher", lambda: "mpiexec")
+    monkeypatch.setattr(
+        ranks.subprocess, "run", lambda words, **_: started.extend(words) or SimpleNamespace(returncode=0)
+    )
+    assert ranks.start_ranks(2, ["run", "rope"]) == 1  # none of them has left a status
+    assert started == ["mpiexec", "-n", "2", sys.executable, "-m", "softlab", "run", "rope"]
