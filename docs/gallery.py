@@ -106,7 +106,7 @@ def draw(name: str) -> None:
                 sys.executable, "-m", "softlab", "run", name, "--time", str(WHEN.get(name, SECONDS)), *changes,
                 "--no-judge", "--render", str(drawn),
             ],
-            check=True, stdout=subprocess.DEVNULL,
+            check=True, stdout=subprocess.DEVNULL, cwd=ROOT,
         )  # fmt: skip
         with Image.open(drawn) as image:
             height = round(image.height * WIDTH / image.width)

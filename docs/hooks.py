@@ -9,16 +9,16 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
-LAYERS = ("model", "cpu_backend", "gpu_backend", "app", "bench", "plots", "labbook")
 
 
 def on_startup(**_: Any) -> None:
     """Lay out the sources as they are installed, in build/api, before the builder looks for it; it imports nothing."""
     package = ROOT / "build" / "api" / "softlab"
     shutil.rmtree(package, ignore_errors=True)
-    for source in [ROOT / "softlab", *(ROOT / layer for layer in LAYERS)]:
-        target = package if source.name == "softlab" else package / source.name
-        shutil.copytree(source, target, ignore=shutil.ignore_patterns("__pycache__", "data"), dirs_exist_ok=True)
+    for source in ROOT.glob("*/__init__.py"):  # the package, and the layers beside it
+        layer = source.parent
+        target = package if layer.name == "softlab" else package / layer.name
+        shutil.copytree(layer, target, ignore=shutil.ignore_patterns("__pycache__", "data"), dirs_exist_ok=True)
 
 
 def on_page_markdown(markdown: str, **_: Any) -> str:

@@ -52,6 +52,7 @@ from softlab.plots.core.draw import FigureFiles, draw_figures
 from softlab.plots.core.files import without_footer
 from softlab.plots.core.older import without_older
 from softlab.plots.core.read import load
+from softlab.plots.core.style import OLDER
 
 FOLDER = Path(__file__).resolve().parent
 COMMITTED = FOLDER / "data"
@@ -87,7 +88,6 @@ CLAIMS = {  # every sentence made from the measurements, by name
 }  # fmt: skip
 TABLES = {"answer": answer_tables, "regions": region_tables, "rungs": rung_tables}
 TITLE = "Soft-body lab book"
-OLDER = "[older]"  # the mark of what rests on measurements of older code
 
 
 def committed_data() -> list[Path]:

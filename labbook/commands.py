@@ -69,9 +69,8 @@ def lab(
     store: StorePath = DEFAULT_STORE,
 ) -> None:
     """Run everything: doctor, sweep, accuracy, stability, figures, lab book."""
-    from softlab.bench.measure.took import DIRTY
-    from softlab.bench.store.versions import refuse_changed_files
+    from softlab.bench.measure.took import refuse_changes
     from softlab.labbook.jobs import whole_lab
 
-    refuse_changed_files(bool(context.find_root().params.get(DIRTY)))
+    refuse_changes(context)
     whole_lab(out, quick=quick, store_path=store, command=typed())

@@ -168,6 +168,7 @@ def summary(carried: Carried, store: Store) -> Iterator[str]:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
+    """Write or check the map, and print how many rows are carried over by which proof."""
     parser = argparse.ArgumentParser(prog="python -m softlab.bench.keys.carry", description=__doc__)
     parser.add_argument("--check", action="store_true", help="check the map that is there, in a minute")
     parser.add_argument("--code", action="store_true", help="compare machine code where the source differs")

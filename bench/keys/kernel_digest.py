@@ -1,6 +1,6 @@
 """Kernel digests: a hash of what a compiled function computes, whatever its names and whichever Python runs.
 
-Measurements are keyed by it (bench/store/keys.py). Machine code is not: two kernels of one digest may have other symbols, so
+Measurements are keyed by it (bench/keys/enter.py). Machine code is not: two kernels of one digest may have other symbols, so
 the cache of machine code uses `content_digest`. Nothing here imports the lab, so that the same file can be loaded beside the
 code of an older commit.
 """

@@ -27,12 +27,17 @@ INTERRUPTED = 130  # exit status
 DIRTY = "allow_dirty"  # a parameter of softlab itself
 
 
+def refuse_changes(context: Any) -> None:
+    """Raise InputError if the lab's files differ from their commit, unless `softlab --allow-dirty` was given."""
+    refuse_changed_files(bool(context.find_root().params.get(DIRTY)))
+
+
 class Timed(TyperCommand):
     """A command with an option `store` that says first how long it took last time. What was stopped, or found everything
     measured, is not kept. Without `softlab --allow-dirty` it measures no code that differs from its commit."""
 
     def invoke(self, ctx: Any) -> Any:
-        refuse_changed_files(bool(ctx.find_root().params.get(DIRTY)))
+        refuse_changes(ctx)
         usual = {parameter.name: parameter.default for parameter in self.params}
         options = {name: str(value) for name, value in ctx.params.items() if value != usual[name] and name != "store"}
         path, command = Path(ctx.params["store"]), canonical(options | {"command": self.name})

@@ -5,7 +5,7 @@ What becomes of a scene whose pins have let go: model/scene/checks/releases.py.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from math import hypot, inf
 from typing import Any
 
@@ -92,6 +92,21 @@ class Release(Part):
         return super()._idle_fields() | ({"body"} if self.body is None else set())
 
 
+def check_inside(places: Iterable[tuple[int, int]], sheet: Any, field: str) -> None:
+    """Raise SceneError, which names `field`, for a (row, column) outside a sheet of `rows` and `columns`."""
+    for row, column in places:
+        if not (0 <= row < sheet.rows and 0 <= column < sheet.columns):
+            told = f"lies outside the sheet; rows are 0 to {sheet.rows - 1}, columns 0 to {sheet.columns - 1}"
+            raise SceneError(field, [row, column], told)
+
+
+def masses_of(pins: Pins, sheet: Any, field: str) -> np.ndarray:
+    """Return the sorted indices (masses,) int64 of the masses of a sheet that `pins` names. Raises SceneError as
+    `check_inside`."""
+    check_inside(pins if isinstance(pins, list) else (), sheet, field)
+    return pin_indices(pins, sheet.rows, sheet.columns)
+
+
 def motions_of_pins(sheet: Grid | Any, motions: Mapping[str, Motion]) -> np.ndarray:
     """Return for each pinned mass of the sheet, by index, the number of its motion in `motions`, or -1; (pins,) int64.
 
@@ -112,14 +127,7 @@ def motions_of_pins(sheet: Grid | Any, motions: Mapping[str, Motion]) -> np.ndar
                 checked_pins(motion.pins)
             except ValueError as error:
                 raise SceneError(f"{name}.pins", motion.pins, str(error)) from None
-        if isinstance(motion.pins, list):
-            for row, column in motion.pins:
-                if not (0 <= row < sheet.rows and 0 <= column < sheet.columns):
-                    raise SceneError(
-                        f"{name}.pins", [row, column],
-                        f"lies outside the sheet; rows are 0 to {sheet.rows - 1}, columns 0 to {sheet.columns - 1}",
-                    )  # fmt: skip
-        moved = pin_indices(motion.pins, sheet.rows, sheet.columns)
+        moved = masses_of(motion.pins, sheet, f"{name}.pins")
         loose = moved[~np.isin(moved, pinned)]
         if len(loose):
             place = list(divmod(int(loose[0]), sheet.columns))

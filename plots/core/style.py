@@ -24,6 +24,7 @@ MAX_PANELS = 3
 FOOTER_SIZE = 6  # point
 FOOTER_LINE = 1.3 * FOOTER_SIZE  # point
 LETTER = 0.54  # width of a letter over its size
+OLDER = "[older]"  # marks what uses measurements of older code
 
 SETTINGS: dict[str, Any] = {
     "font.size": 9,
@@ -82,9 +83,7 @@ class Drawing:
     @property
     def told(self) -> str:
         """Description, then the machines, for a book whose first page states commits and dates."""
-        places = dict.fromkeys(
-            f"{source.place}{' [older, in part]' if source.older else ''}" for source in self.sources
-        )
+        places = dict.fromkeys(f"{source.place}{f' {OLDER}' if source.older else ''}" for source in self.sources)
         return f"{self.text.strip()} Measured on: {'; '.join(places)}." if places else self.text.strip()
 
     @property

@@ -14,7 +14,7 @@ import pytest
 import typer
 
 ROOT = Path(__file__).parents[2]
-LAYERS = ("model", "cpu_backend", "gpu_backend", "app", "bench", "plots", "labbook")
+LAYERS = sorted({file.parent.name for file in ROOT.glob("*/__init__.py")} - {"softlab"})
 DATA = (
     "model/catalogue/**/*.toml", "model/catalogue/meshes/*.obj", "bench/peers/**/*.cpp", "bench/peers/**/*.cu",
     "labbook/*.typ", "labbook/entries/*.typ", "labbook/data/*",

@@ -9,12 +9,12 @@ import numpy as np
 from softlab.app.render.collider_shapes import Mesh, box_mesh
 from softlab.app.render.fluid.framing import with_fluids
 from softlab.model.core.build import build
+from softlab.model.fluid.foam import in_reach
 from softlab.model.scene.cloth import Plane
 from softlab.model.scene.scene import Scene
 
 BAR = 0.004  # of the tank's longest side: half a bar's width
 OVER = 0.25  # of the fluid's first height: how far the bars of walls without an end rise over it
-NEVER = 1e6  # m: what starts so far away waits for an emitter
 
 
 def tank_box(scene: Scene) -> tuple[np.ndarray, np.ndarray, bool] | None:
@@ -35,8 +35,8 @@ def tank_box(scene: Scene) -> tuple[np.ndarray, np.ndarray, bool] | None:
     if not has_rim and tanks:
         high[1], has_rim = max(tanks), True
     if not has_rim:
-        height = build(scene).position[:, 1]
-        top = height[np.abs(height) < NEVER].max(initial=low[1])
+        position = build(scene).position
+        top = position[in_reach(position), 1].max(initial=low[1])
         high[1] = top + OVER * (top - low[1])
     known = np.isfinite(low).all() and np.isfinite(high).all() and (high > low).all()
     return (low, high, has_rim) if known else None

@@ -11,7 +11,7 @@ from softlab.model.core.errors import SceneError
 from softlab.model.core.pins import PIN_WORDS, pin_indices
 from softlab.model.scene.attachment import pins as is_pinning
 from softlab.model.scene.kinds import SHEETS
-from softlab.model.scene.motion import ALL, RELEASE, Release
+from softlab.model.scene.motion import ALL, RELEASE, Release, masses_of
 from softlab.model.scene.scene_parts import SceneParts
 from softlab.model.scene.tetrahedra import TETRAHEDRAL_KINDS
 from softlab.model.scene.words import suggestion
@@ -75,7 +75,7 @@ def _free_masses(table: Table, part: Any, release: Release, name: str) -> bool:
     if not _is_of_a_sheet(release.pins):
         return False
     held = pin_indices(before, part.rows, part.columns)
-    left = np.setdiff1d(held, _masses(release.pins, part, f"{name}.pins"))
+    left = np.setdiff1d(held, masses_of(release.pins, part, f"{name}.pins"))
     table["pinned"] = _listed(left, part.columns)
     return len(left) < len(held)
 
@@ -85,15 +85,6 @@ def _is_of_a_sheet(pins: Any) -> bool:
     if isinstance(pins, str):
         return pins in PIN_WORDS or pins.startswith("every:")
     return not isinstance(pins[0], int)
-
-
-def _masses(pins: Any, part: Any, field: str) -> np.ndarray:
-    """(masses,) int64: the indices of `pins` in a sheet of rows and columns. Raises SceneError for one outside of it."""
-    for row, column in pins if isinstance(pins, list) else ():
-        if not (0 <= row < part.rows and 0 <= column < part.columns):
-            told = f"lies outside the sheet; rows are 0 to {part.rows - 1}, columns 0 to {part.columns - 1}"
-            raise SceneError(field, [row, column], told)
-    return pin_indices(pins, part.rows, part.columns)
 
 
 def _listed(masses: np.ndarray, columns: int) -> Any:
@@ -133,7 +124,7 @@ def _end_motions(scene: SceneParts, tables: dict[str, Table], release: Release) 
                 del tables[motion]
             continue
         ((holder, part),) = scene.all_of(*SHEETS).items()
-        moved = _masses(table["pins"], part, f"{motion}.pins")
+        moved = masses_of(table["pins"], part, f"{motion}.pins")
         left = np.intersect1d(moved, pin_indices(tables[holder]["pinned"], part.rows, part.columns))
         if not len(left):
             del tables[motion]

@@ -7,7 +7,7 @@ from softlab.model.scene.cloth import CONSTRAINT_KINDS, SPRING_KINDS
 from softlab.model.scene.kinds import KINDS
 from softlab.model.scene.method import OF_FLUIDS, OF_WORLDS
 from softlab.model.scene.method import OF_TETRAHEDRA as TETRAHEDRAL_SOLVERS
-from softlab.model.scene.motion import RELEASE, motions_of_pins
+from softlab.model.scene.motion import RELEASE, check_inside, motions_of_pins
 from softlab.model.scene.parts import Elastic
 from softlab.model.scene.scene_parts import SceneParts
 from softlab.model.scene.xpbd import XPBD_KINDS
@@ -60,12 +60,7 @@ def check_solver(scene: SceneParts) -> None:
     if scene.motions:
         motions_of_pins(scene.grid, scene.motions)  # refuses motions of masses that are not pinned
     for name, load in scene.loads.items():
-        row, column = load.at
-        if row >= scene.grid.rows or column >= scene.grid.columns:
-            raise SceneError(
-                f"{name}.at", list(load.at),
-                f"lies outside the sheet; rows are 0 to {scene.grid.rows - 1}, columns 0 to {scene.grid.columns - 1}",
-            )  # fmt: skip
+        check_inside([load.at], scene.grid, f"{name}.at")
 
     _check_self_collision(scene)
     _check_matching(scene)
