@@ -100,7 +100,7 @@ def check_inside(places: Iterable[tuple[int, int]], sheet: Any, field: str) -> N
             raise SceneError(field, [row, column], told)
 
 
-def masses_of(pins: Pins, sheet: Any, field: str) -> np.ndarray:
+def masses_of(pins: Any, sheet: Any, field: str) -> np.ndarray:
     """Return the sorted indices (masses,) int64 of the masses of a sheet that `pins` names. Raises SceneError as
     `check_inside`."""
     check_inside(pins if isinstance(pins, list) else (), sheet, field)
