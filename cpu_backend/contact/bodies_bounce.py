@@ -15,21 +15,19 @@ from softlab.cpu_backend.core.layout import row_at
 from softlab.cpu_backend.core.progress import shares
 from softlab.cpu_backend.shape_matching.damping import make_damping
 from softlab.cpu_backend.shape_matching.rebound import AXES, make_answer
-from softlab.cpu_backend.shape_matching.rigid import REBOUND
 from softlab.model.formulas.shape_matching import rebound
 from softlab.model.formulas.shape_matching.pace import MOTION
 
 
-def make_motions(compiler: Compiler, real: Any, place: int) -> SimpleNamespace:
+def make_motions(compiler: Compiler, real: Any) -> SimpleNamespace:
     """Make `spread` and `join`, which transfer between whole bodies and the particles `first` to before `last`."""
     formulas = rebound.make(real, compiler.compiled)
     rigid, joined, zero, one = formulas.rigid, formulas.joined, real(0), real(1)
-    at_clusters, at_factors, at_motions = place + 1, place + 2, place + 3
 
     @compiler.compiled
     def spread(first, last, count, arrays, scales):
         """Write the scales of particles; those of clusters are the first three numbers of their motions."""
-        starts, clusters, factors, motions = arrays[place], arrays[at_clusters], arrays[at_factors], arrays[at_motions]
+        starts, clusters, factors, motions, _, _, _, _ = arrays.rebound
         for k in range(first, last):
             x, y, z = k, count + k, 2 * count + k
             scales[x], scales[y], scales[z] = one, zero, zero
@@ -41,7 +39,7 @@ def make_motions(compiler: Compiler, real: Any, place: int) -> SimpleNamespace:
     @compiler.compiled
     def join(first, last, position, velocity, count, arrays, struck):
         """Add the motions of clusters to velocities, or the impulse `struck` for a particle without a cluster."""
-        starts, clusters, factors, motions = arrays[place], arrays[at_clusters], arrays[at_factors], arrays[at_motions]
+        starts, clusters, factors, motions, _, _, _, _ = arrays.rebound
         for k in range(first, last):
             x, y, z = k, count + k, 2 * count + k
             a, b, c = struck[x], struck[y], struck[z]
@@ -88,21 +86,18 @@ def make_strikes(compiler: Compiler, real: Any, scaled: bool) -> Any:
 
 
 @cache
-def make_bodies_bounce(real: Any, math: str, place: int) -> Any:
+def make_bodies_bounce(real: Any, math: str) -> Any:
     """Make bounce(team, member, bands, position, old, velocity, weights, record, neighbours, contacts, arrays, scratch,
     pitch), run by each member of a team (core/progress.py).
 
-    As `make_bounce` of contact/particles_bounce.py. `arrays` belong to clusters; from `place` on they are those of
-    `make_rebound`, with a scale for each particle. `pitch`: numbers in a band's scratch.
+    As `make_bounce` of contact/particles_bounce.py. `arrays`: those of clusters. `pitch`: numbers in a band's scratch.
     """
-    compiler = Compiler(f"bodies_bounce_all_{np.dtype(real).name}_{math}_{place}", math)
-    answer = make_answer(compiler, real, place, True).answer
-    gather, tell = make_damping(compiler, real, True, place).gather, make_passes(compiler, real, False, True).tell
+    compiler = Compiler(f"bodies_bounce_all_{np.dtype(real).name}_{math}", math)
+    answer = make_answer(compiler, real, True).answer
+    gather, tell = make_damping(compiler, real, True).gather, make_passes(compiler, real, False, True).tell
     strike_all, strike_scaled = (make_strikes(compiler, real, scaled) for scaled in (False, True))
-    motions_made = make_motions(compiler, real, place)
+    motions_made = make_motions(compiler, real)
     spread, join = motions_made.spread, motions_made.join
-    at_limits, at_struck, at_scales = place + 4, place + 5, place + 6
-    at_travel = place + REBOUND + 5  # after those of `make_rebound`: rigid motion (shape_matching/rigid.py)
     joined, zero, one = rebound.make(real, compiler.compiled).joined, real(0), real(1)
 
     @compiler.compiled
@@ -116,21 +111,21 @@ def make_bodies_bounce(real: Any, math: str, place: int) -> Any:
     @compiler.compiled
     def gather_all(team, member, bands, position, velocity, count, arrays, scratch, pitch):
         """Compute the motions of the bodies that rebound as a whole."""
-        limits = arrays[at_limits]
+        limits = arrays.rebound.limits
         for band in shares(team, member, bands):
             room = row_at(scratch, np.int64(pitch * band))
             if meet(bands, scratch, pitch):
                 for c in range(limits.size * band // bands, limits.size * (band + 1) // bands):
                     if limits[c] != zero:
-                        gather(c, position, velocity, count, arrays, room)
+                        gather(c, position, velocity, count, arrays, arrays.rebound.motions, room)
 
     @compiler.compiled
     def bounce_all(
         team, member, bands, position, old, velocity, weights, record, neighbours, contacts, arrays, scratch, pitch
     ):  # fmt: skip
         """Run all phases. Without contacts they only add 0 to the velocities."""
-        struck, scales, travel = arrays[at_struck], arrays[at_scales], arrays[at_travel]
-        count, clusters = weights.size, arrays[at_limits].size
+        struck, scales, travel = arrays.rebound.impulses, arrays.rebound.scales, arrays.rigid.travel
+        count, clusters = weights.size, arrays.rebound.limits.size
         for band in shares(team, member, bands):
             met = tell(band, count, position, old, velocity, record, neighbours, contacts, travel)
             scratch[pitch * (band + 1) - 1] = one if met else zero
@@ -168,9 +163,9 @@ def make_bodies_bounce(real: Any, math: str, place: int) -> Any:
 
 
 @cache
-def make_bodies_bounce_stage(real: Any, math: str, place: int) -> Any:
+def make_bodies_bounce_stage(real: Any, math: str) -> Any:
     """Compile bounce(bands, position, old, velocity, weights, record, neighbours, contacts, arrays, scratch, pitch):
     see make_bodies_bounce."""
-    bounce_all = make_bodies_bounce(real, math, place)
+    bounce_all = make_bodies_bounce(real, math)
 
-    return Compiler(f"bodies_bounce_{np.dtype(real).name}_{math}_{place}", math).team(bounce_all)
+    return Compiler(f"bodies_bounce_{np.dtype(real).name}_{math}", math).team(bounce_all)

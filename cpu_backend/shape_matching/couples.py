@@ -13,18 +13,9 @@ from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import row_at
 from softlab.cpu_backend.core.progress import shares
 from softlab.cpu_backend.shape_matching.damping import make_lane_sum
-from softlab.cpu_backend.shape_matching.rigid import at_rigid
 from softlab.model.formulas.shape_matching import couple, pace, rigid
 from softlab.model.formulas.shape_matching.cluster import LANES
 from softlab.model.formulas.shape_matching.couple import SPIN, SUMS
-
-RIGID = 7  # number of arrays of rigid motions; those of couples follow
-
-
-def at_couples(parts: frozenset[str]) -> int:
-    """Return the index of the couples' arrays among the clusters' arrays: starts, clusters and shares of particles,
-    flat turns of clusters, three planes of couples."""
-    return at_rigid(parts) + RIGID * ("rigid-motion" in parts)
 
 
 def make_couples(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
@@ -36,8 +27,7 @@ def make_couples(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
     formulas, masses = couple.make(real, compiler.compiled), pace.make(real, compiler.compiled)
     sum_of, carried = make_lane_sum(compiler, real), rigid.make(real, compiler.compiled).carried
     weighted, added, spin, turned, gone = masses.weighted, masses.added, formulas.spin, formulas.turned, formulas.gone
-    place, has_rigid, zero = at_couples(parts), "rigid-motion" in parts, real(0)
-    at_clusters, at_shares, at_spins, at_sums = place + 1, place + 2, place + 3, place + 4
+    has_rigid, zero = "rigid-motion" in parts, real(0)
 
     @compiler.row
     def couple_rows(blocks, x0, y0, z0, slots, x, y, z, cx, cy, cz, mass, lanes):
@@ -64,7 +54,7 @@ def make_couples(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
 
     @compiler.compiled
     def is_coupled(c, count, arrays):
-        starts, slots, couples = arrays[0], arrays[3], arrays[at_sums]
+        starts, slots, couples = arrays.starts, arrays.slots, arrays.couples.sums
         for e in range(starts[c], starts[c + 1]):
             k = slots[e]
             if couples[k] != zero or couples[count + k] != zero or couples[2 * count + k] != zero:
@@ -73,13 +63,13 @@ def make_couples(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
 
     @compiler.compiled
     def gather(c, position, count, arrays, scratch):
-        spins, n = arrays[at_spins], SPIN * c
+        spins, n = arrays.couples.spins, SPIN * c
         if not is_coupled(c, count, arrays):
             for number in range(SPIN):
                 spins[n + number] = zero
             return
-        starts, slots, members, couples = arrays[0], arrays[3], arrays[4], arrays[at_sums]
-        start, entries, k = starts[c], members.size // 4, np.int64(arrays[1][c])
+        starts, slots, members, couples = arrays.starts, arrays.slots, arrays.members, arrays.couples.sums
+        start, entries, k = starts[c], members.size // 4, np.int64(arrays.firsts[c])
         x, y, z = position[k], position[count + k], position[2 * count + k]
         couple_rows(
             (starts[c + 1] - start) // LANES, x, y, z, row_at(slots, start), position, row_at(position, count),
@@ -89,13 +79,12 @@ def make_couples(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
         spins[n], spins[n + 1], spins[n + 2], spins[n + 3], spins[n + 4], spins[n + 5] = spin(
             sum_of(scratch, 0), sum_of(scratch, 1), sum_of(scratch, 2), sum_of(scratch, 3), sum_of(scratch, 4),
             sum_of(scratch, 5), sum_of(scratch, 6), sum_of(scratch, 7), sum_of(scratch, 8), sum_of(scratch, 9),
-            sum_of(scratch, 10), sum_of(scratch, 11), arrays[5][4 * c + 3], x, y, z,
+            sum_of(scratch, 10), sum_of(scratch, 11), arrays.centres[4 * c + 3], x, y, z,
         )  # fmt: skip
 
     @compiler.compiled
     def turn(first, last, position, travel, weights, count, arrays):
-        starts, clusters, parts_of, spins = arrays[place], arrays[at_clusters], arrays[at_shares], arrays[at_spins]
-        couples = arrays[at_sums]
+        starts, clusters, cluster_weights, spins, couples = arrays.couples
         for i in range(first, last):
             j, k = count + i, 2 * count + i
             couples[i], couples[j], couples[k] = zero, zero, zero
@@ -103,7 +92,7 @@ def make_couples(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
                 continue
             x, y, z = zero, zero, zero
             for n in range(starts[i], starts[i + 1]):
-                g, share = row_at(spins, np.int64(SPIN) * clusters[n]), parts_of[n]
+                g, share = row_at(spins, np.int64(SPIN) * clusters[n]), cluster_weights[n]
                 dx, dy, dz = position[i] - g[0], position[j] - g[1], position[k] - g[2]
                 x = turned(x, share, g[4], dz, g[5], dy)
                 y = turned(y, share, g[5], dx, g[3], dz)
@@ -133,13 +122,12 @@ def _without(compiler: Compiler) -> SimpleNamespace:
 def make_couples_stage(real: Any, math: str, parts: frozenset[str]) -> Any:
     """Compile turn(bands, position, travel, weights, count, arrays, scratch, pitch): all clusters, then all particles,
     one parallel loop each; `pitch`: numbers in a band's scratch."""
-    words = f"{at_couples(parts)}{'_rigid' * ('rigid-motion' in parts)}"
-    compiler = Compiler(f"bodies_couples_{np.dtype(real).name}_{math}_{words}", math)
+    compiler = Compiler(f"bodies_couples_{np.dtype(real).name}_{math}{'_rigid' * ('rigid-motion' in parts)}", math)
     made = make_couples(compiler, real, parts)
     gather, turn_some = made.gather, made.turn
 
     def turn(team, member, bands, position, travel, weights, count, arrays, scratch, pitch):
-        clusters = arrays[5].size // 4
+        clusters = arrays.centres.size // 4
         for band in shares(team, member, bands):
             room = row_at(scratch, np.int64(pitch * band))
             for c in range(clusters * band // bands, clusters * (band + 1) // bands):

@@ -12,16 +12,9 @@ import numpy as np
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import row_at
 from softlab.cpu_backend.core.progress import shares
-from softlab.cpu_backend.shape_matching.shapes import AT_SHAPES
 from softlab.model.formulas.shape_matching import cluster, pace
 from softlab.model.formulas.shape_matching.cluster import LANES
 from softlab.model.formulas.shape_matching.pace import MOMENTA, MOTION
-from softlab.model.shape_matching.cluster_tables import shaping
-
-
-def at_damping(parts: frozenset[str]) -> int:
-    """Return the index of the damping's arrays among the clusters' arrays."""
-    return AT_SHAPES + 3 * bool(shaping(parts))
 
 
 def make_lane_sum(compiler: Compiler, real: Any) -> Any:
@@ -40,19 +33,18 @@ def make_lane_sum(compiler: Compiler, real: Any) -> Any:
     return sum_of
 
 
-def make_damping(compiler: Compiler, real: Any, damped: bool, place: int) -> SimpleNamespace:
-    """Make `gather(c, position, velocity, count, arrays, scratch)`, the rigid motion of cluster c, and `slow(first,
-    last, position, velocity, count, arrays)`, which moves particles' velocities towards those of their clusters.
+def make_damping(compiler: Compiler, real: Any, damped: bool) -> SimpleNamespace:
+    """Make `gather(c, position, velocity, count, arrays, motions, scratch)`, the rigid motion of cluster c, into
+    `motions`, and `slow(first, last, position, velocity, count, arrays)`, which moves particles' velocities towards those
+    of their clusters.
 
-    Arrays from `place` on: starts and clusters of particles, factors, motions, flat. `scratch`: MOMENTA * LANES
-    numbers. Both do nothing unless `damped`.
+    `scratch`: MOMENTA * LANES numbers. Both do nothing unless `damped`.
     """
     if not damped:
         return _undamped(compiler)
     formulas, sum_of = pace.make(real, compiler.compiled), make_lane_sum(compiler, real)
     weighted, added, turned = formulas.weighted, formulas.added, formulas.turned
     motion, slowed = formulas.motion, formulas.slowed
-    at_clusters, at_factors, at_motions = place + 1, place + 2, place + 3
     zero = real(0)
 
     def make_rows(gathers: bool) -> Any:
@@ -88,12 +80,12 @@ def make_damping(compiler: Compiler, real: Any, damped: bool, place: int) -> Sim
     sum_rows, gather_rows = make_rows(False), make_rows(True)
 
     @compiler.compiled
-    def gather(c, position, velocity, count, arrays, scratch):
-        starts, firsts, slots, members, leans = arrays[0], arrays[1], arrays[3], arrays[4], arrays[5]
+    def gather(c, position, velocity, count, arrays, motions, scratch):
+        starts, firsts, slots, members = arrays.starts, arrays.firsts, arrays.slots, arrays.members
         start, entries, k = starts[c], members.size // 4, np.int64(firsts[c])
         x, y, z = position[k], position[count + k], position[2 * count + k]
         u, v, w = velocity[k], velocity[count + k], velocity[2 * count + k]
-        if arrays[2][c]:
+        if arrays.straight[c]:
             sum_rows(
                 (starts[c + 1] - start) // LANES, x, y, z, u, v, w, row_at(slots, start), row_at(position, k),
                 row_at(position, count + k), row_at(position, 2 * count + k), row_at(velocity, k),
@@ -105,7 +97,7 @@ def make_damping(compiler: Compiler, real: Any, damped: bool, place: int) -> Sim
                 row_at(position, 2 * count), velocity, row_at(velocity, count), row_at(velocity, 2 * count),
                 row_at(members, 3 * entries + start), scratch,
             )  # fmt: skip
-        motions, n = arrays[at_motions], MOTION * c
+        n = MOTION * c
         (
             motions[n], motions[n + 1], motions[n + 2], motions[n + 3], motions[n + 4], motions[n + 5], motions[n + 6],
             motions[n + 7], motions[n + 8],
@@ -113,12 +105,12 @@ def make_damping(compiler: Compiler, real: Any, damped: bool, place: int) -> Sim
             sum_of(scratch, 0), sum_of(scratch, 1), sum_of(scratch, 2), sum_of(scratch, 3), sum_of(scratch, 4),
             sum_of(scratch, 5), sum_of(scratch, 6), sum_of(scratch, 7), sum_of(scratch, 8), sum_of(scratch, 9),
             sum_of(scratch, 10), sum_of(scratch, 11), sum_of(scratch, 12), sum_of(scratch, 13), sum_of(scratch, 14),
-            leans[4 * c + 3], x, y, z, u, v, w,
+            arrays.centres[4 * c + 3], x, y, z, u, v, w,
         )  # fmt: skip
 
     @compiler.compiled
     def slow(first, last, position, velocity, count, arrays):
-        starts, clusters, factors, motions = arrays[place], arrays[at_clusters], arrays[at_factors], arrays[at_motions]
+        starts, clusters, factors, motions = arrays.damping
         for k in range(first, last):
             px, py, pz = position[k], position[count + k], position[2 * count + k]
             vx, vy, vz = velocity[k], velocity[count + k], velocity[2 * count + k]
@@ -138,7 +130,7 @@ def make_damping(compiler: Compiler, real: Any, damped: bool, place: int) -> Sim
 
 def _undamped(compiler: Compiler) -> SimpleNamespace:
     @compiler.compiled
-    def gather(c, position, velocity, count, arrays, scratch):
+    def gather(c, position, velocity, count, arrays, motions, scratch):
         pass
 
     @compiler.compiled
@@ -149,19 +141,19 @@ def _undamped(compiler: Compiler) -> SimpleNamespace:
 
 
 @cache
-def make_damping_stage(real: Any, math: str, place: int) -> Any:
+def make_damping_stage(real: Any, math: str) -> Any:
     """Compile damp(bands, position, velocity, count, arrays, scratch, pitch): all clusters, then all particles, one
     parallel loop each; `pitch`: numbers in a band's scratch."""
-    compiler = Compiler(f"bodies_damping_{np.dtype(real).name}_{math}_{place}", math)
-    made = make_damping(compiler, real, True, place)
+    compiler = Compiler(f"bodies_damping_{np.dtype(real).name}_{math}", math)
+    made = make_damping(compiler, real, True)
     gather, slow = made.gather, made.slow
 
     def damp(team, member, bands, position, velocity, count, arrays, scratch, pitch):
-        clusters = arrays[5].size // 4
+        clusters = arrays.centres.size // 4
         for band in shares(team, member, bands):
             room = row_at(scratch, np.int64(pitch * band))
             for c in range(clusters * band // bands, clusters * (band + 1) // bands):
-                gather(c, position, velocity, count, arrays, room)
+                gather(c, position, velocity, count, arrays, arrays.damping.motions, room)
         for band in shares(team, member, bands):
             slow(count * band // bands, count * (band + 1) // bands, position, velocity, count, arrays)
 

@@ -80,7 +80,13 @@ def make_moments(compiler: Compiler, real: Any) -> Any:
 
     @compiler.compiled
     def sum_up(c, place, position, count, arrays, scratch):
-        starts, firsts, straight, slots, members = arrays[0], arrays[1], arrays[2], arrays[3], arrays[4]
+        starts, firsts, straight, slots, members = (
+            arrays.starts,
+            arrays.firsts,
+            arrays.straight,
+            arrays.slots,
+            arrays.members,
+        )
         start, blocks, entries = starts[c], (starts[c + 1] - starts[c]) // LANES, members.size // 4
         first = np.int64(firsts[c])
         x, y, z = position[first], position[count + first], position[2 * count + first]
@@ -136,8 +142,8 @@ def make_turn(compiler: Compiler, real: Any, shaping: frozenset[str]) -> Any:
 
     @compiler.compiled
     def turn(first, last, position, count, arrays, rotation, turned, frames, scratch):
-        firsts, leans = arrays[1], arrays[5]
-        clusters = leans.size // 4
+        firsts, centres = arrays.firsts, arrays.centres
+        clusters = centres.size // 4
         lean = row_at(scratch, np.int64(AT_LEAN * LANES))
         sums, old = row_at(scratch, np.int64(AT_SUMS * LANES)), row_at(scratch, np.int64(AT_OLD * LANES))
         new = row_at(scratch, np.int64(AT_NEW * LANES))
@@ -145,7 +151,7 @@ def make_turn(compiler: Compiler, real: Any, shaping: frozenset[str]) -> Any:
             for part in range(QUATERNION):
                 old[part * LANES + n] = rotation[part * clusters + first + n]
             for axis in range(AXES):
-                lean[axis * LANES + n] = leans[4 * (first + n) + axis]
+                lean[axis * LANES + n] = centres[4 * (first + n) + axis]
         raise_rows(lean, sums)
         maps = row_at(scratch, np.int64(AT_MAPS * LANES))
         for n in range(last - first):
@@ -170,8 +176,8 @@ def make_turn(compiler: Compiler, real: Any, shaping: frozenset[str]) -> Any:
             )
             for axis in range(AXES):
                 frame[9 + axis] = centre(
-                    position[axis * count + k], sums[axis * LANES + n], leans[4 * c + 3], frame[3 * axis],
-                    frame[3 * axis + 1], frame[3 * axis + 2], leans[4 * c], leans[4 * c + 1], leans[4 * c + 2],
+                    position[axis * count + k], sums[axis * LANES + n], centres[4 * c + 3], frame[3 * axis],
+                    frame[3 * axis + 1], frame[3 * axis + 2], centres[4 * c], centres[4 * c + 1], centres[4 * c + 2],
                 )  # fmt: skip
 
     return turn
@@ -217,7 +223,7 @@ def make_goals(compiler: Compiler, real: Any, has_rigid: bool) -> SimpleNamespac
 
     @compiler.compiled
     def move_lone(c, position, count, arrays, factors, frames, travel):
-        starts, firsts, members = arrays[0], arrays[1], arrays[4]
+        starts, firsts, members = arrays.starts, arrays.firsts, arrays.members
         start, entries, first = starts[c], members.size // 4, np.int64(firsts[c])
         slack = travel[AXES * count + first] if has_rigid else zero
         move_rows(

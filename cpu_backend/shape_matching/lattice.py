@@ -47,7 +47,7 @@ def make_slice_up(compiler: Compiler, real: Any) -> Any:
 
     @compiler.compiled
     def slice_up(unit, position, count, arrays, room):
-        numbers, units, tables, work = arrays[0], arrays[1], arrays[3], arrays[5]
+        numbers, units, tables, work = arrays.numbers, arrays.slices, arrays.tables, arrays.work
         which, first, z = units[unit, 0], units[unit, 1], units[unit, 2]
         nx, ny, region = numbers[which, 0], numbers[which, 1], numbers[which, 3]
         at_x, at_y = numbers[which, 4], numbers[which, 5]
@@ -88,8 +88,8 @@ def make_turn(compiler: Compiler, real: Any) -> Any:
 
     @compiler.compiled
     def turn(unit, position, count, arrays, turned, frames, look, room):
-        numbers, units, tables, values = arrays[0], arrays[2], arrays[3], arrays[4]
-        work, rotation = arrays[5], arrays[6]
+        numbers, units, tables, values = arrays.numbers, arrays.pencils, arrays.tables, arrays.values
+        work, rotation = arrays.work, arrays.rotation
         which, first, cluster = units[unit, 0], units[unit, 1], units[unit, 2]
         nx, ny, nz, region = numbers[which, 0], numbers[which, 1], numbers[which, 2], numbers[which, 3]
         below = nx * units[unit, 3]  # masses of the slice before this pencil's
@@ -134,7 +134,8 @@ def make_move(compiler: Compiler, real: Any) -> Any:
 
     @compiler.compiled
     def move(unit, position, count, arrays, room):
-        numbers, units, tables, values, work = arrays[0], arrays[1], arrays[3], arrays[4], arrays[5]
+        numbers, units, tables = arrays.numbers, arrays.slices, arrays.tables
+        values, work = arrays.values, arrays.work
         which, first, z = units[unit, 0], units[unit, 1], units[unit, 2]
         nx, ny, nz, region = numbers[which, 0], numbers[which, 1], numbers[which, 2], numbers[which, 3]
         x_table, y_table = row_at(tables, numbers[which, 4]), row_at(tables, numbers[which, 5])
@@ -168,7 +169,8 @@ def make_lattice_matching(real: Any, math: str) -> SimpleNamespace:
 
     @compiler.compiled
     def match_all(team, member, bands, position, count, arrays, turned, frames, look):
-        slices, pencils, scratch, room = arrays[1].shape[0], arrays[2].shape[0], arrays[7], arrays[8]
+        slices, pencils = arrays.slices.shape[0], arrays.pencils.shape[0]
+        scratch, room = arrays.scratch, arrays.band_scratch
         for band in shares(team, member, bands):
             for unit in range(slices * band // bands, slices * (band + 1) // bands):
                 slice_up(unit, position, count, arrays, row_at(scratch, np.int64(room * band)))
@@ -178,7 +180,7 @@ def make_lattice_matching(real: Any, math: str) -> SimpleNamespace:
 
     @compiler.compiled
     def move_all(team, member, bands, position, count, arrays):
-        slices, scratch, room = arrays[1].shape[0], arrays[7], arrays[8]
+        slices, scratch, room = arrays.slices.shape[0], arrays.scratch, arrays.band_scratch
         for band in shares(team, member, bands):
             for unit in range(slices * band // bands, slices * (band + 1) // bands):
                 move_slice(unit, position, count, arrays, row_at(scratch, np.int64(room * band)))

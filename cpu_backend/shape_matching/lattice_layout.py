@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -19,12 +19,26 @@ LONG = 128  # masses along a pencil's rows, if possible: calls cost as much as s
 QUATERNION, FRAME = 4, 12
 
 
+class LatticeArrays(NamedTuple):
+    """Numbers of lattices (n, NUMBERS); slices (n, 3): lattice, first place, z; pencils (n, PENCIL): lattice, first place,
+    first cluster, first y and the one behind the last; tables of axes and values of lattices, flat; sums of slices;
+    quaternions, four planes; scratch of all bands, and its length for one."""
+
+    numbers: np.ndarray
+    slices: np.ndarray
+    pencils: np.ndarray
+    tables: np.ndarray
+    values: np.ndarray
+    work: np.ndarray
+    rotation: np.ndarray
+    scratch: np.ndarray
+    band_scratch: int
+
+
 class Lattices:
     """The kernels' arrays of a body set's lattices; `slots`: places of its particles in planes of `count`.
 
-    `arrays`: (numbers, slices (n, 3): lattice, first place, z; pencils (n, 5): lattice, first place, first cluster,
-    first y and the one behind the last; tables, values, work, rotation, scratch, room); `rotation`: (4, clusters) flat;
-    `frames`: as those of other clusters.
+    `rotation`: (4, clusters) flat; `frames`: as those of other clusters.
     """
 
     def __init__(self, body_set: BodySet, slots: np.ndarray, count: int, bands: int, real: Any):
@@ -59,7 +73,7 @@ class Lattices:
         self.turned = np.zeros_like(self.rotation)
         self.frames = np.zeros(FRAME * self.clusters, real)
         room = -(-room // 16) * 16
-        self.arrays = (
+        self.arrays = LatticeArrays(
             np.array(numbers, np.int64).reshape(-1, NUMBERS), np.array(slices, np.int64).reshape(-1, 3),
             np.array(pencils, np.int64).reshape(-1, PENCIL), np.concatenate(tables).astype(real), self.values,
             aligned_zeros(SLICE * count if self.copies else 0, real), self.rotation, aligned_zeros(room * bands, real), room,

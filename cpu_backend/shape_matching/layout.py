@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from softlab.cpu_backend.shape_matching.arrays import ClusterArrays
 from softlab.model.formulas.shape_matching.cluster import LANES
 from softlab.model.shape_matching.body_set import BodySet
 from softlab.model.shape_matching.cluster_tables import first_particles, leans
@@ -38,7 +39,7 @@ class Layout:
     """`slots` (particles,): place of each particle in a plane of `count`. `groups` (see loops.make_bodies_apart) and
     `work` (groups,), their cost in particles and entries.
 
-    `arrays`: (starts, firsts, straight, slots of entries, members, leans); `own`: (starts, clusters, rest offsets);
+    `arrays`: without materials; `own`: (starts, clusters, rest offsets);
     `of_entry` and `of_own`: the entry whose factor is stored there, -1 for a ghost.
     """
 
@@ -46,7 +47,7 @@ class Layout:
     count: int
     groups: np.ndarray
     work: np.ndarray
-    arrays: tuple[np.ndarray, ...]
+    arrays: ClusterArrays
     own: tuple[np.ndarray, ...]
     of_entry: np.ndarray
     of_own: np.ndarray
@@ -100,7 +101,7 @@ def layout_of(clusters: Clusters, bounds: Bounds, real: Any, threads: int) -> La
         clusters.owner[own_entries],
         np.ascontiguousarray(clusters.rest[own_entries], real).reshape(-1),
     )
-    arrays = (
+    arrays = ClusterArrays(
         starts, firsts, straight.astype(np.uint8), entry_slots.astype(np.int32), members.astype(real).reshape(-1),
         leans(clusters, real).reshape(-1),
     )  # fmt: skip

@@ -16,11 +16,11 @@ from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import row_at
 from softlab.cpu_backend.core.own_forces import make_own_force
 from softlab.cpu_backend.mass_spring.cloth.scratch import cloth_variant
-from softlab.cpu_backend.shape_matching.damping import at_damping, make_damping
+from softlab.cpu_backend.shape_matching.damping import make_damping
 from softlab.cpu_backend.shape_matching.kernels import AXES, SCRATCH, make_matching
 from softlab.cpu_backend.shape_matching.particles import make_particles
-from softlab.cpu_backend.shape_matching.rebound import at_rebound, make_rebound
-from softlab.cpu_backend.shape_matching.rigid import at_rigid, make_steadying
+from softlab.cpu_backend.shape_matching.rebound import make_rebound
+from softlab.cpu_backend.shape_matching.rigid import make_steadying
 from softlab.model.core.own_forces import own_forces
 from softlab.model.formulas import distance
 from softlab.model.formulas.shape_matching import rigid
@@ -44,7 +44,7 @@ def make_matching_stages(
     match_some, move_some = made.match, made.move
 
     def match(band, bands, position, count, arrays, rotation, turned, frames, scratch):
-        clusters = arrays[5].size // 4
+        clusters = arrays.centres.size // 4
         room = row_at(scratch, np.int64(SCRATCH * LANES * band))
         stop = clusters * (band + 1) // bands
         for first in range(clusters * band // bands, stop, LANES):
@@ -122,17 +122,16 @@ def make_substep_end(compiler: Compiler, real: Any, parts: frozenset[str]) -> Si
     of_one, has_damping = make_particles(compiler, real, parts), "cluster_damping" in parts
     begin_any, begin_rigid = of_one.begin, of_one.begin_rigid
     rate, collide, strike, has_bodies = of_one.rate, of_one.collide, of_one.strike, bool(parts & set(COLLIDER_KINDS))
-    damping, rebounds = make_damping(compiler, real, has_damping, at_damping(parts)), "rigid-rebound" in parts
-    gather, slow, whole = damping.gather, damping.slow, make_rebound(compiler, real, rebounds, at_rebound(parts))
-    answer, go, at_struck = whole.answer, whole.go, at_rebound(parts) + 5
-    has_rigid, at_kinds, at_travel = "rigid-motion" in parts, at_rigid(parts) + 4, at_rigid(parts) + 5
-    steadying = make_steadying(compiler, real, has_rigid, at_rigid(parts))
+    damping, rebounds = make_damping(compiler, real, has_damping), "rigid-rebound" in parts
+    gather, slow, whole = damping.gather, damping.slow, make_rebound(compiler, real, rebounds)
+    answer, go, has_rigid = whole.answer, whole.go, "rigid-motion" in parts
+    steadying = make_steadying(compiler, real, has_rigid)
     gather_rigid, steady = steadying.gather, steadying.steady
 
     @compiler.compiled
     def is_rigid(c, arrays):
         if has_rigid:
-            return arrays[at_kinds][c] != 0
+            return arrays.rigid.kinds[c] != 0
         return False
 
     @compiler.compiled
@@ -144,7 +143,7 @@ def make_substep_end(compiler: Compiler, real: Any, parts: frozenset[str]) -> Si
             if is_rigid(c, arrays):
                 begin_rigid(first, last, count, before, after, velocity, weights, parameters, integers)
                 return
-        travel = arrays[at_travel] if has_rigid else weights
+        travel = arrays.rigid.travel if has_rigid else weights
         begin_any(first, last, count, before, after, velocity, weights, parameters, integers, travel)
 
     @compiler.compiled
@@ -152,7 +151,7 @@ def make_substep_end(compiler: Compiler, real: Any, parts: frozenset[str]) -> Si
         first, last, low, high, lone, number, before, after, velocity, weights, arrays, room, parameters, bodies, kinds
     ):  # fmt: skip
         count = weights.size
-        travel = arrays[at_travel] if has_rigid else weights
+        travel = arrays.rigid.travel if has_rigid else weights
         if not (lone and is_rigid(low, arrays)):
             rate(first, last, count, before, after, velocity, weights, parameters, travel)
         if has_rigid:
@@ -162,10 +161,10 @@ def make_substep_end(compiler: Compiler, real: Any, parts: frozenset[str]) -> Si
                 steady(first, last, after, velocity, count, arrays)
         if has_damping:
             for c in range(low, high):
-                gather(c, after, velocity, count, arrays, room)
+                gather(c, after, velocity, count, arrays, arrays.damping.motions, room)
             slow(first, last, after, velocity, count, arrays)
         if rebounds:
-            struck = arrays[at_struck]
+            struck = arrays.rebound.impulses
             strike(first, last, count, number, before, after, velocity, weights, parameters, bodies, kinds, struck)
             for c in range(low, high):
                 answer(c, after, velocity, count, arrays, room)
@@ -187,7 +186,7 @@ def make_bodies_apart(real: Any, math: str, parts: frozenset[str]) -> Any:
     and last cluster, 1 if they are lone; `even`: positions at the start, and after every other substep.
     """
     compiler = Compiler(cloth_variant("bodies_apart", real, math, parts), math)
-    has_rigid, at_travel = "rigid-motion" in parts, at_rigid(parts) + 5
+    has_rigid = "rigid-motion" in parts
     begin, made = make_particles(compiler, real, parts).begin, make_matching(real, math, shaping(parts), has_rigid)
     match, move, sum_up, turn, move_lone = made.match, made.move, made.sum_up, made.turn, made.move_lone
     of_substep = make_substep_end(compiler, real, parts)
@@ -198,8 +197,8 @@ def make_bodies_apart(real: Any, math: str, parts: frozenset[str]) -> Any:
         low, high, number, iterations, before, after, velocity, weights, arrays, factors, rotation, frames, room, parameters,
         integers, bodies, kinds,
     ):  # fmt: skip
-        starts, firsts, count = arrays[0], arrays[1], weights.size
-        travel = arrays[at_travel] if has_rigid else weights
+        starts, firsts, count = arrays.starts, arrays.firsts, weights.size
+        travel = arrays.rigid.travel if has_rigid else weights
         for iteration in range(iterations):
             for c in range(low, high):
                 first = np.int64(firsts[c])
@@ -224,7 +223,7 @@ def make_bodies_apart(real: Any, math: str, parts: frozenset[str]) -> Any:
         frames, room, parameters, integers, bodies, kinds,
     ):  # fmt: skip
         count = weights.size
-        travel = arrays[at_travel] if has_rigid else weights
+        travel = arrays.rigid.travel if has_rigid else weights
         begin(first, last, count, before, after, velocity, weights, parameters, integers, travel)
         for _ in range(iterations):
             for c in range(low, high, LANES):

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from softlab.cpu_backend.shape_matching.arrays import Couples, Damping, Rebound, RigidMotion, Shapes
 from softlab.cpu_backend.shape_matching.layout import SCATTERED, Layout
 from softlab.cpu_backend.shape_matching.shapes import ENTRIES
 from softlab.model.formulas.shape_matching.couple import SPIN
@@ -18,7 +19,7 @@ from softlab.model.shape_matching.rigid_motion import goal_slack
 from softlab.model.shape_matching.rigid_rebound import rebound_limits, whole_clusters
 
 
-class ClusterArrays:
+class ClusterMaterial:
     """The clusters' arrays.
 
     `steps`: those of the kernels for the scene's `parts`; `look`: the same for reading the state, whose strain is
@@ -32,35 +33,34 @@ class ClusterArrays:
         self.plastic = np.zeros(ENTRIES * clusters.count if "plastic" in parts else 0, real)
         self._shapes = np.zeros(SHAPE * clusters.count if shaping(parts) else 0, real)
         self._slowing = np.zeros(len(layout.of_own) if "cluster_damping" in parts else 0, real)
-        steps: tuple[Any, ...] = layout.arrays
-        look: tuple[Any, ...] = layout.arrays
+        steps, motions = layout.arrays, np.zeros(MOTION * clusters.count, real)
         if shaping(parts):
-            steps = (*steps, self._shapes, self.plastic, self.plastic)
-            look = (*look, self._shapes, self.plastic, np.zeros_like(self.plastic))
+            steps = steps._replace(shapes=Shapes(self._shapes, self.plastic, self.plastic))
+        starts, owners, _ = layout.own
         if "cluster_damping" in parts:
-            damping = (*layout.own[:2], self._slowing, np.zeros(MOTION * clusters.count, real))
-            steps, look = (*steps, *damping), (*look, *damping)
+            steps = steps._replace(damping=Damping(starts, owners, self._slowing, motions.copy()))
         whole = whole_clusters(clusters)
         factors, kinds = whole[clusters.owner][layout.of_own].astype(real), layout.kinds(whole)
         if parts & {"rigid-rebound", "rigid-bounce"}:
-            limits, struck = rebound_limits(clusters).astype(real), np.zeros(3 * layout.count, real)
-            scales = np.zeros(3 * layout.count, real)
-            motions = np.zeros(MOTION * clusters.count, real)
-            rebounds = (*layout.own[:2], factors, motions, limits, struck, scales, kinds)
-            steps, look = (*steps, *rebounds), (*look, *rebounds)
+            limits = rebound_limits(clusters).astype(real)
+            impulses, scales = (np.zeros(3 * layout.count, real) for _ in range(2))
+            steps = steps._replace(
+                rebound=Rebound(starts, owners, factors, motions.copy(), limits, impulses, scales, kinds)
+            )
         self.travel = np.zeros(4 * layout.count if "rigid-motion" in parts else 0, real)
         if "rigid-motion" in parts:
             self.travel[3 * layout.count + layout.slots] = goal_slack(clusters, real)
-            motions = np.zeros(MOTION * clusters.count, real)
             scattered = np.array([(kinds == SCATTERED).any()])
-            moving = (*layout.own[:2], factors, motions, kinds, self.travel, scattered)
-            steps, look = (*steps, *moving), (*look, *moving)
+            steps = steps._replace(
+                rigid=RigidMotion(starts, owners, factors, motions.copy(), kinds, self.travel, scattered)
+            )
         self.couples = np.zeros(3 * layout.count if "couples" in parts else 0, real)
         if "couples" in parts:
-            parts_of = clusters.shares[layout.of_own].astype(real)
-            turning = (*layout.own[:2], parts_of, np.zeros(SPIN * clusters.count, real), self.couples)
-            steps, look = (*steps, *turning), (*look, *turning)
-        self.touched, self.steps, self.look = (self.travel, self.couples), steps, look
+            weights, spins = clusters.shares[layout.of_own].astype(real), np.zeros(SPIN * clusters.count, real)
+            steps = steps._replace(couples=Couples(starts, owners, weights, spins, self.couples))
+        self.touched, self.steps, self.look = (self.travel, self.couples), steps, steps
+        if isinstance(steps.shapes, Shapes):
+            self.look = steps._replace(shapes=steps.shapes._replace(plastic_after=np.zeros_like(self.plastic)))
 
     def change(self, method: Method) -> None:
         """Update the tables that depend on the length of a substep."""

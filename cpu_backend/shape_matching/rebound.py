@@ -12,22 +12,15 @@ import numpy as np
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import row_at
 from softlab.cpu_backend.core.progress import shares
-from softlab.cpu_backend.shape_matching.damping import at_damping, make_damping, make_lane_sum
+from softlab.cpu_backend.shape_matching.damping import make_damping, make_lane_sum
 from softlab.cpu_backend.shape_matching.kernels import AXES
 from softlab.cpu_backend.shape_matching.layout import LONE
 from softlab.model.formulas.shape_matching import rebound
 from softlab.model.formulas.shape_matching.cluster import LANES
 from softlab.model.formulas.shape_matching.pace import MOTION
 
-DAMPING = 4  # number of arrays of damping; those of rebounds follow
 
-
-def at_rebound(parts: frozenset[str]) -> int:
-    """Return the index of the rebounds' arrays among the clusters' arrays."""
-    return at_damping(parts) + DAMPING * ("cluster_damping" in parts)
-
-
-def make_answer(compiler: Compiler, real: Any, place: int, meets: bool = False) -> Any:
+def make_answer(compiler: Compiler, real: Any, meets: bool = False) -> Any:
     """Make answer(c, position, count, arrays, scratch): the rigid motion of cluster c that results from the impulses on
     its particles; none for a cluster that does not rebound as a whole.
 
@@ -36,10 +29,9 @@ def make_answer(compiler: Compiler, real: Any, place: int, meets: bool = False) 
     """
     formulas, sum_of = rebound.make(real, compiler.compiled), make_lane_sum(compiler, real)
     weighed, rigid, enlarged, scaled = formulas.weighed, formulas.rigid, formulas.enlarged, formulas.scaled
-    gather = make_damping(compiler, real, True, place).gather
+    gather = make_damping(compiler, real, True).gather
     touched_mass, asked, bound = formulas.touched, formulas.asked, formulas.bound
-    at_motions, at_limits, at_struck, zero = place + 3, place + 4, place + 5, real(0)
-    at_wanted = place + 6  # the plane of scales follows
+    zero = real(0)
 
     def make_rows(gathers: bool) -> Any:
         def worth_rows(blocks, motion, slots, x, y, z, vx, vy, vz, wanted, mass, lanes):
@@ -77,8 +69,8 @@ def make_answer(compiler: Compiler, real: Any, place: int, meets: bool = False) 
     def touched(c, count, arrays):
         """Return True if a particle of cluster c got an impulse; for a straight cluster also a particle behind it in
         its block."""
-        struck, starts, slots, first = arrays[at_struck], arrays[0], arrays[3], np.int64(arrays[1][c])
-        if arrays[2][c]:
+        struck, starts, slots, first = arrays.rebound.impulses, arrays.starts, arrays.slots, np.int64(arrays.firsts[c])
+        if arrays.straight[c]:
             return any_row(
                 (starts[c + 1] - starts[c]) // LANES, row_at(struck, first), row_at(struck, count + first),
                 row_at(struck, 2 * count + first),
@@ -91,32 +83,32 @@ def make_answer(compiler: Compiler, real: Any, place: int, meets: bool = False) 
 
     @compiler.compiled
     def answer(c, position, count, arrays, scratch):
-        limit = arrays[at_limits][c]
+        limit, motions = arrays.rebound.limits[c], arrays.rebound.motions
         if limit == zero:
             return
-        struck, motion = arrays[at_struck], row_at(arrays[at_motions], np.int64(MOTION * c))
+        struck, scales, motion = arrays.rebound.impulses, arrays.rebound.scales, row_at(motions, np.int64(MOTION * c))
         if not touched(c, count, arrays):
             for n in range(MOTION):
                 motion[n] = zero
             return
-        gather(c, position, struck, count, arrays, scratch)
-        starts, slots, members, first = arrays[0], arrays[3], arrays[4], np.int64(arrays[1][c])
+        gather(c, position, struck, count, arrays, motions, scratch)
+        starts, slots, members, first = arrays.starts, arrays.slots, arrays.members, np.int64(arrays.firsts[c])
         start, blocks, mass = starts[c], (starts[c + 1] - starts[c]) // LANES, 3 * (members.size // 4)
-        if arrays[2][c]:
+        if arrays.straight[c]:
             sum_worth(
                 blocks, motion, row_at(slots, start), row_at(position, first), row_at(position, count + first),
                 row_at(position, 2 * count + first), row_at(struck, first), row_at(struck, count + first),
-                row_at(struck, 2 * count + first), row_at(arrays[at_wanted], first), row_at(members, mass + start), scratch,
+                row_at(struck, 2 * count + first), row_at(scales, first), row_at(members, mass + start), scratch,
             )  # fmt: skip
         else:
             gather_worth(
                 blocks, motion, row_at(slots, start), position, row_at(position, count), row_at(position, 2 * count),
-                struck, row_at(struck, count), row_at(struck, 2 * count), arrays[at_wanted], row_at(members, mass + start),
+                struck, row_at(struck, count), row_at(struck, 2 * count), scales, row_at(members, mass + start),
                 scratch,
             )  # fmt: skip
         if meets:
             total = sum_of(scratch, 3)
-            motion[0] = bound(sum_of(scratch, 0), sum_of(scratch, 2), total, arrays[5][4 * c + 3])
+            motion[0] = bound(sum_of(scratch, 0), sum_of(scratch, 2), total, arrays.centres[4 * c + 3])
             motion[1], motion[2] = total, sum_of(scratch, 1)
             return
         scale = enlarged(sum_of(scratch, 0), sum_of(scratch, 1), limit)
@@ -126,32 +118,30 @@ def make_answer(compiler: Compiler, real: Any, place: int, meets: bool = False) 
     return SimpleNamespace(answer=answer, touched=touched)
 
 
-def make_rebound(compiler: Compiler, real: Any, rebounds: bool, place: int) -> SimpleNamespace:
+def make_rebound(compiler: Compiler, real: Any, rebounds: bool) -> SimpleNamespace:
     """Make the functions of rebounds; they do nothing unless a body `rebounds`.
 
     `note(first, last, velocity, count, arrays)`: before colliders; `strike(first, last, velocity, count, arrays)`:
     after them, the impulses on particles; `answer(c, position, velocity, count, arrays, scratch)`: the response of
     cluster c, also of its particles if it is LONE; `go(first, last, position, velocity, count, arrays)`: particles of
-    others. Arrays from `place` on: as of damping, factors 1 of clusters that rebound as a whole; limits (clusters,), 0
-    of the others; impulses of particles, three planes; scales; kinds (layout.py).
+    others.
     """
     if not rebounds:
         return _without(compiler)
-    formulas, made = rebound.make(real, compiler.compiled), make_answer(compiler, real, place)
+    formulas, made = rebound.make(real, compiler.compiled), make_answer(compiler, real)
     rigid, rebounded, touched, answer_whole = formulas.rigid, formulas.rebounded, made.touched, made.answer
-    at_factors, at_motions, at_struck, at_kinds = place + 2, place + 3, place + 5, place + 7
-    at_clusters, zero = place + 1, real(0)
+    zero = real(0)
 
     @compiler.compiled
     def note(first, last, velocity, count, arrays):
-        struck = arrays[at_struck]
+        struck = arrays.rebound.impulses
         for axis in range(AXES):
             for k in range(axis * count + first, axis * count + last):
                 struck[k] = velocity[k]
 
     @compiler.compiled
     def strike(first, last, velocity, count, arrays):
-        struck = arrays[at_struck]
+        struck = arrays.rebound.impulses
         for axis in range(AXES):
             for k in range(axis * count + first, axis * count + last):
                 struck[k] = velocity[k] - struck[k]
@@ -176,24 +166,23 @@ def make_rebound(compiler: Compiler, real: Any, rebounds: bool, place: int) -> S
 
     @compiler.compiled
     def answer(c, position, velocity, count, arrays, scratch):
-        first, blocks = np.int64(arrays[1][c]), (arrays[0][c + 1] - arrays[0][c]) // LANES
+        first, blocks = np.int64(arrays.firsts[c]), (arrays.starts[c + 1] - arrays.starts[c]) // LANES
         x, y, z = first, count + first, 2 * count + first
-        if arrays[at_kinds][c] == LONE and not touched(c, count, arrays):
+        if arrays.rebound.kinds[c] == LONE and not touched(c, count, arrays):
             stay_rows(blocks, row_at(velocity, x), row_at(velocity, y), row_at(velocity, z))
             return
         answer_whole(c, position, count, arrays, scratch)
-        if arrays[at_kinds][c] == LONE:
-            struck = arrays[at_struck]
+        if arrays.rebound.kinds[c] == LONE:
+            struck = arrays.rebound.impulses
             go_rows(
-                blocks, row_at(arrays[at_motions], np.int64(MOTION * c)), row_at(position, x), row_at(position, y),
+                blocks, row_at(arrays.rebound.motions, np.int64(MOTION * c)), row_at(position, x), row_at(position, y),
                 row_at(position, z), row_at(struck, x), row_at(struck, y), row_at(struck, z), row_at(velocity, x),
                 row_at(velocity, y), row_at(velocity, z),
             )  # fmt: skip
 
     @compiler.compiled
     def go(first, last, position, velocity, count, arrays):
-        starts, clusters, factors, motions = arrays[place], arrays[at_clusters], arrays[at_factors], arrays[at_motions]
-        struck, kinds = arrays[at_struck], arrays[at_kinds]
+        starts, clusters, factors, motions, _, struck, _, kinds = arrays.rebound
         for k in range(first, last):
             for n in range(starts[k], starts[k + 1]):
                 if factors[n] != zero and kinds[clusters[n]] != LONE:
@@ -220,19 +209,19 @@ def _without(compiler: Compiler) -> SimpleNamespace:
 
 
 @cache
-def make_rebound_stages(real: Any, math: str, place: int) -> SimpleNamespace:
+def make_rebound_stages(real: Any, math: str) -> SimpleNamespace:
     """Compile `note(bands, velocity, count, arrays)` and, after colliders, `rebound(bands, position, velocity, count,
     arrays, scratch, pitch)`: all particles, then all clusters, then all particles; `pitch`: numbers in a band's
     scratch."""
-    compiler = Compiler(f"bodies_rebound_{np.dtype(real).name}_{math}_{place}", math)
-    made = make_rebound(compiler, real, True, place)
+    compiler = Compiler(f"bodies_rebound_{np.dtype(real).name}_{math}", math)
+    made = make_rebound(compiler, real, True)
     note_some, strike, answer, go = made.note, made.strike, made.answer, made.go
 
     def note(band, bands, velocity, count, arrays):
         note_some(count * band // bands, count * (band + 1) // bands, velocity, count, arrays)
 
     def rebound(team, member, bands, position, velocity, count, arrays, scratch, pitch):
-        clusters = arrays[5].size // 4
+        clusters = arrays.centres.size // 4
         for band in shares(team, member, bands):
             strike(count * band // bands, count * (band + 1) // bands, velocity, count, arrays)
         for band in shares(team, member, bands):

@@ -14,32 +14,22 @@ from softlab.cpu_backend.core.progress import shares
 from softlab.cpu_backend.shape_matching.damping import make_damping
 from softlab.cpu_backend.shape_matching.kernels import AXES
 from softlab.cpu_backend.shape_matching.layout import LONE
-from softlab.cpu_backend.shape_matching.rebound import at_rebound
 from softlab.model.formulas.shape_matching import rebound
 from softlab.model.formulas.shape_matching.cluster import LANES
 from softlab.model.formulas.shape_matching.pace import MOTION
 
-REBOUND = 8  # number of arrays of rebounds; those of rigid motion follow
 
-
-def at_rigid(parts: frozenset[str]) -> int:
-    """Return the index of the rigid motions' arrays among the clusters' arrays."""
-    return at_rebound(parts) + REBOUND * bool(parts & {"rigid-rebound", "rigid-bounce"})
-
-
-def make_steadying(compiler: Compiler, real: Any, has_rigid: bool, place: int) -> SimpleNamespace:
+def make_steadying(compiler: Compiler, real: Any, has_rigid: bool) -> SimpleNamespace:
     """Make `gather` and `steady`; they do nothing unless `has_rigid`.
 
     `gather(c, position, velocity, count, arrays, scratch)`: the rigid motion of cluster c with the momenta of its
     particles, which get its velocities if it is LONE; `steady(first, last, position, velocity, count, arrays)`:
-    velocities of other particles. Arrays from `place` on: as of damping, factors 1 of rigid bodies; kinds of clusters
-    (layout.py); travels and slacks, four planes; 1 if any is SCATTERED.
+    velocities of other particles.
     """
     if not has_rigid:
         return _without(compiler)
     rigid, zero = rebound.make(real, compiler.compiled).rigid, real(0)
-    gather_motion = make_damping(compiler, real, True, place).gather
-    at_clusters, at_factors, at_motions, at_kinds = place + 1, place + 2, place + 3, place + 4
+    gather_motion = make_damping(compiler, real, True).gather
 
     @compiler.row
     def steady_rows(blocks, motion, x, y, z, vx, vy, vz):
@@ -53,19 +43,19 @@ def make_steadying(compiler: Compiler, real: Any, has_rigid: bool, place: int) -
 
     @compiler.compiled
     def gather(c, position, velocity, count, arrays, scratch):
-        if arrays[at_kinds][c]:
-            gather_motion(c, position, velocity, count, arrays, scratch)
-        if arrays[at_kinds][c] == LONE:  # including its ghosts, which belong to no cluster
-            first = np.int64(arrays[1][c])
+        if arrays.rigid.kinds[c]:
+            gather_motion(c, position, velocity, count, arrays, arrays.rigid.motions, scratch)
+        if arrays.rigid.kinds[c] == LONE:  # including its ghosts, which belong to no cluster
+            first = np.int64(arrays.firsts[c])
             steady_rows(
-                (arrays[0][c + 1] - arrays[0][c]) // LANES, row_at(arrays[at_motions], np.int64(MOTION * c)),
+                (arrays.starts[c + 1] - arrays.starts[c]) // LANES, row_at(arrays.rigid.motions, np.int64(MOTION * c)),
                 row_at(position, first), row_at(position, count + first), row_at(position, 2 * count + first),
                 row_at(velocity, first), row_at(velocity, count + first), row_at(velocity, 2 * count + first),
             )  # fmt: skip
 
     @compiler.compiled
     def steady(first, last, position, velocity, count, arrays):
-        starts, clusters, factors, motions = arrays[place], arrays[at_clusters], arrays[at_factors], arrays[at_motions]
+        starts, clusters, factors, motions, _, _, _ = arrays.rigid
         for k in range(first, last):
             for n in range(starts[k], starts[k + 1]):
                 if factors[n] != zero:
@@ -92,18 +82,18 @@ def _without(compiler: Compiler) -> SimpleNamespace:
 
 
 @cache
-def make_rest(compiler: Compiler, real: Any, rests: bool, place: int) -> Any:
+def make_rest(compiler: Compiler, real: Any, rests: bool) -> Any:
     """Make rest(c, before, position, velocity, count, arrays): stop the rigid cluster c if none of its particles moved
-    in the substep. It does nothing unless a body `rests`. `place`: as of make_steadying."""
-    zero, at_kinds = real(0), place + 4
+    in the substep. It does nothing unless a body `rests`."""
+    zero = real(0)
 
     @compiler.compiled
     def rest(c, before, position, velocity, count, arrays):
         if not rests:
             return
-        starts, slots, members = arrays[0], arrays[3], arrays[4]
+        starts, slots, members = arrays.starts, arrays.slots, arrays.members
         masses = 3 * (members.size // 4)
-        if arrays[at_kinds][c] == 0:
+        if arrays.rigid.kinds[c] == 0:
             return
         for e in range(starts[c], starts[c + 1]):
             if members[masses + e] != zero:  # not a ghost
@@ -118,13 +108,13 @@ def make_rest(compiler: Compiler, real: Any, rests: bool, place: int) -> Any:
 
 
 @cache
-def make_rest_stage(real: Any, math: str, place: int) -> Any:
+def make_rest_stage(real: Any, math: str) -> Any:
     """Compile rest(bands, before, position, velocity, count, arrays): all clusters, in parallel."""
-    compiler = Compiler(f"bodies_rest_{np.dtype(real).name}_{math}_{place}", math)
-    rest_one = make_rest(compiler, real, True, place)
+    compiler = Compiler(f"bodies_rest_{np.dtype(real).name}_{math}", math)
+    rest_one = make_rest(compiler, real, True)
 
     def rest(band, bands, before, position, velocity, count, arrays):
-        clusters = arrays[5].size // 4
+        clusters = arrays.centres.size // 4
         for c in range(clusters * band // bands, clusters * (band + 1) // bands):
             rest_one(c, before, position, velocity, count, arrays)
 
@@ -132,15 +122,15 @@ def make_rest_stage(real: Any, math: str, place: int) -> Any:
 
 
 @cache
-def make_steadying_stage(real: Any, math: str, place: int) -> Any:
+def make_steadying_stage(real: Any, math: str) -> Any:
     """Compile steady(bands, position, velocity, count, arrays, scratch, pitch): all clusters, then all particles, one
     parallel loop each; `pitch`: numbers in a band's scratch."""
-    compiler = Compiler(f"bodies_rigid_{np.dtype(real).name}_{math}_{place}", math)
-    made = make_steadying(compiler, real, True, place)
+    compiler = Compiler(f"bodies_rigid_{np.dtype(real).name}_{math}", math)
+    made = make_steadying(compiler, real, True)
     gather, steady_some = made.gather, made.steady
 
     def steady(team, member, bands, position, velocity, count, arrays, scratch, pitch):
-        clusters = arrays[5].size // 4
+        clusters = arrays.centres.size // 4
         for band in shares(team, member, bands):
             room = row_at(scratch, np.int64(pitch * band))
             for c in range(clusters * band // bands, clusters * (band + 1) // bands):

@@ -11,8 +11,6 @@ from softlab.model.formulas.shape_matching import deformation
 from softlab.model.formulas.shape_matching.cluster import LANES
 from softlab.model.formulas.shape_matching.deformation import S_CREEP, S_INVERSE, S_LIMIT, S_LINEAR, S_THRESHOLD, SHAPE
 
-# indices of tables, plastic strains, and strains after this iteration among the clusters' arrays, all flat
-AT_SHAPES, AT_PLASTIC, AT_BENT = 6, 7, 8
 ENTRIES = 9
 
 
@@ -54,7 +52,7 @@ def make_shapes(compiler: Compiler, real: Any, shaping: frozenset[str], row: int
 
     @compiler.compiled
     def prepare(c, place, arrays, sums, maps):
-        table, plastic = arrays[AT_SHAPES], arrays[AT_PLASTIC]
+        table, plastic, _ = arrays.shapes
         moments, k = row_at(sums, row * LANES), SHAPE * c + S_INVERSE
         a = nine(moments, place)
         f = gradient(*a, table[k], table[k + 1], table[k + 2], table[k + 3], table[k + 4], table[k + 5])
@@ -66,7 +64,7 @@ def make_shapes(compiler: Compiler, real: Any, shaping: frozenset[str], row: int
 
     @compiler.compiled
     def finish(c, place, arrays, maps, xx, xy, xz, yx, yy, yz, zx, zy, zz):
-        table, plastic, after = arrays[AT_SHAPES], arrays[AT_PLASTIC], arrays[AT_BENT]
+        table, plastic, after = arrays.shapes
         f, r, k = nine(maps, place), (xx, xy, xz, yx, yy, yz, zx, zy, zz), SHAPE * c
         goal = r
         if has_linear:

@@ -18,16 +18,17 @@ from softlab.cpu_backend.contact.particles_project import PACES, make_settle_sta
 from softlab.cpu_backend.core.constraints import make_constraint_stage
 from softlab.cpu_backend.core.layout import aligned_zeros
 from softlab.cpu_backend.core.simulation import ParticlesSimulation, chosen_kernel
+from softlab.cpu_backend.shape_matching.arrays import ClusterArrays
 from softlab.cpu_backend.shape_matching.couples import make_couples_stage
-from softlab.cpu_backend.shape_matching.damping import at_damping, make_damping_stage
+from softlab.cpu_backend.shape_matching.damping import make_damping_stage
 from softlab.cpu_backend.shape_matching.kernels import AXES, FRAME, LANES, QUATERNION, SCRATCH
 from softlab.cpu_backend.shape_matching.lattice import make_lattice_stages
 from softlab.cpu_backend.shape_matching.lattice_layout import Lattices
 from softlab.cpu_backend.shape_matching.layout import bounds_of, layout_of
 from softlab.cpu_backend.shape_matching.loops import make_bodies_apart, make_bodies_stages, make_matching_stages
-from softlab.cpu_backend.shape_matching.material import ClusterArrays
-from softlab.cpu_backend.shape_matching.rebound import at_rebound, make_rebound_stages
-from softlab.cpu_backend.shape_matching.rigid import at_rigid, make_rest_stage, make_steadying_stage
+from softlab.cpu_backend.shape_matching.material import ClusterMaterial
+from softlab.cpu_backend.shape_matching.rebound import make_rebound_stages
+from softlab.cpu_backend.shape_matching.rigid import make_rest_stage, make_steadying_stage
 from softlab.cpu_backend.shape_matching.together import make_bodies_together
 from softlab.model.core.own_forces import POKED
 from softlab.model.core.plan import Executor, Moment, StageRun
@@ -80,7 +81,7 @@ class Bodies(ParticlesSimulation):
         ends = self.layout.slots[links.ends].astype(np.int32)
         self._lattices = Lattices(body_set, self.layout.slots, count, self._bands, real)
         self._apart = self._apart and not body_set.lattices
-        self._material = ClusterArrays(self.clusters, self.layout, self.plan.parts, real)
+        self._material = ClusterMaterial(self.clusters, self.layout, self.plan.parts, real)
         self._kept = [np.zeros_like(array) for array in self._state()]
         self._links = ends, np.zeros((links.count, 2), real), np.zeros((links.count, 1), real), links.starts
         self.contacts: ParticleContacts | None = None
@@ -133,8 +134,8 @@ class Bodies(ParticlesSimulation):
         ends, values, multipliers, starts = self._links
         contacts: Any = self.contacts
         over_clusters = count, self._material.steps, self._scratch, SCRATCH * LANES
-        bounce_bodies = make_bodies_bounce_stage(self.real, self.options.math, at_rebound(self.plan.parts))
-        whole = make_rebound_stages(self.real, self.options.math, at_rebound(self.plan.parts))
+        bounce_bodies = make_bodies_bounce_stage(self.real, self.options.math)
+        whole = make_rebound_stages(self.real, self.options.math)
         project_links = make_constraint_stage(self.real, self.options.math, LINKS, in_planes=True)
 
         def predict(moment: Moment) -> None:
@@ -165,15 +166,15 @@ class Bodies(ParticlesSimulation):
             stage.update(bands, before, position, velocity, self._weights, count, self.parameters, travel)
 
         def steady(moment: Moment) -> None:
-            run = make_steadying_stage(self.real, self.options.math, at_rigid(self.plan.parts))
+            run = make_steadying_stage(self.real, self.options.math)
             run(bands, position, velocity, *over_clusters)
 
         def rest(moment: Moment) -> None:
-            run = make_rest_stage(self.real, self.options.math, at_rigid(self.plan.parts))
+            run = make_rest_stage(self.real, self.options.math)
             run(bands, before, position, velocity, count, self._material.steps)
 
         def damp(moment: Moment) -> None:
-            run = make_damping_stage(self.real, self.options.math, at_damping(self.plan.parts))
+            run = make_damping_stage(self.real, self.options.math)
             run(bands, position, velocity, *over_clusters)
 
         def bounce(moment: Moment) -> None:
@@ -216,7 +217,7 @@ class Bodies(ParticlesSimulation):
         """Number of neighbours of particles beyond the MAX_NEIGHBOURS of each, since the simulation was opened."""
         return self.contacts.lost if self.contacts else 0
 
-    def _match(self, turned: np.ndarray, of_lattices: np.ndarray, arrays: tuple[Any, ...], look: bool = False) -> None:
+    def _match(self, turned: np.ndarray, of_lattices: np.ndarray, arrays: ClusterArrays, look: bool = False) -> None:
         """Compute the clusters' rotations at the current positions, into `turned` and `of_lattices`, and with their
         centres into the frames; those of lattices only with `look`."""
         variant = self.real, self.options.math, shaping(self.plan.parts), "rigid-motion" in self.plan.parts

@@ -17,13 +17,13 @@ from softlab.cpu_backend.core.constraints import make_colours, make_planes, make
 from softlab.cpu_backend.core.layout import row_at
 from softlab.cpu_backend.core.progress import shares
 from softlab.cpu_backend.mass_spring.cloth.scratch import cloth_variant
-from softlab.cpu_backend.shape_matching.couples import at_couples, make_couples
-from softlab.cpu_backend.shape_matching.damping import at_damping, make_damping
+from softlab.cpu_backend.shape_matching.couples import make_couples
+from softlab.cpu_backend.shape_matching.damping import make_damping
 from softlab.cpu_backend.shape_matching.kernels import AXES, SCRATCH, make_matching
 from softlab.cpu_backend.shape_matching.lattice import make_lattice_matching
 from softlab.cpu_backend.shape_matching.particles import make_particles
-from softlab.cpu_backend.shape_matching.rebound import at_rebound, make_rebound
-from softlab.cpu_backend.shape_matching.rigid import at_rigid, make_rest, make_steadying
+from softlab.cpu_backend.shape_matching.rebound import make_rebound
+from softlab.cpu_backend.shape_matching.rigid import make_rest, make_steadying
 from softlab.model.formulas.shape_matching.cluster import LANES
 from softlab.model.scene.cloth import COLLIDER_KINDS
 from softlab.model.shape_matching.cluster_tables import shaping
@@ -41,15 +41,14 @@ def make_substep_end(compiler: Compiler, real: Any, math: str, parts: frozenset[
     begin, rate, collide, has_bodies = of_one.begin, of_one.rate, of_one.collide, bool(parts & set(COLLIDER_KINDS))
     settle, has_pace = make_settle(compiler, real, parts), bool(parts & PACES)
     bounce, bounces = make_bounce(real, math), "contact-restitution" in parts
-    bounce_bodies, has_rigid = make_bodies_bounce(real, math, at_rebound(parts)), "rigid-bounce" in parts
-    damping, rebounds = make_damping(compiler, real, has_damping, at_damping(parts)), "rigid-rebound" in parts
-    gather, slow, whole = damping.gather, damping.slow, make_rebound(compiler, real, rebounds, at_rebound(parts))
-    answer, go, strike, at_struck = whole.answer, whole.go, of_one.strike, at_rebound(parts) + 5
-    keeps, at_travel, at_scattered = "rigid-motion" in parts, at_rigid(parts) + 5, at_rigid(parts) + 6
-    steadying = make_steadying(compiler, real, keeps, at_rigid(parts))
+    bounce_bodies, has_rigid = make_bodies_bounce(real, math), "rigid-bounce" in parts
+    damping, rebounds = make_damping(compiler, real, has_damping), "rigid-rebound" in parts
+    gather, slow, whole = damping.gather, damping.slow, make_rebound(compiler, real, rebounds)
+    answer, go, strike, keeps = whole.answer, whole.go, of_one.strike, "rigid-motion" in parts
+    steadying = make_steadying(compiler, real, keeps)
     gather_rigid, steady = steadying.gather, steadying.steady
     rests = keeps and "sleeping" in parts
-    rest, begins_last = make_rest(compiler, real, rests, at_rigid(parts)), rebounds or rests or has_rigid
+    rest, begins_last = make_rest(compiler, real, rests), rebounds or rests or has_rigid
     turning, has_couples = make_couples(compiler, real, parts), "couples" in parts
     gather_couples, turn = turning.gather, turning.turn
     rates_apart = has_pace or bounces or has_damping or keeps or has_couples  # others read velocities before colliders
@@ -60,10 +59,10 @@ def make_substep_end(compiler: Compiler, real: Any, math: str, parts: frozenset[
         kinds, contacts,
     ):  # fmt: skip
         numbers, _, _, _, neighbours, touching, olds = contacts
-        count, clusters = weights.size, arrays[5].size // 4
+        count, clusters = weights.size, arrays.centres.size // 4
         blocks = count // LANES
-        travel = arrays[at_travel] if keeps else weights
-        scattered = arrays[at_scattered][0] if keeps else False
+        travel = arrays.rigid.travel if keeps else weights
+        scattered = arrays.rigid.scattered[0] if keeps else False
         if has_couples:
             for band in shares(team, member, bands):
                 room = row_at(scratch, np.int64(SCRATCH * LANES * band))
@@ -96,7 +95,7 @@ def make_substep_end(compiler: Compiler, real: Any, math: str, parts: frozenset[
             for band in shares(team, member, bands):
                 room = row_at(scratch, np.int64(SCRATCH * LANES * band))
                 for c in range(clusters * band // bands, clusters * (band + 1) // bands):
-                    gather(c, after, velocity, count, arrays, room)
+                    gather(c, after, velocity, count, arrays, arrays.damping.motions, room)
         for band in shares(team, member, bands):
             first, last = LANES * (blocks * band // bands), LANES * (blocks * (band + 1) // bands)
             if not rates_apart:
@@ -104,7 +103,7 @@ def make_substep_end(compiler: Compiler, real: Any, math: str, parts: frozenset[
             if has_damping:
                 slow(first, last, after, velocity, count, arrays)
             if rebounds:
-                struck = arrays[at_struck]
+                struck = arrays.rebound.impulses
                 strike(first, last, count, number, before, after, velocity, weights, parameters, bodies, kinds, struck)
             elif has_bodies:
                 collide(first, last, count, number, before, after, velocity, weights, parameters, bodies, kinds)
@@ -148,14 +147,14 @@ def make_bodies_together(real: Any, math: str, parts: frozenset[str]) -> Any:
     of the next. `contacts`: ParticleContacts.arrays, or NO_CONTACTS; `lattices`: Lattices.arrays, or empty.
     """
     compiler = Compiler(cloth_variant("bodies_together", real, math, parts), math)
-    keeps, at_travel = "rigid-motion" in parts, at_rigid(parts) + 5
+    keeps = "rigid-motion" in parts
     of_one, made = make_particles(compiler, real, parts), make_matching(real, math, shaping(parts), keeps)
     begin, rate, collide, match, move = of_one.begin, of_one.rate, of_one.collide, made.match, made.move
     has_bodies, has_links = bool(parts & set(COLLIDER_KINDS)), "links" in parts
     project_links = make_projections(compiler, real, LINKS, make_planes(compiler))
     sweep_links = make_colours(compiler, [project_links], [LINKS.run])
     find, has_contacts = make_find(real, math), "contacts" in parts
-    has_couples, at_sums = "couples" in parts, at_couples(parts) + 4
+    has_couples = "couples" in parts
     clear = make_clear(compiler)
     take_out = make_project(real, math, "contact-friction" in parts, "contact-adhesion" in parts, keeps, has_couples)
     windows, has_lattices = make_lattice_matching(real, math), "lattices" in parts
@@ -173,10 +172,10 @@ def make_bodies_together(real: Any, math: str, parts: frozenset[str]) -> Any:
         own_factors, rotation, frames, scratch, parameters, integers, bodies, kinds, contacts, lattices, lattice_frames,
     ):  # fmt: skip
         numbers, of_particle, tables, in_order, neighbours, touching, _ = contacts
-        count, clusters, passes = weights.size, arrays[5].size // 4, steps * substeps
+        count, clusters, passes = weights.size, arrays.centres.size // 4, steps * substeps
         blocks = count // LANES
-        travel = arrays[at_travel] if keeps else weights
-        couples = arrays[at_sums] if has_couples else weights
+        travel = arrays.rigid.travel if keeps else weights
+        couples = arrays.couples.sums if has_couples else weights
         for band in shares(team, member, bands):
             first, last = LANES * (blocks * band // bands), LANES * (blocks * (band + 1) // bands)
             begin(first, last, count, even, odd, velocity, weights, parameters, integers, travel)
@@ -202,7 +201,7 @@ def make_bodies_together(real: Any, math: str, parts: frozenset[str]) -> Any:
                             match(c, min(c + LANES, stop), after, count, arrays, rotation, rotation, frames, room)
                 if has_lattices:
                     match_windows(
-                        team, member, bands, after, count, lattices, lattices[6], lattice_frames, False
+                        team, member, bands, after, count, lattices, lattices.rotation, lattice_frames, False
                     )  # fmt: skip
                 if clusters > 0 or at_once:
                     for band in shares(team, member, bands):

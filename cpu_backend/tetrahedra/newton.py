@@ -10,6 +10,17 @@ from __future__ import annotations
 import numpy as np
 
 from softlab.cpu_backend.core.simulation import QuadsSimulation, chosen_kernel
+from softlab.cpu_backend.tetrahedra.newton_arrays import (
+    Coarse,
+    Elements,
+    Groups,
+    Inputs,
+    Matrix,
+    Rows,
+    Solver,
+    Springs,
+    Vectors,
+)
 from softlab.cpu_backend.tetrahedra.newton_steps import DONE, SUMS, make_newton_advance
 from softlab.cpu_backend.xpbd.mesh_kernels import ALWAYS
 from softlab.model.core.plan import Executor
@@ -31,7 +42,7 @@ from softlab.model.tetrahedra.newton import (
 from softlab.model.tetrahedra.springs import rounding_of, springs
 from softlab.model.tetrahedra.tables import surface_lists
 
-VECTORS = 8  # see newton_rows.py; one more for order 2, three with dampers
+VECTORS = 8  # of every scheme; one more for order 2, three with dampers
 
 
 class TetrahedraNewton(QuadsSimulation):
@@ -53,13 +64,14 @@ class TetrahedraNewton(QuadsSimulation):
         coarse = ((rigid.count, 4), (size, rigid.width), (1, size), (1, size))
         hard = holding(found).astype(real)[:, None]
         groups, vectors = -(-max(count, tetrahedra) // SUMMED), VECTORS + stage_vectors(self.plan.parts)
-        self._solver = (
-            (np.ascontiguousarray(found.tetrahedra, np.int32), material_of(found), element_values(found).astype(real)),
-            (*rows.arrays, *held.arrays(real)), tuple(np.zeros((count, 3), real) for _ in range(vectors)),
-            (*(np.zeros(shape, real) for shape in matrix), hard), np.zeros((SUMS, groups), real), rigid.arrays,
-            tuple(np.zeros(shape, real) for shape in coarse),
+        corners, values = np.ascontiguousarray(found.tetrahedra, np.int32), element_values(found).astype(real)
+        self._solver = Solver(
+            Elements(corners, material_of(found), values), Rows(*rows.arrays), Springs(*held.arrays(real)),
+            Vectors(*(np.zeros((count, 3), real) for _ in range(vectors))),
+            Matrix(*(np.zeros(shape, real) for shape in matrix), hard), np.zeros((SUMS, groups), real),
+            Groups(*rigid.arrays), Coarse(*(np.zeros(shape, real) for shape in coarse)),
         )  # fmt: skip
-        self._solver[3][0][tetrahedra * BLOCKS :] = held.blocks
+        self._solver.matrix.element_blocks[tetrahedra * BLOCKS :] = held.blocks
         self._floor = real(rounding_floor(found, real) + rounding_of(held, found.extent, real))
         self._control = np.zeros(2 + len(passes.COUNTS), np.int64)
         self._values, self.done = np.zeros(len(passes.VALUES), real), np.zeros(len(DONE), np.int64)
@@ -74,6 +86,6 @@ class TetrahedraNewton(QuadsSimulation):
         make_newton_advance(self.real, self.options.math, self.plan.parts - ALWAYS)(
             self._bands, steps, step, method.substeps * stages_of(self.scene), method.iterations, self._floor,
             (self._position, self._velocity, self._before),
-            (self.parameters, self.integers, self._lists, self.bodies, self.kinds, self.driven), self._solver, self._control,
-            self._values, self.done,
+            Inputs(self.parameters, self.integers, self._lists, self.bodies, self.kinds, self.driven), self._solver,
+            self._control, self._values, self.done,
         )  # fmt: skip

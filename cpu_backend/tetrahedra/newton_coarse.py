@@ -1,9 +1,7 @@
 """The coarse level of Newton's method on tetrahedra, on CPU threads: groups sum their rows, one thread factors and
 solves.
 
-`coarse`: (centres of the groups and their scales (groups, 4); the band of the matrix, then of its factor U'U, from the
-diagonal on (6 groups, width); right-hand side, then solution (1, 6 groups); scratch as large). `groups`: arrays of
-model/tetrahedra/aggregates.py.
+newton_arrays.py describes `rows`, `groups` and `coarse`.
 """
 
 from __future__ import annotations
@@ -36,7 +34,7 @@ def make_coarse(compiler: Compiler, real: Any) -> SimpleNamespace:
 
     @compiled
     def centre(first, last, position, groups, coarse):
-        starts, members, centres = groups[0], groups[1], coarse[0]
+        starts, members, centres = groups.starts, groups.members, coarse.centres
         for group in range(first, last):
             x, y, z, squares, count = zero, zero, zero, zero, zero
             for n in range(starts[group], starts[group + 1]):
@@ -52,9 +50,9 @@ def make_coarse(compiler: Compiler, real: Any) -> SimpleNamespace:
 
     @compiled
     def gather(first, last, position, rows, blocks, groups, coarse):
-        row_starts, row_columns = rows[0], rows[1]
-        starts, members, group_of = groups[0], groups[1], groups[2]
-        centres, band = coarse[0], coarse[1]
+        row_starts, row_columns = rows.starts, rows.columns
+        starts, members, group_of, reach = groups
+        centres, band = coarse.centres, coarse.band
         for group in range(first, last):
             for i in range(MODES * group, MODES * (group + 1)):
                 for j in range(band.shape[1]):
@@ -64,7 +62,7 @@ def make_coarse(compiler: Compiler, real: Any) -> SimpleNamespace:
                 d = arm_of(k, group, position, centres)
                 for b in range(row_starts[k], row_starts[k + 1]):
                     other = group_of[row_columns[b]]
-                    if other < group or MODES * other > groups[3][MODES * group]:  # a group of another body
+                    if other < group or MODES * other > reach[MODES * group]:  # a group of another body
                         continue
                     e = arm_of(row_columns[b], other, position, centres)
                     m = (
@@ -80,28 +78,28 @@ def make_coarse(compiler: Compiler, real: Any) -> SimpleNamespace:
 
     @compiled
     def restrict(first, last, position, residual, groups, coarse):
-        starts, members = groups[0], groups[1]
+        starts, members = groups.starts, groups.members
         for group in range(first, last):
             a, b, c, d, e, f = zero, zero, zero, zero, zero, zero
             for n in range(starts[group], starts[group + 1]):
                 k = members[n]
                 p, q, r, s, t, u = moment(
-                    arm_of(k, group, position, coarse[0]), residual[k, 0], residual[k, 1], residual[k, 2]
+                    arm_of(k, group, position, coarse.centres), residual[k, 0], residual[k, 1], residual[k, 2]
                 )  # fmt: skip
                 a, b, c, d, e, f = a + p, b + q, c + r, d + s, e + t, f + u
-            into, place = coarse[2], MODES * group
+            into, place = coarse.solution, MODES * group
             into[0, place], into[0, place + 1], into[0, place + 2] = a, b, c
             into[0, place + 3], into[0, place + 4], into[0, place + 5] = d, e, f
 
     @compiled
     def corrected(k, position, groups, coarse):
-        group, found = groups[2][k], coarse[2]
+        group, found = groups.group_of[k], coarse.solution
         place = MODES * group
         y = (
             found[0, place], found[0, place + 1], found[0, place + 2], found[0, place + 3], found[0, place + 4],
             found[0, place + 5],
         )  # fmt: skip
-        return motion(arm_of(k, group, position, coarse[0]), y)
+        return motion(arm_of(k, group, position, coarse.centres), y)
 
     return SimpleNamespace(centre=centre, gather=gather, restrict=restrict, corrected=corrected)
 
@@ -119,8 +117,8 @@ def make_band(compiler: Compiler, real: Any) -> SimpleNamespace:
 
     @compiled
     def factor(coarse, groups):
-        band, reach, size = coarse[1], groups[3], coarse[1].shape[0]
-        entries = coarse[3]
+        band, reach, size = coarse.band, groups.reach, coarse.band.shape[0]
+        entries = coarse.diagonal
         for k in range(size):
             entries[0, k] = band[k, 0]
         bad = False
@@ -137,7 +135,7 @@ def make_band(compiler: Compiler, real: Any) -> SimpleNamespace:
 
     @compiled
     def solve(coarse, groups):
-        band, found, reach, size = coarse[1], coarse[2], groups[3], coarse[1].shape[0]
+        band, found, reach, size = coarse.band, coarse.solution, groups.reach, coarse.band.shape[0]
         for k in range(size):
             y = band[k, 0] * found[0, k]
             found[0, k] = y

@@ -56,7 +56,7 @@ def make_contact(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
 
     @compiled
     def pressed(first, last, number, position, velocity, before, holds, met):
-        parameters = met[0]
+        parameters, _, _ = met
         for k in range(first, last):
             if before[k, 3] > zero:
                 x, y, z, hard = within(k, number, position, before, holds, met)

@@ -17,8 +17,7 @@ def make_elements(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simpl
 
     `look(first, last, points, since, elements, forces, sums)`: energies, and forces on the four corners, of the
     tetrahedra of the groups `first` to before `last` of SUMMED. `blocks(first, last, points, since, elements, safe,
-    found)`: their tangents, in rows of BLOCKS blocks. `elements`: (corners, materials, values); `since`: see
-    `make_damper`.
+    found)`: their tangents, in rows of BLOCKS blocks. `elements`: newton_arrays.py; `since`: see `make_damper`.
     """
     compiled = compiler.compiled
     elastic, shape = deformation.make_gradient(real, compiled), tangent.make(real, compiled)
@@ -52,6 +51,7 @@ def make_elements(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simpl
     @compiled
     def look(first, last, points, since, elements, forces, sums):
         corners, materials, values = elements
+        rate, _, _, _, _ = since
         for group in range(first, last):
             total, unsure = zero, zero
             for n in range(group * SUMMED, min((group + 1) * SUMMED, len(corners))):
@@ -62,7 +62,7 @@ def make_elements(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simpl
                 energy = volume * held
                 off = doubt(held, volume, values[n, AT_MU], values[n, AT_LAME], material == HOOKEAN)
                 if damped:
-                    mu, lame = scaled(values[n, AT_DAMPING], since[0], values[n, AT_MU], values[n, AT_LAME])
+                    mu, lame = scaled(values[n, AT_DAMPING], rate, values[n, AT_MU], values[n, AT_LAME])
                     lost, pull = viscous(n, points, f, rest, since, corners, mu, lame)
                     p = stressed(p, f, pull)
                     energy, off = energy + volume * lost, off + doubt(lost, volume, mu, lame, False)
@@ -89,6 +89,7 @@ def make_elements(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simpl
     @compiled
     def blocks(first, last, points, since, elements, safe, found):
         corners, materials, values = elements
+        rate, _, _, _, _ = since
         for n in range(first * SUMMED, min(last * SUMMED, len(corners))):
             rest = rest_of(values, n)
             f = deformed(points, corners, rest, n)
@@ -97,7 +98,7 @@ def make_elements(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simpl
             weight = values[n, AT_VOLUME]
             b, c, d = (rest[0], rest[1], rest[2]), (rest[3], rest[4], rest[5]), (rest[6], rest[7], rest[8])
             if damped:
-                mu, lame = scaled(values[n, AT_DAMPING], since[0], values[n, AT_MU], values[n, AT_LAME])
+                mu, lame = scaled(values[n, AT_DAMPING], rate, values[n, AT_MU], values[n, AT_LAME])
                 _, pull = viscous(n, points, f, rest, since, corners, mu, lame)
                 if safe:
                     pull = positive(pull)

@@ -1,5 +1,5 @@
 """The matrix of Newton's method on CPU threads, by groups of rows: assembly from tetrahedra, and products with a
-vector. newton_rows.py describes `rows` and `matrix`."""
+vector. newton_arrays.py describes `rows` and `matrix`."""
 
 from __future__ import annotations
 
@@ -24,22 +24,22 @@ def make_matrix_rows(compiler: Compiler, real: Any, parts: frozenset[str], conta
     def assemble(first, last, number, position, target, before, rows, matrix, given, sums):
         """Assemble the rows of the matrix and the inverses of their diagonal blocks; sums[0]: how many of these are not
         positive."""
-        starts, diagonal = rows[0], rows[2]
-        blocks, inverses = matrix[1], matrix[2]
-        parameters = given[0]
+        starts, diagonal = rows.starts, rows.diagonal
+        blocks, inverses = matrix.blocks, matrix.inverses
+        parameters = given.parameters
         for group in range(first, last):
             bad = zero
             for k in range(group * SUMMED, min((group + 1) * SUMMED, len(diagonal))):
                 if before[k, 3] == zero:
                     continue
                 for n in range(starts[k], starts[k + 1]):
-                    gather(n, rows, matrix[0], blocks)
+                    gather(n, rows, matrix.element_blocks, blocks)
                 n, inertia = diagonal[k], inertia_of(parameters.newton_inertia, before[k, 3])
                 for axis in range(AXES):
                     blocks[n, 4 * axis] = blocks[n, 4 * axis] + inertia
                 if has_bodies:
                     x, y, z, hard = nearly_within(
-                        k, number, position, target, before, matrix[4], (given[0], given[3], given[4])
+                        k, number, position, target, before, matrix.stiffness, (parameters, given.bodies, given.kinds)
                     )
                     a, b, c, d, e, f = outer(x, y, z, hard)
                     blocks[n, 0], blocks[n, 4], blocks[n, 8] = blocks[n, 0] + a, blocks[n, 4] + d, blocks[n, 8] + f
@@ -64,7 +64,7 @@ def make_product(compiler: Compiler, real: Any) -> Any:
 
     @compiled
     def apply(k, rows, blocks, vector):
-        starts, columns = rows[0], rows[1]
+        starts, columns = rows.starts, rows.columns
         x, y, z = zero, zero, zero
         for n in range(starts[k], starts[k + 1]):
             c = columns[n]
@@ -82,7 +82,7 @@ def make_gather(compiler: Compiler) -> Any:
 
     @compiler.compiled
     def gather(n, rows, found, into):
-        sources, items = rows[3], rows[4]
+        sources, items = rows.sources, rows.items
         for m in range(9):
             into[n, m] = 0
         for one_of in range(sources[n], sources[n + 1]):

@@ -1,10 +1,6 @@
 """Operations of Newton's method on particles, by groups, on CPU threads: each particle sums its own row, in one order.
 
-`vectors`: (target, current, gradient of the potential, gradient at a trial, solution, residual, direction, product of
-the matrix or preconditioned residual; for order 2 also velocities at its first stage's start, and with dampers
-positions at its start and end), each (particles, 3). `rows`: arrays of model/tetrahedra/block_rows.py, then those of
-springs. `matrix`: (blocks of tetrahedra and of springs, of rows, inverse of the diagonal as six numbers, forces at
-corners, stiffness that holds each particle [N/m]).
+newton_arrays.py describes the arrays.
 """
 
 from __future__ import annotations
@@ -18,8 +14,6 @@ from softlab.cpu_backend.tetrahedra.springs import make_springs
 from softlab.model.formulas.elastic import newton
 from softlab.model.tetrahedra.newton import SUMMED
 from softlab.model.tetrahedra.springs import PARTS
-
-TARGET, CURRENT, GRADIENT, TRIAL, SOLUTION, RESIDUAL, DIRECTION, PRODUCT = range(8)
 
 
 def make_solving(compiler: Compiler, real: Any, apply: Any, corrected: Any) -> SimpleNamespace:
@@ -39,7 +33,8 @@ def make_solving(compiler: Compiler, real: Any, apply: Any, corrected: Any) -> S
 
     @compiled
     def start(first, last, before, vectors):
-        gradient, solution, residual, direction = vectors[2], vectors[4], vectors[5], vectors[6]
+        gradient, solution = vectors.gradient, vectors.solution
+        residual, direction = vectors.residual, vectors.direction
         for k in range(first * SUMMED, min(last * SUMMED, len(before))):
             for axis in range(AXES):
                 solution[k, axis] = zero
@@ -48,19 +43,20 @@ def make_solving(compiler: Compiler, real: Any, apply: Any, corrected: Any) -> S
 
     @compiled
     def product(first, last, before, rows, vectors, matrix, sums):
-        direction, into = vectors[6], vectors[7]
+        direction, into = vectors.direction, vectors.product
         for group in range(first, last):
             total = zero
             for k in range(group * SUMMED, min((group + 1) * SUMMED, len(before))):
                 if before[k, 3] > zero:
-                    x, y, z = apply(k, rows, matrix[1], direction)
+                    x, y, z = apply(k, rows, matrix.blocks, direction)
                     into[k, 0], into[k, 1], into[k, 2] = x, y, z
                     total = total + dot(direction, into, k)
             sums[0, group] = total
 
     @compiled
     def update(first, last, alpha, before, vectors):
-        solution, residual, direction, applied = vectors[4], vectors[5], vectors[6], vectors[7]
+        solution, residual = vectors.solution, vectors.residual
+        direction, applied = vectors.direction, vectors.product
         for k in range(first * SUMMED, min(last * SUMMED, len(before))):
             if before[k, 3] > zero:
                 for axis in range(AXES):
@@ -70,12 +66,12 @@ def make_solving(compiler: Compiler, real: Any, apply: Any, corrected: Any) -> S
     @compiled
     def correct(first, last, position, before, vectors, matrix, groups, coarse, sums):
         """Precondition the residual with both levels."""
-        residual, into = vectors[5], vectors[7]
+        residual, into = vectors.residual, vectors.product
         for group in range(first, last):
             total = zero
             for k in range(group * SUMMED, min((group + 1) * SUMMED, len(before))):
                 if before[k, 3] > zero:
-                    precondition(k, matrix[2], residual, into)
+                    precondition(k, matrix.inverses, residual, into)
                     x, y, z = corrected(k, position, groups, coarse)
                     into[k, 0], into[k, 1], into[k, 2] = into[k, 0] + x, into[k, 1] + y, into[k, 2] + z
                     total = total + dot(residual, into, k)
@@ -83,7 +79,7 @@ def make_solving(compiler: Compiler, real: Any, apply: Any, corrected: Any) -> S
 
     @compiled
     def direct(first, last, beta, vectors):
-        direction, preconditioned = vectors[6], vectors[7]
+        direction, preconditioned = vectors.direction, vectors.product
         for k in range(first * SUMMED, min(last * SUMMED, len(direction))):
             for axis in range(AXES):
                 direction[k, axis] = preconditioned[k, axis] + beta * direction[k, axis]
@@ -103,9 +99,10 @@ def make_moving(
     pulled, sprung = make_springs(compiler, real).pulled, bool(parts & PARTS)
 
     @compiled
-    def weigh(first, last, number, position, before, rows, vectors, matrix, given, sums):
-        target, gradient, parameters = vectors[0], vectors[3], given[0]
-        meets, corners, forces = rows[5], rows[6], matrix[3]
+    def weigh(first, last, number, position, before, given, solver):
+        rows, vectors, matrix, sums = solver.rows, solver.vectors, solver.matrix, solver.sums
+        target, gradient, parameters = vectors.target, vectors.trial, given.parameters
+        meets, corners, forces = rows.meets, rows.corners, matrix.forces
         for group in range(first, last):
             total = zero
             for k in range(group * SUMMED, min((group + 1) * SUMMED, len(position))):
@@ -121,10 +118,12 @@ def make_moving(
                     y = y + forces[tetrahedron, corner + 1]
                     z = z + forces[tetrahedron, corner + 2]
                 if sprung:
-                    p, q, r, _, held = pulled(k, position, (rows[7], rows[8], rows[9], rows[10]))
+                    p, q, r, _, held = pulled(k, position, solver.springs)
                     own, x, y, z = own + held, x + p, y + q, z + r
                 if has_bodies:
-                    p, q, r, hard = within(k, number, position, before, matrix[4], (given[0], given[3], given[4]))
+                    p, q, r, hard = within(
+                        k, number, position, before, matrix.stiffness, (parameters, given.bodies, given.kinds)
+                    )
                     own = own + kept(hard, p, q, r)
                     x, y, z = x + hard * p, y + hard * q, z + hard * r
                 gradient[k, 0], gradient[k, 1], gradient[k, 2] = x, y, z
@@ -133,7 +132,7 @@ def make_moving(
 
     @compiled
     def move(first, last, share, position, before, vectors, sums):
-        current, gradient, solution = vectors[1], vectors[2], vectors[4]
+        current, gradient, solution = vectors.current, vectors.gradient, vectors.solution
         for group in range(first, last):
             total = zero
             for k in range(group * SUMMED, min((group + 1) * SUMMED, len(position))):
@@ -145,7 +144,7 @@ def make_moving(
 
     @compiled
     def accept(first, last, position, vectors):
-        current, gradient, trial = vectors[1], vectors[2], vectors[3]
+        current, gradient, trial = vectors.current, vectors.gradient, vectors.trial
         for k in range(first * SUMMED, min(last * SUMMED, len(position))):
             for axis in range(AXES):
                 current[k, axis] = position[k, axis]

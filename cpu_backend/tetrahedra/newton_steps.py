@@ -27,8 +27,10 @@ from softlab.model.formulas.elastic import stages
 from softlab.model.tetrahedra.newton import DAMPED, STAGED, SUMMED
 
 SUMS = 2
-START, ORIGIN = 8, 9  # of the vectors: see newton_rows.py
+NEXT, SOLVED, COUNTS = range(3)  # of `control`: next pass, solves done, first counter
 DONE = ("solves", "looks", "matrices", "products", "steps")  # counters of a simulation
+SOLVES, LOOKS, MATRICES, PRODUCTS, STEPS = range(len(DONE))
+SAFE, ALPHA, BETA, SHARE = COUNTS + 1, 5, 6, 7  # of `control`, and of `values` (VALUES)
 
 
 def make_substep_ends(
@@ -47,12 +49,12 @@ def make_substep_ends(
         """Start a stage of a substep. The first one saves its velocities, and for dampers its positions, at its start
         and end; the second one starts from an extrapolation of the first one's end."""
         position, velocity, before = state
-        start = vectors[START]
-        h = given[0].dt
+        start, h = vectors.first_velocity, given.parameters.dt
         for k in range(low, high):
             for axis in range(3):
                 if damped:
-                    vectors[ORIGIN + number % 2][k, axis] = position[k, axis]
+                    origin = vectors.first_end if number % 2 else vectors.first_start
+                    origin[k, axis] = position[k, axis]
                 if number % 2 == 0:
                     start[k, axis] = velocity[k, axis]
                 elif before[k, 3] != 0:
@@ -64,7 +66,7 @@ def make_substep_ends(
     def drive_between(low, high, number, state, given):
         """Move the pins among the particles `low` to before `high`."""
         position, velocity, _ = state
-        parameters, bodies, driven = given[0], given[3], given[5]
+        parameters, bodies, driven = given.parameters, given.bodies, given.driven
         for n in range(driven.size):
             if low <= driven[n] and driven[n] < high:
                 drive(n, n + 1, number, position, velocity, parameters, bodies, driven)
@@ -82,7 +84,7 @@ def make_substep_ends(
         begin(low, high, frame, number, before, velocity, position, parameters, integers, wind_lists)
         if has_motion:
             drive_between(low, high, number, state, given)
-        target = vectors[0]
+        target = vectors.target
         for k in range(low, high):
             for axis in range(3):
                 target[k, axis] = position[k, axis]
@@ -97,7 +99,7 @@ def make_substep_ends(
         if has_motion:
             drive_between(low, high, number, state, given)
         if has_bodies:
-            pressed(low, high, number, position, velocity, before, matrix[4], (parameters, bodies, kinds))
+            pressed(low, high, number, position, velocity, before, matrix.stiffness, (parameters, bodies, kinds))
             collide(low, high, number, before, position, velocity, parameters, bodies, kinds)
 
     return SimpleNamespace(begin_groups=begin_groups, finish_groups=finish_groups)
@@ -107,9 +109,7 @@ def make_pass(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     """Make one_pass(kind, band, bands, frame, number, safe, alpha, beta, share, state, given, solver): a pass on a
     band.
 
-    `state`: (position, velocity, before); `given`: (parameters, integers, wind lists, bodies, kinds, driven); `solver`:
-    (elements, rows, vectors, matrix, sums, groups, coarse), see newton_elements.py, newton_rows.py and
-    newton_coarse.py.
+    `state`: (position, velocity, before); `given`: Inputs; `solver`: Solver of newton_arrays.py.
     """
     contact = make_contact(compiler, real, parts)
     elements, of_rows = make_elements(compiler, real, parts), make_matrix_rows(compiler, real, parts, contact)
@@ -126,10 +126,10 @@ def make_pass(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
 
     @compiler.compiled
     def matrix_pass(kind, first, last, number, alpha, beta, state, given, solver):
-        _, rows, vectors, matrix, sums, groups, coarse = solver
+        _, rows, _, vectors, matrix, sums, groups, coarse = solver
         position, _, before = state
         if kind == passes.ROWS:
-            assemble(first, last, number, position, vectors[0], before, rows, matrix, given, sums)
+            assemble(first, last, number, position, vectors.target, before, rows, matrix, given, sums)
         elif kind == passes.SOLVE:
             start(first, last, before, vectors)
         elif kind == passes.PRODUCT:
@@ -141,9 +141,9 @@ def make_pass(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
         elif kind == passes.CENTRES:
             centre(first, last, position, groups, coarse)
         elif kind == passes.COARSE:
-            gather(first, last, position, rows, matrix[1], groups, coarse)
+            gather(first, last, position, rows, matrix.blocks, groups, coarse)
         elif kind == passes.RESTRICT:
-            restrict(first, last, position, vectors[5], groups, coarse)
+            restrict(first, last, position, vectors.residual, groups, coarse)
         else:
             direct(first, last, beta, vectors)
 
@@ -158,33 +158,41 @@ def make_pass(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     @compiler.compiled
     def since_of(number, before, given, vectors):
         """Return `since` of make_damper in newton_elements.py."""
-        rate = given[0].newton_rate
+        rate = given.parameters.newton_rate
         if two_stages:
-            return rate, before, vectors[ORIGIN], vectors[ORIGIN + 1], number % 2 == 1
+            return rate, before, vectors.first_start, vectors.first_end, number % 2 == 1
         return rate, before, before, before, False
 
     @compiler.compiled
     def one_pass(kind, band, bands, frame, number, safe, alpha, beta, share, state, given, solver):
         position, _, before = state
-        elements, rows, vectors, matrix, sums, groups, _ = solver
-        many = items_of(kind, len(elements[0]), len(position), len(groups[0]) - 1)
+        elements, vectors, matrix, sums = solver.elements, solver.vectors, solver.matrix, solver.sums
+        many = items_of(kind, len(elements.corners), len(position), len(solver.groups.starts) - 1)
         first, last = many * band // bands, many * (band + 1) // bands
         if kind == passes.BEGIN:
             begin_groups(first, last, frame, number, state, given, vectors)
         elif kind == passes.LOOK:
-            look(first, last, position, since_of(number, before, given, vectors), elements, matrix[3], sums)
+            look(first, last, position, since_of(number, before, given, vectors), elements, matrix.forces, sums)
         elif kind == passes.BLOCKS:
-            blocks(first, last, position, since_of(number, before, given, vectors), elements, safe != 0, matrix[0])
+            blocks(
+                first,
+                last,
+                position,
+                since_of(number, before, given, vectors),
+                elements,
+                safe != 0,
+                matrix.element_blocks,
+            )
         elif kind == passes.WEIGH:
-            weigh(first, last, number, position, before, rows, vectors, matrix, given, sums)
+            weigh(first, last, number, position, before, given, solver)
         elif kind == passes.MOVE:
             move(first, last, share, position, before, vectors, sums)
         elif kind == passes.ACCEPT:
             accept(first, last, position, vectors)
         elif kind == passes.RETURN:
-            put(first, last, position, before, vectors[1])
+            put(first, last, position, before, vectors.current)
         elif kind == passes.AHEAD:
-            put(first, last, position, before, vectors[0])
+            put(first, last, position, before, vectors.target)
         elif kind == passes.FINISH:
             finish_groups(first, last, number, state, given, matrix)
         else:
@@ -218,47 +226,49 @@ def make_newton_advance(real: Any, math: str, parts: frozenset[str]) -> Any:
     def alone(kind, solver, first):
         """Do the work of one thread between two passes. Returns the sum, or 1 if the coarse matrix is not positive."""
         if kind == passes.COARSE:
-            return one if factor(solver[6], solver[5]) else zero
+            return one if factor(solver.coarse, solver.groups) else zero
         if kind == passes.RESTRICT:
-            solve(solver[6], solver[5])
+            solve(solver.coarse, solver.groups)
         return first
 
     @compiler.compiled
     def go_on(control, values, iterations, floor, particles, solver, done):
         """Choose the next pass from the sums of the last one."""
-        kind, sums = control[0], solver[4]
-        groups = ((len(solver[0][0]) if kind == passes.LOOK else particles) + SUMMED - 1) // SUMMED
+        kind, sums = control[NEXT], solver.sums
+        groups = ((len(solver.elements.corners) if kind == passes.LOOK else particles) + SUMMED - 1) // SUMMED
         first = alone(kind, solver, total(sums, 0, groups))
         second = total(sums, 1, groups) if kind == passes.LOOK else zero
-        counts = control[2], control[3], control[4], control[5], control[6]
+        counts = control[COUNTS], control[COUNTS + 1], control[COUNTS + 2], control[COUNTS + 3], control[COUNTS + 4]
         kept = (
             values[0], values[1], values[2], values[3], values[4], values[5], values[6], values[7], values[8],
             values[9],
         )  # fmt: skip
         later, counts, kept = after(kind, counts, kept, first, second, iterations, floor)
-        control[2], control[3], control[4], control[5], control[6] = counts
+        (control[COUNTS], control[COUNTS + 1], control[COUNTS + 2], control[COUNTS + 3], control[COUNTS + 4]) = counts
         values[0], values[1], values[2], values[3], values[4], values[5], values[6], values[7], values[8], values[9] = (
             kept
         )
-        done[1] += kind == passes.LOOK
-        done[2] += kind == passes.ROWS
-        done[3] += kind == passes.PRODUCT
+        done[LOOKS] += kind == passes.LOOK
+        done[MATRICES] += kind == passes.ROWS
+        done[PRODUCTS] += kind == passes.PRODUCT
         if kind == passes.FINISH:
-            done[0] += 1
-            done[4] += counts[3]
-            control[1] += 1
-        control[0] = later
+            _, _, _, steps, _ = counts
+            done[SOLVES] += 1
+            done[STEPS] += steps
+            control[SOLVED] += 1
+        control[NEXT] = later
 
     def advance(
         team, member, bands, steps, step, solves, iterations, floor, state, given, solver, control, values, done
     ):  # fmt: skip
-        particles = len(state[0])
-        while control[1] < steps * solves:  # it only grows: a late member sees that all is done
+        position, _, _ = state
+        particles = len(position)
+        while control[SOLVED] < steps * solves:  # it only grows: a late member sees that all is done
             for band in shares(team, member, bands):
-                number = control[1]
+                number = control[SOLVED]
                 one_pass(
-                    control[0], band, bands, step + number // solves, step * solves + number, control[3], values[5],
-                    values[6], values[7], state, given, solver,
+                    control[NEXT], band, bands, step + number // solves, step * solves + number, control[SAFE], values[ALPHA],
+                    values[BETA], values[SHARE], state, given, solver,
                 )  # fmt: skip
             for _ in shares(team, member, 1):
                 go_on(control, values, iterations, floor, particles, solver, done)

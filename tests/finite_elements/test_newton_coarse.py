@@ -8,6 +8,7 @@ from test_newton import STILL, bar, opened, start
 
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.plain import translated
+from softlab.cpu_backend.tetrahedra.newton_arrays import Coarse, Groups, Rows
 from softlab.cpu_backend.tetrahedra.newton_coarse import make_band, make_coarse
 from softlab.model.tetrahedra.aggregates import MOST, aggregates
 from softlab.model.tetrahedra.block_rows import block_rows
@@ -53,11 +54,12 @@ def test_the_coarse_level_is_the_matrix_seen_by_rigid_motions() -> None:
             c = rows.columns[n]
             blocks[n] = full[3 * k : 3 * k + 3, 3 * c : 3 * c + 3].ravel()
     size = 6 * groups.count
-    coarse = np.zeros((groups.count, 4)), np.zeros((size, groups.width)), np.zeros((1, size)), np.zeros((1, size))
-    tables, residual = groups.arrays, random.normal(size=(count, 3))
+    shapes = (groups.count, 4), (size, groups.width), (1, size), (1, size)
+    coarse = Coarse(*(np.zeros(shape) for shape in shapes))
+    tables, residual = Groups(*groups.arrays), random.normal(size=(count, 3))
     plain = {name: translated(function) for name, function in LEVEL.items()}
     plain["centre"](0, groups.count, position, tables, coarse)
-    plain["gather"](0, groups.count, position, rows.arrays, blocks, tables, coarse)
+    plain["gather"](0, groups.count, position, Rows(*rows.arrays), blocks, tables, coarse)
     assert not plain["factor"](coarse, tables)
     plain["restrict"](0, groups.count, position, residual, tables, coarse)
     plain["solve"](coarse, tables)
