@@ -27,11 +27,11 @@ class FluidWindow(Fluid):
     def _grow(self, count: int) -> None:
         """Increase the capacity to `count` particles. The snapshot and the results of the last substep are
         preserved."""
-        kept, counts, multiplier = self._kept, self._counts, self._world[4][2]
+        kept, counts, multiplier = self._kept, self._counts, self._world.work.multiplier
         self._particles = min(int(SPARE * count), len(self.body.position))
         room = self._room
         super()._allocate()
-        self._counts[:], self._world[4][2][:room] = counts, multiplier[:room]
+        self._counts[:], self._world.work.multiplier[:room] = counts, multiplier[:room]
         for array, old in zip(self._kept, kept, strict=True):
             for plane in range(len(old) // room):
                 array[plane * self._room :][:room] = old[plane * room :][:room]
@@ -63,21 +63,21 @@ class FluidWindow(Fluid):
     @property
     def _boxes(self) -> np.ndarray:
         """Boxes of the bands (bands, 6)."""
-        found: np.ndarray = self._world[5][0].reshape(-1, BOX)
+        found: np.ndarray = self._world.table.boxes.reshape(-1, BOX)
         return found
 
     def particles(self) -> tuple[np.ndarray, np.ndarray]:
         """Return (numbers (n,), positions and velocities (2 x dimensions, n)) of the active particles."""
         count = self.there
-        return self._state[2][:count], np.concatenate([array[:, :count] for array in self._planes])
+        return self._state.number[:count], np.concatenate([array[:, :count] for array in self._planes])
 
     def hold(self, number: np.ndarray, values: np.ndarray) -> None:
         """Replace all active particles by these."""
         count, axes = len(number), self.scene.dimensions
         if count > self._particles:
             self._grow(count)
-        self._held[0], self._state[2][:count] = count, number
-        self._state[3][:count] = self.scene.fluid_set.fluid[number]
+        self._held[0], self._state.number[:count] = count, number
+        self._state.fluid[:count] = self.scene.fluid_set.fluid[number]
         for array, some in zip(self._planes, (values[:axes], values[axes:]), strict=True):
             array[:, :count] = some
 
@@ -91,13 +91,13 @@ class FluidWindow(Fluid):
         self._held[0] = 0
 
     def _places(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
-        return self._state[0], self._state[1], np.argsort(self._state[2][: self.there]), self._room
+        return self._state.position, self._state.velocity, np.argsort(self._state.number[: self.there]), self._room
 
     def _first_diverged(self) -> int:
         found = super()._first_diverged()
-        return found if found < 0 else int(np.sort(self._state[2][: self.there])[found])
+        return found if found < 0 else int(np.sort(self._state.number[: self.there])[found])
 
     def multipliers_at(self, places: np.ndarray) -> np.ndarray:
         """Return the multipliers of the last substep [m^2], by place after it."""
-        found: np.ndarray = self._world[4][2][places]
+        found: np.ndarray = self._world.work.multiplier[places]
         return found

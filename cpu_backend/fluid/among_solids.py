@@ -13,6 +13,7 @@ import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import aligned_zeros
+from softlab.cpu_backend.fluid.arrays import Solids
 from softlab.cpu_backend.fluid.quads import LANES
 from softlab.cpu_backend.fluid.solid_phases import SUMS, make_sampling, make_solid_constraint
 from softlab.cpu_backend.fluid.solver import Fluid
@@ -62,7 +63,7 @@ class FluidAmongSolids(Fluid):
         places = self._places_of_solids
         self._number_of_fluids = fluids
         carriers = samples.lightness.astype(real), offsets, carried, shares.astype(real)
-        self._met = (
+        self._met = Solids(
             fluids, kinds_of(self.scene, samples).astype(real).reshape(-1), aligned_zeros(KINDS * self._room, real),
             np.zeros(samples.count, np.int32), (samples.corners.reshape(-1), samples.shares.reshape(-1).astype(real)),
             (places.before.reshape(-1), places.position.reshape(-1)), carriers, np.zeros(3 * samples.count, real),
@@ -74,7 +75,11 @@ class FluidAmongSolids(Fluid):
         stage = make_solid_stages(self.real, self.options.math, self.plan.parts)
         bands, world, met, sums = self._bands, self._world, self._met, self._sums
         rest, fluids = (self.parameters, self.bodies, self.kinds), self._fluids
-        places, buffers, search = self._places_of_solids, (world[3][1], world[4][0]), found["find neighbours"]
+        places, buffers, search = (
+            self._places_of_solids,
+            (world.in_order.position, world.work.next),
+            found["find neighbours"],
+        )
 
         def find(moment: Moment) -> None:
             search(moment)
@@ -124,6 +129,6 @@ class FluidAmongSolids(Fluid):
         for array, values in zip(self._state[:2], (position, velocity), strict=True):
             planes = array[: 3 * room].reshape(3, room)
             planes[:, :fluids], planes[:, fluids:count] = values.T, 0
-        self._state[2][:count] = np.arange(count)
-        self._state[3][:fluids] = self.scene.fluid_set.fluid
-        self._state[3][fluids:count] = len(self.scene.fluid_set.parts)
+        self._state.number[:count] = np.arange(count)
+        self._state.fluid[:fluids] = self.scene.fluid_set.fluid
+        self._state.fluid[fluids:count] = len(self.scene.fluid_set.parts)

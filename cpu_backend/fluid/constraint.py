@@ -62,11 +62,11 @@ def _make_search(compiler: Compiler, real: Any, parts: frozenset[str], cells_in:
         neighbours, longest, entries, missed = lists
         _, _, counts = cells_in(shared, world, parameters)
         missed[part] += find_some(
-            slices * part // shared, slices * (part + 1) // shared, count, room, nobody, in_order[1], cell, order, starts,
-            counts, sides_of(parameters), parameters, (neighbours, longest, entries), (
+            slices * part // shared, slices * (part + 1) // shared, count, room, nobody, in_order.position, cell, order,
+            starts, counts, sides_of(parameters), parameters, (neighbours, longest, entries), (
                 row_at(near, here), row_at(near, here + AROUND), row_at(near, here + 2 * AROUND),
                 row_at(near, here + 3 * AROUND), row_at(who, np.int64(part) * AROUND), row_at(runs, np.int64(part) * RUNS),
-            ), in_order[4],
+            ), in_order.fluid,
         )  # fmt: skip
 
     return search
@@ -84,7 +84,7 @@ def _make_factors(compiler: Compiler, real: Any, parts: frozenset[str], search: 
     def factors(part, shared, number, world, parameters, fluids, bodies, kinds):
         search(part, shared, world, parameters)
         (count, room, _), _, _, in_order, work, _, (_, longest, entries, _), (scratch, _, _, _) = world
-        place, fluid, (_, factor, multiplier, delta, error, wall) = in_order[1], in_order[4], work
+        place, fluid, (_, factor, multiplier, delta, error, wall) = in_order.position, in_order.fluid, work
         slices, sides, (_, end, _) = (count + LANES - 1) // LANES, sides_of(parameters), instants(number, parameters)
         gx, gy, gz, own, total, share = sums_of(part, scratch)
         for s in range(slices * part // shared, slices * (part + 1) // shared):
@@ -183,8 +183,13 @@ def _make_correct(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     def correct(part, shared, number, place, there, world, parameters, fluids, bodies, kinds):
         """Correct the positions `place` and store them in `there`."""
         (count, room, _), _, _, in_order, (_, _, _, delta, _, wall), _, lists, (scratch, _, _, _) = world
-        longest, entries = lists[1], lists[2]
-        before, fluid, slices, sides = in_order[0], in_order[4], (count + LANES - 1) // LANES, sides_of(parameters)
+        longest, entries = lists.longest, lists.entries
+        before, fluid, slices, sides = (
+            in_order.before,
+            in_order.fluid,
+            (count + LANES - 1) // LANES,
+            sides_of(parameters),
+        )
         sums = sums_of(part, scratch)
         ax, ay, az = sums[:3]
         for s in range(slices * part // shared, slices * (part + 1) // shared):

@@ -39,11 +39,11 @@ def make_approach(compiler: Compiler, real: Any, parts: frozenset[str], sides_of
     def approach(s, many, world, parameters, vector, total):
         """Sum over the neighbours of slice s what a vector field contributes to the rate of C, into `total`."""
         (_, room, _), _, _, in_order, _, _, lists, _ = world
-        base, place = np.int64(s) * LANES, in_order[1]
+        base, place = np.int64(s) * LANES, in_order.position
         for lane in range(LANES):
             total[lane] = zero
         approaches(
-            many, base, row_at(lists[2], base * most), place, row_at(place, room), row_at(place, 2 * room), vector,
+            many, base, row_at(lists.entries, base * most), place, row_at(place, room), row_at(place, 2 * room), vector,
             row_at(vector, room), row_at(vector, 2 * room), row_at(place, base), row_at(place, room + base),
             row_at(place, 2 * room + base), row_at(vector, base), row_at(vector, room + base),
             row_at(vector, 2 * room + base), sides_of(parameters), parameters.support, parameters.inverse_support,
@@ -82,8 +82,8 @@ def make_solve(compiler: Compiler, real: Any, parts: frozenset[str], sides_of: A
     def survey(part, shared, number, world, parameters, bodies, kinds):
         """Evaluate the constraints and the target of the first solve."""
         (count, room, _), _, unsorted, in_order, (_, _, _, _, error, wall), _, lists, (scratch, _, _, _) = world
-        place, velocity, target = in_order[1], in_order[2], row_at(unsorted[2], 2 * np.int64(room))
-        longest, slices = lists[1], (count + LANES - 1) // LANES
+        place, velocity, target = in_order.position, in_order.velocity, row_at(unsorted.velocity, 2 * np.int64(room))
+        longest, slices = lists.longest, (count + LANES - 1) // LANES
         begin, end, _ = instants(number, parameters)
         total, coming, share, earlier, wx, wy = sums_of(part, scratch)
         for s in range(slices * part // shared, slices * (part + 1) // shared):
@@ -91,7 +91,7 @@ def make_solve(compiler: Compiler, real: Any, parts: frozenset[str], sides_of: A
             for lane in range(LANES):
                 total[lane] = zero
             densities(
-                longest[s], row_at(lists[2], base * most), row_at(place, QUADS * room), *numbers_of(part, scratch),
+                longest[s], row_at(lists.entries, base * most), row_at(place, QUADS * room), *numbers_of(part, scratch),
                 *own_of(place, room, base), sides_of(parameters), parameters.inverse_support, total,
             )  # fmt: skip
             approach(s, longest[s], world, parameters, velocity, coming)
@@ -114,10 +114,10 @@ def make_solve(compiler: Compiler, real: Any, parts: frozenset[str], sides_of: A
     def foresee(part, shared, world, parameters):
         """Evaluate the target of the second solve."""
         (count, room, _), state, unsorted, _, (_, _, _, _, error, wall), _, lists, (scratch, _, _, _) = world
-        velocity, target = state[1], row_at(unsorted[2], 2 * np.int64(room))
+        velocity, target = state.velocity, row_at(unsorted.velocity, 2 * np.int64(room))
         (coming, _, _, _, _, _), slices = sums_of(part, scratch), (count + LANES - 1) // LANES
         for s in range(slices * part // shared, slices * (part + 1) // shared):
-            approach(s, lists[1][s], world, parameters, velocity, coming)
+            approach(s, lists.longest[s], world, parameters, velocity, coming)
             for lane in range(min(LANES, count - np.int64(s) * LANES)):
                 i = np.int64(s) * LANES + lane
                 target[i] = foreseen(error[i], rest_of(i, room, wall, velocity, coming[lane]), parameters.dt)
@@ -126,16 +126,16 @@ def make_solve(compiler: Compiler, real: Any, parts: frozenset[str], sides_of: A
     def relax(part, shared, turn, iterations, second, world, parameters):
         """Evaluate the changes of the multipliers, and the new multipliers."""
         (count, room, _), _, unsorted, in_order, (_, factor, multiplier, delta, _, wall), _, lists, around = world
-        shift, iterate = in_order[0], row_at(unsorted[2], np.int64(0))
-        ahead, target = row_at(unsorted[2], np.int64(room)), row_at(unsorted[2], 2 * np.int64(room))
+        shift, iterate = in_order.before, row_at(unsorted.velocity, np.int64(0))
+        ahead, target = row_at(unsorted.velocity, np.int64(room)), row_at(unsorted.velocity, 2 * np.int64(room))
         if not second:
             ahead = row_at(multiplier, np.int64(0))
-        (coming, _, _, _, _, _), slices = sums_of(part, around[0]), (count + LANES - 1) // LANES
-        quads = row_at(in_order[1], QUADS * np.int64(room))
+        (coming, _, _, _, _, _), slices = sums_of(part, around.sums), (count + LANES - 1) // LANES
+        quads = row_at(in_order.position, QUADS * np.int64(room))
         onward = lead(turn, iterations)
         for s in range(slices * part // shared, slices * (part + 1) // shared):
             if turn > 0:
-                approach(s, lists[1][s], world, parameters, shift, coming)
+                approach(s, lists.longest[s], world, parameters, shift, coming)
             for lane in range(min(LANES, count - np.int64(s) * LANES)):
                 i = np.int64(s) * LANES + lane
                 c, before, last = target[i], zero, zero
@@ -162,16 +162,16 @@ def make_push(compiler: Compiler, real: Any, parts: frozenset[str], sides_of: An
     def push(part, shared, turn, world, parameters, fluids):
         """Add the effect of the changed multipliers to the shifts."""
         (count, room, _), _, _, in_order, (_, _, _, delta, _, wall), _, lists, (scratch, _, _, _) = world
-        shift, place, fluid = in_order[0], in_order[1], in_order[4]
+        shift, place, fluid = in_order.before, in_order.position, in_order.fluid
         (ax, ay, az, _, _, _), slices = sums_of(part, scratch), (count + LANES - 1) // LANES
         for s in range(slices * part // shared, slices * (part + 1) // shared):
             base = np.int64(s) * LANES
             for lane in range(LANES):
                 ax[lane], ay[lane], az[lane] = zero, zero, zero
             corrections(
-                lists[1][s], base, row_at(lists[2], base * most), row_at(place, QUADS * room), *numbers_of(part, scratch),
-                *own_of(place, room, base), row_at(delta, base), sides_of(parameters), parameters.support,
-                parameters.inverse_support, parameters.gradient_scale, parameters.tensile, parameters.inverse_tensile,
+                lists.longest[s], base, row_at(lists.entries, base * most), row_at(place, QUADS * room),
+                *numbers_of(part, scratch), *own_of(place, room, base), row_at(delta, base), sides_of(parameters),
+                parameters.support, parameters.inverse_support, parameters.gradient_scale, parameters.tensile, parameters.inverse_tensile,
                 ax, ay, az,
             )  # fmt: skip
             for lane in range(min(LANES, count - base)):
@@ -212,7 +212,7 @@ def make_take_up(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
     def take_up(part, shared, world, parameters, fluids):
         """Update the velocities after the first solve."""
         (count, room, _), _, _, in_order, _, _, _, _ = world
-        shift, velocity, fluid = in_order[0], in_order[2], in_order[4]
+        shift, velocity, fluid = in_order.before, in_order.velocity, in_order.fluid
         for i in range(count * part // shared, count * (part + 1) // shared):
             u, v, w = given(i, room, velocity, shift, parameters, fluids[row_of(fluid, i) + F_CHANGE])
             velocity[i], velocity[room + i], velocity[2 * room + i] = u, v, w
@@ -222,9 +222,10 @@ def make_take_up(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
         """Write the new state and the sum of the multipliers of both solves."""
         (count, room, _), state, unsorted, in_order, work, _, _, _ = world
         position, velocity, numbers, fluid = state
-        shift, place, multiplier, second = in_order[0], in_order[1], work[2], row_at(unsorted[2], np.int64(room))
+        shift, place, multiplier = in_order.before, in_order.position, work.multiplier
+        second = row_at(unsorted.velocity, np.int64(room))
         for i in range(count * part // shared, count * (part + 1) // shared):
-            row = row_of(in_order[4], i)
+            row = row_of(in_order.fluid, i)
             mx, my, mz = velocity[i], velocity[room + i], velocity[2 * room + i]
             u, v, w = given(i, room, velocity, shift, parameters, fluids[row + F_CHANGE])
             speed, fastest, h = speed_of(u, v, w), fluids[row + F_SPEED], parameters.dt
@@ -241,8 +242,8 @@ def make_take_up(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
             position[i], position[room + i], position[2 * room + i] = x, y, z
             velocity[i], velocity[room + i], velocity[2 * room + i] = u, v, w
             multiplier[i] = multiplier[i] + second[i]
-            numbers[i] = in_order[3][i]
+            numbers[i] = in_order.number[i]
             if several:
-                fluid[i] = in_order[4][i]
+                fluid[i] = in_order.fluid[i]
 
     return SimpleNamespace(take_up=take_up, move=move)

@@ -65,7 +65,7 @@ def make_advance_freely(real: Any, math: str, parts: frozenset[str]) -> Any:
                 if second > 0:
                     if has_shape:
                         for part in shares(team, member, bands):
-                            shape(part, bands, world[3][1], world, parameters)
+                            shape(part, bands, world.in_order.position, world, parameters)
                     for part in shares(team, member, bands):
                         accelerate(part, bands, frame, world, parameters, fluids, integers)
                     for part in shares(team, member, bands):
@@ -115,7 +115,7 @@ def free_stages(sim: Any) -> dict[str, StageRun]:
         ),
         "push apart": run(stage.push, lambda at: (at.iteration, world, sim.parameters, sim._fluids)),
         "take up": run(stage.take_up, lambda at: (world, sim.parameters, sim._fluids)),
-        "normals and vorticity": run(stage.shape, lambda at: (world[3][1], world, sim.parameters)),
+        "normals and vorticity": run(stage.shape, lambda at: (world.in_order.position, world, sim.parameters)),
         "accelerate": run(stage.accelerate, lambda at: (at.step, world, sim.parameters, sim._fluids, sim.integers)),
         "foresee density": run(stage.foresee, lambda at: (world, sim.parameters)),
         "move": run(stage.move, lambda at: (at.number, world, sim.parameters, sim._fluids, *touched())),

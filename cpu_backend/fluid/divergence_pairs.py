@@ -70,7 +70,7 @@ def make_gather(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
                 meant[axis * room + k] = velocity[axis * room + k]
             if abs(x) < largest and abs(y) < largest and abs(z) < largest:
                 lx, ly, lz, hx, hy, hz = min(lx, x), min(ly, y), min(lz, z), max(hx, x), max(hy, y), max(hz, z)
-        box, boxes = BOX * np.int64(part), table[0]
+        box, boxes = BOX * np.int64(part), table.boxes
         boxes[box], boxes[box + 1], boxes[box + 2] = lx, ly, lz
         boxes[box + 3], boxes[box + 4], boxes[box + 5] = hx, hy, hz
 
@@ -102,15 +102,15 @@ def make_accelerate(compiler: Compiler, real: Any, parts: frozenset[str], sides_
     def accelerate(part, shared, step, world, parameters, fluids, integers):
         """Apply neighbours, drag and forces to the velocities, and write them into the state."""
         (count, room, _), state, unsorted, in_order, work, _, (neighbours, _, entries, counts), _ = world
-        place, meant, velocity, error = in_order[1], in_order[2], state[1], work[4]
+        place, meant, velocity, error = in_order.position, in_order.velocity, state.velocity, work.error
         h, sides = parameters.dt, sides_of(parameters)
         for i in range(count * part // shared, count * (part + 1) // shared):
-            row = row_of(in_order[4], i)
+            row = row_of(in_order.fluid, i)
             if smooths:
                 own = row_at(entries, np.int64(i // LANES) * (LANES * most) + i % LANES)
                 u, v, w = smooth_of(
-                    i, neighbours[i], own, room, place, meant, unsorted[0], unsorted[1], sides, parameters, in_order[4],
-                    fluids,
+                    i, neighbours[i], own, room, place, meant, unsorted.before, unsorted.position, sides, parameters,
+                    in_order.fluid, fluids,
                 )  # fmt: skip
             else:
                 u, v, w = meant[i], meant[room + i], meant[2 * room + i]
@@ -118,7 +118,7 @@ def make_accelerate(compiler: Compiler, real: Any, parts: frozenset[str], sides_
                 drag, surface = fluids[row + F_DRAG], fluids[row + F_SURFACE_DRAG]
                 u, v = braked(u, h, drag, surface, error[i]), braked(v, h, drag, surface, error[i])
                 w = braked(w, h, drag, surface, error[i])
-            ax, ay, az = forced(in_order[3][i], row, step, parameters, fluids, integers)
+            ax, ay, az = forced(in_order.number[i], row, step, parameters, fluids, integers)
             u, v, w = accelerated(u, h, ax), accelerated(v, h, ay), accelerated(w, h, az)
             speed, fastest = speed_of(u, v, w), fluids[row + F_SPEED]
             if speed > fastest:

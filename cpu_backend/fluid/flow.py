@@ -1,9 +1,6 @@
 """Emitters and sinks on CPU threads (model/fluid/plan.py, 0 and 2).
 
-`flow` is a tuple: (alive, missed, starts, there, emitters, points, sinks). `alive` (1,): number of active particles,
-which are first in the state's arrays. `missed` (1,): particles that were due while all particles of their fluid were
-active. `starts` (fluids + 1,): first particle number of each fluid. `there` (particles,): 1 if active, by number. The
-rest are rows of model/fluid/flow.py, flat.
+Active particles are first in the state's arrays. fluid/arrays.py describes the arrays `flow`.
 """
 
 from __future__ import annotations
@@ -16,6 +13,7 @@ import numpy as np
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import row_at
 from softlab.cpu_backend.core.progress import shares
+from softlab.cpu_backend.fluid.arrays import Fluid, Sizes
 from softlab.model.fluid.flow import (
     E_BEFORE,
     E_COUNT,
@@ -121,7 +119,7 @@ def make_flow(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNam
     @compiled
     def drain(part, shared, world, flow):
         (count, room, _), state, unsorted, _, _, table, _, _ = world
-        place, number, cell, there, sinks = unsorted[1], state[2], table[1], flow[3], flow[6]
+        place, number, cell, there, sinks = unsorted.position, state.number, table.cell, flow.active, flow.sinks
         for k in range(count * part // shared, count * (part + 1) // shared):
             for s in range(sinks.size // SINK_FIELDS):
                 sink = row_at(sinks, np.int64(s * SINK_FIELDS))
@@ -131,12 +129,12 @@ def make_flow(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNam
     @compiled
     def rest(world, counts, flow):
         nx, ny, nz = counts
-        flow[0][0] = world[5][2][nx * ny * nz]
+        flow.count[0] = world.table.starts[nx * ny * nz]
 
     @compiled
     def there_of(world, flow):
         (_, room, nobody), state, unsorted, in_order, work, table, lists, scratch = world
-        return (flow[0][0], room, nobody), state, unsorted, in_order, work, table, lists, scratch
+        return Fluid(Sizes(flow.count[0], room, nobody), state, unsorted, in_order, work, table, lists, scratch)
 
     return SimpleNamespace(emit=emit, drain=drain, rest=rest, there_of=there_of)
 

@@ -77,7 +77,7 @@ def make_advance(real: Any, math: str, parts: frozenset[str]) -> Any:
                 world = there_of(everyone, flow)
             for part in shares(team, member, bands):
                 prepare(part, bands, number, world, parameters, fluids, bodies, kinds)
-            place, there = world[3][1], world[4][0]
+            place, there = world.in_order.position, world.work.next
             for iteration in range(iterations):
                 if iteration > 0:
                     for part in shares(team, member, bands):

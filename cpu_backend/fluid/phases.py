@@ -28,22 +28,22 @@ def make_order(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNa
     def predict(part, shared, step, number, world, parameters, fluids, integers, bodies, kinds):
         (count, room, _), state, unsorted, _, _, table, lists, _ = world
         first, last = count * part // shared, count * (part + 1) // shared
-        lists[3][shared + part] += predict_some(
-            part, first, last, step, number, room, state, unsorted, table[0], parameters, fluids, integers, bodies, kinds
+        lists.counts[shared + part] += predict_some(
+            part, first, last, step, number, room, state, unsorted, table.boxes, parameters, fluids, integers, bodies, kinds
         )  # fmt: skip
 
     @compiled
     def cells_in(shared, world, parameters):
         """Return (lowest positions, inverse cell edges, counts) of the table."""
-        table = world[5]
-        return span(shared, table[0], table[2].size - 1, parameters)
+        table = world.table
+        return span(shared, table.boxes, table.starts.size - 1, parameters)
 
     @compiled
     def enter(part, shared, world, parameters):
         (count, room, _), _, unsorted, _, _, table, _, _ = world
         low, inverse, counts = cells_in(shared, world, parameters)
         first, last = count * part // shared, count * (part + 1) // shared
-        enter_some(first, last, room, unsorted[1], low, inverse, counts, table[1])
+        enter_some(first, last, room, unsorted.position, low, inverse, counts, table.cell)
 
     @compiled
     def tally(part, shared, world, parameters):

@@ -1,8 +1,6 @@
 """The phases of a fluid's substep that involve solids, on CPU threads (model/fluid/plan.py, Solids).
 
-`solids` (in the code `met`): (number of the fluid's particles, the rows of `kinds_of` by number, the same in the order
-of cells, the slot of each sample, (corners, shares) of samples, (before, position) of the solids' particles in rows,
-(lightness, offsets, samples, shares) of the samples that each of them carries, shifts of samples in planes).
+`met`: Solids of fluid/arrays.py.
 """
 
 from __future__ import annotations
@@ -52,7 +50,7 @@ def make_sampling(compiler: Compiler, real: Any) -> SimpleNamespace:
         """Write the predicted positions of samples among the unsorted particles, and the bounding box of the band."""
         (count, room, _), state, (before, place, meant), _, _, table, _, _ = world
         fluids, _, _, _, (corners, shares), (began, position), _, _ = met
-        number, boxes = state[2], table[0]
+        number, boxes = state.number, table.boxes
         lx, ly, lz, hx, hy, hz = largest, largest, largest, -largest, -largest, -largest
         for k in range(count * part // shared, count * (part + 1) // shared):
             s = np.int64(number[k]) - fluids
@@ -72,7 +70,7 @@ def make_sampling(compiler: Compiler, real: Any) -> SimpleNamespace:
         """Copy `kinds` into the order of cells, and store the slots of samples."""
         (count, room, _), _, _, in_order, _, _, _, _ = world
         fluids, by_number, kinds, slots, _, _, _, _ = met
-        number = in_order[3]
+        number = in_order.number
         for i in range(count * part // shared, count * (part + 1) // shared):
             n = np.int64(number[i])
             for kind in range(KINDS):
@@ -129,7 +127,7 @@ def _make_factors(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     def factors(part, shared, number, world, met, scratch, parameters, fluids, bodies, kinds_of):
         """Evaluate the neighbour factors of the constraint; 0 for samples."""
         (count, room, _), _, _, in_order, (_, factor, multiplier, _, _, wall), _, (_, longest, entries, _), _ = world
-        first, kinds, place, numbers, fluid = met[0], met[2], in_order[1], in_order[3], in_order[4]
+        first, kinds, place, numbers, fluid = met.fluids, met.kinds, in_order.position, in_order.number, in_order.fluid
         _, end, _ = instants(number, parameters)
         at, slices = np.int64(part) * (SUMS * LANES), (count + LANES - 1) // LANES
         gx, gy, gz = row_at(scratch, at), row_at(scratch, at + LANES), row_at(scratch, at + 2 * LANES)
@@ -169,8 +167,8 @@ def _make_constrain(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any
     def constrain(part, shared, number, place, world, met, scratch, parameters, bodies, kinds_of):
         """Evaluate the constraints at the positions `place`, and the changes of their multipliers; 0 for samples."""
         (count, room, _), _, _, in_order, (_, factor, multiplier, delta, error, wall), _, lists, _ = world
-        first, kinds, numbers = met[0], met[2], in_order[3]
-        longest, entries, slices = lists[1], lists[2], (count + LANES - 1) // LANES
+        first, kinds, numbers = met.fluids, met.kinds, in_order.number
+        longest, entries, slices = lists.longest, lists.entries, (count + LANES - 1) // LANES
         _, end, _ = instants(number, parameters)
         at = np.int64(part) * (SUMS * LANES)
         total, share = row_at(scratch, at), row_at(scratch, at + 4 * LANES)
@@ -209,9 +207,14 @@ def _make_correct(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     def correct(part, shared, number, place, there, world, met, scratch, parameters, fluids, bodies, kinds_of):
         """Correct the positions `place` and store them in `there`; store the shifts of samples."""
         (count, room, _), _, _, in_order, (_, _, _, delta, _, wall), _, lists, _ = world
-        first, kinds, slots, shift = met[0], met[2], met[3], met[7]
-        before, numbers, fluid = in_order[0], in_order[3], in_order[4]
-        neighbours, longest, entries, slices = lists[0], lists[1], lists[2], (count + LANES - 1) // LANES
+        first, kinds, slots, shift = met.fluids, met.kinds, met.slots, met.shift
+        before, numbers, fluid = in_order.before, in_order.number, in_order.fluid
+        neighbours, longest, entries, slices = (
+            lists.neighbours,
+            lists.longest,
+            lists.entries,
+            (count + LANES - 1) // LANES,
+        )
         at, many = np.int64(part) * (SUMS * LANES), slots.size
         ax, ay, az = row_at(scratch, at), row_at(scratch, at + LANES), row_at(scratch, at + 2 * LANES)
         grip, lightness = row_at(kinds, K_GRIP * room), row_at(kinds, K_LIGHTNESS * room)

@@ -15,6 +15,8 @@ import numpy as np
 
 from softlab.cpu_backend.core.layout import aligned_zeros
 from softlab.cpu_backend.core.simulation import ParticlesSimulation, chosen_kernel
+from softlab.cpu_backend.fluid import arrays
+from softlab.cpu_backend.fluid.arrays import Flow, Lists, Scratch, Sizes, Sorted, State, Table, Unsorted, Work
 from softlab.cpu_backend.fluid.cells import AXES, BOX
 from softlab.cpu_backend.fluid.divergence_kernels import free_stages, make_advance_freely
 from softlab.cpu_backend.fluid.kernels import make_advance, make_stages
@@ -76,58 +78,52 @@ class Fluid(ParticlesSimulation):
             """Allocate planes of positions with the quads behind them."""
             return planes(many=QUADS + QUAD)
 
-        self._state = planes(), planes(), planes(np.int32, 1), planes(np.int32, 1)  # position, velocity, number, fluid
-        unsorted = planes(), planes(), planes()  # before, predicted, predicted velocity
-        in_order = planes(), places(), planes(), planes(np.int32, 1), planes(np.int32, 1)
+        self._state = State(planes(), planes(), planes(np.int32, 1), planes(np.int32, 1))
+        unsorted = Unsorted(planes(), planes(), planes())
+        in_order = Sorted(planes(), places(), planes(), planes(np.int32, 1), planes(np.int32, 1))
         factor, multiplier, delta, error = (planes(many=1) for _ in range(4))
-        work = (
-            places(),
-            factor,
-            multiplier,
-            delta,
-            error,
-            planes(),
-        )  # positions of the next iteration ... gradients of walls
-        table = (
+        work = Work(places(), factor, multiplier, delta, error, planes())
+        table = Table(
             np.zeros(BOX * bands, real), planes(np.int32, 1), np.zeros(most_cells(self.scene) + 1, np.int32),
             planes(np.int32, 1), np.zeros(bands, np.int64),
         )  # fmt: skip
         most = MAX_NEIGHBOURS[self.scene.dimensions]
         entries = aligned_zeros(slices * LANES * most, np.int32)
         self._counts = np.zeros(2 * bands, np.int64)  # per band: neighbours lost, then velocities slowed
-        lists = planes(np.int32, 1), np.zeros(slices, np.int32), entries, self._counts
-        for array in (in_order[1], work[0]):
+        lists = Lists(planes(np.int32, 1), np.zeros(slices, np.int32), entries, self._counts)
+        for array in (in_order.position, work.next):
             for axis in range(self.scene.dimensions):
                 array[axis * room + nobody : (axis + 1) * room] = FAR
                 array[QUADS * room + QUAD * nobody + axis : (QUADS + QUAD) * room : QUAD] = FAR
         near, who = aligned_zeros(4 * AROUND * bands, real), np.zeros(AROUND * bands + LANES, np.int32)
-        scratch = aligned_zeros(SCRATCH * LANES * bands, real), near, who, np.zeros(RUNS * bands, np.int64)
-        self._world = (count, room, nobody), self._state, unsorted, in_order, work, table, lists, scratch
+        scratch = Scratch(aligned_zeros(SCRATCH * LANES * bands, real), near, who, np.zeros(RUNS * bands, np.int64))
+        sizes = Sizes(count, room, nobody)
+        self._world = arrays.Fluid(sizes, self._state, unsorted, in_order, work, table, lists, scratch)
         self._flow = self._make_flow()
         self._kept = tuple(array.copy() for array in self._now)
 
-    def _make_flow(self) -> tuple[np.ndarray, ...]:
-        """Return the tuple of cpu_backend/fluid/flow.py; empty without emitters and sinks."""
+    def _make_flow(self) -> Flow | None:
+        """Return the arrays of emitters and sinks; None without them."""
         if not self._flows:
-            return ()
+            return None
         scene, real = self.scene, self.real
         emitters, points = emitter_rows(scene, self._taps, real).reshape(-1), nozzle_points(scene, real).reshape(-1)
         counts = np.zeros(1, np.int64), np.zeros(1, np.int64), fluid_starts(scene), np.zeros(self._particles, np.int8)
-        return *counts, emitters, points, sink_rows(scene, real).reshape(-1)
+        return Flow(*counts, emitters, points, sink_rows(scene, real).reshape(-1))
 
     @property
     def _now(self) -> tuple[np.ndarray, ...]:
         """The arrays that a substep starts from: the state, and which particles are active."""
-        return (*self._state, self._flow[0], self._flow[3]) if self._flow else self._state
+        return (*self._state, self._flow.count, self._flow.active) if self._flow else self._state
 
     @property
     def there(self) -> int:
         """Number of active particles, which are the first ones of the state's arrays."""
-        return int(self._flow[0][0]) if self._flow else self._particles
+        return int(self._flow.count[0]) if self._flow else self._particles
 
     def _advance(self, step: int, steps: int) -> None:
         method = self.scene.method
-        make, flow = (make_advance_freely, ()) if self._is_free else (make_advance, (self._flow,))
+        make, flow = (make_advance_freely, ()) if self._is_free else (make_advance, (self._flow or (),))
         make(self.real, self.options.math, self.plan.parts)(
             self._bands, steps, step, method.substeps, method.iterations, self._world, self.parameters, self._fluids,
             self.integers, self.bodies, self.kinds, *flow,
@@ -137,7 +133,7 @@ class Fluid(ParticlesSimulation):
         """Return the function that runs each stage of the plan."""
         stage = make_stages(self.real, self.options.math, self.plan.parts)
         world, bands, iterations = self._world, self._bands, self.scene.method.iterations
-        buffers = world[3][1], world[4][0]
+        buffers = world.in_order.position, world.work.next
         last = buffers[iterations % 2]
 
         def run(kernel: Any, *names: str) -> StageRun:
@@ -147,9 +143,9 @@ class Fluid(ParticlesSimulation):
                 here = moment.iteration % 2
                 known = {
                     "step": moment.step, "number": moment.number, "here": buffers[here], "there": buffers[1 - here],
-                    "last": last, "world": ((self.there, *world[0][1:]), *world[1:]), "flow": self._flow, "parameters":
-                    self.parameters, "fluids": self._fluids, "integers": self.integers, "bodies": self.bodies, "kinds":
-                    self.kinds,
+                    "last": last, "world": world._replace(sizes=world.sizes._replace(count=self.there)), "flow": self._flow,
+                    "parameters": self.parameters, "fluids": self._fluids, "integers": self.integers,
+                    "bodies": self.bodies, "kinds": self.kinds,
                 }  # fmt: skip
                 kernel(bands, *(known[name] for name in names))
 
@@ -186,12 +182,12 @@ class Fluid(ParticlesSimulation):
     def _by_number(self, array: np.ndarray) -> np.ndarray:
         """Return (particles,) values by number from an array in the order of cells; 0 for inactive particles."""
         found = np.zeros(self._particles, array.dtype)
-        found[self._state[2][: self.there]] = array[: self.there]
+        found[self._state.number[: self.there]] = array[: self.there]
         return found
 
     def _multipliers(self) -> np.ndarray:
         """Return (particles,) the multipliers of the last substep [m^2] (`pressures` of model/fluid/measure.py)."""
-        return self._by_number(self._world[4][2])
+        return self._by_number(self._world.work.multiplier)
 
     # ------------------------------------------------------------------ the contract
 
@@ -204,19 +200,19 @@ class Fluid(ParticlesSimulation):
             array[:] = kept
 
     def _places(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
-        slots = np.full(self._particles, self._world[0][2])  # the slot of `nobody`, which has zeros
-        slots[self._state[2][: self.there]] = np.arange(self.there)
-        return self._state[0], self._state[1], slots, self._room
+        slots = np.full(self._particles, self._world.sizes.nobody)  # the slot of `nobody`, which has zeros
+        slots[self._state.number[: self.there]] = np.arange(self.there)
+        return self._state.position, self._state.velocity, slots, self._room
 
     def _parameters_changed(self) -> None:
         self.integers[POKED] = self._poke_particle + 1
         self._fluids[:] = fluid_rows(self.scene, self.real, self.samples is not None).reshape(-1)
         if self._flow:
-            self._flow[4][:] = emitter_rows(self.scene, self._taps, self.real).reshape(-1)
+            self._flow.emitters[:] = emitter_rows(self.scene, self._taps, self.real).reshape(-1)
 
     def _download(self) -> tuple[np.ndarray, np.ndarray]:
         axes, room, count = self.scene.dimensions, self._room, self.there
-        number, found = self._state[2][:count], []
+        number, found = self._state.number[:count], []
         for array, waiting in zip(self._state[:2], (PARKED, 0.0), strict=True):
             values = np.full((self._particles, axes), waiting, self.real)
             values[number] = array[: axes * room].reshape(axes, room)[:, :count].T
@@ -228,11 +224,11 @@ class Fluid(ParticlesSimulation):
         number = np.flatnonzero(found.there(position))
         for array, values in zip(self._state[:2], (position, velocity), strict=True):
             array[: axes * room].reshape(axes, room)[:, : len(number)] = values[number].T
-        self._state[2][: len(number)], self._state[3][: len(number)] = number, found.fluid[number]
+        self._state.number[: len(number)], self._state.fluid[: len(number)] = number, found.fluid[number]
         if self._flow:
-            self._flow[0][0], self._flow[3][:] = len(number), found.there(position)
+            self._flow.count[0], self._flow.active[:] = len(number), found.there(position)
 
     @property
     def not_emitted(self) -> int:
         """Number of particles that a nozzle could not emit as none was inactive, since the simulation was opened."""
-        return int(self._flow[1][0]) if self._flow else 0
+        return int(self._flow.missed[0]) if self._flow else 0

@@ -34,26 +34,27 @@ def make_velocities(compiler: Compiler, real: Any, parts: frozenset[str], sides_
     def shape(part, shared, place, world, parameters):
         """Write normals and vorticity into the unsorted planes of positions."""
         (count, room, _), _, unsorted, in_order, _, _, (neighbours, _, entries, _), _ = world
-        sides, meant = sides_of(parameters), in_order[2]
+        sides, meant = sides_of(parameters), in_order.velocity
         for i in range(count * part // shared, count * (part + 1) // shared):
             own = row_at(entries, np.int64(i // LANES) * (LANES * most) + i % LANES)
             shape_of(
-                i, neighbours[i], own, room, place, meant, unsorted[0], unsorted[1], sides, parameters, in_order[4]
-            )
+                i, neighbours[i], own, room, place, meant, unsorted.before, unsorted.position, sides, parameters,
+                in_order.fluid,
+            )  # fmt: skip
 
     @compiled
     def finish(part, shared, place, world, parameters, fluids):
         """Write the new state: velocities after neighbours, drag and the speed limit."""
         (count, room, _), state, unsorted, in_order, work, _, (neighbours, _, entries, _), _ = world
         position, velocity, number, fluid = state
-        sides, meant, error = sides_of(parameters), in_order[2], work[4]
+        sides, meant, error = sides_of(parameters), in_order.velocity, work.error
         for i in range(count * part // shared, count * (part + 1) // shared):
-            row = row_of(in_order[4], i)
+            row = row_of(in_order.fluid, i)
             if smooths:
                 own = row_at(entries, np.int64(i // LANES) * (LANES * most) + i % LANES)
                 u, v, w = smooth_of(
-                    i, neighbours[i], own, room, place, meant, unsorted[0], unsorted[1], sides, parameters, in_order[4],
-                    fluids,
+                    i, neighbours[i], own, room, place, meant, unsorted.before, unsorted.position, sides, parameters,
+                    in_order.fluid, fluids,
                 )  # fmt: skip
             else:
                 u, v, w = meant[i], meant[room + i], meant[2 * room + i]
@@ -66,9 +67,9 @@ def make_velocities(compiler: Compiler, real: Any, parts: frozenset[str], sides_
             velocity[2 * room + i] = slowed(w, speed, fastest)
             for axis in range(AXES):
                 position[axis * room + i] = place[axis * room + i]
-            number[i] = in_order[3][i]
+            number[i] = in_order.number[i]
             if several:
-                fluid[i] = in_order[4][i]
+                fluid[i] = in_order.fluid[i]
 
     return SimpleNamespace(update=_make_update(compiler, real, parts), shape=shape, finish=finish)
 
@@ -98,7 +99,7 @@ def _make_update(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     def update(part, shared, number, place, world, parameters, fluids, bodies, kinds):
         """Derive velocities from positions and colliders, and write them into `meant`, which no other phase reads."""
         (count, room, _), _, _, in_order, _, _, _, (scratch, _, _, _) = world
-        before, meant, fluid, slices = in_order[0], in_order[2], in_order[4], (count + LANES - 1) // LANES
+        before, meant, fluid, slices = in_order.before, in_order.velocity, in_order.fluid, (count + LANES - 1) // LANES
         sums = sums_of(part, scratch)
         x, y, z, u, v, w = sums
         for s in range(slices * part // shared, slices * (part + 1) // shared):
@@ -130,9 +131,9 @@ def _make_at_walls(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     @compiled
     def at_walls(base, number, world, parameters, fluids, bodies, kinds, x, y, z, u, v, w):
         (count, room, _), _, _, in_order, (_, _, multiplier, _, _, _), _, _, _ = world
-        before, meant = in_order[0], in_order[2]
+        before, meant = in_order.before, in_order.velocity
         for lane in range(min(LANES, count - base)):
-            i, row = base + lane, row_of(in_order[4], base + lane)
+            i, row = base + lane, row_of(in_order.fluid, base + lane)
             qx, qy, qz, mx, my, mz, vx, vy, vz = impact_of(
                 bodies, kinds, number, parameters, before[i], before[room + i], before[2 * room + i], meant[i],
                 meant[room + i], meant[2 * room + i], x[lane], y[lane], z[lane], u[lane], v[lane], w[lane],

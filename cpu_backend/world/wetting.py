@@ -61,7 +61,7 @@ class Wetting:
         self.wetness, self._kept = np.zeros(len(found.vertices), real), np.zeros(len(found.vertices), real)
         self._weight = cloth._position[found.vertices, WIDTH - 1].copy()
         self._dry, self._rates, self._kernels = found.lightness.astype(real), np.zeros(3, real), make_soak(real, math)
-        self._cloth, self._neighbours = cloth, fluid._world[6][0]
+        self._cloth, self._neighbours = cloth, fluid._world.lists.neighbours
         _, by_number, _, self._slots, self._points, _, carriers, _ = fluid._met
         self._lightness, self._offsets, self._samples, _ = carriers
         count, begin = fluid._particles, len(fluid.body.position)

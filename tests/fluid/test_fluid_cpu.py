@@ -130,7 +130,7 @@ def test_live_fields_and_pressures() -> None:
 def test_what_is_no_number_is_found() -> None:
     scene = column_scene()
     with open_simulation(scene, **EXACT) as simulation:
-        simulation._state[1][7] = np.nan  # type: ignore[attr-defined]
+        simulation._state.velocity[7] = np.nan  # type: ignore[attr-defined]
         with pytest.raises(Diverged):
             simulation.advance(1)
             simulation.check()

@@ -41,7 +41,7 @@ def column_at_rest(scene: Scene, seconds: float = 3.0, looks: int = 30) -> dict[
             y = state.position[:, 1].astype(np.float64)
             heights.append(np.sort(y)[-36:].mean() + D / 2)
             speeds.append(np.linalg.norm(state.velocity, axis=1).max())
-            over.append(np.maximum(simulation._by_number(simulation._world[4][4]), 0))  # type: ignore[attr-defined]
+            over.append(np.maximum(simulation._by_number(simulation._world.work.error), 0))  # type: ignore[attr-defined]
             places.append(y)
             pressures.append(simulation.read("pressure"))
     place, pressure = np.concatenate(places), np.concatenate(pressures)

@@ -1,0 +1,129 @@
+"""Arrays of a fluid for the CPU kernels, by name. A plane has `room` numbers (fluid/solver.py); values of several planes
+lie one plane after the other."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+
+class Sizes(NamedTuple):
+    """Number of active particles, numbers of a plane, slot of a particle that is far away."""
+
+    count: int
+    room: int
+    nobody: int
+
+
+class State(NamedTuple):
+    """What a substep starts from: positions, velocities, numbers and fluids of the active particles."""
+
+    position: np.ndarray
+    velocity: np.ndarray
+    number: np.ndarray
+    fluid: np.ndarray
+
+
+class Unsorted(NamedTuple):
+    """In the order of the state: positions at the substep's start, predicted positions and velocities. `divergence-free`
+    uses the planes of `velocity` for the iterate, the multipliers of its second solve and its targets."""
+
+    before: np.ndarray
+    position: np.ndarray
+    velocity: np.ndarray
+
+
+class Sorted(NamedTuple):
+    """In the order of cells: positions at the substep's start, predicted positions with quads behind them, predicted
+    velocities, numbers and fluids. `divergence-free` writes displacements over `before`."""
+
+    before: np.ndarray
+    position: np.ndarray
+    velocity: np.ndarray
+    number: np.ndarray
+    fluid: np.ndarray
+
+
+class Work(NamedTuple):
+    """Positions of the next iteration with quads behind them, factors, multipliers, corrections, errors of the density,
+    gradients of walls."""
+
+    next: np.ndarray
+    factor: np.ndarray
+    multiplier: np.ndarray
+    delta: np.ndarray
+    error: np.ndarray
+    wall: np.ndarray
+
+
+class Table(NamedTuple):
+    """Boxes of bands, cells of particles, first particle of each cell, order of particles, particles of a band's cells."""
+
+    boxes: np.ndarray
+    cell: np.ndarray
+    starts: np.ndarray
+    order: np.ndarray
+    totals: np.ndarray
+
+
+class Lists(NamedTuple):
+    """Numbers of neighbours of particles, the largest of each slice, neighbours by slices; per band neighbours lost, then
+    velocities slowed."""
+
+    neighbours: np.ndarray
+    longest: np.ndarray
+    entries: np.ndarray
+    counts: np.ndarray
+
+
+class Scratch(NamedTuple):
+    """Scratch of bands: sums by lanes, places and numbers of particles around a cell, runs of cells."""
+
+    sums: np.ndarray
+    near: np.ndarray
+    who: np.ndarray
+    runs: np.ndarray
+
+
+class Fluid(NamedTuple):
+    """All arrays of a fluid."""
+
+    sizes: Sizes
+    state: State
+    unsorted: Unsorted
+    in_order: Sorted
+    work: Work
+    table: Table
+    lists: Lists
+    scratch: Scratch
+
+
+class Flow(NamedTuple):
+    """Arrays of emitters and sinks: number of active particles (1,); particles that were due while all particles of their
+    fluid were active (1,); first particle of each fluid (fluids + 1,); 1 if a particle is active, by number (particles,);
+    rows of model/fluid/flow.py, flat."""
+
+    count: np.ndarray
+    missed: np.ndarray
+    starts: np.ndarray
+    active: np.ndarray
+    emitters: np.ndarray
+    points: np.ndarray
+    sinks: np.ndarray
+
+
+class Solids(NamedTuple):
+    """Solids that a fluid touches, by samples behind the fluid's particles: number of the fluid's particles; rows of
+    `kinds_of` by number, and in the order of cells; slot of each sample; (corners, shares) of samples; (before, position)
+    of the solids' particles in rows; (lightness, offsets, samples, shares) of the samples that each of them carries;
+    displacements of samples, three planes."""
+
+    fluids: int
+    kinds_by_number: np.ndarray
+    kinds: np.ndarray
+    slots: np.ndarray
+    points: tuple[np.ndarray, ...]
+    places: tuple[np.ndarray, ...]
+    carriers: tuple[np.ndarray, ...]
+    shift: np.ndarray
