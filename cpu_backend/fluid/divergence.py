@@ -171,8 +171,8 @@ def make_push(compiler: Compiler, real: Any, parts: frozenset[str], sides_of: An
             corrections(
                 lists.longest[s], base, row_at(lists.entries, base * most), row_at(place, QUADS * room),
                 *numbers_of(part, scratch), *own_of(place, room, base), row_at(delta, base), sides_of(parameters),
-                parameters.support, parameters.inverse_support, parameters.gradient_scale, parameters.tensile, parameters.inverse_tensile,
-                ax, ay, az,
+                parameters.support, parameters.inverse_support, parameters.gradient_scale, parameters.tensile,
+                parameters.inverse_tensile, ax, ay, az,
             )  # fmt: skip
             for lane in range(min(LANES, count - base)):
                 i = base + lane
