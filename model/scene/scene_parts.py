@@ -29,7 +29,7 @@ from softlab.model.scene.cloth import (
 )
 from softlab.model.scene.flow import Emitter, Sink
 from softlab.model.scene.fluid import Domain, Fluid, Foam
-from softlab.model.scene.kinds import KINDS
+from softlab.model.scene.kinds import KINDS, REMOVED
 from softlab.model.scene.members import member_tables, members_of
 from softlab.model.scene.mesh import Mesh
 from softlab.model.scene.method import Method
@@ -115,6 +115,8 @@ class SceneParts:
             if kind == TANK:
                 self._add_planes(part_name, _build_part(part_name, Tank, fields), tables)
                 continue
+            if isinstance(kind, str) and kind in REMOVED:
+                raise SceneError(f"{part_name}.kind", kind, REMOVED[kind])
             if not isinstance(kind, str) or kind not in KINDS:
                 known = f"{suggestion(str(kind), (*KINDS, TANK))}; known kinds: {', '.join((*KINDS, TANK))}"
                 if "kind" in table:

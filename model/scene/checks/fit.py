@@ -32,7 +32,7 @@ def check_fit(scene: SceneParts) -> None:
     if scene.fluids:
         _check_fluids(scene)
         return
-    scene.refuse(("domain", "emitter", "sink", "foam", "wetting"), "applies to fluids; leave it out")
+    scene.refuse(("domain", "emitter", "sink", "foam"), "applies to fluids; leave it out")
     if scene.tetrahedra:
         check_tetrahedra(scene)
         return
