@@ -103,8 +103,8 @@ test_no_trace.py *no_instruction*float64* *velocity-verlet-parts2*float64* *lab-
 test_cloth_orders.py test_contacts_do_not* test_orders*all-cpu? test_holds*dampers?along* test_holds*rk4*
     *along?springs-cpu? test_converged_reference*wind test_orders*along?springs-reference?
     test_holds*velocity-verlet-springs-cpu?
-test_orders.py test_manufactured_solution_of_the_unstable* *taylor-counts* *explicit-euler-counts*
-    test_manufactured_solution*cpu-lab* test_manufactured_solution*cpu-semi*
+test_orders.py test_linear_lattice_of_the_unstable* *taylor-counts* *explicit-euler-counts*
+    test_linear_lattice*cpu-lab* test_linear_lattice*cpu-semi*
 test_physics_conservation.py *elastic_pendulum*cpu-lab* *elastic_pendulum*cpu-semi*
 test_physics_hard.py *B1?hanging-lab?
 test_reference.py test_rk4*-2.0?

@@ -273,7 +273,7 @@ def document() -> str:
         "",
         "| kinds | what for |",
         "|---|---|",
-        "| grid, springs, damping, gravity, external, perturbation, manufactured, method | masses in a plane |",
+        "| grid, springs, damping, gravity, external, perturbation, method | masses in a plane |",
         "| cloth, structural, shear, bending, wind, motion, fold, load, attachments, self_collision | masses in space |",
         "| mesh, volume | a cloth of triangles, and what fills a closed one |",
         "| plane, tank, sphere, capsule, box, mesh_collider, distance_field | what masses cannot enter |",

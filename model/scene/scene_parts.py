@@ -43,7 +43,6 @@ from softlab.model.scene.parts import (
     External,
     Gravity,
     Grid,
-    Manufactured,
     Part,
     Perturbation,
     Springs,
@@ -316,7 +315,6 @@ class SceneParts:
     foam: Foam | None = _part("foam")
     fold: Fold | None = _part("fold")
     gravity: Gravity | None = _part("gravity")
-    manufactured: Manufactured | None = _part("manufactured")
     method: Method = _part("method")
     perturbation: Perturbation | None = _part("perturbation")
     self_collision: SelfCollision | None = _part("self_collision")
