@@ -17,7 +17,6 @@ from unittest.mock import patch
 
 import numpy as np
 
-
 # Constants of grids in former versions, which only the manufactured force read: no measured kernel has it
 MANUFACTURED = ("amplitude", "inertia", "spacing")
 
