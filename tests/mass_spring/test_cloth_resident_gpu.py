@@ -1,4 +1,4 @@
-"""The kernel `resident` of cloths on a real GPU: the CPU's bits in `exact` math, on all kinds of tiles, and bounded `fast`."""
+"""The kernel `resident` of cloths on a real GPU: the CPU's bits in `exact` math, on all kinds of tiles; bounded in `fast`."""
 
 from __future__ import annotations
 
