@@ -246,6 +246,7 @@ BAD = [
     ("sweep", "--gpus 0", ["--gpus", "at least 1"]),
     ("fluids", "--peers", ["--peers", "applies to --truth and --rest"]),
     ("advise lab-curtain", "--error 0.1 --force", ["--force", "add --write"]),
+    ("advise lab-curtain", "--error 0.1 --check", ["--check", "was removed", "softlab run with --set"]),
     ("scale", "--exchange-every 0", ["--exchange-every"]),
     ("scale", "--exchange-every 100000", ["--exchange-every", "use at most"]),
     ("scale", "--jitter nan", ["--jitter"]),
