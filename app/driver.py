@@ -65,9 +65,9 @@ def open_simulation(
         Number of MPI processes that share the scene on CPUs; this process is one of them.
     exchange_every : int, optional
         Steps between two exchanges of a shared sheet's borders; by default chosen from its size.
-    link : {"flags", "peer", "nccl"}
-        How GPUs exchange data: kernels write into each other's memory and wait for each other, copies between devices, or
-        NCCL (also between MPI processes with one GPU each).
+    link : {"flags", "nccl"}
+        How GPUs exchange data: kernels write into each other's memory and wait for each other, or NCCL (also between MPI
+        processes with one GPU each).
 
     Returns
     -------

@@ -20,7 +20,6 @@ from softlab.model.scene.scene import Scene
 
 LINKS = {  # of GPUs: the class that opens a sheet which they share
     "flags": "softlab.gpu_backend.domains.flags:FlagSimulation",
-    "peer": "softlab.gpu_backend.domains.peers:PeerSimulation",
     "nccl": "softlab.gpu_backend.domains.nccl:NcclSimulation",
 }
 USUAL_LINK = "flags"
@@ -39,6 +38,8 @@ def check_sharing(backend: str, gpus: int, ranks: int, link: str | None) -> None
     if gpus < 1 or ranks < 1:
         name, value = ("--gpus", gpus) if gpus < 1 else ("--ranks", ranks)
         raise SceneError(name, value, "must be a whole number, at least 1")
+    if link == "peer":
+        raise SceneError("--link", link, "was removed; use flags, which is faster, or nccl, which also joins hosts")
     if link is not None and link not in LINKS:
         raise SceneError("--link", link, f"must be one of {', '.join(LINKS)}")
     if gpus > 1 and ranks > 1:

@@ -31,17 +31,18 @@ def advise(
     total_seconds: Annotated[float, typer.Option(help="Time limit of the search in seconds.")] = 180.0,
     write: Annotated[Path | None, typer.Option(help="Write the scene with the advised settings (.toml).")] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace the file of --write if it exists.")] = False,
-    check: Annotated[
-        bool, typer.Option("--check", help="Then measure every method and step size to check the advice (slow).")
-    ] = False,
+    check: Annotated[bool, typer.Option("--check", hidden=True)] = False,  # of former versions
     settings: Settings = None,
     store: StorePath = DEFAULT_STORE,
 ) -> None:
     """Measure which method, step size, precision and backend reaches an error fastest on this machine."""
     from softlab.app.command.scene_file import check_scene_target, write_scene
-    from softlab.bench.experiments.advise.answer import answer, checked
+    from softlab.bench.experiments.advise.answer import answer
     from softlab.bench.store.database import Store
 
+    if check:
+        told = "was removed: tests check the advice by brute force; to try other settings use softlab run with --set"
+        raise SceneError("--check", True, told)
     if force and write is None:
         raise SceneError("--force", True, "replaces the file of --write; add --write FILE.toml")
     if write is not None:
@@ -49,14 +50,11 @@ def advise(
     with Store(store) as opened:
         advice = answer(
             opened, scene_of(scene, settings), error, backends=backend, time=time, precisions=precisions_of(precision),
-            total_seconds=total_seconds, check=check, command=typed(),
+            total_seconds=total_seconds, command=typed(),
         )  # fmt: skip
         out.print(str(advice), markup=False, soft_wrap=True)
         if advice.best is None:
             raise typer.Exit(2)
-        if check:
-            found = checked(opened, advice, backends=backend, precisions=precisions_of(precision))
-            out.print(found, markup=False, soft_wrap=True)
     if write is not None:
         path = write_scene(write, advice.configured(), advice.heading(), force=force)
         out.print(f"{path}: softlab run {path} --time {advice.time:g} {advice.options()}", markup=False, soft_wrap=True)

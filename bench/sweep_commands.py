@@ -61,9 +61,7 @@ def sweep(
         list[int] | None,
         typer.Option(help="Measure a sheet on this many GPUs against one. Repeatable; see also --link."),
     ] = None,
-    link: Annotated[
-        list[str] | None, typer.Option(help="With --gpus: flags (default), peer, nccl. Repeatable.")
-    ] = None,
+    link: Annotated[list[str] | None, typer.Option(help="With --gpus: flags (default) or nccl. Repeatable.")] = None,
     exchange_every: Annotated[int | None, typer.Option(help="With --gpus: steps between two exchanges.")] = None,
     weak: Annotated[
         bool, typer.Option("--weak", help="With --gpus: N x N masses for each GPU (weak scaling).")

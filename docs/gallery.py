@@ -27,14 +27,14 @@ WHEN = {
     "cloth-compute": 1.2, "cloth-draped-twice": 3.0, "cloth-flamenco": 1.0, "cloth-hanging": 1.0, "cloth-self": 1.5,
     "cloth-small-steps": 1.0, "cloth-twist": 2.0, "fem-attached": 1.5, "fem-cantilever": 0.6, "fem-creature": 2.5,
     "fem-descent": 0.5, "fem-drop": 2.5, "fem-newton": 0.5, "fem-steel-and-jelly": 0.6, "jelly-block": 0.7, "jelly-drop": 1.0,
-    "jelly-grid": 6.0, "lab-curtain": 1.5, "lab-grid": 10.0, "lab-hammock": 1.5, "manufactured": 1.0, "plastic": 2.5,
+    "jelly-grid": 6.0, "lab-curtain": 1.5, "lab-grid": 10.0, "lab-hammock": 1.5, "plastic": 2.5,
     "rope": 1.0, "rope-stiff": 0.8, "rope-stiff-still": 8.0, "soft-on-field": 1.5, "soft-pile": 1.2, "soft-rain": 1.2,
     "sticky": 1.6, "two-worlds": 0.9, "two-worlds-moon": 0.9,
 }  # fmt: skip
 SMALLER = {"soft-rain": ("drop.copies=[10, 2, 10]",)}  # what --set makes of a scene that is for a GPU
 SECTIONS = {
     "lab-water": "Fluids",
-    "lab-": "The grid of the lab", "manufactured": "The grid of the lab", "cloth-": "Cloth", "rope": "Ropes",
+    "lab-": "The grid of the lab", "cloth-": "Cloth", "rope": "Ropes",
     "jelly-bowl": "Fluids", "jelly-": "Shape matching", "soft-": "Shape matching", "rigid-": "Shape matching",
     "plastic": "Shape matching",
     "sticky": "Shape matching", "two-worlds": "Shape matching", "fem-": "Tetrahedra with Young's modulus",

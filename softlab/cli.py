@@ -160,7 +160,7 @@ def run(
     link: Annotated[
         str | None,
         typer.Option(
-            help="How GPUs exchange data: flags (default), peer, or nccl (also across processes started by mpiexec)."
+            help="How GPUs exchange data: flags (default) or nccl (also across processes started by mpiexec)."
         ),
     ] = None,
     judge: Annotated[

@@ -153,7 +153,7 @@ def run_scene(scene: Scene, request: Request, *, progress: bool = True) -> Resul
     notes += [coarse] if coarse else []
     steps = step_count(scene, request.steps, request.time, notes)
     target = check_targets(scene, request, steps, notes)
-    initial = read_state(request.initial, scene) if request.initial else None
+    initial = read_state(request.initial, scene, notes) if request.initial else None
     begin = time.perf_counter()
     simulation = open_simulation(
         scene, request.backend, threads=request.threads, precision=request.precision, math=request.math,
@@ -285,7 +285,7 @@ def _write_results(
     if request.render and not request.draws_clip:
         state = result.state
         how: dict[str, Any] = {"time": state.time, "inverse_mass": state.inverse_mass, "picture": picture}
-        how |= {"velocity": state.velocity, "foam": foam, "wetness": state.wetness}
+        how |= {"velocity": state.velocity, "foam": foam}
         result.written.append(render(state.position, request.render, scene=simulation.scene, **how))
     elif request.render:
         steps = result.state.step - start.step

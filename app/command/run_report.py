@@ -30,7 +30,7 @@ def run_report(
     """Return the report of a run of `steps` steps that took `seconds` [s], and ended in `state`: energies [J], speeds
     [m/s], strain, the solver's numbers about contacts, bodies and fluids, and which of its physics is incomplete."""
     scene = simulation.scene
-    energy = energies(scene, state.position, state.velocity, state.plastic, state.inverse_mass, state.wetness)
+    energy = energies(scene, state.position, state.velocity, state.plastic, state.inverse_mass)
     strained = scene.springs or scene.cloth or scene.bodies or scene.tetrahedra or scene.is_world
     strain = spring_strain(scene, state.position, plastic=state.plastic) if strained else np.zeros(0)
     speed = (state.velocity.astype("float64") ** 2).sum(axis=1)

@@ -32,19 +32,18 @@ def _write(path: Path, arrays: dict[str, Any]) -> Path:
 def write_state(path: Path | str, state: State) -> Path:
     """Write `position`, `velocity` (particles, dimensions), `inverse_mass` (particles,), `time` [s] and `step`.
 
-    For bodies also `rotation` (clusters, 4), for plastic ones `plastic` (clusters, 3, 3), for emitters `taps`, for a
-    cloth with absorption `wetness` (particles,). If the step size was changed, `clock_step` and `clock_time` [s] of the
-    change.
+    For bodies also `rotation` (clusters, 4), for plastic ones `plastic` (clusters, 3, 3), for emitters `taps`. If the
+    step size was changed, `clock_step` and `clock_time` [s] of the change.
     """
-    names = ("position", "velocity", "inverse_mass", "rotation", "plastic", "taps", "wetness")
+    names = ("position", "velocity", "inverse_mass", "rotation", "plastic", "taps")
     arrays = {name: getattr(state, name) for name in names if getattr(state, name) is not None}
     if state.clock != START:
         arrays |= {"clock_step": np.int64(state.clock.step), "clock_time": np.float64(state.clock.time)}
     return _write(check_state_target(path), arrays | {"time": np.float64(state.time), "step": np.int64(state.step)})
 
 
-def read_state(path: Path | str, scene: Scene) -> State:
-    """Return the state in a .npz file.
+def read_state(path: Path | str, scene: Scene, notes: list[str] | None = None) -> State:
+    """Return the state in a .npz file, and add to `notes` which of its arrays are ignored.
 
     `position` is required. By default velocity is 0, the masses are the scene's, the rotations of bodies are fitted,
     and nothing is bent. Raises InputError for a file that is missing, unreadable, no .npz, or without positions of this
@@ -67,9 +66,9 @@ def read_state(path: Path | str, scene: Scene) -> State:
     velocity = arrays.get("velocity", np.zeros_like(position))
     inverse_mass = arrays.get("inverse_mass", build(scene.at(time)).inverse_mass)
     bodies = arrays.get("rotation"), arrays.get("plastic")
-    state = State(
-        position, velocity, inverse_mass, time, step, *bodies, clock, arrays.get("taps"), arrays.get("wetness")
-    )
+    state = State(position, velocity, inverse_mass, time, step, *bodies, clock, arrays.get("taps"))
+    if notes is not None and "wetness" in arrays:
+        notes.append(f"{path}: wetness is ignored; this version simulates no absorption of fluid by cloths")
     try:
         checked_arrays(state, body.position.shape, "float64")
     except InputError as error:

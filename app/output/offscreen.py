@@ -159,16 +159,15 @@ class OffscreenRenderer:
 
     def draw(
         self, position: np.ndarray, time: float = 0.0, normal: np.ndarray | None = None,
-        velocity: np.ndarray | None = None, wetness: np.ndarray | None = None,
+        velocity: np.ndarray | None = None,
     ) -> None:  # fmt: skip
         """Draw a state (particles, dimensions) [m] and return when it is drawn. Raises InputError for other shapes.
 
         `time` [s] gives the positions of moving colliders; in space `normal` (particles, 3) are the cloth's, if known;
-        `velocity` (particles, dimensions) [m/s], if known, is for `wants_velocity`; `wetness` (particles,): as in
-        State.
+        `velocity` (particles, dimensions) [m/s], if known, is for `wants_velocity`.
         """
         self._window.switch_to()
-        self._view.know(velocity, time, wetness)
+        self._view.know(velocity, time)
         self._view.upload(position, normal)
         self._draw(time)
 
@@ -230,14 +229,13 @@ def render_frame(
     look: Sequence[str] = (),
     velocity: np.ndarray | None = None,
     foam: FoamPoints | None = None,
-    wetness: np.ndarray | None = None,
 ) -> Path:
     """Draw a state (particles, dimensions) [m] of `scene` into a PNG and return its path.
 
     `caption` None: the scene's title. In space, `lines`: as springs, or particles, instead of a surface; `time` [s]:
     for the positions of moving colliders; `inverse_mass`, as in State: marks inactive bodies; `look`: see
-    OffscreenRenderer; `velocity` (particles, dimensions) [m/s] and `foam`: of a fluid, if known; `wetness`, as in
-    State, of a cloth. Raises InputError (name, folder, size, shape) and BackendUnavailable (no off-screen OpenGL).
+    OffscreenRenderer; `velocity` (particles, dimensions) [m/s] and `foam`: of a fluid, if known. Raises InputError
+    (name, folder, size, shape) and BackendUnavailable (no off-screen OpenGL).
     """
     path = check_target(path, (".png",))
     with OffscreenRenderer(scene, width, height, legend=legend, lines=lines, look=look) as renderer:
@@ -246,7 +244,7 @@ def render_frame(
         if caption is not None:
             renderer.caption = caption
         renderer.show_foam(foam)
-        renderer.draw(position, time, velocity=velocity, wetness=wetness)
+        renderer.draw(position, time, velocity=velocity)
         return write_png(path, renderer.image())
 
 

@@ -49,13 +49,8 @@ class Picture:
     fitted: Fitted | None = None
 
 
-# position [m], time [s], and a cloth's normals, velocities [m/s] and wetness of particles, if they are known
-Frame = tuple[np.ndarray, float, np.ndarray | None, np.ndarray | None, np.ndarray | None]
-
-
-def wetness_of(simulation: Simulation) -> np.ndarray | None:
-    """Return (particles,) the wetness of a cloth with absorption, as in State, or None."""
-    return np.asarray(simulation.read("wetness")) if "wetting" in simulation.plan.parts else None
+# position [m], time [s], and a cloth's normals and velocities [m/s] of particles, if they are known
+Frame = tuple[np.ndarray, float, np.ndarray | None, np.ndarray | None]
 
 
 def true_rate(steps_per_frame: int, dt: float) -> float:
@@ -194,7 +189,7 @@ def render_clip(
     def state() -> Frame:
         normal = simulation.read("normal") if simulation.scene.cloth else None
         velocity = simulation.read("velocity") if with_fluids(simulation.scene) else None
-        return simulation.read("position"), simulation.time, normal, velocity, wetness_of(simulation)
+        return simulation.read("position"), simulation.time, normal, velocity
 
     def states() -> Iterator[Frame]:
         yield state()
@@ -228,9 +223,9 @@ def _write_clip(
         if picture.fitted is not None:
             renderer.fix(picture.fitted)
         start, bar, task = perf_counter(), None, None
-        for position, time, normal, velocity, wetness in states:
+        for position, time, normal, velocity in states:
             renderer.fit(position, time)
-            renderer.draw(position, time, normal, velocity, wetness)
+            renderer.draw(position, time, normal, velocity)
             writer.write(renderer.image())
             if bar is None and progress and perf_counter() - start > PROGRESS_AFTER:
                 bar, task = _progress_bar(writer.path.name, total)
@@ -268,14 +263,13 @@ def render(
     inverse_mass: np.ndarray | None = None,
     velocity: np.ndarray | None = None,
     foam: FoamPoints | None = None,
-    wetness: np.ndarray | None = None,
 ) -> Path:
     """Draw into `frame.png` or `clip.mp4`, according to the suffix, and return the path.
 
     `source`: a simulation (a frame shows its current state; a clip advances it by `steps`), or positions, (particles,
     dimensions) for a frame and (frames, particles, dimensions) for a clip, which need their `scene`, and in space the
     `time` [s] for its moving colliders; `inverse_mass`, as in State, marks inactive bodies; `velocity` [m/s] and `foam`
-    of a fluid's frame, and `wetness`, as in State, if known. Raises InputError, BackendUnavailable.
+    of a fluid's frame, if known. Raises InputError, BackendUnavailable.
     """
     path = check_render(path)
     clip = path.suffix.lower() == CLIP
@@ -283,7 +277,7 @@ def render(
         if clip:
             return render_clip(source, path, steps, steps_per_frame, picture)
         scene, time, inverse_mass = source.scene, source.time, source.body.inverse_mass
-        velocity, wetness = source.read("velocity") if with_fluids(scene) else None, wetness_of(source)
+        velocity = source.read("velocity") if with_fluids(scene) else None
     position = source.read("position") if isinstance(source, Simulation) else source
     if scene is None:
         raise InputError("positions alone cannot be drawn; give their scene, too")
@@ -291,9 +285,9 @@ def render(
         size, words = (picture.width, picture.height), picture.caption
         how: dict[str, Any] = {"time": time, "inverse_mass": inverse_mass, "look": picture.look}
         how["legend"] = picture.legend
-        how |= {"velocity": velocity, "foam": foam, "wetness": wetness}
+        how |= {"velocity": velocity, "foam": foam}
         return render_frame(scene, position, path, *size, caption=words, **how)
     if position.ndim != 3:
         raise InputError(f"positions of shape {position.shape}; a clip needs (frames, particles, {scene.dimensions})")
-    states = ((frame, time, None, None, None) for frame in position)
+    states = ((frame, time, None, None) for frame in position)
     return _write_clip(scene, states, len(position), path, picture, inverse_mass)

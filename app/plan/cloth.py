@@ -58,7 +58,5 @@ def cloth_on_gpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
         note, way = f"{note}, all on the chip", 0.0
     elif kernel == "resident" and tile:
         note, way = f"{tile.strip} masses per thread, all on the chip, borders sent every {tile.halo} steps", 0.0
-    elif kernel == "tiles" and tile:
-        note, way = f"{tile.strip} masses per thread, {tile.halo} steps per pass through memory", way / tile.halo
     passes = cloth_passes(plan, precision, way, note)
     return BackendPlan("gpu", device, kernel, tile.name if tile else None, why, passes)

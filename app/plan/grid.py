@@ -18,7 +18,7 @@ def grid_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
     from softlab.cpu_backend.mass_spring.grid.choice import LEVELS, default_kernel
 
     kernel, why = default_kernel(scene, PRECISIONS[precision])
-    sums = scene.method.integrator == "rk4" or own_forces(plan.parts) or plan.parts & {"manufactured", "alternating"}
+    sums = scene.method.integrator == "rk4" or own_forces(plan.parts) or "alternating" in plan.parts
     loops = "through rows of sums" if sums else "one loop along a row"
     note = {"tiled": f"{loops}, {LEVELS} steps in flight"}.get(kernel, f"{loops}, a band of rows per thread")
     way = 1 / LEVELS if kernel == "tiled" else 1.0

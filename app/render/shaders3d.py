@@ -9,15 +9,12 @@ from __future__ import annotations
 SURFACE_VERTEX = """#version 330 core
 layout(location = 0) in vec3 position;
 layout(location = 1) in vec3 normal;
-layout(location = 5) in float wetness;  // 0 where there is no such array
 uniform mat4 transform;
 uniform vec3 shift;         // m
 out vec3 place;
-out float damp;
 out vec3 outward;
 void main() {
     place = position + shift;
-    damp = wetness;
     outward = normal;
     gl_Position = transform * vec4(place, 1.0);
 }
@@ -47,7 +44,6 @@ vec3 lit(vec3 colour, vec3 n, vec3 look) {
 SURFACE_FRAGMENT = (
     """#version 330 core
 in vec3 place;
-in float damp;
 in vec3 outward;
 uniform vec3 front;
 uniform vec3 back;
@@ -58,7 +54,6 @@ out vec4 pixel;
 void main() {
     vec3 look = normalize(eye - place);
     pixel = vec4(lit(gl_FrontFacing ? front : back, facing(outward, look), look), 1.0);
-    pixel.rgb *= 1.0 - 0.5 * damp;
 }
 """
 )

@@ -17,8 +17,6 @@ from softlab.app.render.scenery import Drawn
 from softlab.app.render.vertex_arrays import (
     delete_all,
     draw_elements,
-    refill,
-    soak_array,
     static_buffer,
     uniform_matrix,
     vertex_array,
@@ -71,8 +69,6 @@ def heavy_masses(scene: Scene) -> list[tuple[np.ndarray, float]]:
 class SheetView(View):
     """See View; `lines`: as springs and not as a surface, which a plane has not."""
 
-    _wet_buffer: int | None = None
-
     def __init__(self, scene: Scene, detail: Detail = FINE):
         from pyglet import gl
 
@@ -91,18 +87,6 @@ class SheetView(View):
         self._pinned, self._pins = scene, self._drawn_points(pinned_indices(scene.grid))
         self._lines = [(self._drawn(pairs, gl.GL_LINES), rest) for pairs, rest in lines]
         self._heavy = [(self._drawn_points(index), factor) for index, factor in heavy_masses(scene)]
-
-    def drink(self) -> None:
-        """From now on it is the darker the wetter it is."""
-        self._buffers.append(static_buffer(np.zeros(self.scene.grid.particle_count, np.float32)))
-        self._wet_buffer = self._buffers[-1]
-        soak_array(self._surface[0], self._wet_buffer)
-
-    def know(self, velocity: np.ndarray | None, time: float, wetness: np.ndarray | None = None) -> None:
-        """See View."""
-        super().know(velocity, time, wetness)
-        if self._wet_buffer is not None and wetness is not None:
-            refill(self._wet_buffer, np.ascontiguousarray(wetness, np.float32))
 
     def pin(self, scene: Scene) -> None:
         """See View."""

@@ -9,7 +9,6 @@ import numpy as np
 
 POSITION, NORMAL = 0, 1  # where shaders look for them
 LOOK = 4  # likewise, those of app/render/bodies/shaders.py
-WETNESS = 5
 
 
 def static_buffer(data: np.ndarray) -> int:
@@ -61,18 +60,6 @@ def vertex_array(
     normals = [] if normal is None else [(NORMAL, normal, dimensions)]
     looks = [] if colour is None else [(LOOK, colour, 3)]
     return _array_of([(POSITION, position, dimensions), *normals, *looks], elements)
-
-
-def soak_array(array: Any, wetness: int) -> None:
-    """Give a vertex array the wetness (vertices,) of each vertex, float32."""
-    from pyglet import gl
-
-    gl.glBindVertexArray(array)
-    gl.glBindBuffer(gl.GL_ARRAY_BUFFER, wetness)
-    gl.glEnableVertexAttribArray(WETNESS)
-    gl.glVertexAttribPointer(WETNESS, 1, gl.GL_FLOAT, gl.GL_FALSE, 0, None)
-    gl.glBindVertexArray(0)
-    gl.glBindBuffer(gl.GL_ARRAY_BUFFER, 0)
 
 
 def square_array(position: int, look: int, dimensions: int = 3) -> Any:

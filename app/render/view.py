@@ -118,10 +118,10 @@ class View(ABC):
         """(name, colour) of what has a colour of its own; none where they tell nothing."""
         return ()
 
-    def know(self, velocity: np.ndarray | None, time: float, wetness: np.ndarray | None = None) -> None:
-        """Of the state that is uploaded next: velocities (particles, dimensions) [m/s], if they are known, its time [s], and
-        how wet its particles are. Most views draw nothing of them."""
-        self._velocity, self._when, self._wetness = velocity, time, wetness
+    def know(self, velocity: np.ndarray | None, time: float) -> None:
+        """Set what is known of the state that is uploaded next: velocities (particles, dimensions) [m/s] or None, and its
+        time [s]. Most views draw nothing of them."""
+        self._velocity, self._when = velocity, time
 
     def pin(self, scene: Scene) -> None:  # noqa: B027 - most views mark no pins
         """Mark the pins of `scene`, this one at another time, from now on."""

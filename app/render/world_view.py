@@ -30,9 +30,7 @@ class WorldView(View):
         for name, member in scene.members.items():
             self.parts[name] = make(member, detail, colour)
             colour += len(member.body_set.copies) if member.bodies else len(member.tetrahedra)
-        self._slices, self._drinks = scene.world_set.slices(), scene.one("wetting") is not None
-        if self._drinks:
-            self.parts["cloth"].drink()
+        self._slices = scene.world_set.slices()
 
     def show_in(self, detail: Detail) -> None:
         """See View."""
@@ -75,12 +73,12 @@ class WorldView(View):
 
     # ------------------------------------------------------------------ the state
 
-    def know(self, velocity: np.ndarray | None, time: float, wetness: np.ndarray | None = None) -> None:
+    def know(self, velocity: np.ndarray | None, time: float) -> None:
         """See View."""
-        super().know(velocity, time, wetness)
+        super().know(velocity, time)
         for name, part in getattr(self, "parts", {}).items():
-            own = [None if a is None else np.ascontiguousarray(a[self._slices[name]]) for a in (velocity, wetness)]
-            part.know(own[0], time, own[1])
+            own = None if velocity is None else np.ascontiguousarray(velocity[self._slices[name]])
+            part.know(own, time)
 
     def pin(self, scene: Scene) -> None:
         """See View; of each member."""
@@ -96,8 +94,6 @@ class WorldView(View):
     def upload_from(self, simulation: Simulation, position: np.ndarray | None = None) -> None:
         """See View."""
         members: Mapping[str, Simulation] = simulation.members  # type: ignore[attr-defined]
-        if self._drinks:
-            self.know(None, simulation.time, simulation.read("wetness"))
         for name, part in self.parts.items():
             own = None if position is None else np.ascontiguousarray(position[self._slices[name]])
             part.upload_from(members[name], own)

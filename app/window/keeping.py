@@ -42,14 +42,16 @@ def save_state(demo: Demo, name: str = "") -> str:
 def load_state(demo: Demo, name: str) -> bool:
     """The changed worlds go on from a state that was saved."""
 
+    notes: list[str] = []
+
     def load() -> None:
         if not name.strip():
             raise InputError("give the name of a state file (.npz)")
-        states = [read_state(name.strip(), world.scene) for world in demo.changed]
+        states = [read_state(name.strip(), world.scene, notes) for world in demo.changed]
         for world, state in zip(demo.changed, states, strict=True):
             world.load(state)
 
     if not demo.goes_on_from(load, LOADED):
         return False
-    demo.say(f"loaded {name.strip()}: {demo.world.time:g} s, step {demo.world.step}")
+    demo.say("; ".join([f"loaded {name.strip()}: {demo.world.time:g} s, step {demo.world.step}", *notes[:1]]))
     return True

@@ -122,7 +122,7 @@ def grid_refusal(scene: Scene) -> str | None:
         return "it has no grid without springs"
     if scene.springs.alternate:
         return "it knows one stiffness, these springs alternate"
-    if scene.manufactured is not None or (scene.external is not None and scene.external.magnitude > 0):
+    if scene.external is not None and scene.external.magnitude > 0:
         return "it has no external force"
     unknown = present_parts(scene) - {"springs", "damping", "gravity", "pins"}
     return f"it does not know {', '.join(sorted(unknown))}" if unknown else None

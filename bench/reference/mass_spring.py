@@ -33,18 +33,6 @@ def rest(scene: Scene) -> np.ndarray:
     return scene.grid.spacing * np.stack([column, -row], axis=-1)
 
 
-def manufactured_motion(scene: Scene, time: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return p*, p*', p*'' (rows, columns, 2): rest + A [sin(2t + 1.7i + 0.9j), cos(3t + 0.6i - 1.3j)] and derivatives."""
-    assert scene.manufactured is not None
-    amplitude = scene.manufactured.amplitude
-    i, j = np.mgrid[: scene.grid.rows, : scene.grid.columns]
-    x, y = 2 * time + 1.7 * i + 0.9 * j, 3 * time + 0.6 * i - 1.3 * j
-    position = rest(scene) + amplitude * np.stack([np.sin(x), np.cos(y)], axis=-1)
-    velocity = amplitude * np.stack([2 * np.cos(x), -3 * np.sin(y)], axis=-1)
-    acceleration = amplitude * np.stack([-4 * np.sin(x), -9 * np.cos(y)], axis=-1)
-    return position, velocity, acceleration
-
-
 def start(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     """Return (position, velocity) at time 0, (particles, dimensions) float64 each, in builder order."""
     if scene.cloth:
@@ -57,10 +45,6 @@ def start(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
             [np.sin(1.7 * i + 0.9 * j), np.cos(0.6 * i - 1.3 * j)], axis=-1
         )
         position[~pinned] += offset[~pinned]
-    if scene.manufactured:
-        motion, velocity, _ = manufactured_motion(scene, 0.0)
-        position = position + (motion - rest(scene))
-        velocity[pinned] = 0
     return position.reshape(-1, 2), velocity.reshape(-1, 2)
 
 
@@ -96,14 +80,6 @@ def _force_without_damping(
         force += scene.external.magnitude * random_directions(scene.external.seed, step, grid.particle_count).reshape(
             force.shape
         )
-    if scene.manufactured:
-        p, v, a = manufactured_motion(scene, time)
-        inner = spring_forces(scene, p)
-        if scene.gravity and scene.gravity.enabled:
-            inner[..., 1] -= grid.mass * scene.gravity.acceleration
-        if scene.damping:
-            inner -= scene.damping.coefficient * v
-        force += scene.manufactured.inertia * grid.mass * a - inner
     if poke is not None and poke[0] is not None:
         force[divmod(poke[0], grid.columns)] += poke[1]
     return force

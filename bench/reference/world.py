@@ -84,7 +84,7 @@ def find(scene: Scene, surfaces: Surfaces, before: np.ndarray, predicted: np.nda
 
 
 def _motions(
-    scene: Scene, steps: int, position: np.ndarray, velocity: np.ndarray, most: int, distance: float, drunk: np.ndarray
+    scene: Scene, steps: int, position: np.ndarray, velocity: np.ndarray, most: int, distance: float
 ) -> list[Motion]:
     made: list[Motion] = []
     for name, own in scene.members.items():
@@ -93,7 +93,7 @@ def _motions(
         if name == "bodies":
             made.append(shape_matching.motion(own, *begin))
         elif name == "cloth":
-            made.append(xpbd_mesh.motion(own, *begin, scene.world_set.masses[place], drunk=drunk[place]))
+            made.append(xpbd_mesh.motion(own, *begin, scene.world_set.masses[place]))
         elif name == "tetrahedra":
             made.append(tetrahedra_cloth.motion(own, *begin, most, distance))
     return made
@@ -109,8 +109,7 @@ def simulate(
     """
     weight = 1 / scene.world_set.masses
     weight[scene.world_set.pinned_vertices] = 0
-    drunk = np.ones(len(weight))
-    motions = _motions(scene, steps, position, velocity, most, distance, drunk)
+    motions = _motions(scene, steps, position, velocity, most, distance)
     surfaces = _surfaces(scene, distance) if coupled(scene) else None
     slices = [place for name, place in scene.world_set.slices().items() if name != "fluid"]
     weight = weight[: slices[-1].stop]
@@ -129,8 +128,6 @@ def simulate(
                 now = fluid.correct(now)
             for _ in range(scene.contact.sweeps if surfaces else 0):  # type: ignore[union-attr]
                 now = projected.project(scene.contact, touching, before, now, weight, surface_contacts)  # type: ignore[arg-type]
-        if fluid:
-            fluid.soak(drunk)  # before motions end their substeps, and predict the next ones
         places = []
         for motion, place in zip(motions, slices, strict=True):
             try:
@@ -150,7 +147,6 @@ class _Fluid:
 
     def __init__(self, scene: Scene, position: np.ndarray, velocity: np.ndarray):
         solids, own = solids_of(scene), scene.world_set.slices()["fluid"]
-        self.scene, self.dry, self.wet = scene, solids.samples, np.zeros(len(solids.particles))
         self.solids, self.among = solids.particles, FluidAmongSolids(scene.members["fluid"], solids.samples)
         self.position, self.velocity = position[own], velocity[own]
 
@@ -165,26 +161,3 @@ class _Fluid:
 
     def end(self) -> None:
         self.position, self.velocity = self.among.end()
-
-    def soak(self, drunk: np.ndarray) -> None:
-        """Update the wetness of a cloth, which absorbs where a sample has the fluid within the support radius.
-
-        `drunk` (particles,): the resulting factors of the masses, updated in place.
-        """
-        wetting = self.scene.one("wetting")
-        if wetting is None:
-            return
-        own, h = self.scene.world_set.slices()["cloth"], self.scene.method.dt / self.scene.method.substeps
-        samples, pairs = self.dry, self.among.pairs.pairs
-        mixed = pairs[(pairs.min(axis=1) < self.among.count) & (pairs.max(axis=1) >= self.among.count)]
-        met = np.unique(mixed.max(axis=1)) - self.among.count
-        touched = np.zeros(len(self.solids), bool)
-        touched[samples.corners[met][samples.shares[met] > 0]] = True
-        drinks = (self.solids >= own.start) & (self.solids < own.stop)
-        wet = self.wet[drinks]
-        self.wet[drinks] = np.where(
-            touched[drinks], 1 - (1 - wet) * np.exp(-h / wetting.soaking_time), wet * np.exp(-h / wetting.drying_time)
-        )
-        heavier = 1 + wetting.capacity * self.wet
-        drunk[self.solids] = heavier
-        self.among.lighten(samples.lightness / heavier)

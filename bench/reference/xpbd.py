@@ -271,10 +271,7 @@ def simulate(
     """Return (position [m], velocity [m/s]) after `steps` steps of `method.dt`, (particles, dimensions) float64 each.
 
     Arguments and order as in bench.reference.mass_spring.simulate. `masses` (particles,) [kg] replaces the scene's. A
-    random force is constant over a whole step; wind and colliders follow the time of every substep. Raises SceneError
-    for a manufactured solution."""
-    if scene.manufactured:
-        raise SceneError("manufactured", "present", "belongs to the solver mass-spring; leave it out for xpbd")
+    random force is constant over a whole step; wind and colliders follow the time of every substep."""
     begin, at_rest = mass_spring.start(scene)
     p = begin if position is None else np.array(position, dtype=np.float64)
     v = at_rest if velocity is None else np.array(velocity, dtype=np.float64)

@@ -240,12 +240,8 @@ def motion(
     mass: np.ndarray,
     first_step: int = 0,
     poke: Poke | None = None,
-    drunk: np.ndarray | None = None,
 ) -> Motion:
-    """Return `simulate` as a generator in which other references can intervene (`Motion`).
-
-    `drunk` (vertices,): factors of the masses, which may change between substeps.
-    """
+    """Return `simulate` as a generator in which other references can intervene (`Motion`)."""
     assert scene.mesh is not None and not scene.attachments
     method, gravity = scene.method, scene.gravity
     items, h = items_of(scene, method.solver == "pbd"), method.dt / method.substeps
@@ -255,10 +251,7 @@ def motion(
     free = (inverse_mass > 0)[:, None]
     fine = scene.replace({"method.dt": h, f"{scene.name_of('mesh')}.pinned": "none"})  # fixed masses are reset
     drag = (scene.damping.coefficient if scene.damping else 0.0) * inverse_mass[:, None]
-    dry = inverse_mass
     for number in range(first_step * method.substeps, (first_step + steps) * method.substeps):
-        if drunk is not None:
-            inverse_mass = dry / drunk
         force = wind_on(scene, p, v, number * h) if scene.wind else np.zeros_like(p)
         if scene.external and scene.external.magnitude > 0:
             directions = random_directions(scene.external.seed, number // method.substeps, len(p), axes=3)

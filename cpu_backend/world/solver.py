@@ -10,14 +10,13 @@ from softlab.cpu_backend.core.simulation import ParticlesSimulation, chosen_kern
 from softlab.cpu_backend.core.threads import thread_count
 from softlab.cpu_backend.fluid.among_solids import FluidAmongSolids
 from softlab.cpu_backend.world.joined import Joined
-from softlab.cpu_backend.world.wetting import Wetting
 from softlab.model.core.families import family_of, scene_plan
 from softlab.model.core.family import named
 from softlab.model.core.plan import Executor, StageRun
 from softlab.model.core.simulation import Options, Simulation
 from softlab.model.scene.scene import Scene
 from softlab.model.world.meeting import MEMBERS_MEET, cross_surface
-from softlab.model.world.plan import BEGIN, FIND, GIVE, PROJECT, SOAK, TAKE, coupled
+from softlab.model.world.plan import BEGIN, FIND, GIVE, PROJECT, TAKE, coupled
 from softlab.model.world.simulation import STAGES, WorldSimulation
 from softlab.model.world.solids import solids_of
 
@@ -27,7 +26,6 @@ class World(WorldSimulation):
 
     backend = "cpu"
     contacts: SurfaceContacts | None = None
-    wetting: Wetting | None = None
 
     def __init__(self, scene: Scene, options: Options, threads: str | int = "1x"):
         super().__init__(scene, options)
@@ -35,9 +33,6 @@ class World(WorldSimulation):
         self.plan, self.kernel = scene_plan(scene, options.live), chosen_kernel(options.kernel, "a world", (STAGES,))
         try:
             self._open_members(STAGES)
-            if scene.one("wetting"):
-                cloth, fluid = self.members["cloth"], self.members["fluid"]
-                self.wetting = Wetting(scene, cloth, fluid, options.math)  # type: ignore[arg-type]
             self._executor = Executor(self.plan, self._all_stages())
             self.reset()
         except BaseException:
@@ -58,9 +53,6 @@ class World(WorldSimulation):
         return FluidAmongSolids(scene, options, self.threads, solids.samples, places)
 
     def _cross_stages(self) -> dict[str, StageRun]:
-        if self.wetting:
-            wetting = self.wetting
-            return {SOAK: lambda moment: wetting.soak()}
         if not coupled(self.scene):
             return {}
         members: dict[str, ParticlesSimulation] = self.members  # type: ignore[assignment]

@@ -13,17 +13,18 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from softlab.gpu_backend.core.device import simulated
+from softlab.gpu_backend.core.device import require_gpu, simulated
 from softlab.gpu_backend.core.launch import Graphs
-from softlab.gpu_backend.domains.devices import at
+from softlab.gpu_backend.domains.devices import at, connect, devices_for
 from softlab.gpu_backend.domains.kernels import FLAG_STRIDE, MOST_BLOCKS, THREADS, blocks_for, make_border_kernels
-from softlab.gpu_backend.domains.peers import PeerSimulation
 from softlab.gpu_backend.domains.units import StateUnits
+from softlab.gpu_backend.domains.windows import GpuWindows
 from softlab.gpu_backend.mass_spring.bands import Bands
 from softlab.model.core.errors import BackendUnavailable
 from softlab.model.core.options import Options
 from softlab.model.domains.decomposition import Border, Decomposition
 from softlab.model.domains.exchange import Exchange
+from softlab.model.domains.simulation import cut
 from softlab.model.scene.scene import Scene
 
 FROZEN = ("resident", "stages")  # kernels whose launches have numbers that a graph would freeze
@@ -31,7 +32,7 @@ CHUNKS = (16, 4, 2)  # cycles per graph: even, so that buffers are back in place
 
 
 class FlagExchange(Exchange):
-    """Exchange by flags (see Exchange). `windows`: as of PeerExchange.
+    """Exchange by flags (see Exchange). `windows`: simulations, window k on GPU `devices[k]`.
 
     For each border the receiver's GPU has an inbox, flags, and the number of exchanges it took, the sender's the number
     its blocks sent; for each window its GPU has a flag of failed exchanges. `alone`: true if each has its own GPU.
@@ -118,12 +119,12 @@ class FlagExchange(Exchange):
                 if window.fetch(self.failed[place]) != 0:
                     raise BackendUnavailable(
                         f"a neighbour of GPU {self.devices[place]} does not answer",
-                        "start the run again; --link peer waits by events instead of flags",
+                        "start the run again, or use --link nccl, which waits without flags",
                     )
 
 
-class FlagSimulation(PeerSimulation):
-    """A PeerSimulation with a FlagExchange, and cycles in graphs if each window has its own GPU.
+class FlagSimulation(GpuWindows):
+    """Windows on the GPUs of this machine, `count` of them, with cycles in graphs if each window has its own GPU.
 
     `graphs`: also if they share one, on which windows of kernels that do not fill it run concurrently (for tests).
     """
@@ -136,7 +137,11 @@ class FlagSimulation(PeerSimulation):
         self, scene: Scene, options: Options, count: int, steps: int | None = None, graphs: bool | None = None
     ):
         self._graphs_asked = graphs
-        super().__init__(scene, options, count, steps)
+        require_gpu()
+        found, devices = cut(scene, count, steps, "--gpus"), devices_for(count)
+        connect(devices)
+        super().__init__(scene, options, found, range(count), devices)
+        self._tell_of_turns()
 
     def _connect(self) -> Exchange:
         exchange = FlagExchange(self.windows, self.decomposition, self.devices)

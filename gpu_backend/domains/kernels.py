@@ -1,10 +1,9 @@
-"""The kernels that transfer borders of a sheet between windows. A border is neighbouring rows, and so one run of bytes
-of the positions and one of the velocities: they are copied unchanged, in units of 16 bytes, whatever numbers they are.
+"""The kernels that transfer halos between windows: bytes of positions and velocities are copied unchanged, in units of
+16 bytes, whatever numbers they are. A border of a sheet is neighbouring rows, and so one run of bytes of each.
 
-`pull`: a window reads its halo from its neighbour's state, once events mark it as complete; `pull_some`: the same for
-particles of a mesh, at any places. `push`: it writes its border into the neighbour's inbox, each block sets its own
-flag there, and counts its exchanges; `wait`: it waits for its own flags; `take`, launched behind it: it reads its
-inbox.
+`pull_some`: a window of a mesh reads particles of its neighbour's state, once events mark it as complete. `push`: a
+window of a sheet writes its border into the neighbour's inbox, each block sets its own flag there, and counts its
+exchanges; `wait`: it waits for its own flags; `take`, launched behind it: it reads its inbox.
 
 Two alternating halves of an inbox are enough: a window pushes number n + 2 only after it took number n + 1, which the
 neighbour pushed after it had taken number n.
@@ -44,19 +43,11 @@ def blocks_for(units: int) -> int:
 
 @cache
 def make_border_kernels(unit: Any) -> SimpleNamespace:
-    """Compile `pull`, `pull_some`, `push`, `wait`, `take`; see the inner functions.
+    """Compile `pull_some`, `push`, `wait`, `take`; see the inner functions.
 
     Arrays of positions and velocities are flat, of the complex type `unit` (see `unit_of`), in which all counts are; so
     is an inbox, for two exchanges of both.
     """
-
-    def pull(position, velocity, first, new_position, new_velocity, to, count):
-        """Copy units `first` ... of a neighbour's state to units `to` ... of the own state."""
-        k = np.int32(cuda.grid(1))
-        if k < count:
-            p, v = load_pair(position, np.int32(first + k)), load_pair(velocity, np.int32(first + k))
-            store_pair(new_position, np.int32(to + k), p.real, p.imag)
-            store_pair(new_velocity, np.int32(to + k), v.real, v.imag)
 
     def pull_some(position, velocity, places, new_position, new_velocity, new_places, count):
         """Copy unit `places[k]` of a neighbour's state to unit `new_places[k]` of the own state, k < count."""
@@ -114,4 +105,4 @@ def make_border_kernels(unit: Any) -> SimpleNamespace:
             store_pair(velocity, np.int32(to + k), v.real, v.imag)
             k = np.int32(k + cuda.gridsize(1))
 
-    return make_kernels((pull, pull_some, push, wait, take), variant_name(unit))
+    return make_kernels((pull_some, push, wait, take), variant_name(unit))

@@ -18,8 +18,8 @@ import numpy as np
 
 from softlab.gpu_backend.core.device import require_gpu
 from softlab.gpu_backend.domains.devices import at, devices_for, gpu_count, new_event, sharing
-from softlab.gpu_backend.domains.peers import GpuWindows
 from softlab.gpu_backend.domains.units import StateUnits
+from softlab.gpu_backend.domains.windows import GpuWindows
 from softlab.model.core.errors import BackendUnavailable
 from softlab.model.core.options import Options
 from softlab.model.domains.decomposition import Decomposition
@@ -157,7 +157,7 @@ class NcclSimulation(GpuWindows):
         else:
             self._world, mine, devices = None, list(range(count)), devices_for(count)
             if len(set(devices)) < count:
-                raise BackendUnavailable("NCCL takes a GPU for each window, and windows share one", "use --link peer")
+                raise BackendUnavailable("NCCL takes a GPU for each window, and windows share one", "use --link flags")
         super().__init__(scene, options, cut(scene, count, steps, "--gpus"), mine, devices)
 
     def _connect(self) -> NcclExchange:

@@ -1,7 +1,10 @@
 """Bodies whose meshes are divided into partitions on several GPUs of one host, in one process: halos are read from the
-neighbours' memory after each substep, as borders of a sheet are (peers.py).
+neighbours' memory after each substep.
 
-The kernels that keep a whole mesh on the chip do not support partitions: windows are launched, in graphs.
+All work is queued on streams, nothing waits on the host: a window steps, and records an event; its neighbours' streams
+wait for it, read their halos, and record another, which the window's next step waits for. Windows may share a GPU, then
+they alternate on it: no kernel waits for another, so nothing can hang. The kernels that keep a whole mesh on the chip do
+not support partitions: windows are launched, in graphs.
 """
 
 from __future__ import annotations
@@ -15,8 +18,9 @@ from numba import cuda
 
 from softlab.gpu_backend.core.device import require_gpu
 from softlab.gpu_backend.core.substeps import launched_kernel
-from softlab.gpu_backend.domains.devices import at, connect, devices_for
-from softlab.gpu_backend.domains.peers import PullExchange
+from softlab.gpu_backend.domains.devices import at, connect, devices_for, new_event
+from softlab.gpu_backend.domains.kernels import make_border_kernels
+from softlab.gpu_backend.domains.units import StateUnits
 from softlab.gpu_backend.domains.windows import OnGpus
 from softlab.model.core.options import Options
 from softlab.model.domains.exchange import Exchange
@@ -27,11 +31,18 @@ from softlab.model.scene.scene import Scene
 THREADS = 256  # per block that reads
 
 
-class ParticlesExchange(PullExchange):
-    """Exchange between windows of meshes."""
+class ParticlesExchange(Exchange):
+    """Exchange by reads (see Exchange) between windows of meshes. `windows`: simulations, window k on GPU `devices[k]`,
+    each of which reads its messages."""
 
     def __init__(self, windows: Sequence[Any], found: Partitions, devices: Sequence[int]):
-        super().__init__(windows, found.messages, devices)
+        self.windows, self.devices = windows, devices
+        self._into = [[one for one in found.messages if one.target == k] for k in range(len(windows))]
+        self._readers = [[one.target for one in found.messages if one.source == k] for k in range(len(windows))]
+        self._states = [StateUnits(window) for window in windows]
+        self._kernels = make_border_kernels(self._states[0].unit)
+        self._stepped = [self._event(k) for k in range(len(windows))]
+        self._pulled = [self._event(k) for k in range(len(windows))]
         self._places: dict[tuple[int, int], tuple[Any, Any]] = {}
         for message in found.messages:
             with at(devices[message.target]):
@@ -41,15 +52,44 @@ class ParticlesExchange(PullExchange):
                     cuda.to_device(_units(message.to_places, row), stream=stream),
                 )
 
+    def _event(self, place: int) -> Any:
+        with at(self.devices[place]):
+            return new_event()
+
+    def post(self) -> None:
+        self._record(self._stepped)
+
+    def wait(self) -> None:
+        for place, window in enumerate(self.windows):
+            with at(self.devices[place]):
+                for border in self._into[place]:
+                    self._await(self._stepped[border.source], window)
+                    self._pull(window, border)
+                window.state_taken()
+        self._record(self._pulled)
+        for place, window in enumerate(self.windows):
+            with at(self.devices[place]):
+                for reader in self._readers[place]:
+                    self._await(self._pulled[reader], window)
+
     def _pull(self, window: Any, message: Message) -> None:
+        """Queue, on the window's stream, the read of the message."""
         source, mine = self._states[message.source], self._states[message.target]
         here, there = self._places[message.source, message.target]
         self._kernels.pull_some[window._over(len(here), THREADS)](
             *source.now, here, *mine.now, there, np.int32(len(here))
         )
 
-    def _taken(self, window: Any) -> None:
-        window.state_taken()
+    def _record(self, events: Sequence[Any]) -> None:
+        for place, window in enumerate(self.windows):
+            if events[place] is not None:
+                with at(self.devices[place]):
+                    events[place].record(window.stream)
+
+    @staticmethod
+    def _await(event: Any, window: Any) -> None:
+        if event is not None:
+            event.wait(window.stream)
 
 
 def _units(places: np.ndarray, row: int) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Windows on GPUs, of any kind."""
+"""Windows on GPUs: of any kind, and of sheets."""
 
 from __future__ import annotations
 
@@ -12,6 +12,8 @@ from softlab.model.core.families import family_of
 from softlab.model.core.family import named
 from softlab.model.core.options import Options
 from softlab.model.core.simulation import Simulation
+from softlab.model.domains.decomposition import Decomposition
+from softlab.model.domains.simulation import DecomposedSimulation
 from softlab.model.domains.windows import WindowedSimulation
 from softlab.model.scene.scene import Scene
 
@@ -34,3 +36,11 @@ class OnGpus(WindowedSimulation):
         count, here = len(self.devices), len(set(self.devices))
         if here < count:
             self.device = f"{count} windows on {here} x {self.windows[0].device}"
+
+
+class GpuWindows(OnGpus, DecomposedSimulation):
+    """Windows of a sheet, the domain `mine[k]` on GPU `devices[k]` (model/domains/simulation.py)."""
+
+    def __init__(self, scene: Scene, options: Options, cut: Decomposition, mine: Sequence[int], devices: Sequence[int]):
+        self.devices = devices
+        super().__init__(scene, options, cut, mine)

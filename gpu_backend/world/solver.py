@@ -15,7 +15,6 @@ from softlab.gpu_backend.core.launch import Graphs, can_capture, new_stream
 from softlab.gpu_backend.core.substeps import Launched, SubstepSimulation, launched_kernel
 from softlab.gpu_backend.fluid.among_solids import FluidAmongSolids
 from softlab.gpu_backend.world.joined import THREADS, Joined
-from softlab.gpu_backend.world.wetting import Wetting
 from softlab.model.core.families import family_of, scene_plan
 from softlab.model.core.family import named
 from softlab.model.core.memory import require
@@ -23,7 +22,7 @@ from softlab.model.core.plan import Executor, StageRun
 from softlab.model.core.simulation import Options, Simulation
 from softlab.model.scene.scene import Scene
 from softlab.model.world.meeting import MEMBERS_MEET, cross_surface
-from softlab.model.world.plan import BEGIN, FIND, GIVE, PROJECT, SOAK, TAKE, coupled
+from softlab.model.world.plan import BEGIN, FIND, GIVE, PROJECT, TAKE, coupled
 from softlab.model.world.simulation import STAGES, WorldSimulation
 from softlab.model.world.solids import solids_of
 
@@ -36,7 +35,6 @@ class World(WorldSimulation, Launched):
     members: dict[str, SubstepSimulation]  # type: ignore[assignment]
     joined: Joined | None = None
     contacts: SurfaceContacts | None = None
-    wetting: Wetting | None = None
     _graphs: Graphs | None = None
 
     def __init__(self, scene: Scene, options: Options):
@@ -48,9 +46,6 @@ class World(WorldSimulation, Launched):
         self.stream = new_stream()
         try:
             self._open_members(STAGES if self.kernel == STAGES else "launch")
-            if scene.one("wetting"):
-                cloth, fluid = self.members["cloth"], self.members["fluid"]
-                self.wetting = Wetting(scene, cloth, fluid, options.math)  # type: ignore[arg-type]
             self._build()
             self.reset()
         except BaseException:
@@ -120,8 +115,6 @@ class World(WorldSimulation, Launched):
             self._project()
         for member in members:
             member.end_substep(place, substep)
-        if self.wetting:
-            self.wetting.soak()
 
     def _find(self) -> None:
         if self.joined and self.contacts:
@@ -138,8 +131,6 @@ class World(WorldSimulation, Launched):
     def _launches(self) -> int:
         """Number of launches of a step."""
         own = sum(member._launches for member in self.members.values())
-        if self.wetting:
-            own += self.scene.method.substeps * self.wetting.launches
         if not self.joined or not self.contacts:
             return own
         each, method = self.joined.launches, self.scene.method
@@ -147,9 +138,7 @@ class World(WorldSimulation, Launched):
         return own + method.substeps * cross
 
     def _cross_stages(self) -> dict[str, StageRun]:
-        joined, contacts, wetting = self.joined, self.contacts, self.wetting
-        if wetting is not None:
-            return {SOAK: lambda moment: wetting.soak()}
+        joined, contacts = self.joined, self.contacts
         if joined is None or contacts is None:
             return {}
         return {

@@ -64,22 +64,18 @@ def weak(results: Results) -> Claim:
 
 
 def links(results: Results) -> Claim:
-    """Speed-up with the other links, from the smallest to the largest grid of each."""
+    """Speed-up with NCCL, from the smallest to the largest grid of each."""
     _, found = _measured(results)
-    parts: list[str] = []
-    numbers: dict[str, float] = {}
-    for link, how in (("peer", "reads behind events"), ("nccl", "NCCL")):
-        told = _of_grids(speedups(found), link)
-        ends = told[:: max(1, len(told) - 1)]
-        numbers |= {f"{link} {p.rows} {p.gpus}": faster for p, faster, _ in ends}
-        if ends:
-            span = " to ".join(words.number(faster) for _, faster, _ in ends)
-            parts.append(f"by {how} {span}{words.SPACE}times")
-    if not parts:
-        return Claim("Other ways of sending were not timed.")
-    which = words.listed(parts)
+    told = _of_grids(speedups(found), "nccl")
+    if not told:
+        return Claim("NCCL was not timed.")
+    ends = told[:: max(1, len(told) - 1)]
+    numbers = {f"nccl {p.rows} {p.gpus}": faster for p, faster, _ in ends}
+    span = " to ".join(words.number(faster) for _, faster, _ in ends)
     return Claim(
-        f"Where Python asks for each exchange, it is {which}, from the smallest to the largest.", numbers, True
+        f"With NCCL, where Python asks for each exchange, it is {span}{words.SPACE}times, from the smallest to the largest.",
+        numbers,
+        True,
     )
 
 

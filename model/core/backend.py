@@ -95,10 +95,6 @@ class Backend(ABC):
         """Return the plastic deformation of clusters (see State); None where a scene has no plastic bodies."""
         return None
 
-    def _download_wetness(self) -> np.ndarray | None:
-        """Return the wetness of a cloth (see State); None where a scene has no absorbing cloth."""
-        return None
-
     def _upload_plastic(self, plastic: np.ndarray | None) -> None:  # noqa: B027 - most scenes have none
         """Set the plastic deformation of clusters (None: none). Called before `_upload_rotation`."""
 

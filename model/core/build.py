@@ -105,14 +105,14 @@ def folded_positions(cloth: Cloth, fold: Fold) -> np.ndarray:
     return position.reshape(-1, 3)
 
 
-def wave(grid: Grid, amplitude: float, time: float = 0.0) -> np.ndarray:
-    """Return the displacements amplitude * [sin(2 t + 1.7 i + 0.9 j), cos(3 t + 0.6 i - 1.3 j)], (particles,
+def wave(grid: Grid, amplitude: float) -> np.ndarray:
+    """Return the displacements amplitude * [sin(1.7 i + 0.9 j), cos(0.6 i - 1.3 j)], (particles,
     dimensions) [m].
 
     i = row, j = column. A cloth also has amplitude * sin(0.8 i - 0.7 j) along z.
     """
     i, j = np.divmod(np.arange(grid.particle_count), grid.columns)
-    axes = [sine(2 * time + 1.7 * i + 0.9 * j), cosine(3 * time + 0.6 * i - 1.3 * j)]
+    axes = [sine(1.7 * i + 0.9 * j), cosine(0.6 * i - 1.3 * j)]
     if isinstance(grid, Cloth):
         axes.append(sine(0.8 * i - 0.7 * j))
     return amplitude * np.stack(axes, axis=1)
@@ -181,13 +181,6 @@ def _build(scene: Scene) -> Body:
     free = inverse_mass > 0
     if scene.perturbation:
         position[free] += wave(grid, scene.perturbation.amplitude)[free]
-    if scene.manufactured:
-        amplitude = scene.manufactured.amplitude
-        i, j = np.divmod(np.arange(count), grid.columns)
-        position += wave(grid, amplitude)
-        velocity[:, 0] = 2 * amplitude * cosine(1.7 * i + 0.9 * j)
-        velocity[:, 1] = -3 * amplitude * sine(0.6 * i - 1.3 * j)
-        velocity[pinned] = 0
     rest_length = scene.springs.rest_length if scene.springs else 0.0
     size = max(grid.extent, max(grid.rows, grid.columns) * rest_length)
     return Body(grid.rows, grid.columns, position, velocity, inverse_mass, pinned, size)

@@ -45,12 +45,11 @@ def energies(
     velocity: np.ndarray,
     plastic: np.ndarray | None = None,
     inverse_mass: np.ndarray | None = None,
-    wetness: np.ndarray | None = None,
 ) -> dict[str, float]:
     """Return energies [J]: `kinetic`, `spring`, `gravity`, `potential` (the sum of the last two), `total`, `conserved`.
 
-    A cloth also has those of its springs by kind. Where clusters replace springs, `spring` is theirs. `plastic`,
-    `inverse_mass` and `wetness` as in State. Particles that are inactive by `inverse_mass` (None: at the scene's start)
+    A cloth also has those of its springs by kind. Where clusters replace springs, `spring` is theirs. `plastic` and
+    `inverse_mass` as in State. Particles that are inactive by `inverse_mass` (None: at the scene's start)
     have no energy. Energies use the true mass. Gravity's zero is at y = 0. `conserved` is the quantity that the scheme
     conserves (up to a bounded oscillation) without damping. It is the total, except for the hand-out's step `lab`,
     which moves exactly like semi-implicit Euler with doubled masses under the same forces, and so conserves 2 * kinetic
@@ -58,8 +57,6 @@ def energies(
     """
     gravity, v = scene.gravity, np.asarray(velocity, dtype=np.float64)
     mass = masses(scene, absent(scene, inverse_mass))  # inactive particles are at rest and store no energy
-    if wetness is not None:
-        mass = mass * (1 + scene.one("wetting").capacity * wetness[:, None])
     kinetic = 0.5 * float(np.sum(mass * v * v))
     spring, by_kind = family_of(scene).stored(scene, position, plastic)
     height = 0.0

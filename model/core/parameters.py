@@ -30,9 +30,6 @@ PARAMETERS = (
     "inverse_damping",  # 1 / (1 + dt rate / 2)
     "gravity",  # m/s^2, along +y (so negative)
     *own_names(2),  # of forces on a mass alone, over mass, m/s^2
-    "amplitude",  # of the manufactured solution, m
-    "inertia",
-    "spacing",  # m
     "stiff",  # stiffness of every second spring over mass, 1/s^2
     "stiff_rest",  # times the rest length, m/s^2
 )
@@ -45,8 +42,6 @@ FIELDS = {  # the scene's field, by the value that follows from it
     "damping": "damping.coefficient",
     "gravity": "gravity.acceleration",
     **own_fields(),
-    "amplitude": "manufactured.amplitude",
-    "spacing": "grid.spacing",
     "stiff": "springs.stiffness_ratio",
     "stiff_rest": "springs.stiffness_ratio",
 }
@@ -61,8 +56,7 @@ def parameter_record(
     Computed in float64 and rounded once, so that both backends use the same bits. Raises SceneError for a value that
     the arithmetic cannot represent (it overflows, or vanishes where it must not).
     """
-    grid, dt, mass = scene.grid, scene.method.dt, scene.grid.mass
-    springs, manufactured = scene.springs, scene.manufactured
+    springs, dt, mass = scene.springs, scene.method.dt, scene.grid.mass
     rate = damping_rate(scene)
     values = {
         "dt": dt,
@@ -77,9 +71,6 @@ def parameter_record(
         "inverse_damping": 1 / (1 + dt * rate / 2),
         "gravity": -scene.gravity.acceleration if scene.gravity and scene.gravity.enabled else 0.0,
         **own_values(scene, poke, 2),
-        "amplitude": manufactured.amplitude if manufactured else 0.0,
-        "inertia": manufactured.inertia if manufactured else 1.0,
-        "spacing": grid.spacing,
         "stiff": springs.largest_stiffness / mass if springs else 0.0,
         "stiff_rest": springs.largest_stiffness * springs.rest_length / mass if springs else 0.0,
     }

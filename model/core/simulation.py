@@ -123,8 +123,7 @@ class Simulation(Stepping):
         inverse_mass = self.body.inverse_mass.copy()
         bodies = self._download_rotation(), every_plastic(self._download_plastic(), self._cluster_count())
         taps = self._taps.copy() if len(self._taps) else None
-        wetness = self._download_wetness()
-        return State(position, velocity, inverse_mass, self.time, self.step, *bodies, self._clock, taps, wetness)
+        return State(position, velocity, inverse_mass, self.time, self.step, *bodies, self._clock, taps)
 
     def load(self, state: State) -> None:
         """Continue from a state: bit for bit, if it is of this scene in the same precision and `exact` math.
@@ -270,7 +269,6 @@ class Simulation(Stepping):
             `deformation` : (clusters, 3, 3), the matrix from rest offsets to goal offsets.
             `plastic` : (clusters, 3, 3), as in State.
             `pressure` : (particles,), Pa, of fluids.
-            `wetness` : (particles,), of a cloth that absorbs fluid, 0 to 1.
         into : array, optional
             Where to write: a host array, or on a GPU for position and normal anything with `__cuda_array_interface__`.
 
@@ -299,8 +297,6 @@ class Simulation(Stepping):
             result = self._read_deformation()
         elif name == "plastic" and "plastic" in self.plan.parts:
             result = np.asarray(every_plastic(self._download_plastic(), self._cluster_count()))
-        elif name == "wetness" and "wetting" in self.plan.parts:
-            result = np.asarray(self._download_wetness())
         elif self.scene.bodies:
             names = "position, velocity, rotation, centre, deformation"
             raise SceneError("read", name, f"must be one of {names}{', plastic' * ('plastic' in self.plan.parts)}")
@@ -402,4 +398,4 @@ class Simulation(Stepping):
             The state is not finite.
         """
         state = self.state()
-        return energies(self.scene, state.position, state.velocity, state.plastic, state.inverse_mass, state.wetness)
+        return energies(self.scene, state.position, state.velocity, state.plastic, state.inverse_mass)

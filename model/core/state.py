@@ -33,8 +33,6 @@ class State:
         Time and step at which the present step size began.
     taps : (emitters, 2) float array, optional
         Per emitter the time since which it has its speed, s, and the layers that had left it by then; None: as in the scene.
-    wetness : (particles,) float array, optional
-        Fraction of a cloth's capacity that is filled with fluid; None: dry.
     """
 
     position: np.ndarray
@@ -46,7 +44,6 @@ class State:
     plastic: np.ndarray | None = None
     clock: Clock = START
     taps: np.ndarray | None = None
-    wetness: np.ndarray | None = None
 
 
 def checked_arrays(state: State, shape: tuple[int, ...], precision: str) -> tuple[dict[str, np.ndarray], np.ndarray]:

@@ -21,7 +21,7 @@ GUST_STREAM = 0  # particle number under which the random generator draws gusts
 
 
 def make(real, compiled=plain):
-    """Make `triangle_wind`, `gust_interval` and `gust` in the arithmetic `real`."""
+    """Make `triangle_wind`, `stage_time`, `gust_interval` and `gust` in the arithmetic `real`."""
     two, three = real(2), real(3)
     lengths = make_lengths(real, compiled)
     squared_length, inverse_length = lengths.squared_length_3d, lengths.inverse_length
@@ -50,6 +50,12 @@ def make(real, compiled=plain):
         )  # fmt: skip
 
     @compiled
+    def stage_time(step, offset, dt, first_step, first_time):
+        """Time [s] of a stage `offset` steps into step number `step`. Step number `first_step` begins at `first_time`
+        [s]."""
+        return first_time + ((real(step) - first_step) * dt + offset * dt)
+
+    @compiled
     def gust_interval(time, gust_time):
         """(number of the interval that contains `time` [s], fraction of it that has passed, in [0, 1))."""
         intervals = time / gust_time
@@ -63,4 +69,4 @@ def make(real, compiled=plain):
         smooth = part * part * (three - two * part)
         return before + smooth * (after - before)
 
-    return SimpleNamespace(triangle_wind=triangle_wind, gust_interval=gust_interval, gust=gust)
+    return SimpleNamespace(triangle_wind=triangle_wind, stage_time=stage_time, gust_interval=gust_interval, gust=gust)

@@ -35,14 +35,7 @@ def _is_stepped(scene: Scene) -> bool:
 
 
 def _grid_reach(scene: Scene) -> Reach:
-    """Return the rows that a step reads: springs extend to the next row.
-
-    Raises SceneError for a force that depends on a mass's row.
-    """
-    if scene.manufactured:
-        raise SceneError(
-            scene.name_of("manufactured"), None, "asks where in the grid a mass is: run it as one, not shared"
-        )
+    """Return the rows that a step reads: springs extend to the next row."""
     integrator = integrators_for(scene)[scene.method.integrator]
     alternate = scene.springs is not None and scene.springs.alternate
     verlet = scene.method.integrator == "velocity-verlet"
@@ -76,7 +69,7 @@ def _cloth_reach(scene: Scene) -> Reach:
 GRID = SolverFamily(
     name="mass-spring grid",
     accepts=lambda scene: _is_stepped(scene) and not scene.cloth,
-    knows=ANY_SHEET | {"grid", "springs", "manufactured"},
+    knows=ANY_SHEET | {"grid", "springs"},
     plan=mass_spring_plan,
     record=parameter_record,
     limit=explicit_limit,

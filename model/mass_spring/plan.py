@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 
-from softlab.model.core.errors import SceneError
 from softlab.model.core.own_forces import own_forces, own_parts
 from softlab.model.core.plan import Node, Plan, Stage
-from softlab.model.formulas import integrators, manufactured, springs, wind
+from softlab.model.formulas import integrators, springs, wind
 from softlab.model.scene.scene import Scene
 
 TRIANGLES_EACH = 6  # of a cloth, around a mass
@@ -37,7 +36,6 @@ def present_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset
     needed = {
         "springs": scene.springs or "stiffness" in live,
         "alternating": scene.springs and scene.springs.alternate,
-        "manufactured": scene.manufactured,
     }
     return frozenset(sheet_parts(scene, live) | {name for name, does in needed.items() if does})
 
@@ -46,15 +44,12 @@ def force_stages(parts: frozenset[str], pulls: Stage | None, axes: int, offset: 
     """Return the stages of the forces on a mass, `offset` steps after the step's beginning; `pulls`: the springs'
     stage, if any."""
     fields = {"gravity": Stage("gravity", 1, 1, 1), "wind": Stage("wind", 3, 1, WIND, offset)}
-    last = {
-        "manufactured": Stage("manufactured force", 1, 1, manufactured.OPERATIONS, offset),
-        "damping": Stage("damping", 2, 1, 2 * axes),
-    }
+    damping = (Stage("damping", 2, 1, 2 * axes),) if "damping" in parts else ()
     return (
         pulls or Stage("no forces", 0, 1, 0),
         *(stage for part, stage in fields.items() if part in parts),
         *own_stages(parts),
-        *(stage for part, stage in last.items() if part in parts),
+        *damping,
     )
 
 
@@ -106,13 +101,8 @@ def stepped(
 
 
 def mass_spring_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
-    """Return the plan of the mass-spring solver for the scene's parts and integrator. Raises SceneError."""
+    """Return the plan of the mass-spring solver for the scene's parts and integrator."""
     parts = present_parts(scene, live)
-    if scene.springs and {"alternating", "manufactured"} <= parts:
-        raise SceneError(
-            "springs.stiffness_ratio", scene.springs.stiffness_ratio,
-            "must be 1 with a manufactured force, whose formula knows one stiffness",
-        )  # fmt: skip
     integrator = scene.method.integrator
     acting = parts - {"damping"} if integrator == "velocity-verlet" else parts  # its damper is part of the kicks
     pulls = Stage("spring forces", 1, 1, 2 * springs.OPERATIONS_SPRING_2D + 6) if "springs" in parts else None

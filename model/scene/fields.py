@@ -273,13 +273,13 @@ def document() -> str:
         "",
         "| kinds | what for |",
         "|---|---|",
-        "| grid, springs, damping, gravity, external, perturbation, manufactured, method | masses in a plane |",
+        "| grid, springs, damping, gravity, external, perturbation, method | masses in a plane |",
         "| cloth, structural, shear, bending, wind, motion, fold, load, attachments, self_collision | masses in space |",
         "| mesh, volume | a cloth of triangles, and what fills a closed one |",
         "| plane, tank, sphere, capsule, box, mesh_collider, distance_field | what masses cannot enter |",
         "| soft_body, soft_sheet, soft_lattice, rigid_body, contact | bodies; shape: the lab's own |",
-        "| fluid, emitter, sink, domain, foam, wetting | fluids by particles, where they come from and end, a box whose "
-        "sides repeat, spray and foam as points, a cloth that drinks |",
+        "| fluid, emitter, sink, domain, foam | fluids by particles, where they come from and end, a box whose sides "
+        "repeat, spray and foam as points |",
         "| tetrahedral_body, region, material, attachment | bodies of Young's modulus and Poisson's ratio |",
         "| release | pins that let go at a time, of masses, of cloths and of tetrahedral bodies |",
         "| camera | where pictures are taken from; changes nothing of what is simulated |",

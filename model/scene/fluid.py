@@ -153,13 +153,4 @@ class Foam(Part):
     seed: Annotated[int, Field(ge=0, le=2**31 - 1, strict=True)] = 0
 
 
-class Wetting(Part):
-    """An absorbing cloth: it grows wet where a fluid touches it, and so heavier and darker; elsewhere it dries. The
-    absorbed water is not taken from the fluid (Y. Chen and others 2012)."""
-
-    capacity: NotNegative = 1.0  # kg of water per kg of dry cloth, at most
-    soaking_time: Positive = 0.3  # s, after which a touched cloth lacks a third of its capacity
-    drying_time: Positive = 30.0  # s, after which a cloth without contact has a third left
-
-
-FLUID_KINDS: dict[str, type[Part]] = {"fluid": Fluid, "domain": Domain, "foam": Foam, "wetting": Wetting}
+FLUID_KINDS: dict[str, type[Part]] = {"fluid": Fluid, "domain": Domain, "foam": Foam}

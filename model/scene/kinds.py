@@ -31,6 +31,10 @@ KINDS: dict[str, type[Part]] = (
     | FLOW_KINDS
     | {"contact": Contact, "region": Region, "attachment": Attachment, "material": Material, RELEASE: Release}
 )
+REMOVED = {  # kinds of former versions: what to use instead
+    "manufactured": "scenes have no manufactured force any more; delete this table (orders: softlab accuracy --findings)",
+    "wetting": "cloths no longer absorb fluid; delete this table and give the cloth its wet mass or density",
+}
 SHEETS = ("grid", "cloth", "mesh")  # a scene has at most one of them
 SEVERAL = (
     *SHEETS,

@@ -51,9 +51,6 @@ MEMBERS = {
 }  # in the order of a world's particles
 
 
-OF_THE_WORLD = "wetting"  # belongs to no member, but to a cloth and the fluid around it
-
-
 def members_of(kinds: Mapping[str, str]) -> tuple[str, ...]:
     """Return the members of a world with parts of these kinds (name -> kind); none where one family solves the
     scene."""
@@ -73,11 +70,7 @@ def member_tables(kinds: Mapping[str, str], tables: Mapping[str, Any], method: M
     names = members_of(kinds)
     for name, kind in kinds.items():
         owners = [one for one in names if kind in (*MEMBERS[one].kinds, *MEMBERS[one].takes)]
-        if kind == OF_THE_WORLD:
-            if not {"cloth", "fluid"} <= set(names) or "contact" in kinds.values():
-                told = "is of a [mesh] in a fluid, without bodies of tetrahedra and without a [contact]; leave it out"
-                raise SceneError(f"{name}.kind", kind, told)
-        elif kind not in (*SHARED, RELEASE) and not owners:  # pins let go in all members at once
+        if kind not in (*SHARED, RELEASE) and not owners:  # pins let go in all members at once
             mended = 'a sheet in a world is kind = "mesh" with shape = "sheet"' if kind in SHEETS else "leave it out"
             told = f"is not supported in a world of {' and '.join(names)}; {mended}"
             raise SceneError(f"{name}.kind", kind, told)

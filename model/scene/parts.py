@@ -202,17 +202,6 @@ class Perturbation(Part):
     amplitude: NotNegative = 0.05  # m
 
 
-class Manufactured(Part):
-    """The method of manufactured solutions: the force that makes p*(t) the exact solution of the scene.
-
-    p*(t) = rest + amplitude * [sin(2 t + 1.7 i + 0.9 j), cos(3 t + 0.6 i - 1.3 j)]; the masses start at p*(0), p*'(0).
-    The force is made for `inertia` times the mass (2 for the `lab` step, which moves as if masses were double).
-    """
-
-    amplitude: Positive = 0.1  # m
-    inertia: Positive = 1.0
-
-
 GRID_KINDS: dict[str, type[Part]] = {
     "grid": Grid,
     "springs": Springs,
@@ -220,7 +209,6 @@ GRID_KINDS: dict[str, type[Part]] = {
     "gravity": Gravity,
     "external": External,
     "perturbation": Perturbation,
-    "manufactured": Manufactured,
 }
 
 

@@ -17,7 +17,7 @@ from softlab.model.core.errors import SceneError
 from softlab.model.scene.checks.fit import check_fit
 from softlab.model.scene.checks.releases import check_releases, tables_without
 from softlab.model.scene.checks.solver import check_solver
-from softlab.model.scene.kinds import KINDS, SEVERAL, SHEETS
+from softlab.model.scene.kinds import KINDS, REMOVED, SEVERAL, SHEETS
 from softlab.model.scene.method import FIELDS_OF_SOLVER, Method
 from softlab.model.scene.motion import RELEASE, Release
 from softlab.model.scene.parts import CAMERA, CameraPart
@@ -166,6 +166,8 @@ class Scene(SceneParts):
                 raise SceneError(
                     path, value, f"the tank is read as its planes ({planes}); set their fields, or edit the file"
                 )
+            if kind in REMOVED:
+                raise SceneError(path, value, REMOVED[kind])
             if kind not in OWN_NAMES:
                 names = [*self.kinds, *(name for name in OWN_NAMES if name not in self.kinds)]
                 raise SceneError(path, value, f"unknown part{suggestion(part_name, names)}; known: {', '.join(names)}")

@@ -29,7 +29,7 @@ from softlab.model.scene.cloth import (
 )
 from softlab.model.scene.flow import Emitter, Sink
 from softlab.model.scene.fluid import Domain, Fluid, Foam
-from softlab.model.scene.kinds import KINDS
+from softlab.model.scene.kinds import KINDS, REMOVED
 from softlab.model.scene.members import member_tables, members_of
 from softlab.model.scene.mesh import Mesh
 from softlab.model.scene.method import Method
@@ -43,7 +43,6 @@ from softlab.model.scene.parts import (
     External,
     Gravity,
     Grid,
-    Manufactured,
     Part,
     Perturbation,
     Springs,
@@ -115,6 +114,8 @@ class SceneParts:
             if kind == TANK:
                 self._add_planes(part_name, _build_part(part_name, Tank, fields), tables)
                 continue
+            if isinstance(kind, str) and kind in REMOVED:
+                raise SceneError(f"{part_name}.kind", kind, REMOVED[kind])
             if not isinstance(kind, str) or kind not in KINDS:
                 known = f"{suggestion(str(kind), (*KINDS, TANK))}; known kinds: {', '.join((*KINDS, TANK))}"
                 if "kind" in table:
@@ -314,7 +315,6 @@ class SceneParts:
     foam: Foam | None = _part("foam")
     fold: Fold | None = _part("fold")
     gravity: Gravity | None = _part("gravity")
-    manufactured: Manufactured | None = _part("manufactured")
     method: Method = _part("method")
     perturbation: Perturbation | None = _part("perturbation")
     self_collision: SelfCollision | None = _part("self_collision")

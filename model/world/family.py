@@ -81,7 +81,7 @@ def _strain(scene: Scene, position: np.ndarray, kind: str, plastic: np.ndarray |
 
 WORLD = SolverFamily(
     name="world",
-    knows=frozenset({"wetting"}).union(
+    knows=frozenset[str]().union(
         *(one.knows for families in OF_MEMBERS.values() for one in families)
     ),  # each member refuses kinds that it does not support
     accepts=lambda scene: scene.is_world,

@@ -3,10 +3,6 @@
 A substep: all members predict; contacts are searched; in every iteration each member projects its constraints, one
 after the other, then contacts between members move particles of both; all members end their substeps, which computes
 velocities from positions. Without coupling, the members' stages are the whole plan.
-
-`soak`, at a substep's end, of an absorbing cloth (model/formulas/fluid/wetting.py): a particle is touched where any
-sample that it carries has a neighbour of the fluid in this substep's lists. Its wetness is `soaked`, its weight and its
-lightness are `lighter`, from the dry ones; then the mobility of each sample is `given_way` of its corners.
 """
 
 from __future__ import annotations
@@ -16,7 +12,6 @@ from dataclasses import replace
 
 from softlab.model.core.plan import Node, Plan, Stage
 from softlab.model.formulas import contact
-from softlab.model.formulas.fluid import wetting
 from softlab.model.scene.scene import Scene
 from softlab.model.xpbd.plan import LOOKED_AT
 
@@ -26,7 +21,6 @@ BEGIN, TAKE, GIVE = (
     "give positions",
 )  # of particles with contacts, from and to members
 FIND, PROJECT = "find cross contacts", "project cross contacts"
-SOAK = "soak"  # of an absorbing cloth
 
 
 def name_of_stage(member: str, stage: str) -> str:
@@ -49,12 +43,9 @@ def world_plan(scene: Scene, plans: Mapping[str, Plan]) -> Plan:
         return [_named(name, three[name][place], shares[name]) for name in plans if three[name][place]]
 
     find, project = _contact_stages(scene)
-    drinks = scene.one("wetting") is not None
-    stages = [*nodes(0), *find, Node("iteration", (*nodes(1), *project), method.iterations), *nodes(2)]
-    if drinks:
-        stages.append(Stage(SOAK, 1, 1, round(wetting.OPERATIONS * shares["cloth"])))
-    root = Node("step", (Node("substep", tuple(stages), method.substeps),))
-    parts = frozenset({"wetting"} if drinks else ()).union(*(plan.parts for plan in plans.values()))
+    stages = *nodes(0), *find, Node("iteration", (*nodes(1), *project), method.iterations), *nodes(2)
+    root = Node("step", (Node("substep", stages, method.substeps),))
+    parts = frozenset[str]().union(*(plan.parts for plan in plans.values()))
     fused = sum(plan.fused_scalars * shares[name] for name, plan in plans.items())
     return Plan(root, round(fused), parts, dimensions=3)
 

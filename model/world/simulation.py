@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from dataclasses import replace
-from typing import Protocol
 
 import numpy as np
 
@@ -16,31 +15,8 @@ from softlab.model.core.simulation import Options, Simulation
 from softlab.model.core.state import State, checked_arrays
 from softlab.model.scene.scene import Scene
 from softlab.model.world.plan import name_of_stage
-from softlab.model.world.wetting import checked_wetness
 
 STAGES = "stages"
-
-
-class Wetting(Protocol):
-    """A backend's wetting of a cloth (model/world/plan.py, `soak`); `vertices` (n,): the cloth's vertices with a
-    wetness."""
-
-    vertices: np.ndarray
-
-    def change(self, scene: Scene) -> None:
-        """Update the rates from a scene whose numbers have changed."""
-
-    def keep(self) -> None:
-        """Copy the wetness to a snapshot."""
-
-    def restore(self) -> None:
-        """Restore the wetness from the snapshot."""
-
-    def tell(self) -> np.ndarray:
-        """Return the current wetness, (n,)."""
-
-    def take(self, wetness: np.ndarray) -> None:
-        """Set the wetness, (n,)."""
 
 
 class WorldSimulation(Simulation):
@@ -52,7 +28,6 @@ class WorldSimulation(Simulation):
     """
 
     members: dict[str, Simulation]
-    wetting: Wetting | None = None  # of an absorbing cloth
 
     def __init__(self, scene: Scene, options: Options):
         self.members, self.slices = {}, scene.world_set.slices()
@@ -89,14 +64,10 @@ class WorldSimulation(Simulation):
     def _keep(self) -> None:
         for member in self.members.values():
             member._keep()
-        if self.wetting:
-            self.wetting.keep()
 
     def _restore(self) -> None:
         for member in self.members.values():
             member._restore()
-        if self.wetting:
-            self.wetting.restore()
 
     def _first_diverged(self) -> int:
         for name, member in self.members.items():
@@ -112,8 +83,6 @@ class WorldSimulation(Simulation):
             place, particle = self.slices[name], self._poke_particle
             own = particle - place.start if place.start <= particle < place.stop else -1
             member.follow(self.scene.members[name], own, self._poke_force, self._clock)
-        if self.wetting:
-            self.wetting.change(self.scene)
 
     def _set_clock(self, clock: Clock) -> None:
         if clock != self._clock:
@@ -139,11 +108,6 @@ class WorldSimulation(Simulation):
                     *clusters, state.clock,
                 )
             )  # fmt: skip
-        if self.wetting:
-            place = self.slices["cloth"]
-            self.wetting.take(checked_wetness(self.scene, state.wetness)[place][self.wetting.vertices])
-        elif state.wetness is not None:
-            raise InputError("the state has a wetness, and the scene has no [wetting]")
         first = next(iter(self.members.values()))
         self._set_clock(first._clock)
         self.step, self.time = first.step, first.time
@@ -157,13 +121,6 @@ class WorldSimulation(Simulation):
     def _upload(self, position: np.ndarray, velocity: np.ndarray) -> None:
         for name, member in self.members.items():
             member._upload(position[self.slices[name]], velocity[self.slices[name]])
-
-    def _download_wetness(self) -> np.ndarray | None:
-        if not self.wetting:
-            return None
-        found = np.zeros(len(self.body.position), self.real)
-        found[self.slices["cloth"]][self.wetting.vertices] = self.wetting.tell()
-        return found
 
     def _bodies(self) -> Simulation | None:
         return self.members.get("bodies")

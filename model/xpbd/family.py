@@ -58,7 +58,7 @@ def _sheet_reach(scene: Scene) -> Reach:
 
 SHEET = SolverFamily(
     name="position-based sheet",
-    knows=(GRID.knows | CLOTH.knows | {"load", "attachments", "self_collision"}) - {"manufactured"},
+    knows=GRID.knows | CLOTH.knows | {"load", "attachments", "self_collision"},
     accepts=lambda scene: (
         scene.method.position_based
         and not (scene.method.matches_shapes or scene.mesh or scene.tetrahedra or scene.fluids or scene.is_world)

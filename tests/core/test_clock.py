@@ -13,7 +13,7 @@ from softlab.model.core.clock import START, Clock, clock_of
 from softlab.model.core.errors import InputError
 from softlab.model.core.parameters import parameter_record
 from softlab.model.core.state import State
-from softlab.model.formulas import cloth, manufactured, motion
+from softlab.model.formulas import cloth, motion, wind
 from softlab.model.mass_spring.cloth_parameters import cloth_record
 from softlab.model.scene.scene import load_scene
 from softlab.model.xpbd.parameters import xpbd_record
@@ -28,8 +28,7 @@ def test_times_stay_to_the_bit_where_the_step_size_does(real: type, step: int) -
     dt, offset, half = real(0.01), real(0.5), real(0.5)
     assert cloth.make(real).instant(step, dt, real(0), real(0)) == real(step) * dt
     assert motion.make(real).middle(step, dt, real(0), real(0)) == (real(step) + half) * dt
-    stage_time = manufactured.make(real)[1]
-    assert stage_time(step, offset, dt, real(0), real(0)) == real(step) * dt + offset * dt
+    assert wind.make(real).stage_time(step, offset, dt, real(0), real(0)) == real(step) * dt + offset * dt
 
 
 @REALS

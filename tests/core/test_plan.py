@@ -182,8 +182,8 @@ def test_the_command_prints_one_object_or_a_table(
 
     found = json.loads(told("lab-grid", "--json", "--backend", "cpu", "--set", "method.integrator=rk4"))
     assert found["scene"] == "lab-grid" and set(found["backends"]) == {"cpu"}
-    text = told("manufactured")
-    for word in ("manufactured force", "limit dt", "kernel", "operations"):
+    text = told("lab-grid", "--set", "external.magnitude=0.1")
+    for word in ("external force", "limit dt", "kernel", "operations"):
         assert word in text
 
 

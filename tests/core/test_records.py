@@ -10,7 +10,7 @@ from softlab.model.core.families import family_of
 from softlab.model.scene.scene import load_scene
 
 SCENES = (  # of every family, in a plane and in space
-    "lab-grid", "manufactured", "cloth-sphere", "cloth-hanging", "lab-water", "taylor-green", "column", "fountain",
+    "lab-grid", "cloth-sphere", "cloth-hanging", "lab-water", "taylor-green", "column", "fountain",
     "jelly-grid", "rope-stiff", "cloth-xpbd",
 )  # fmt: skip
 

@@ -20,7 +20,7 @@ from softlab.model.core.simulation import State
 from softlab.model.scene.scene import Scene, load_scene
 
 pytestmark = pytest.mark.gpu
-LINKS = ("peer", "flags")
+LINKS = ("flags",)
 ROOT = Path(__file__).resolve().parents[2]
 
 

@@ -108,7 +108,7 @@ def test_a_divergence_is_told_once_and_is_exit_status_1():
         (["--gpus", "2"], "--backend gpu"),
         pytest.param(["--ranks", "2", "--exchange-every", "17"], "at most 16", marks=needs_mpi),
         (["--ranks", "2", "--render", "clip.mp4"], "--ranks 1"),
-        (["--gpus", "2", "--backend", "gpu", "--link", "string"], "flags, peer, nccl"),
+        (["--gpus", "2", "--backend", "gpu", "--link", "string"], "flags, nccl"),
     ],
 )
 def test_bad_input_is_one_line_and_exit_status_2(arguments, said):

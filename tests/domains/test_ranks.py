@@ -187,12 +187,6 @@ def test_one_mass_of_a_cloth_is_not_pulled():
         run_in_threads(2, lambda ranks: RankSimulation(scene, options, ranks), patience=5)
 
 
-def test_a_manufactured_force_asks_where_a_mass_is():
-    scene = load_scene("lab-grid").replace({"manufactured.amplitude": 0.01})
-    with pytest.raises(SceneError, match="manufactured"):
-        run_in_threads(2, lambda ranks: RankSimulation(scene, Options(), ranks), patience=5)
-
-
 def test_threads_of_ranks_share_the_cores(monkeypatch):
     monkeypatch.setattr("softlab.cpu_backend.domains.ranks.core_count", lambda: 8)
     assert [shared_threads(word, 4) for word in ("1x", "2x", "4x", 3, "5")] == [2, 4, 8, 3, "5"]

@@ -61,7 +61,6 @@ FREE = {  # of the scheme divergence-free
     "foresee": "RRFIIRRR",
     "move": "RRRRRFR" + TIME + "RR",
 }
-WETTING = {"soak": "RiIIIIR", "weigh": "RiIRRRRR", "share": "IRRlR"}  # of a cloth that drinks
 COUNTED = {"hash_particles", "find", "prepare", "take", "begin", "accelerate"}  # by atomics
 PLAIN = frozenset({"gravity", "plane", "walls"})
 ALL = PLAIN | {
@@ -161,18 +160,6 @@ def test_solids(name: str, math: str) -> None:
         assert "call" not in text and "atom" not in text and ".local" not in text
         assert ".f64" not in text or real is np.float64
         assert "fma.rn" not in text or math == "fast" or real is np.float32
-
-
-@pytest.mark.parametrize("math", ["fast", "exact"])
-@pytest.mark.parametrize("name", WETTING)
-def test_a_cloth_that_drinks(name: str, math: str) -> None:
-    from softlab.gpu_backend.world.wetting import make_soak
-
-    for real in (np.float32, np.float64):
-        text = kernel_text(getattr(make_soak(real, math), name), WETTING[name], real, math)
-        assert "call" not in text and "atom" not in text and ".local" not in text
-        assert ".f64" not in text or real is np.float64
-        assert "fma.rn.f64" not in text or math == "fast"
 
 
 @pytest.mark.parametrize("parts", [PLAIN, ALL - {"averaged", "tensile"} | {"moving"}], ids=["plain", "all"])

@@ -88,22 +88,18 @@ def test_shared_memory_holds_two_copies_and_the_air() -> None:
 
 def test_tables_of_tiles_can_be_launched() -> None:
     """Every tile of the tables, on the GPU that they were measured on; and which sheets the larger ones fit."""
-    from softlab.gpu_backend.mass_spring.cloth.choice import RESIDENT, TILES, cloth_tiles_of
+    from softlab.gpu_backend.mass_spring.cloth.choice import RESIDENT, cloth_tiles_of
     from softlab.gpu_backend.mass_spring.cloth.launch import why_no_cloth_tile
     from softlab.gpu_backend.mass_spring.grid.choice import MEASURED_LIMITS, parsed_tile
 
     for real in (np.float32, np.float64):
         for name in RESIDENT[real]:
             tile = parsed_tile(name)
-            assert not why_no_cloth_tile("resident", tile.rows, tile.columns, real, tile, SPRINGS, MEASURED_LIMITS), (
-                name
-            )
-        tile = parsed_tile(TILES[real][0])
-        assert not why_no_cloth_tile("tiles", 2048, 2048, real, tile, SPRINGS, MEASURED_LIMITS)
-        assert cloth_tiles_of("resident", 512, 512, real, SPRINGS, MEASURED_LIMITS)
-    assert cloth_tiles_of("resident", 1024, 1024, np.float32, SPRINGS, MEASURED_LIMITS)
-    assert not cloth_tiles_of("resident", 2048, 2048, np.float32, SPRINGS, MEASURED_LIMITS)
-    assert not cloth_tiles_of("resident", 7, 7, np.float32, SPRINGS, MEASURED_LIMITS)
+            assert not why_no_cloth_tile(tile.rows, tile.columns, real, tile, SPRINGS, MEASURED_LIMITS), name
+        assert cloth_tiles_of(512, 512, real, SPRINGS, MEASURED_LIMITS)
+    assert cloth_tiles_of(1024, 1024, np.float32, SPRINGS, MEASURED_LIMITS)
+    assert not cloth_tiles_of(2048, 2048, np.float32, SPRINGS, MEASURED_LIMITS)
+    assert not cloth_tiles_of(7, 7, np.float32, SPRINGS, MEASURED_LIMITS)
 
 
 @pytest.mark.parametrize(
@@ -122,7 +118,7 @@ def test_tiles_that_cannot_be_say_why(tile: Tile, sheet: tuple[int, int], word: 
     from softlab.gpu_backend.mass_spring.cloth.launch import why_no_cloth_tile
     from softlab.gpu_backend.mass_spring.grid.choice import MEASURED_LIMITS
 
-    assert word in why_no_cloth_tile("resident", *sheet, np.float32, tile, SPRINGS, MEASURED_LIMITS)
+    assert word in why_no_cloth_tile(*sheet, np.float32, tile, SPRINGS, MEASURED_LIMITS)
 
 
 def test_the_fastest_by_the_tables_is_chosen(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -134,13 +130,12 @@ def test_the_fastest_by_the_tables_is_chosen(monkeypatch: pytest.MonkeyPatch) ->
 
     tables = {"8x8x1h1": {1: 0.8, 8: 2.0}, "64x8x4h1": {1: 1.9}, "16x16x1h1": {}}
     monkeypatch.setitem(cloth_choice.RESIDENT, np.float32, tables)
-    monkeypatch.setitem(cloth_choice.TILES, np.float32, ("64x8x8h3", 9.0, 10.0))
     for name, side, kernel, tile in (
         ("cloth-hanging", 16, "one-block", None),
         ("cloth-hanging", 32, "resident", "8x8x1h1"),
         ("cloth-hanging", 88, "resident", "8x8x1h1"),  # 121 blocks on 132 multiprocessors
         ("cloth-hanging", 128, "resident", "64x8x4h1"),  # 256
-        ("cloth-hanging", 2048, "tiles", "64x8x8h3"),
+        ("cloth-hanging", 2048, "graph", None),
         ("cloth-wind", 128, "graph", None),  # velocity Verlet, two passes a step
     ):
         scene = load_scene(name).replace({"cloth.rows": side, "cloth.columns": side})

@@ -82,8 +82,8 @@ def test_any_grid_levels_and_tiles_give_the_bits_of_fused(rows, columns, steps, 
 
 
 def test_parts_that_know_their_place_do_so_in_every_tile():
-    """Manufactured and random forces and a poke depend on row, column and step: over several tiles, bands and ways."""
-    changes = {"manufactured.amplitude": 0.05, "external.magnitude": 0.05, "external.seed": 3}
+    """Random forces and a poke depend on particle and step: over several tiles, bands and ways."""
+    changes = {"external.magnitude": 0.05, "external.seed": 3}
     scene = scene_of(19, 1100, **changes, **{"method.dt": 0.002, "grid.pinned": "none"})
     states = []
     for kernel, threads in (("fused", 1), ("tiled", min(3, MOST))):

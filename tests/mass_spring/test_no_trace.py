@@ -199,7 +199,6 @@ def test_the_cpu_has_no_instruction_of_an_absent_part(
         own_forces, "random",
         SimpleNamespace(make=lambda *a: SimpleNamespace(add_external=never_known), make_philox=lambda *a: never_known),
     )  # fmt: skip
-    monkeypatch.setattr(cpu_rows, "manufactured", SimpleNamespace(make=lambda *a: (never_known, never_known)))
     unknowing = fresh(real, "fast", integrator, PLAIN, tag="unknowing")
     assert vector_instructions(unknowing) == vector_instructions(plain)
     with pytest.raises(numba.core.errors.TypingError):  # it is seen where it is wanted

@@ -152,7 +152,7 @@ def never_known(*_: Any) -> Any:
 
 @pytest.fixture
 def unknowing(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """The formulas of damping, random and manufactured force cannot be compiled."""
+    """The formulas of damping and random force cannot be compiled."""
     from softlab.gpu_backend.core import forces
     from softlab.gpu_backend.mass_spring.grid import point
 
@@ -164,8 +164,6 @@ def unknowing(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
             return compile_formulas(make, real, math)[0], never_known
         if make is random.make:
             return SimpleNamespace(add_external=never_known)
-        if make is point.manufactured.make:
-            return never_known, never_known
         return compile_formulas(make, real, math, **flags)
 
     monkeypatch.setattr(point, "device_formulas", formulas)

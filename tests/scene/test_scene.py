@@ -9,6 +9,7 @@ from softlab.bench.reference import mass_spring as reference
 from softlab.model.core.build import build, pinned_indices
 from softlab.model.core.errors import SceneError
 from softlab.model.mass_spring.plan import present_parts
+from softlab.model.scene.kinds import REMOVED
 from softlab.model.scene.reader import catalogue, parse_settings, parse_value
 from softlab.model.scene.scene import Scene, load_scene
 from softlab.model.scene.sheets import rest_lines
@@ -98,13 +99,22 @@ def test_pins(pinned, expected):
     assert np.array_equal(build(scene).inverse_mass == 0, reference.pinned_mask(scene).ravel())
 
 
-@pytest.mark.parametrize("name", ["lab-grid", "lab-curtain", "lab-hammock", "manufactured"])
+@pytest.mark.parametrize("name", ["lab-grid", "lab-curtain", "lab-hammock"])
 def test_start_is_the_references(name):
     """Builder and reference, written apart, put every mass in the same place (rounding: 1e-15 of 32 m)."""
     scene = load_scene(name)
     body, (position, velocity) = build(scene), reference.start(scene)
     assert np.abs(body.position - position).max() < 1e-14
     assert np.abs(body.velocity - velocity).max() < 1e-14
+
+
+@pytest.mark.parametrize("kind", REMOVED)
+def test_removed_kinds_are_refused_with_what_to_use_instead(kind):
+    changed = pytest.raises(SceneError, match=REMOVED[kind].split(";")[0])
+    with changed:
+        Scene({"grid": {"rows": 2, "columns": 2}, kind: {}})
+    with changed:
+        load_scene("lab-grid").replace({f"{kind}.amplitude": 0.1})
 
 
 def test_parts_may_have_other_names():

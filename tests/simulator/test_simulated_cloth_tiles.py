@@ -1,7 +1,7 @@
-"""The cloth's kernels on tiles, in plain Python: several blocks that overlap, the same bits as the launched passes.
+"""The cloth's kernel `resident`, in plain Python: several blocks that overlap, the same bits as the launched passes.
 
-The simulator runs blocks one after another. For `tiles` that is as good as together; `resident`, whose blocks wait for each
-other, is run with all blocks at once, each a group of Python threads (test_simulated_tiles.py).
+The simulator runs blocks one after another; this kernel, whose blocks wait for each other, is run with all blocks at once,
+each a group of Python threads (test_simulated_tiles.py).
 """
 
 from __future__ import annotations
@@ -32,22 +32,8 @@ def end_state(scene: Scene, kernel: str, steps: int, **options: Any) -> State:
 @pytest.mark.parametrize(
     "name,integrator,tile",
     [
-        ("springs", "velocity-verlet", "4x1x3h1"),  # 3 x 2 tiles of the 7 x 6 masses, 2 own one row twice
-        ("moving", "velocity-verlet", "5x6x1h2"),  # tiles overlap by two rings
-        ("everything", "lab", "3x2x2h1"),  # velocities of neighbours, several blocks' gusts
-        ("everything moving", "semi-implicit-euler", "6x7x1h2"),  # one tile, its rounds cut short
-        ("bodies", "taylor", "2x3x1h1"),  # a tile needs masses of blocks that are not next to it
-    ],
-)
-def test_tiles_do_what_passes_do(name: str, integrator: str, tile: str) -> None:
-    scene = cloth_scene(name, integrator)
-    assert_same(end_state(scene, f"tiles:{tile}", 5), end_state(scene, "launch", 5))
-
-
-@pytest.mark.parametrize(
-    "name,integrator,tile",
-    [
         ("springs", "velocity-verlet", "4x2x2h1"),
+        ("bodies", "taylor", "2x3x1h1"),  # a tile needs masses of blocks that are not next to it
         ("springs", "velocity-verlet", "2x2x1h1"),
         ("random", "velocity-verlet", "6x6x1h2"),
         ("everything moving", "lab", "3x2x2h1"),
@@ -85,11 +71,13 @@ def test_one_block_alone_needs_no_messages() -> None:
         ("resident:8x8x1h1", "springs", "lab", "larger than the sheet"),
         ("resident:2x2x1h1", "springs", "lab", "runs 1 at once"),
         ("resident:2x2x1h0", "springs", "lab", "at least one step"),
-        ("tiles:4x4x1h2", "springs", "lab", "too small to do 2 steps"),
-        ("tiles:4x4", "springs", "lab", "written like"),
+        ("resident:4x4x1h2", "springs", "lab", "too small to do 2 steps"),
+        ("resident:4x4", "springs", "lab", "written like"),
         ("graph:4x4x1h1", "springs", "lab", "must be one of"),
+        ("tiles:4x4x1h2", "springs", "lab", "runs grids only"),
         ("resident", "springs", "rk4", "not rk4"),
-        ("tiles", "damped", "velocity-verlet", "no force of velocities"),
+        ("resident", "damped", "velocity-verlet", "no force of velocities"),
+        ("tiles", "springs", "lab", "runs grids only; for a cloth use resident, or graph"),
         ("resident", "springs", "lab", "fit none of its tiles"),
     ],
 )

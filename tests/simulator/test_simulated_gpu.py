@@ -75,18 +75,6 @@ def test_stages_do_what_the_cpu_does(integrator: str) -> None:
     assert np.array_equal(state.velocity, expected.velocity)
 
 
-@pytest.mark.parametrize("integrator", ["velocity-verlet", "rk4"])
-def test_the_manufactured_force(integrator: str) -> None:
-    scene = load_scene("manufactured").replace({"method.integrator": integrator})
-    states = []
-    for backend in ("cpu", "gpu"):
-        with open_simulation(scene, backend, math="exact", precision="float64") as simulation:
-            simulation.advance(8)
-            states.append(simulation.state())
-    # sine and cosine are library functions, right to an ulp or so, on amplitudes of 0.1 m
-    assert np.abs(states[0].position - states[1].position).max() < 1e-13
-
-
 def test_a_divergence_is_named() -> None:
     scene = load_scene("lab-grid").replace(
         {"grid.rows": 4, "grid.columns": 4, "method.dt": 0.2, "perturbation.amplitude": 0.1}

@@ -172,7 +172,6 @@ def test_measured_bars_are_told_beside_the_law(store: Store, precision: str, tol
 
 @pytest.mark.parametrize(("options", "field"), [
     ({"error": 0.5}, "--error"), ({"error": 1e-6}, "--error"), ({"error": 0.01, "time": 1.0}, "--time"),
-    ({"error": 0.01, "check": True}, "--check"),
 ])  # fmt: skip
 def test_what_has_no_answer_is_refused(store: Store, options: dict[str, float], field: str) -> None:
     with pytest.raises(SceneError) as refused:

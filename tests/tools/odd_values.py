@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 SCENES = (  # of the catalogue: small ones that together have nearly every kind of part
-    "lab-grid", "lab-curtain", "rope", "rope-stiff", "manufactured", "two-worlds", "hard/b1", "hard/b2", "hard/b13",
+    "lab-grid", "lab-curtain", "rope", "rope-stiff", "two-worlds", "hard/b1", "hard/b2", "hard/b13",
     "hard/b24", "cloth-hanging", "cloth-wind", "cloth-sphere", "cloth-self", "cloth-mesh", "cloth-on-jelly",
     "cloth-draped-twice", "jelly-grid", "jelly-drop", "plastic", "rigid-stack", "sticky", "soft-on-field", "soft-on-mesh",
 )  # fmt: skip

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,8 @@ from test_world_cpu import run
 from wet_scenes import PARTS, SHEET, WATER, D, wet_scene
 from world_scenes import moving
 
-from softlab.app.driver import open_simulation
+from softlab.app.command.run import Request, run_scene
+from softlab.app.output.files import write_state
 from softlab.bench.reference import world as reference
 from softlab.model.contact.self_contact_parameters import MAX_CONTACTS
 from softlab.model.core.errors import SceneError
@@ -32,31 +33,6 @@ def test_states_are_the_references(name: str) -> None:
     assert np.array_equal(other.position, state.position) and np.array_equal(other.velocity, state.velocity)
     halfway = run(scene, 1, run(scene, 1, begin))
     assert np.array_equal(halfway.position, state.position) and np.array_equal(halfway.velocity, state.velocity)
-
-
-def test_a_cloth_that_drinks() -> None:
-    """Where water touches it through n substeps of length h, wetness is 1 - exp(-n h / soaking_time), elsewhere less than
-    that; it weighs more, and so gives way less than a dry one; a state goes on with it, and one without is dry again."""
-    scene = wet_scene("cloth that drinks")
-    begin, cloth = moving(scene, 0.001), scene.world_set.slices()["cloth"]
-    with open_simulation(scene, initial=begin, math="exact", precision="float64") as simulation:
-        dry = simulation.energies()["kinetic"]
-        simulation.advance(1)
-        state = simulation.state()
-        wet = state.wetness[cloth]  # type: ignore[index]
-        assert wet.max() == pytest.approx(1 - np.exp(-0.01 / 0.02), rel=1e-12) and wet.min() > 0
-        assert np.array_equal(simulation.read("wetness"), state.wetness)
-        simulation.load(replace(begin, wetness=np.ones(len(begin.position))))
-        wet_energy = simulation.energies()["kinetic"]
-        speed = (begin.velocity[cloth] ** 2).sum(axis=1)
-        assert wet_energy - dry == pytest.approx(2 * 0.02 * speed.sum() / 2)  # of masses, capacity 2, that move so fast
-        simulation.advance(1)
-        full = simulation.state()
-        simulation.reset()
-        assert not simulation.read("wetness").any()
-    thirsty = run(wet_scene("cloth"), 1, begin)
-    moved = [np.abs(one.velocity[cloth] - begin.velocity[cloth])[2:].max() for one in (thirsty, full)]
-    assert moved[1] < 0.8 * moved[0]
 
 
 @pytest.mark.parametrize("name", ["bodies", "tetrahedra"])
@@ -85,8 +61,8 @@ def test_momentum_is_kept(name: str) -> None:
             r"water\.dimensions .* must be 3 where a fluid meets solids",
         ),
         ("cloth", {"method": {"solver": "pbf"}}, r"method\.solver .* must be world"),
-        ("bodies", {"wetting": {}}, r"wetting\.kind .* is of a \[mesh\] in a fluid"),
-        ("cloth", {"wetting": {"soaking_time": 0.0}}, r"wetting\.soaking_time .* greater than 0"),
+        ("cloth", {"wetting": {"capacity": 1.5}}, r"wetting\.kind .* no longer absorb fluid; .* its wet mass or density"),
+        ("cloth", {"soaked": {"kind": "wetting"}}, r"soaked\.kind .* no longer absorb fluid"),
     ],
 )  # fmt: skip
 def test_what_is_refused(name: str, changes: dict[str, Any], told: str) -> None:
@@ -111,3 +87,15 @@ def test_a_cloths_samples_are_close_enough_and_weigh_what_it_weighs() -> None:
     assert (solids.samples.lightness == 0).sum() == 2
     unit = WATER["rest_distance"] ** 3 * 1000
     assert solids.samples.lightness.max() == pytest.approx(unit / SHEET["mass"])
+
+
+def test_a_state_file_with_wetness_opens_with_a_note(tmp_path: Path) -> None:
+    """Former versions wrote it: the run is that of the same file without it."""
+    scene = wet_scene("cloth")
+    begin = moving(scene, 0.001)
+    file = write_state(tmp_path / "old.npz", begin)
+    with np.load(file) as arrays:
+        np.savez(file, **arrays, wetness=np.ones(len(begin.position)))
+    result = run_scene(scene, Request(steps=1, precision="float64", math="exact", initial=str(file)), progress=False)
+    assert [note for note in result.notes if "old.npz: wetness is ignored" in note]
+    assert np.array_equal(result.state.position, run(scene, 1, begin).position)

@@ -19,4 +19,3 @@ def test_bits_are_the_cpus(name: str, precision: str) -> None:
         state = end_state(scene, "gpu", 20, precision=precision, kernel=kernel)
         assert np.array_equal(state.position, expected.position), kernel
         assert np.array_equal(state.velocity, expected.velocity), kernel
-        assert state.wetness is None or np.array_equal(state.wetness, expected.wetness), kernel  # type: ignore[arg-type]

@@ -30,9 +30,6 @@ PARTS: dict[str, dict[str, Any]] = {
     "bodies that meet": {"brick": BRICK, "jelly": JELLY, "contact": {}},
     "tetrahedra": {"block": BLOCK},
     "cloth": {"cloth": SHEET, "structural": {"compliance": 1e-6}},
-    "cloth that drinks": {
-        "cloth": SHEET, "structural": {"compliance": 1e-6}, "wetting": {"capacity": 2.0, "soaking_time": 0.02}
-    },
     "all": {
         "block": BLOCK, "brick": BRICK, "floor": FLOOR, "cloth": SHEET | {"origin": [0.0, 0.45, 0.0]},
         "structural": {"compliance": 1e-6}, "contact": {"distance": 0.02},

@@ -75,7 +75,6 @@ def test_stiffness_and_compliance_are_one_material():
         ({**XPBD, "load.at": [0, 99], "load.mass": 1.0}, "load.at"),
         ({**XPBD, "load.at": [0, 1], "load.mass": 0.0}, "load.mass"),
         ({"load.at": [0, 1], "load.mass": 1.0}, "load.kind"),
-        ({**XPBD, "manufactured.amplitude": 0.1}, "manufactured.kind"),
     ],
 )
 def test_what_cannot_be_is_refused_by_its_field(changes, field):

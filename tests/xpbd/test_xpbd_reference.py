@@ -198,5 +198,3 @@ def test_coincident_and_pinned_masses_are_skipped(ordering):
 def test_refuses():
     with pytest.raises(SceneError, match="ordering"):
         xpbd.simulate(load_scene("lab-grid"), 1, ordering="random")
-    with pytest.raises(SceneError, match="manufactured"):
-        xpbd.simulate(load_scene("manufactured"), 1)

@@ -30,7 +30,6 @@ WHY = {  # why a field is not live, by kind of table
     "tetrahedral_body": "the constraint tables are built from it",
     "material": "the constraint tables are built from it",
     "foam": "the foam points were generated with it",
-    "wetting": "the absorbing particles are chosen when the scene opens",
 }
 MADE_OF = "masses and springs are built from it"
 WHY_OTHERS = "constants and tables are built from it"

@@ -95,8 +95,8 @@ def ablate(
     `backends`: None for all that are available. Only what the store lacks is measured; Ctrl-C ends the run cleanly.
 
     Raises SceneError (an impossible time, a step size above the limit, no moving mass, a reference or run that would
-    take too long, a manufactured scene, constraints without a force law), BackendUnavailable, InputError (the store),
-    Diverged (the full scene).
+    take too long, constraints without a force law), BackendUnavailable, InputError (the store), Diverged (the full
+    scene).
     """
     wanted = END if time is None else time
     steps, chosen = _check(scene, wanted), backends_here(backends)
@@ -126,11 +126,6 @@ def _check(scene: Scene, end: float) -> int:
     if not 0 < end < math.inf:
         raise SceneError("--time", end, "must be greater than 0 and finite")
     motion = newton(scene)
-    if scene.manufactured:
-        raise SceneError(
-            "manufactured", "present", "its force is made from the other parts, so that the motion stays as it is whichever "
-            "of them is dropped; use a scene without it"
-        )  # fmt: skip
     if len(set(pinned_indices(scene.grid).tolist())) == scene.grid.particle_count:
         raise SceneError("grid.pinned", scene.grid.pinned, "every mass is pinned: nothing moves, nothing is needed")
     limit = stability_limit(scene)

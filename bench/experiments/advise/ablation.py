@@ -17,9 +17,7 @@ from softlab.model.core.integrators import INTEGRATORS
 from softlab.model.scene.scene import Scene
 
 FULL_PRECISION, FULL_MATH = "float64", "exact"
-# kinds that are neither force nor constraint: the method and the start; a
-KEPT = ("method", "perturbation", "manufactured")
-# manufactured force is computed from the other parts, and keeps the motion whichever of them is dropped
+KEPT = ("method", "perturbation")  # kinds that are neither force nor constraint: the method and the start
 PART, INTEGRATOR, ARITHMETIC, COARSER, FINER = (
     "part",
     "integrator",

@@ -9,7 +9,6 @@ from __future__ import annotations
 from typing import Any
 
 from softlab.bench.experiments.advise.advice import Advice
-from softlab.bench.experiments.advise.check import brute_force
 from softlab.bench.experiments.advise.experiment import TOTAL_SECONDS, advise
 from softlab.bench.experiments.advise.fluids import advise_fluids
 from softlab.bench.experiments.advise.fluids_advice import FluidAdvice
@@ -27,7 +26,6 @@ def answer(
     *,
     time: float | None = None,
     total_seconds: float = TOTAL_SECONDS,
-    check: bool = False,
     **how: Any,
 ) -> Advice | TetrahedraAdvice | FluidAdvice:
     """Return the advice of `advise`, `advise_tetrahedra` or `advise_fluids`, which take `how`.
@@ -35,12 +33,6 @@ def answer(
     Raises SceneError for options that do not apply to the kind of scene.
     """
     if scene.fluids:
-        if check:
-            raise SceneError(
-                "--check",
-                True,
-                "applies to grids and cloth; use softlab fluids --truth to judge every scheme of a fluid",
-            )
         return advise_fluids(store, scene, error, time=time, total_seconds=total_seconds, **how)
     if not scene.tetrahedra:
         return advise(store, scene, error, time=time, total_seconds=total_seconds, **how)
@@ -50,16 +42,4 @@ def answer(
             time,
             "does not apply to tetrahedral bodies, which are judged at rest and after half a vibration; leave it out",
         )
-    if check:
-        raise SceneError(
-            "--check",
-            True,
-            "applies to grids and cloth; use softlab tetrahedra to compare measured bars with the error laws",
-        )
     return advise_tetrahedra(store, scene, error, **how)
-
-
-def checked(store: Store, advice: Advice | TetrahedraAdvice | FluidAdvice, **how: Any) -> str:
-    """Return the result of `brute_force` for an advice."""
-    assert isinstance(advice, Advice)
-    return str(brute_force(store, advice, progress=True, **how))

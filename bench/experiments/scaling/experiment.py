@@ -14,6 +14,7 @@ import numpy as np
 from rich.console import Console
 
 from softlab.app.driver import open_simulation
+from softlab.app.shared import check_sharing
 from softlab.bench.experiments.scaling.model import WAYS, Cluster, predicted
 from softlab.bench.measure.case_timing import Case, RatePoint, Rates, Summary
 from softlab.bench.measure.costs_timing import Measures
@@ -105,6 +106,8 @@ def groups(
             raise SceneError("--gpus", count, "must be at least 1")
     if scene not in SCENES:
         raise SceneError("--scene", scene, f"with --gpus one of {', '.join(SCENES)}")
+    for link in links:
+        check_sharing("gpu", max(gpus), 1, link)
     devices_for(max(gpus))
     found = []
     for size in sizes or (QUICK_SIZES if quick else SIZES):
@@ -200,7 +203,7 @@ class ScalingPoint(RatePoint):
 
 
 def points(held: Iterable[Measure]) -> list[ScalingPoint]:
-    """Return the points from the measures, smallest first."""
+    """Return the points from the measures, smallest first, without those of links that were removed."""
     held = list(held)
     off, joules = (
         {(m.machine, m.configuration): m.value for m in held if m.name == name} for name in (DIFFERENCE, JOULES)
@@ -209,10 +212,12 @@ def points(held: Iterable[Measure]) -> list[ScalingPoint]:
     for told, scene, point in RATES.told(held):
         rate, grid = told[RATE], scene.grid
         what: dict[str, Any] = rate.description
-        key = rate.machine, rate.configuration
+        key, link = (rate.machine, rate.configuration), what.get("link", "")
+        if link and link.removesuffix(BY_TURNS) not in WAYS:
+            continue
         found.append(ScalingPoint(
             **vars(point), scene=word_of(scene), rows=grid.rows, columns=grid.columns, gpus=what["gpus"],
-            link=what.get("link", ""), exchange_every=what.get("exchange_every"), difference=off.get(key),
+            link=link, exchange_every=what.get("exchange_every"), difference=off.get(key),
             joules=joules.get(key),
         ))  # fmt: skip
     return sorted(found, key=lambda p: (p.scene, p.precision, p.rows, p.columns, p.gpus, p.link))

@@ -37,7 +37,7 @@ class Way:
     host: float
 
 
-WAYS = {"flags": Way(True, 0.0), "peer": Way(False, 3.0e-4), "nccl": Way(False, 1.7e-4)}
+WAYS = {"flags": Way(True, 0.0), "nccl": Way(False, 1.7e-4)}
 
 
 @dataclass(frozen=True)

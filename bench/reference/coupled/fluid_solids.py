@@ -9,8 +9,6 @@ bench/reference/fluid.py.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from softlab.bench.reference.fluid import _Pairs, _smooth, _World
@@ -32,11 +30,6 @@ class FluidAmongSolids:
         self.weight = np.append(self.world.weight, samples.own_lightness)
         nu = self.world.of("viscosity") / self.world.of("density") * self.world.h / self.world.kernels.spread
         self.viscosity = np.append(np.minimum(nu, 1), 0 * volume)
-
-    def lighten(self, lightness: np.ndarray) -> None:
-        """Set the relative inverse masses of the solids' particles (particles,)."""
-        self.samples = replace(self.samples, lightness=lightness)
-        self.weight[self.count :] = self.samples.own_lightness
 
     def begin(self, number: int, x: np.ndarray, v: np.ndarray, before: np.ndarray, position: np.ndarray) -> None:
         """Begin a substep from (x, v) of the fluid; the solids' particles move from `before` to the predicted

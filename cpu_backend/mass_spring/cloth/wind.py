@@ -15,7 +15,7 @@ import numpy as np
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, block_of, row_at
 from softlab.cpu_backend.mass_spring.cloth.scratch import AXES, REACH
-from softlab.model.formulas import cloth, manufactured, random, wind
+from softlab.model.formulas import cloth, random, wind
 
 
 def make_air(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
@@ -23,8 +23,7 @@ def make_air(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     step."""
     compiled = compiler.compiled
     formulas, gusty = wind.make(real, compiled), cloth.make(real, compiled).gusty
-    gust_interval, gust = formulas.gust_interval, formulas.gust
-    _, stage_time = manufactured.make(real, compiled)
+    stage_time, gust_interval, gust = formulas.stage_time, formulas.gust_interval, formulas.gust
     philox, stream = random.make_philox(compiled), np.uint64(wind.GUST_STREAM)
     has_gust = "gust" in parts
 

@@ -80,7 +80,7 @@ def make_advance_rk4(real: Any, math: str, parts: frozenset[str]) -> Any:
     alternating, sum_uneven_row = forces.alternating, forces.sum_uneven_row
     has_pins, has_damping, later_parts = "pins" in parts, "damping" in parts, forces.later_parts
     block = forces.block
-    zero, half, one = real(0), real(0.5), real(1)
+    zero = real(0)
 
     @row
     def damp(blocks, velocity, parameters, out):
@@ -98,11 +98,6 @@ def make_advance_rk4(real: Any, math: str, parts: frozenset[str]) -> Any:
         above = scratches[band]
         sums = row_at(above, ABOVE_ROWS * width)
         blocks = (columns + block - 1) // block
-        offset = zero
-        if stage == 1 or stage == 2:
-            offset = half
-        elif stage == 3:
-            offset = one
         begin_walk(first, blocks, source, first * stride, stride, plane, parameters, above, width)
         for i in range(first, last):
             here = i * stride
@@ -117,7 +112,7 @@ def make_advance_rk4(real: Any, math: str, parts: frozenset[str]) -> Any:
             else:
                 sum_row(blocks, *given)
             if later_parts:
-                add_later_parts(i, np.int64(0), blocks, layout, parameters, integers, step, offset, sums, width)
+                add_later_parts(i, np.int64(0), blocks, layout, parameters, integers, step, sums, width)
             for axis in range(2):
                 position, velocity = here + axis * plane, here + (2 + axis) * plane
                 rate = row_at(sums, (CLOSE_X + axis) * width)

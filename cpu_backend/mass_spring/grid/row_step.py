@@ -1,7 +1,7 @@
 """One time step of one row, common to the kernels `fused`, `team` and `tiled`, so that they cannot differ.
 
 If a scene has only equal springs, gravity and damping, forces and integration are one loop that reads and writes every
-number once. With other parts (random, manufactured, poke) and with alternating springs, accelerations are first summed
+number once. With other parts (random, poke) and with alternating springs, accelerations are first summed
 in rows of scratch.
 """
 
@@ -216,7 +216,7 @@ def make_finish_axis(compiler: Compiler, real: Any, finishes: dict[str, Any]) ->
 
 
 def _make_row_through_sums(compiler: Compiler, forces: SimpleNamespace, real: Any, finishes: dict[str, Any]) -> Any:
-    zero, two_sums = real(0), forces.two_sums
+    two_sums = forces.two_sums
     sum_row, add_later_parts = forces.sum_row, forces.add_later_parts
     alternating, sum_uneven_row = forces.alternating, forces.sum_uneven_row
 
@@ -237,7 +237,7 @@ def _make_row_through_sums(compiler: Compiler, forces: SimpleNamespace, real: An
             )  # fmt: skip
         else:
             sum_row(blocks, x, y, x_below, y_below, left[0], left[1], above_x, above_y, parameters, close_x, close_y)
-        add_later_parts(i, column, blocks, layout, parameters, integers, step, zero, sums, width)
+        add_later_parts(i, column, blocks, layout, parameters, integers, step, sums, width)
         finish_axis(kind, blocks, x, vx, close_x, open_x, parameters, new_x, new_vx)
         finish_axis(kind, blocks, y, vy, close_y, open_y, parameters, new_y, new_vy)
 

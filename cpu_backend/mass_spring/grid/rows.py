@@ -2,7 +2,7 @@
 
 core/layout.py defines the storage. A walk goes down the rows: the pull along a row is passed from mass to mass, the
 pull of the row below is passed to the next row, where it is minus the pull up. Sums have one fixed order, (right +
-left) + (below + above), then gravity, external, manufactured, poke, damping. Flags are closure constants: a part that a
+left) + (below + above), then gravity, external, poke, damping. Flags are closure constants: a part that a
 scene lacks leaves no code.
 """
 
@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
-from softlab.cpu_backend.core.layout import L_COLUMNS, L_ROWS, block_of, row_at
+from softlab.cpu_backend.core.layout import L_COLUMNS, block_of, row_at
 from softlab.cpu_backend.core.own_forces import make_own_row
 from softlab.cpu_backend.mass_spring.grid.alternating import make_alternating_rows
 from softlab.model.core.own_forces import own_changes, own_forces
-from softlab.model.formulas import manufactured, springs
+from softlab.model.formulas import springs
 
 # rows of accelerations of a band: two sums for the step, and two for the step before (velocity Verlet)
 CLOSE_X, CLOSE_Y, OPEN_X, OPEN_Y = range(4)
@@ -127,22 +127,21 @@ def make_row_springs(compiler: Compiler, real: Any, parts: frozenset[str]) -> Si
 
 
 def make_later_parts(compiler: Compiler, real: Any, integrator: str, parts: frozenset[str]) -> SimpleNamespace:
-    """Make `add_later_parts` (see the inner function), for the parts that are added after springs and gravity, row by
-    row.
+    """Make `add_later_parts` (see the inner function), for the own forces, which are added after springs and gravity,
+    row by row.
 
     `later_parts`: true if there are any. `two_sums`: true if velocity Verlet's two kicks need separate accelerations,
     since their random forces belong to different steps.
     """
     compiled, block = compiler.compiled, block_of(real)
-    manufactured_acceleration, stage_time = manufactured.make(real, compiled)
-    has_manufactured, has_own = "manufactured" in parts, bool(own_forces(parts))
+    has_own = bool(own_forces(parts))
     two_sums = own_changes(parts) and integrator == "velocity-verlet"
     add_own = make_own_row(compiler, real, 2, parts)
 
     @compiled
-    def add_later_parts(i, column, blocks, layout, parameters, integers, step, offset, sums, width):
-        """Add own forces and the manufactured force to the sums of row `i` from `column` on."""
-        rows, columns = layout[L_ROWS], layout[L_COLUMNS]
+    def add_later_parts(i, column, blocks, layout, parameters, integers, step, sums, width):
+        """Add own forces to the sums of row `i` from `column` on."""
+        columns = layout[L_COLUMNS]
         count = min(blocks * block, columns - column)
         close_x, close_y = row_at(sums, CLOSE_X * width), row_at(sums, CLOSE_Y * width)
         open_x, open_y = row_at(sums, OPEN_X * width), row_at(sums, OPEN_Y * width)
@@ -154,20 +153,8 @@ def make_later_parts(compiler: Compiler, real: Any, integrator: str, parts: froz
         if has_own:
             closing = step - 1 if two_sums else step
             add_own(count, i * columns + column, closing, parameters, integers, close_x, close_y)
-        if has_manufactured:
-            time = stage_time(step, offset, parameters.dt, parameters.first_step, parameters.first_time)
-            for j in range(count):
-                force_x, force_y = manufactured_acceleration(
-                    i, column + j, rows, columns, time, parameters.amplitude, parameters.inertia, parameters.spacing,
-                    parameters.stiffness, parameters.stiffness_rest, parameters.gravity, parameters.damping,
-                )  # fmt: skip
-                close_x[j] += force_x
-                close_y[j] += force_y
-                if two_sums:
-                    open_x[j] += force_x
-                    open_y[j] += force_y
 
-    return SimpleNamespace(two_sums=two_sums, later_parts=has_own or has_manufactured, add_later_parts=add_later_parts)
+    return SimpleNamespace(two_sums=two_sums, later_parts=has_own, add_later_parts=add_later_parts)
 
 
 def make_row_edges(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:

@@ -17,7 +17,7 @@ from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.own_forces import bind_forces
 from softlab.cpu_backend.mass_spring.motion_stages import bind_motion, make_motion_stages
 from softlab.model.core.plan import Moment, StageRun
-from softlab.model.formulas import manufactured, springs
+from softlab.model.formulas import springs
 
 
 @cache
@@ -27,7 +27,6 @@ def make_stages(real: Any, math: str, integrator: str, alternating: bool = False
     compiler = Compiler("_".join(["stage", np.dtype(real).name, math, integrator.replace("-", "_")]), math)
     compiled, kernel = compiler.compiled, compiler.kernel
     spring_acceleration_2d, _ = springs.make(real, compiled)
-    manufactured_acceleration, stage_time = manufactured.make(real, compiled)
 
     @kernel
     def spring_forces(x, y, record, ax, ay):
@@ -73,22 +72,8 @@ def make_stages(real: Any, math: str, integrator: str, alternating: bool = False
                 ax[i, j] = (right_x + left_x) + (down_x + up_x)
                 ay[i, j] = (right_y + left_y) + (down_y + up_y)
 
-    @kernel
-    def manufactured_force(ax, ay, record, step, offset):
-        rows, columns = ax.shape
-        time = stage_time(step, offset, record[0].dt, record[0].first_step, record[0].first_time)
-        for row in prange(rows):
-            i = np.int64(row)
-            for j in range(columns):
-                fx, fy = manufactured_acceleration(
-                    i, j, rows, columns, time, record[0].amplitude, record[0].inertia, record[0].spacing,
-                    record[0].stiffness, record[0].stiffness_rest, record[0].gravity, record[0].damping,
-                )  # fmt: skip
-                ax[i, j] += fx
-                ay[i, j] += fy
-
     return SimpleNamespace(
-        spring_forces=alternating_spring_forces if alternating else spring_forces, manufactured=manufactured_force,
+        spring_forces=alternating_spring_forces if alternating else spring_forces,
         **vars(make_motion_stages(compiler, real, integrator)),
     )  # fmt: skip
 
@@ -107,9 +92,6 @@ def bind_stages(sim: Any) -> dict[str, StageRun]:
     def no_forces(moment: Moment) -> None:
         acceleration[:] = 0
 
-    def manufactured_force(moment: Moment) -> None:
-        make.manufactured(acceleration[0], acceleration[1], sim.record, moment.step, sim.real(moment.argument))
-
     def pins(moment: Moment) -> None:
         for axis in range(2):
             at["state"][axis][pin_rows, pin_columns] = sim.pinned_position[axis]
@@ -119,6 +101,5 @@ def bind_stages(sim: Any) -> dict[str, StageRun]:
     return bound | {
         "spring forces": spring_forces,
         "no forces": no_forces,
-        "manufactured force": manufactured_force,
         "pins": pins,
     }

@@ -21,8 +21,7 @@ from softlab.model.core.options import unknown_kernel
 from softlab.model.mass_spring.cloth_plan import kicks_meet
 from softlab.model.scene.scene import Scene
 
-CLOTH_KERNELS = ("one-block", "resident", "tiles", "graph", "launch", "stages")
-ON_TILES = ("resident", "tiles")
+CLOTH_KERNELS = ("one-block", "resident", "graph", "launch", "stages")
 # One block runs on one multiprocessor: above some size its arithmetic takes longer than a captured launch. On an H200,
 # float32, 12 springs: 1.46 against 1.94 us per step at 32 x 32; in wind 4.5 against 5.4 at 24 x 24, but 7.2 against 5.5
 # at 32 x 32.
@@ -47,12 +46,6 @@ RESIDENT: dict[Any, dict[str, dict[int, float]]] = {
         "64x4x8h1": {1: 5.95},
     },
 }
-# Of `tiles`: the tile; us per launch at least, plus us per step and million masses of all tiles together, overlaps
-# included. Never the default: 26.3 against 22.3 us of `graph` at 1024 x 1024 in float32, 63 against 51 in float64.
-TILES: dict[Any, tuple[str, float | None, float | None]] = {
-    np.float32: ("64x8x8h3", None, None),
-    np.float64: ("32x8x4h2", None, None),
-}
 # end measured
 # of `one-block` and `graph`: us per step at least, plus us per million masses; `one-block` in float64 estimated as
 # twice that
@@ -73,8 +66,8 @@ def why_not_one_block(scene: Scene, real: Any, parts: frozenset[str], limits: tu
     return ""
 
 
-def why_not_on_tiles(scene: Scene, parts: frozenset[str]) -> str:
-    """Return the reason why neither `resident` nor `tiles` can run the scene, whatever the tile, or ""."""
+def why_not_resident(scene: Scene, parts: frozenset[str]) -> str:
+    """Return the reason why `resident` cannot run the scene, whatever the tile, or ""."""
     if scene.method.integrator == "rk4":
         return "runs integrators with one force a step, not rk4; use graph"
     if scene.method.integrator == "velocity-verlet" and not kicks_meet(parts):
@@ -83,21 +76,13 @@ def why_not_on_tiles(scene: Scene, parts: frozenset[str]) -> str:
 
 
 def cloth_tiles_of(
-    kernel: str, rows: int, columns: int, real: Any, parts: frozenset[str], limits: tuple[int, int] | None = None
+    rows: int, columns: int, real: Any, parts: frozenset[str], limits: tuple[int, int] | None = None
 ) -> list[tuple[Tile, float | None]]:
-    """Return (tile, us per step if measured) of the tables' tiles that fit the sheet."""
-    if kernel == "tiles":
-        name, least, million = TILES[real]
-        tile = parsed_tile(name)
-        if why_no_cloth_tile(kernel, rows, columns, real, tile, parts, limits):
-            return []
-        across, down = cloth_blocks(rows, columns, tile, parts)
-        masses = 1e-6 * across * down * tile.masses
-        return [(tile, None if least is None or million is None else least / tile.halo + masses * million)]
+    """Return (tile, us per step if measured) of the table's tiles that fit the sheet."""
     found: list[tuple[Tile, float | None]] = []
     for name, by_share in RESIDENT[real].items():
         tile = parsed_tile(name)
-        if not why_no_cloth_tile(kernel, rows, columns, real, tile, parts, limits):
+        if not why_no_cloth_tile(rows, columns, real, tile, parts, limits):
             across, down = cloth_blocks(rows, columns, tile, parts)
             share = -(-across * down // (limits or device_limits())[0])
             found.append((tile, min((time for blocks, time in by_share.items() if blocks >= share), default=None)))
@@ -114,10 +99,9 @@ def choose_cloth(
     for kernel, (least, million) in (("one-block", ONE_BLOCK[real]), ("graph", GRAPH[real])):
         if kernel == "graph" or (small and not why_not_one_block(scene, real, parts, limits)):
             times[kernel, None] = least + 1e-6 * masses * million
-    if not why_not_on_tiles(scene, parts):
-        for kernel in ON_TILES:
-            found = cloth_tiles_of(kernel, rows, columns, real, parts, limits)
-            times |= {(kernel, tile): time for tile, time in found if time is not None}
+    if not why_not_resident(scene, parts):
+        found = cloth_tiles_of(rows, columns, real, parts, limits)
+        times |= {("resident", tile): time for tile, time in found if time is not None}
     first, *others = sorted(times, key=lambda choice: times[choice])
     why = f"{times[first]:.2g} us a step by the table"
     if others:
@@ -143,28 +127,30 @@ def cloth_kernel(scene: Scene, real: Any, parts: frozenset[str], asked: str | No
     if asked is None:
         return default_cloth_kernel(scene, real, parts)[0] if can_capture() else "launch"
     kernel, _, tile = asked.partition(":")
-    if kernel not in CLOTH_KERNELS or (tile and kernel not in ON_TILES):
+    if kernel == "tiles":
+        raise SceneError("--kernel", asked, "runs grids only; for a cloth use resident, or graph beyond its sizes")
+    if kernel not in CLOTH_KERNELS or (tile and kernel != "resident"):
         raise unknown_kernel(asked, CLOTH_KERNELS, "for a cloth on the gpu")
     if kernel == "graph" and not can_capture():
         raise SceneError("--kernel", asked, "the CUDA simulator cannot capture graphs; use launch")
     reason = why_not_one_block(scene, real, parts) if kernel == "one-block" else ""
-    if kernel in ON_TILES:
-        reason = why_not_on_tiles(scene, parts)
+    if kernel == "resident":
+        reason = why_not_resident(scene, parts)
     if reason:
         raise SceneError("--kernel", asked, reason)
     return kernel
 
 
 def cloth_tile(scene: Scene, real: Any, parts: frozenset[str], kernel: str, asked: str | None) -> Tile | None:
-    """Return the tile for a kernel on tiles: the one asked for, as in `resident:8x8x1h1`, or the tables'. Raises
+    """Return the tile of the kernel `resident`: the one asked for, as in `resident:8x8x1h1`, or the table's. Raises
     SceneError."""
-    if kernel not in ON_TILES:
+    if kernel != "resident":
         return None
     _, colon, text = (asked or "").partition(":")
     if colon:
         return parsed_tile(text)
     rows, columns = scene.grid.rows, scene.grid.columns
-    found = cloth_tiles_of(kernel, rows, columns, real, parts)
+    found = cloth_tiles_of(rows, columns, real, parts)
     if not found:
         raise SceneError(
             "--kernel",

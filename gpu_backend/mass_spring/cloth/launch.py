@@ -1,5 +1,4 @@
-"""Launches of the cloth's kernels on tiles: their grids of blocks, their shared memory, and the buffers of their
-messages."""
+"""Launches of the cloth's kernel `resident`: its grid of blocks, its shared memory, and the buffers of its messages."""
 
 from __future__ import annotations
 
@@ -10,10 +9,9 @@ from numba import cuda
 
 from softlab.gpu_backend.core.launch import prepare
 from softlab.gpu_backend.core.messages import message_size
-from softlab.gpu_backend.core.sheet import MAX_BLOCKS_DOWN
 from softlab.gpu_backend.core.tiling import Tile, tile_count
 from softlab.gpu_backend.mass_spring.cloth.resident import make_cloth_resident
-from softlab.gpu_backend.mass_spring.cloth.tiles import cloth_blocks_together, make_cloth_tiles
+from softlab.gpu_backend.mass_spring.cloth.tiles import cloth_blocks_together
 from softlab.gpu_backend.mass_spring.cloth.tiling import fields, most_to_fetch, overlap_of, tile_bytes
 from softlab.gpu_backend.mass_spring.grid import tile_launch
 from softlab.gpu_backend.mass_spring.passes import TileLaunches
@@ -30,11 +28,10 @@ def cloth_blocks(rows: int, columns: int, tile: Tile, parts: frozenset[str]) -> 
 
 
 def why_no_cloth_tile(
-    kernel: str, rows: int, columns: int, real: Any, tile: Tile, parts: frozenset[str],
-    limits: tuple[int, int] | None = None,
-) -> str:  # fmt: skip
-    """Return the reason why `resident` or `tiles` cannot run a sheet on this tile on this GPU, or on one of `limits`
-    (see `device_limits`), or ""."""
+    rows: int, columns: int, real: Any, tile: Tile, parts: frozenset[str], limits: tuple[int, int] | None = None
+) -> str:
+    """Return the reason why `resident` cannot run a sheet on this tile on this GPU, or on one of `limits` (see
+    `device_limits`), or ""."""
     processors, most_shared = limits or tile_launch.device_limits()
     needed, overlap = tile_bytes(real, tile, parts), overlap_of(tile, parts)
     if tile.halo < 1:
@@ -51,42 +48,35 @@ def why_no_cloth_tile(
         return f"a tile of {tile.name} has too few threads for all that they read around it"
     across, down = cloth_blocks(rows, columns, tile, parts)
     together = processors * cloth_blocks_together(real, tile, parts)
-    if kernel == "resident" and across * down > together:
+    if across * down > together:
         return f"{rows} x {columns} masses are {across * down} tiles of {tile.name}; this GPU runs {together} at once"
-    if down > MAX_BLOCKS_DOWN:
-        return f"{rows} rows are {down} tiles of {tile.name}, a launch has at most {MAX_BLOCKS_DOWN} of them"
     return ""
 
 
 class ClothTiles(TileLaunches):
-    """The launches of `resident` or `tiles`, for gpu_backend/mass_spring/cloth/solver.py."""
+    """The launches of `resident`, for gpu_backend/mass_spring/cloth/solver.py."""
 
     def __init__(self, simulation: Any, kernel: str, tile: Tile):
         super().__init__(simulation, kernel, tile)
         real, parts = simulation.real, simulation.plan.parts
         rows, columns = simulation.body.rows, simulation.body.columns
-        reason = why_no_cloth_tile(kernel, rows, columns, real, tile, parts)
+        reason = why_no_cloth_tile(rows, columns, real, tile, parts)
         if reason:
             raise SceneError("--kernel", kernel, f"{reason}; use graph")
         variant = real, simulation.options.math, simulation.scene.method.integrator, parts, tile
         shared = tile_bytes(real, tile, parts)
         self._grid = (cloth_blocks(rows, columns, tile, parts), tile.threads, simulation.stream, shared)
-        if kernel == "resident":
-            self._kernel = make_cloth_resident(*variant)
-            count = 2 * simulation.particle_count * message_size(real)
-            sizes = count, count if fields(tile, parts) == 6 else 1
-            self._borders = [cuda.to_device(np.zeros(size, real), stream=simulation.stream) for size in sizes]
-            self._failed = cuda.to_device(np.zeros(1, np.int32), stream=simulation.stream)
-        else:
-            self._kernel = make_cloth_tiles(*variant)
-        prepare(self._kernel, self._arguments(0, 1), shared, cooperative=kernel == "resident")
+        self._kernel = make_cloth_resident(*variant)
+        count = 2 * simulation.particle_count * message_size(real)
+        sizes = count, count if fields(tile, parts) == 6 else 1
+        self._borders = [cuda.to_device(np.zeros(size, real), stream=simulation.stream) for size in sizes]
+        self._failed = cuda.to_device(np.zeros(1, np.int32), stream=simulation.stream)
+        prepare(self._kernel, self._arguments(0, 1), shared, cooperative=True)
 
     def _arguments(self, number: int, passes: int) -> tuple[Any, ...]:
         s = self.simulation
         source, target = s._current, 1 - s._current
         states = (s.position[source], s.velocity[source], s.position[target], s.velocity[target])
         constants = (s.record, s.bodies, s.integers, s._counter)
-        if self.kernel == "resident":
-            border = (*self._borders, np.int32(self._epoch), self._failed)
-            return (*states, *border, *constants, np.int64(passes), *s.shape)
-        return (*states, *constants, np.int64(number), np.int64(passes), *s.shape)
+        border = (*self._borders, np.int32(self._epoch), self._failed)
+        return (*states, *border, *constants, np.int64(passes), *s.shape)

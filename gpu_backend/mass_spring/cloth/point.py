@@ -20,7 +20,7 @@ from softlab.gpu_backend.core.forces import make_forces
 from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.integers import WIND_SEED, knows_time
 from softlab.gpu_backend.core.quads import load_quad
-from softlab.model.formulas import cloth, implicit, manufactured, random, springs, wind
+from softlab.model.formulas import cloth, implicit, random, springs, wind
 from softlab.model.mass_spring.cloth_parameters import (
     CLOTH_PARAMETERS,
     spring_constants,
@@ -175,8 +175,7 @@ def make_wind(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
     velocity, place, cell, p, v, parameters, air)`, the wind over mass [m/s^2] on one mass."""
     formulas, sums = device_formulas(wind.make, real, math), device_formulas(cloth.make, real, math)
     triangle_wind, gust_interval, gust_of = formulas.triangle_wind, formulas.gust_interval, formulas.gust
-    mean, gusty = sums.mean, sums.gusty
-    _, stage_time = device_formulas(manufactured.make, real, math)
+    stage_time, mean, gusty = formulas.stage_time, sums.mean, sums.gusty
     inline = inlined(math)
     philox = random.make_philox(inline)
     has_gust = "gust" in parts

@@ -1,9 +1,9 @@
 """The mass-spring cloth on CUDA, one thread per mass, the state on the device throughout.
 
 Kernels, by speed: `stages` (stage by stage), `launch` (one pass over the sheet per step, launched from Python), `graph`
-(the same passes captured once as a CUDA graph and replayed), `tiles` (several steps per pass), `resident` (the sheet on
-the chip) and `one-block` (a small sheet in one block); mass_spring/cloth/choice.py chooses one. In `exact` math all
-give the same bits as the CPU. Memory is allocated with plain allocations.
+(the same passes captured once as a CUDA graph and replayed), `resident` (the sheet on the chip) and `one-block` (a
+small sheet in one block); mass_spring/cloth/choice.py chooses one. In `exact` math all give the same bits as the CPU.
+Memory is allocated with plain allocations.
 """
 
 from __future__ import annotations
@@ -96,9 +96,6 @@ class ClothMassSpring(SheetPasses, QuadSimulation):
             cuda.synchronize()
         if self.kernel == "graph":
             self._graphs = Graphs(self.stream, self._launch, self._count_on)
-        elif self.kernel == "tiles" and self._tiles is not None and not simulated():
-            halo = self._tiles.tile.halo
-            self._graphs = Graphs(self.stream, self._tiles.launch_many, lambda many: self._count_on(many * halo))
 
     # ------------------------------------------------------------------ passes
 

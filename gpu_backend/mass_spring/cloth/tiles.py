@@ -1,12 +1,5 @@
-"""Several steps of a cloth per pass over memory: the kernel `tiles`, and its common parts with `resident`.
-
-For sheets that do not fit on the chip. A launch reads each tile with the masses around it
-(mass_spring/cloth/tiling.py), does up to `halo` steps of it (mass_spring/cloth/strips.py), and writes the masses that
-the tile owns: data passes through memory once for several steps, but the overlaps are computed twice.
-
-For integrators with one force per step, or velocity Verlet whose kicks can be combined (model/cloth_plan.kicks_meet),
-with separate launches for its first and last pass.
-"""
+"""Tiles of a cloth as device functions, for the kernel `resident`: places of a thread's strip, reading, stepping and
+writing (the partition: mass_spring/cloth/tiling.py; the steps: mass_spring/cloth/strips.py)."""
 
 from __future__ import annotations
 
@@ -19,12 +12,11 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
+from softlab.gpu_backend.core.compile import inlined
 from softlab.gpu_backend.core.device import simulated
 from softlab.gpu_backend.core.planes import near
 from softlab.gpu_backend.core.quads import load_quad, store_quad
 from softlab.gpu_backend.core.tiling import Tile
-from softlab.gpu_backend.core.world import Cell, World
 from softlab.gpu_backend.mass_spring.cloth.point import make_cloth_forces
 from softlab.gpu_backend.mass_spring.cloth.strips import make_cloth_strips
 from softlab.gpu_backend.mass_spring.cloth.tiling import (
@@ -35,7 +27,7 @@ from softlab.gpu_backend.mass_spring.cloth.tiling import (
     reach_of,
     tile_bytes,
 )
-from softlab.gpu_backend.mass_spring.grid.strips import ALIGNMENT, make_bits_between
+from softlab.gpu_backend.mass_spring.grid.strips import make_bits_between
 from softlab.gpu_backend.mass_spring.grid.tiles import SHARED_MEMORY
 
 BLOCK_OVERHEAD = 1 << 10  # bytes of shared memory that the system reserves per block
@@ -137,8 +129,7 @@ def _make_places(math: str, parts: frozenset[str], tile: Tile) -> SimpleNamespac
 def make_tile_parts(
     real: Any, math: str, integrator: str, parts: frozenset[str], tile: Tile, publish: Callable
 ) -> SimpleNamespace:
-    """Make the common device functions of the kernels on tiles: indices of a thread's strip, to read, to step, to
-    write.
+    """Make the device functions of a tile: indices of a thread's strip, to read, to step, to write.
 
     `publish`: see strips.make_cloth_strips.
     """
@@ -216,68 +207,3 @@ def make_tile_parts(
         read_other=read_other, first_air=first_air, air_of=air_of, current_step=forces.current_step, half=half, most=most,
         **vars(places),
     )  # fmt: skip
-
-
-@cache
-def _publish_nothing(math: str) -> Any:
-    @inlined(math)
-    def publish(k, x, y, z, vx, vy, vz, post):
-        pass
-
-    return publish
-
-
-@cache
-def make_cloth_tiles(real: Any, math: str, integrator: str, parts: frozenset[str], tile: Tile) -> Any:
-    """Compile kernel(position, velocity, new_position, new_velocity, record, bodies, integers, counter, pass_number,
-    passes, rows, columns): `passes` (at most tile.halo) passes of every tile, from the old state to the new one.
-
-    Launched with one block per tile, of tile.threads threads in a row, and `tile_bytes` of shared memory.
-    """
-    f = make_tile_parts(real, math, integrator, parts, tile, _publish_nothing(math))
-    constants, sides, step, place_of, bits_between = f.constants, f.sides, f.step, f.place_of, f.bits_between
-    clear, read, read_other, write, around = f.clear, f.read, f.read_other, f.write, f.around
-    first_air, air_of, current_step = f.first_air, f.air_of, f.current_step
-    half, most, strip, threads = f.half, f.most, tile.strip, np.int32(tile.threads)
-    scalar = np.dtype(real) if simulated() else real
-    every, nothing = np.int32((1 << strip) - 1), np.int32(0)
-
-    def cloth_tiles(
-        position, velocity, new_position, new_velocity, record, bodies, integers, counter, pass_number, passes, rows,
-        columns,
-    ):  # fmt: skip
-        parameters = record[0]
-        shared = cuda.shared.array(0, scalar, alignment=ALIGNMENT)
-        vx, vy, vz = cuda.local.array(strip, real), cuda.local.array(strip, real), cuda.local.array(strip, real)
-        rows, columns, thread = np.int32(rows), np.int32(columns), np.int32(cuda.threadIdx.x)
-        i, j, k, place, extent = place_of(rows, columns)
-        _, row_first, row_end, _, column_first, column_end = extent
-        values, where = constants(parameters), sides(Cell(i, j, rows, columns))
-        world = World(values, bodies, integers)
-        first = current_step(counter, pass_number)
-        clear(shared, thread)
-        cuda.syncthreads()
-        held = read(position, velocity, shared, place, vx, vy, vz, k, columns)
-        for number in range(most):
-            other, at = around(np.int32(thread + np.int32(number) * threads), extent, rows, columns)
-            if other >= 0:
-                read_other(position, velocity, shared, other, at)
-        first_air(values, integers, first, shared, thread)
-        cuda.syncthreads()
-        old = np.int32(0)
-        for number in range(passes):
-            new, now = np.int32(half - old), first + number
-            air = air_of(values, integers, now, shared, thread, number)
-            step(
-                shared, old, new, place, where, every, nothing, held, vx, vy, vz, k, columns, position, world, now, air,
-                nothing,
-            )  # fmt: skip
-            cuda.syncthreads()
-            old = new
-        if j >= column_first and j < column_end:
-            mine = bits_between(row_first, row_end, i)
-            write(position, new_position, new_velocity, mine, shared, np.int32(old + place), vx, vy, vz, k, columns)
-
-    bounds = (tile.threads, cloth_blocks_together(real, tile, parts))
-    variant = variant_name(real, math, integrator, parts, tile.name)
-    return make_kernel(cloth_tiles, variant, launch_bounds=bounds, **kernel_options(math))

@@ -53,7 +53,7 @@ def make_passes(real: Any, math: str, integrator: str, parts: frozenset[str]) ->
                 step = current_step(counter, pass_number)
                 p, v = load_pair(position, k), load_pair(velocity, k)
                 ax, ay = spring_sum(position, k, Cell(i, j, rows, columns), parameters)
-                px, py, vx, vy = move(k, Cell(i, j, rows, columns), ax, ay, p, v, parameters, integers, step)
+                px, py, vx, vy = move(k, ax, ay, p, v, parameters, integers, step)
                 if has_pins:
                     if pinned_row[i] != 0:
                         if pinned[k] != 0:
@@ -82,7 +82,6 @@ def make_rk4_stages(real: Any, math: str, parts: frozenset[str]) -> list[Any]:
     zero = real(0)
 
     def make_stage(stage: int) -> Any:
-        offset = real((0.0, 0.5, 0.5, 1.0)[stage])
         k_derivative = ("half_dt", "half_dt", "dt", "dt")[stage]
         k_total = ("sixth_dt", "third_dt", "third_dt", "sixth_dt")[stage]
         first, last = stage == 0, stage == 3
@@ -101,7 +100,7 @@ def make_rk4_stages(real: Any, math: str, parts: frozenset[str]) -> list[Any]:
                 p, v = load_pair(position, k), load_pair(velocity, k)
                 step = current_step(counter, pass_number)
                 ax, ay = spring_sum(position, k, Cell(i, j, rows, columns), parameters)
-                ax, ay = acceleration(ax, ay, v, k, Cell(i, j, rows, columns), parameters, integers, step, offset)
+                ax, ay = acceleration(ax, ay, v, k, parameters, integers, step)
                 base_p, base_v = load_pair(base_position, k), load_pair(base_velocity, k)
                 if first:
                     total_p, total_v = base_p, base_v

@@ -1,7 +1,7 @@
 """Operations on one mass, as device functions: its forces, and its motion in each pass of an integrator.
 
 Each thread sums the pulls of its four neighbours. Sums are computed as on the CPU: (right + left) + (below + above),
-then gravity, external, manufactured, poke, damping. A neighbour beyond the edge is replaced by the mass itself, whose
+then gravity, external, poke, damping. A neighbour beyond the edge is replaced by the mass itself, whose
 pull on itself is zero: no branch at the edges. Functions are compiled for the parts of a scene: flags are closure
 constants, an absent part leaves no instruction.
 """
@@ -20,7 +20,7 @@ from softlab.gpu_backend.core.forces import make_own_force
 from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.pairs import load_pair
 from softlab.model.core.own_forces import own_changes
-from softlab.model.formulas import integrators, manufactured, springs
+from softlab.model.formulas import integrators, springs
 
 
 def _make_spring_sum(real: Any, device: Any, spring_acceleration_2d: Any, parts: frozenset[str]) -> Any:
@@ -82,9 +82,8 @@ def make_point_functions(real: Any, math: str, integrator: str, parts: frozenset
     spring_sum = _make_spring_sum(real, device, spring_acceleration_2d, parts)
     formulas = device_formulas(integrators.make, real, math, damped="damping" in parts)
     own = make_own_force(real, math, 2, parts)
-    manufactured_acceleration, stage_time = device_formulas(manufactured.make, real, math)
     has_gravity, has_damping = "gravity" in parts, "damping" in parts
-    has_manufactured, changes, zero = "manufactured" in parts, own_changes(parts), real(0)
+    changes, zero = own_changes(parts), real(0)
     explicit_damping = has_damping and integrator != "velocity-verlet"
     no_step = np.int64(0)
 
@@ -95,25 +94,11 @@ def make_point_functions(real: Any, math: str, integrator: str, parts: frozenset
         return ay
 
     @device
-    def add_driven(ax, ay, cell, parameters, step, offset):
-        """Add the manufactured force at time (step + offset) dt."""
-        i, j, rows, columns = cell.i, cell.j, cell.rows, cell.columns
-        if has_manufactured:
-            time = stage_time(step, offset, parameters.dt, parameters.first_step, parameters.first_time)
-            fx, fy = manufactured_acceleration(
-                i, j, rows, columns, time, parameters.amplitude, parameters.inertia, parameters.spacing,
-                parameters.stiffness, parameters.stiffness_rest, parameters.gravity, parameters.damping,
-            )  # fmt: skip
-            ax, ay = ax + fx, ay + fy
-        return ax, ay
-
-    @device
-    def acceleration(ax, ay, velocity, k, cell, parameters, integers, step, offset):
+    def acceleration(ax, ay, velocity, k, parameters, integers, step):
         """Return the acceleration of mass k [m/s^2] from the springs' pulls (ax, ay); with the damper if the integrator
         applies it explicitly."""
         ay = add_gravity(ay, parameters)
         ax, ay = own((ax, ay), k, zero, parameters, integers, step)
-        ax, ay = add_driven(ax, ay, cell, parameters, step, offset)
         if explicit_damping:
             ax = damped(ax, velocity.real, parameters.damping)
             ay = damped(ay, velocity.imag, parameters.damping)
@@ -122,12 +107,12 @@ def make_point_functions(real: Any, math: str, integrator: str, parts: frozenset
     @device
     def current_step(counter, pass_number):
         """Return the number of the step, if anything depends on it."""
-        if changes or has_manufactured:
+        if changes:
             return counter[0] + pass_number
         return no_step
 
     return SimpleNamespace(
-        spring_sum=spring_sum, add_gravity=add_gravity, own=own, add_driven=add_driven,
+        spring_sum=spring_sum, add_gravity=add_gravity, own=own,
         acceleration=acceleration, current_step=current_step, formulas=formulas, changes=changes,
         spring_acceleration_2d=spring_acceleration_2d, damped=damped,
     )  # fmt: skip
@@ -138,11 +123,11 @@ def make_moves(real: Any, math: str, integrator: str, parts: frozenset[str]) -> 
     """Make the motion of one mass in a pass: `step` of one-force integrators; `opening`, `middle`, `closing` of
     velocity Verlet.
 
-    Each is move(k, cell, ax, ay, p, v, parameters, integers, step) -> (px, py, vx, vy): (ax, ay) is the sum of the
+    Each is move(k, ax, ay, p, v, parameters, integers, step) -> (px, py, vx, vy): (ax, ay) is the sum of the
     springs' pulls, p and v are the mass's own. `parameters` may be the record or its values in registers.
     """
     point = make_point_functions(real, math, integrator, parts)
-    add_gravity, own, add_driven = point.add_gravity, point.own, point.add_driven
+    add_gravity, own = point.add_gravity, point.own
     acceleration, formulas, changes = point.acceleration, point.formulas, point.changes
     first_half, second_half = formulas.verlet_first_half, formulas.verlet_second_half
     verlet = integrator == "velocity-verlet"
@@ -151,41 +136,38 @@ def make_moves(real: Any, math: str, integrator: str, parts: frozenset[str]) -> 
     device = cuda.jit(device=True, **kernel_options(math))
 
     @device
-    def step_mass(k, cell, ax, ay, p, v, parameters, integers, step):
-        ax, ay = acceleration(ax, ay, v, k, cell, parameters, integers, step, zero)
+    def step_mass(k, ax, ay, p, v, parameters, integers, step):
+        ax, ay = acceleration(ax, ay, v, k, parameters, integers, step)
         dt, half_dt_squared = parameters.dt, parameters.half_dt_squared
         px, vx = one_force(p.real, v.real, ax, dt, half_dt_squared)
         py, vy = one_force(p.imag, v.imag, ay, dt, half_dt_squared)
         return px, py, vx, vy
 
     @device
-    def opening_mass(k, cell, ax, ay, p, v, parameters, integers, step):
-        ax, ay = acceleration(ax, ay, v, k, cell, parameters, integers, step, zero)
+    def opening_mass(k, ax, ay, p, v, parameters, integers, step):
+        ax, ay = acceleration(ax, ay, v, k, parameters, integers, step)
         dt, half_dt, rate = parameters.dt, parameters.half_dt, parameters.damping
         px, vx = first_half(p.real, v.real, ax, dt, half_dt, rate)
         py, vy = first_half(p.imag, v.imag, ay, dt, half_dt, rate)
         return px, py, vx, vy
 
     @device
-    def closing_mass(k, cell, ax, ay, p, v, parameters, integers, step):
+    def closing_mass(k, ax, ay, p, v, parameters, integers, step):
         ay = add_gravity(ay, parameters)
         ax, ay = own((ax, ay), k, zero, parameters, integers, step - 1)
-        ax, ay = add_driven(ax, ay, cell, parameters, step, zero)
         half_dt, inverse_damping = parameters.half_dt, parameters.inverse_damping
         vx = second_half(v.real, ax, half_dt, inverse_damping)
         vy = second_half(v.imag, ay, half_dt, inverse_damping)
         return p.real, p.imag, vx, vy
 
     @device
-    def middle_mass(k, cell, ax, ay, p, v, parameters, integers, step):
+    def middle_mass(k, ax, ay, p, v, parameters, integers, step):
         """Do the second half kick of one step and the first of the next: both need the force here, computed once."""
         ay = add_gravity(ay, parameters)
         bx, by = ax, ay
         ax, ay = own((ax, ay), k, zero, parameters, integers, step - 1)
-        ax, ay = add_driven(ax, ay, cell, parameters, step, zero)
         if changes:
             bx, by = own((bx, by), k, zero, parameters, integers, step)
-            bx, by = add_driven(bx, by, cell, parameters, step, zero)
         else:
             bx, by = ax, ay
         half_dt, inverse_damping = parameters.half_dt, parameters.inverse_damping

@@ -87,7 +87,7 @@ class MassSpring(SheetPasses):
         else:
             rows_pinned = pinned.reshape(self.body.rows, -1).max(axis=1)
         self.pinned, self._pinned_row = self.on_device(pinned), self.on_device(rows_pinned)
-        self._counts = bool(own_changes(self.plan.parts) or "manufactured" in self.plan.parts)
+        self._counts = own_changes(self.plan.parts)
 
     def _build(self) -> None:
         """Compile and load every kernel, by running it once on arrays that `reset` then overwrites."""

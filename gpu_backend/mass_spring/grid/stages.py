@@ -26,7 +26,7 @@ STAGE_PARTS = frozenset({"springs", "gravity", "damping"})
 def make_force_stages(real: Any, math: str, integrator: str, parts: frozenset[str]) -> SimpleNamespace:
     """Compile the stages that sum the acceleration. State and acceleration are complex (particles,)."""
     point = make_point_functions(real, math, integrator, parts | STAGE_PARTS)
-    spring_sum, driven_point, damped = point.spring_sum, point.add_driven, point.damped
+    spring_sum, damped = point.spring_sum, point.damped
     pair = np.complex64 if real is np.float32 else np.complex128
     zero = real(0)
 
@@ -58,14 +58,6 @@ def make_force_stages(real: Any, math: str, integrator: str, parts: frozenset[st
 
         return make_kernel(force, variant_name(real, math, parts), **kernel_options(math))
 
-    def driven(record, step, offset, a, rows, columns):
-        parameters = record[0]
-        k = np.int32(cuda.grid(1))
-        if k < a.shape[0]:
-            i, j = np.int32(k // columns), np.int32(k % columns)
-            ax, ay = driven_point(a[k].real, a[k].imag, Cell(i, j, rows, columns), parameters, step, real(offset))
-            a[k] = pair(complex(ax, ay))
-
     def damping(velocity, record, a):
         parameters = record[0]
         k = cuda.grid(1)
@@ -74,7 +66,7 @@ def make_force_stages(real: Any, math: str, integrator: str, parts: frozenset[st
             ay = damped(a[k].imag, velocity[k].imag, parameters.damping)
             a[k] = pair(complex(ax, ay))
 
-    kernels = (spring_forces, no_forces, gravity, driven, damping)
+    kernels = (spring_forces, no_forces, gravity, damping)
     made = make_kernels(kernels, variant_name(real, math, integrator, parts), **kernel_options(math))
     window = parts & {WINDOW}
     made.own = {
@@ -156,9 +148,6 @@ def bind_stages(sim: Any) -> dict[str, StageRun]:
     stage_state = [sim.new_array() for _ in range(4)] if integrator == "rk4" else []
     shape = (np.int32(sim.body.rows), np.int32(sim.body.columns))
 
-    def driven(moment: Moment) -> None:
-        force.driven[flat](sim.record, np.int64(moment.step), moment.argument, a, *shape)
-
     def bound(kernel: Any) -> StageRun:
         return lambda moment: kernel[flat](sim.record, sim.integers, np.int64(moment.step), a)
 
@@ -177,7 +166,6 @@ def bind_stages(sim: Any) -> dict[str, StageRun]:
         "spring forces": lambda moment: force.spring_forces[flat](at["position"], sim.record, a, *shape),
         "no forces": lambda moment: force.no_forces[flat](a),
         "gravity": lambda moment: force.gravity[flat](sim.record, a),
-        "manufactured force": driven,
         **{name: bound(kernel) for name, kernel in force.own.items()},
         "damping": lambda moment: force.damping[flat](at["velocity"], sim.record, a),
         f"integrate ({integrator})": lambda moment: motion.integrate[flat](position, velocity, a, sim.record),

@@ -20,7 +20,6 @@ from softlab.gpu_backend.core.compile import inlined
 from softlab.gpu_backend.core.device import simulated
 from softlab.gpu_backend.core.pairs import load_pair, store_pair
 from softlab.gpu_backend.core.tiling import Tile
-from softlab.gpu_backend.core.world import Cell
 from softlab.model.core.parameters import PARAMETERS
 from softlab.model.core.tuples import reader
 
@@ -163,7 +162,7 @@ def make_step(
                 up_x, up_y = down_x, down_y
             k = np.int32(row * columns + j)
             v = pair(complex(vx[r], vy[r]))
-            px, py, vx[r], vy[r] = move(k, Cell(row, j, rows, columns), ax, ay, p, v, parameters, integers, number)
+            px, py, vx[r], vy[r] = move(k, ax, ay, p, v, parameters, integers, number)
             store_pair(both, new + here, px, py)
             p, q, left_p, right_p = q, next_q, next_left, next_right
         if has_pins:

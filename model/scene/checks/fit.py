@@ -18,7 +18,7 @@ from softlab.model.scene.particle_contact import MAX_KINDS
 from softlab.model.scene.resting import take_resting_defaults
 from softlab.model.scene.scene_parts import SceneParts
 
-GRID_ONLY = ("springs", "manufactured")
+GRID_ONLY = ("springs",)
 WITH_FLUIDS = ("fluid", "emitter", "sink", "domain", "foam", "gravity", "external", "method", *COLLIDER_KINDS)
 OF_A_FLUID: dict[str, Any] = {"solver": OF_FLUIDS, "dt": 1 / 60, "substeps": 4, "iterations": 10}  # defaults
 OF_BODIES = (*BODY_KINDS, "contact", "damping", "gravity", "method", *COLLIDER_KINDS)  # supported together with bodies
@@ -32,7 +32,7 @@ def check_fit(scene: SceneParts) -> None:
     if scene.fluids:
         _check_fluids(scene)
         return
-    scene.refuse(("domain", "emitter", "sink", "foam", "wetting"), "applies to fluids; leave it out")
+    scene.refuse(("domain", "emitter", "sink", "foam"), "applies to fluids; leave it out")
     if scene.tetrahedra:
         check_tetrahedra(scene)
         return

@@ -46,9 +46,8 @@ def check_solver(scene: SceneParts) -> None:
     for name, kind in scene.kinds.items():
         part = scene.parts[name]
         if scene.method.position_based:
-            if kind == "manufactured":
-                raise SceneError(f"{name}.kind", kind, f"belongs to the solver mass-spring, not to {solver}")
-        elif kind in XPBD_KINDS:
+            continue
+        if kind in XPBD_KINDS:
             raise SceneError(
                 f"{name}.kind", kind, "needs a position-based solver: --set method.solver=xpbd, or leave it out"
             )

@@ -8,12 +8,12 @@ from typing import Any
 from softlab.bench.experiments.scaling.experiment import BY_TURNS, ScalingPoint, points, shares, speedups
 from softlab.bench.store.results import Measure
 from softlab.plots.core.backends import on_backends, sources_of, timed
-from softlab.plots.core.colours import BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILLION
+from softlab.plots.core.colours import BLUE, GREY, ORANGE, PURPLE, VERMILLION
 from softlab.plots.core.data import Results
 from softlab.plots.core.style import Drawing, legend_below, log_axes, new_figure
 
 TITLE = "Several GPUs"
-LINKS = {"flags": (BLUE, "o"), "nccl": (ORANGE, "s"), "peer": (GREEN, "^")}
+LINKS = {"flags": (BLUE, "o"), "nccl": (ORANGE, "s")}
 PER_MILLION = 1e9  # mJ per million mass-steps over J per mass-step
 
 

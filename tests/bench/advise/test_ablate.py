@@ -235,7 +235,6 @@ def test_dropping_a_random_force(store, clockwork, monkeypatch):
         ({"method.dt": 1.0}, 10.0, "method.dt"),
         ({"method.integrator": "explicit-euler", "damping.coefficient": 0.0}, 1.0, "method.dt"),
         ({"grid.pinned": [[i, j] for i in range(6) for j in range(6)]}, 1.0, "grid.pinned"),
-        ({"manufactured.amplitude": 0.1}, 1.0, "manufactured"),
     ],
 )
 def test_what_has_no_answer_is_refused_with_a_remedy(store, changes, time, field):

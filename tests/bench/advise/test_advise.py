@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from brute_force import brute_force, grid_steps
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -23,7 +24,6 @@ from softlab.bench.experiments.advise import experiment as advise_experiment
 from softlab.bench.experiments.advise import search as advise_search
 from softlab.bench.experiments.advise.advice import Advice, Choice
 from softlab.bench.experiments.advise.bracket import TIGHT, next_steps
-from softlab.bench.experiments.advise.check import brute_force, grid_steps
 from softlab.bench.experiments.advise.experiment import advise
 from softlab.bench.measure import samples, timing
 from softlab.bench.measure.growth import MAX_GROWTH, kept_growth, measure_growth

@@ -15,7 +15,7 @@ from softlab.model.core.options import Options
 from softlab.model.core.simulation import State
 from softlab.model.scene.scene import Scene, load_scene
 
-LINKS = ("peer", "flags")
+LINKS = ("flags",)
 
 
 def scene_of(rows: int = 8, columns: int = 5, **more: Any) -> Scene:

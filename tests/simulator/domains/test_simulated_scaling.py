@@ -34,15 +34,17 @@ def test_a_sweep_over_gpus_is_stored_checked_and_told(tmp_path: Path, monkeypatc
         assert run_scaling(store, **how).measured == 0, "all is there"
 
 
-def test_a_share_for_each_gpu_and_every_link_in_turn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_share_for_each_gpu(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """--weak: 2 windows of 4 rows each, whose rate is held against that of 4 rows alone."""
     monkeypatch.setattr(case_timing, "SAMPLE_SECONDS", 0.001)
     how = {"quick": True, "backends": ["gpu"], "gpus": [2], "sizes": [4], "progress": False}
     with Store(tmp_path / "store.sqlite") as store:
-        run_scaling(store, weak=True, links=["peer", "flags"], **how)
+        run_scaling(store, weak=True, **how)
+        with pytest.raises(SceneError, match="use flags, which is faster, or nccl"):
+            run_scaling(store, links=["peer"], **how)
         found = points(measures(store))
         assert [(p.rows, p.columns, p.gpus, p.link) for p in found] == [
-            (4, 4, 1, ""), (8, 4, 2, "flags by turns"), (8, 4, 2, "peer by turns"),
+            (4, 4, 1, ""), (8, 4, 2, "flags by turns"),
         ]  # fmt: skip
         own = [replace(p, link="flags") for p in found]
         weak = shares(own)

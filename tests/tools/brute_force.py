@@ -17,7 +17,6 @@ from softlab.bench.experiments.advise.advice import NOISE, Advice, Choice
 from softlab.bench.experiments.advise.experiment import ADVISED, iterations_of
 from softlab.bench.experiments.advise.search import MIN_STEPS, Kind, Search, Task
 from softlab.bench.measure.experiment import backends_here
-from softlab.bench.measure.progress import progress_bar
 from softlab.bench.store.database import Store
 from softlab.model.core.simulation import PRECISIONS
 
@@ -39,18 +38,6 @@ class Check:
         """Return the rivals that take less than 1 / `factor` of the advised configuration's time."""
         return [rival for rival in self.rivals if rival.seconds < self.advised.seconds / factor]
 
-    def __str__(self) -> str:
-        lines = [f"checked by brute force: {self.judged} configurations run, {self.reaching} reach the error"]
-        for choice in (self.advised, *self.rivals):
-            share = choice.seconds / self.advised.seconds
-            lines.append(f"  {share:8.3f} x the advised time: {choice.name}, error {choice.error:.3g}")
-        cheaper = self.cheaper()
-        lines.append(
-            f"{len(cheaper)} of them faster by more than {100 * (NOISE - 1):.0f} % (the noise of timing): the advice is "
-            + ("wrong" if cheaper else "right")
-        )
-        return "\n".join(lines)
-
 
 def grid_steps(least: int, per_octave: int, octaves: int) -> list[int]:
     """Return numbers of steps from the fewest stable one to 2^octaves times as many, `per_octave` to a doubling."""
@@ -66,7 +53,6 @@ def brute_force(
     precisions: Sequence[str] = tuple(PRECISIONS),
     per_octave: int = 2,
     octaves: int = 5,
-    progress: bool = False,
 ) -> Check:
     """Run the whole grid up to the time of the advice, and time what reaches the error in turn with the advice.
 
@@ -90,15 +76,14 @@ def brute_force(
         if search.limit(kind := Kind(name, precision, backend, iterations)) > 0
     ]
     judged, reaching, fewest = 0, 0, []
-    with progress_bar(progress) as bar:
-        for kind in bar.track(kinds, description="brute force"):
-            limit = search.limit(kind)
-            least = MIN_STEPS if limit == inf else ceil(end / limit * (1 - 1e-12))
-            errors = {steps: search.error(kind, steps) for steps in grid_steps(least, per_octave, octaves)}
-            able = [steps for steps, error in errors.items() if error <= advice.error]
-            judged, reaching = judged + len(errors), reaching + len(able)
-            if able:
-                fewest.append((kind, min(able), errors[min(able)]))
+    for kind in kinds:
+        limit = search.limit(kind)
+        least = MIN_STEPS if limit == inf else ceil(end / limit * (1 - 1e-12))
+        errors = {steps: search.error(kind, steps) for steps in grid_steps(least, per_octave, octaves)}
+        able = [steps for steps, error in errors.items() if error <= advice.error]
+        judged, reaching = judged + len(errors), reaching + len(able)
+        if able:
+            fewest.append((kind, min(able), errors[min(able)]))
     advised = (Kind(best.integrator, best.precision, best.backend, best.iterations), best.steps, best.error)
     timed = search.time([advised, *(entry for entry in fewest if entry != advised)])
     key = (best.integrator, best.precision, best.backend, best.iterations, best.steps)
