@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from softlab.model.core.energy import spring_strain
 from softlab.model.core.errors import InputError
-from softlab.model.fluid.measure import pressures
 from softlab.model.scene.scene import Scene
 from softlab.model.scene.sheets import scene_normals
 
@@ -73,6 +73,10 @@ class Backend(ABC):
         into[...] = position
         return into
 
+    def _read_strain(self) -> np.ndarray:
+        """Return the strain of each spring, or of what replaces them, as a new host array."""
+        return spring_strain(self.scene, self._download()[0])
+
     def _read_normal(self, into: Any) -> Any:
         """Read a cloth's normals into `into` (None: a new host array, in the simulation's precision).
 
@@ -107,10 +111,6 @@ class Backend(ABC):
         """Return the multipliers of the fluids' density constraints in the last substep, (particles,) [m^2], as a new
         host array."""
         raise NotImplementedError
-
-    def _read_pressure(self) -> np.ndarray:
-        """Return the pressure of each particle from its pairs, (particles,) [Pa], as a new host array."""
-        return pressures(self.scene, self._download()[0], self._multipliers())
 
     def _read_clusters(self) -> tuple[np.ndarray, np.ndarray]:
         """Return (rotation (clusters, 4), centre of mass (clusters, 3) [m]) of bodies at the current positions, as new

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from softlab.model.core.clock import Clock
+from softlab.model.core.outputs import Output, of_springs
 from softlab.model.core.plan import Plan
 from softlab.model.domains.bodies import Apart
 from softlab.model.domains.decomposition import Reach
@@ -34,6 +35,7 @@ class SolverFamily:
     - `stored(scene, position, plastic)`: the energy [J] in springs or clusters, and of a cloth's springs also by kind.
     - `strain(scene, position, kind, plastic)`: the result of read("strain"), (springs,) or (entries,).
     - `spring_count(scene)`: the number of springs, or of what replaces them.
+    - `outputs(scene)`: what `read` returns, besides positions and velocities (model/core/outputs.py).
     - `solvers`, `passes`: by backend, the class that it opens and the function that describes its passes for `softlab
       plan`, as
       `module:name`, since both are in layers above the model.
@@ -62,6 +64,7 @@ class SolverFamily:
     solvers: Mapping[str, str]
     passes: Mapping[str, str]
     reference: str
+    outputs: Callable[[Scene], tuple[Output, ...]] = of_springs
     unknown: str | None = None
     reach: Callable[[Scene], Reach] | None = None
     apart: Callable[[Scene], Apart] | None = None

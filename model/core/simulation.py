@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from functools import cached_property
 from types import MappingProxyType
 from typing import Any
 
@@ -17,10 +18,11 @@ import numpy as np
 
 from softlab.model.core.build import Body, build
 from softlab.model.core.clock import START, Clock, clock_of
-from softlab.model.core.energy import energies, spring_strain
+from softlab.model.core.energy import energies
 from softlab.model.core.errors import Diverged, InputError, SceneError
 from softlab.model.core.families import family_of, stability_limit
 from softlab.model.core.options import PRECISIONS, Options, check_live
+from softlab.model.core.outputs import OF_ALL, Output
 from softlab.model.core.plan import Executor, Plan, StageRun
 from softlab.model.core.stability.divergence import DIVERGED_SIZE, check_interval
 from softlab.model.core.state import State, checked_arrays
@@ -69,6 +71,11 @@ class Simulation(Stepping):
         self._kept_step, self._kept_time = 0, 0.0
         self.kept = 0
         self._taps = taps_at_start(scene)
+
+    @cached_property
+    def outputs(self) -> Mapping[str, Output]:
+        """What `read` returns, by name."""
+        return {output.name: output for output in (*OF_ALL, *family_of(self.scene).outputs(self.scene))}
 
     @property
     def stages(self) -> Mapping[str, StageRun]:
@@ -283,33 +290,9 @@ class Simulation(Stepping):
             The scene has no such output.
         """
         self.require_open()
-        if name == "position":
-            return self._read_position(into)
-        if name == "normal":
-            if self.scene.dimensions == 2 or self.scene.bodies or self.scene.fluids:
-                raise SceneError("read", name, "must be one of position, velocity, strain: a grid lies in a plane")
-            return self._read_normal(into)
-        if name == "velocity":
-            result = self._download()[1]
-        elif self.scene.bodies and name in ("rotation", "centre"):
-            result = self.read_clusters()[name == "centre"]
-        elif self.scene.bodies and name == "deformation":
-            result = self._read_deformation()
-        elif name == "plastic" and "plastic" in self.plan.parts:
-            result = np.asarray(every_plastic(self._download_plastic(), self._cluster_count()))
-        elif self.scene.bodies:
-            names = "position, velocity, rotation, centre, deformation"
-            raise SceneError("read", name, f"must be one of {names}{', plastic' * ('plastic' in self.plan.parts)}")
-        elif name == "strain" or (name == "pressure" and self.scene.fluids):
-            strained = name == "strain"
-            result = spring_strain(self.scene, self._download()[0]) if strained else self._read_pressure()
-        else:
-            names = "position, velocity, strain" + (", normal" if self.scene.dimensions == 3 else "")
-            raise SceneError("read", name, f"must be one of {names}")
-        if into is None:
-            return result
-        into[...] = result
-        return into
+        if name not in self.outputs:
+            raise SceneError("read", name, f"must be one of {', '.join(self.outputs)}")
+        return self.outputs[name].read(self, into)
 
     def read_clusters(self) -> tuple[np.ndarray, np.ndarray]:
         """Read rotations and centres of all clusters of bodies at the same instant.

@@ -5,14 +5,20 @@ from __future__ import annotations
 from math import hypot, inf
 
 from softlab.model.core.family import SolverFamily
+from softlab.model.core.outputs import STRAIN, Output
 from softlab.model.fluid.halo import fluid_halo
-from softlab.model.fluid.measure import density_errors
+from softlab.model.fluid.measure import density_errors, pressures
 from softlab.model.fluid.parameters import fluid_record, highest_viscosity, speed_limit
 from softlab.model.fluid.plan import fluid_plan
 from softlab.model.scene.cloth import COLLIDER_KINDS
 from softlab.model.scene.scene import Scene
 
 RESTS = 0.03  # rest distances by which gravity moves a particle in a substep, up to which every scheme comes to rest
+
+PRESSURE = Output(
+    "pressure", "(particles,)", "Pa", "pressure from the pairs of particles",
+    lambda simulation: pressures(simulation.scene, simulation._download()[0], simulation._multipliers()),
+)  # fmt: skip
 
 
 def shift_by_gravity(scene: Scene) -> float:
@@ -74,6 +80,7 @@ FLUID = SolverFamily(
     solvers={"cpu": "softlab.cpu_backend.fluid.solver:Fluid", "gpu": "softlab.gpu_backend.fluid.solver:Fluid"},
     passes={"cpu": "softlab.app.plan.fluid:fluid_on_cpu", "gpu": "softlab.app.plan.fluid_gpu:fluid_on_gpu"},
     reference="softlab.bench.reference.fluid",
+    outputs=lambda scene: (STRAIN, PRESSURE),
     halo=fluid_halo,
     unknown="no converged motion of a fluid's particles is known; its density error is told instead",
 )

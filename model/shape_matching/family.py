@@ -12,6 +12,7 @@ from softlab.model.scene.checks.solver import MATCHED
 from softlab.model.scene.scene import Scene
 from softlab.model.shape_matching.apart import bodies_apart
 from softlab.model.shape_matching.energy import goal_strain, window_energy
+from softlab.model.shape_matching.outputs import of_bodies
 from softlab.model.xpbd.family import SHEET
 
 
@@ -56,6 +57,7 @@ BODIES = replace(
     passes={"cpu": "softlab.app.plan.xpbd:bodies_on_cpu", "gpu": "softlab.app.plan.xpbd:bodies_on_gpu"},
     reference="softlab.bench.reference.shape_matching",
     reach=None,
+    outputs=of_bodies,
     apart=bodies_apart,
     unknown="no error is available for shape-matching bodies: clusters are their material and have no converged reference; "
     "softlab bar compares that material with closed forms, softlab throughput times bodies",

@@ -10,12 +10,14 @@ import numpy as np
 
 from softlab.model.core.clock import START, Clock
 from softlab.model.core.family import SolverFamily
+from softlab.model.core.outputs import of_springs
 from softlab.model.core.parameters import rounded_record
 from softlab.model.core.plan import Plan
 from softlab.model.fluid.family import FLUID, fluid_note
 from softlab.model.fluid.plan import fluid_plan
 from softlab.model.scene.scene import Scene
 from softlab.model.shape_matching.family import BODIES
+from softlab.model.shape_matching.outputs import of_bodies
 from softlab.model.tetrahedra.family import TETRAHEDRA
 from softlab.model.tetrahedra.vbd import TETRAHEDRA_VBD
 from softlab.model.world.plan import coupled, world_plan
@@ -96,5 +98,6 @@ WORLD = SolverFamily(
     solvers={"cpu": "softlab.cpu_backend.world.solver:World", "gpu": "softlab.gpu_backend.world.solver:World"},
     passes={"cpu": "softlab.app.plan.world:world_on_cpu", "gpu": "softlab.app.plan.world:world_on_gpu"},
     reference="softlab.bench.reference.world",
+    outputs=lambda scene: of_bodies(scene) if scene.bodies else of_springs(scene),
     unknown="no converged motion of a world is known: its members' materials differ",
 )
