@@ -15,6 +15,7 @@ from softlab.model.fluid.family import FLUID
 from softlab.model.scene.scene import Scene
 
 XPBD = {"solver": "xpbd", "dt": 0.01}
+MATCHING = {"solver": "shape-matching", "dt": 0.01}
 JELLY: dict[str, Any] = {
     "kind": "soft_body",
     "shape": {"name": "box", "sides": [0.2, 0.1, 0.1]},
@@ -29,8 +30,8 @@ WATER: dict[str, Any] = {"kind": "fluid", "size": [0.1, 0.1, 0.1], "rest_distanc
 SCENES: dict[str, dict[str, Any]] = {
     "grid": {"grid": {"rows": 3, "columns": 4}, "springs": {}, "method": {"dt": 0.001}},
     "cloth": {"cloth": {"rows": 3, "columns": 4, "spacing": 0.1}, "structural": {}, "method": XPBD},
-    "bodies": {"jelly": JELLY, "method": XPBD},
-    "plastic bodies": {"jelly": {**JELLY, "plastic_creep": 1.0}, "method": XPBD},
+    "bodies": {"jelly": JELLY, "method": MATCHING},
+    "plastic bodies": {"jelly": {**JELLY, "plastic_creep": 1.0}, "method": MATCHING},
     "tetrahedra": {"beam": BEAM, "method": XPBD},
     "fluid": {"water": WATER, "method": {"solver": "pbf", "dt": 0.01}},
     "world": {"beam": BEAM, "water": WATER, "method": {**XPBD, "solver": "world"}},
