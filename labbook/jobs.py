@@ -16,8 +16,8 @@ from softlab.labbook.build import build, committed_data, write_book
 from softlab.model.core.errors import InputError, SoftlabError
 from softlab.model.core.files import check_target
 from softlab.plots.core.data import Results
-from softlab.plots.core.draw import FIGURES, FigureFiles, draw_figures, figures_folder
 from softlab.plots.core.read import load
+from softlab.plots.draw import FIGURES, FigureFiles, draw_figures, figures_folder
 from softlab.plots.figures.energies import draw_energies, read_energies
 
 ABLATED = ("lab-curtain", "lab-hammock")  # scenes of `softlab lab` for `softlab ablate`
