@@ -11,7 +11,7 @@ from softlab.bench.experiments.accuracy import judgement
 from softlab.bench.experiments.accuracy.equal_error import Fastest, equal_error
 from softlab.bench.experiments.accuracy.methods import WRONG, efforts, name_of
 from softlab.bench.measure.experiment import Summary
-from softlab.bench.measure.growth import growth_words
+from softlab.bench.reference.growth import growth_words
 from softlab.bench.store.results import Timing
 from softlab.bench.store.schema import tables_by_kind
 from softlab.model.core.errors import SceneError
