@@ -75,7 +75,7 @@ def sweep(
 ) -> None:
     """Time grid sizes, backends, threads and precisions, with and without graphics. Resumes where it stopped."""
     from softlab.bench.experiments.sweep import THREADS, check_positive, run_sweep
-    from softlab.bench.store.tables import print_kernels, print_sweep
+    from softlab.bench.measure.tables import print_kernels, print_sweep
 
     check_together(peers, kernels, kernel, threads, scene, gpus, cluster, {
         "--weak": weak, "--link": link, "--exchange-every": exchange_every,

@@ -102,8 +102,8 @@ def whole_lab(console: Console, *, quick: bool, store_path: Path, command: str) 
     from softlab.app.command.doctor import examine
     from softlab.app.command.tables import print_findings
     from softlab.bench.measure.machine import enter_machine
+    from softlab.bench.measure.tables import print_fastest
     from softlab.bench.store.database import Store
-    from softlab.bench.store.tables import print_fastest
 
     kind = "lab --quick" if quick else "lab"
     last = last_seconds(kind)
@@ -157,7 +157,7 @@ def _measurements(console: Console, store: Any, quick: bool, command: str) -> di
     from softlab.bench.experiments.tetrahedra import run_tetrahedra
     from softlab.bench.experiments.tetrahedral.meshes import run_meshes
     from softlab.bench.experiments.throughput import run_throughput
-    from softlab.bench.store.tables import print_sweep
+    from softlab.bench.measure.tables import print_sweep
     from softlab.bench.stress.experiment import run_hard
     from softlab.bench.stress.told import print_hard
     from softlab.model.scene.scene import load_scene

@@ -23,11 +23,11 @@ from softlab.bench.experiments.fluids import FRAME
 from softlab.bench.measure.costs_timing import Measures
 from softlab.bench.measure.experiment import source_hash
 from softlab.bench.measure.items import Experiment, Items
+from softlab.bench.measure.tables import columns, print_table
 from softlab.bench.peers.base import PeerError
 from softlab.bench.peers.fluids.splishsplash import SplishSplash
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import Measure, by_configuration, measures
-from softlab.bench.store.tables import columns, print_table
 from softlab.model.core.digest import source_digest
 from softlab.model.core.errors import BackendUnavailable, SoftlabError
 from softlab.model.scene.parts import Gravity

@@ -13,9 +13,9 @@ from softlab.bench.experiments.fluid_truth.experiment import FINDING, PEERS
 from softlab.bench.experiments.fluid_truth.scenes import COLUMN, DAM, DROP, TANK, TENSION, TWO, VORTICES
 from softlab.bench.experiments.fluids import FRAME
 from softlab.bench.measure.costs_timing import SECONDS
+from softlab.bench.measure.tables import columns, print_table
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import Measure, by_configuration, measures
-from softlab.bench.store.tables import columns, print_table
 from softlab.model.scene.scene import Scene
 
 NUMBERS: dict[str, dict[str, str]] = {  # kind -> measures and their column titles

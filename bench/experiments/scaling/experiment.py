@@ -20,10 +20,10 @@ from softlab.bench.measure.costs_timing import Measures
 from softlab.bench.measure.energy import joules_of_all, nvml_counter
 from softlab.bench.measure.experiment import keep, source_hash
 from softlab.bench.measure.gpu import gpu_simulated
+from softlab.bench.measure.tables import print_table
 from softlab.bench.measure.timing import Subject
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import Measure, configuration, measures
-from softlab.bench.store.tables import print_table
 from softlab.model.core.errors import SceneError
 from softlab.model.core.simulation import Simulation
 from softlab.model.domains.decomposition import Reach, decompose
