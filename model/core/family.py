@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -72,9 +71,3 @@ class SolverFamily:
 ANY_SHEET = frozenset(
     {"damping", "gravity", "external", "perturbation", "method", RELEASE}
 )  # every sheet supports them
-
-
-def named(place: str) -> Any:
-    """Return the object at `module:name`, imported now. Raises ImportError."""
-    module, _, name = place.partition(":")
-    return getattr(import_module(module), name)

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import pytest
 
+from softlab.model.core.components import named
 from softlab.model.core.errors import SceneError
 from softlab.model.core.families import FAMILIES, family_of, scene_plan, stability_limit
-from softlab.model.core.family import SolverFamily, named
+from softlab.model.core.family import SolverFamily
 from softlab.model.mass_spring.plan import mass_spring_plan
 from softlab.model.scene.kinds import KINDS
 from softlab.model.scene.reader import catalogue

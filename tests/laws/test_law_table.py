@@ -20,7 +20,7 @@ from softlab.bench.experiments.fluid_rest import TANK, still_tank
 from softlab.model.core.errors import SceneError
 from softlab.model.core.families import FAMILIES
 from softlab.model.core.integrators import IMPLICIT, INTEGRATORS
-from softlab.model.core.limits import LIMITS, limit_notes
+from softlab.model.core.stability.laws import LIMITS, limit_notes
 from softlab.model.fluid.family import FLUID, comes_to_rest
 from softlab.model.mass_spring.family import CLOTH, GRID
 from softlab.model.scene.method import FIELDS_OF_SOLVER, Method
