@@ -16,7 +16,7 @@ from numba import cuda
 from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernels, variant_name
 from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
-from softlab.gpu_backend.xpbd.kernels import make_place
+from softlab.gpu_backend.core.sheet import make_place
 from softlab.model.formulas.shape_matching import grid as shape_matching
 from softlab.model.scene.scene import Scene
 from softlab.model.shape_matching.lattice import matching_axis

@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
+from softlab.gpu_backend.contact.motion import make_motion
 from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernels, variant_name
 from softlab.gpu_backend.core.forces import make_forces
 from softlab.gpu_backend.core.formulas import device_formulas
-from softlab.gpu_backend.core.quads import SIZE, load_quad, pack, store_quad
+from softlab.gpu_backend.core.quads import AXES, ROWS, SIZE, load_quad, pack, store_quad
 from softlab.gpu_backend.shape_matching.damping import make_gather
-from softlab.gpu_backend.shape_matching.kernels import AXES, ROWS, THREADS, TOGETHER, make_move
-from softlab.gpu_backend.xpbd.point import make_motion
+from softlab.gpu_backend.shape_matching.kernels import THREADS, TOGETHER, make_move
 from softlab.model.contact.particle_parameters import H_ASLEEP, H_FASTEST
 from softlab.model.formulas import particle_contact
 from softlab.model.formulas.shape_matching import rebound, rigid

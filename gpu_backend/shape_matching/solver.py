@@ -17,8 +17,8 @@ from numba import cuda
 from softlab.gpu_backend.contact.particles_project import make_contact_ends
 from softlab.gpu_backend.core.device import simulated
 from softlab.gpu_backend.core.launch import Graphs, can_capture
+from softlab.gpu_backend.core.sheet import make_cloth_tools
 from softlab.gpu_backend.core.substeps import launched_kernel
-from softlab.gpu_backend.mass_spring.cloth.kernels import make_cloth_tools
 from softlab.gpu_backend.shape_matching.couples import Couples
 from softlab.gpu_backend.shape_matching.kernels import THREADS, TOGETHER, make_bodies_clusters, make_bodies_ends
 from softlab.gpu_backend.shape_matching.rebound import Rebounds

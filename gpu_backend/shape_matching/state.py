@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 
 from softlab.gpu_backend.contact.particles import ParticleContacts, particle_contact_bytes
-from softlab.gpu_backend.core.quads import SIZE
+from softlab.gpu_backend.core.quads import AXES, ROWS, SIZE
 from softlab.gpu_backend.core.substeps import SubstepSimulation
 from softlab.gpu_backend.shape_matching.couples import Couples
-from softlab.gpu_backend.shape_matching.kernels import AXES, ROWS
 from softlab.gpu_backend.shape_matching.lattice import Lattices, lattice_bytes
 from softlab.gpu_backend.shape_matching.links import DeviceLinks
 from softlab.gpu_backend.shape_matching.material import ClusterMaterial

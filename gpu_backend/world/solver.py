@@ -16,8 +16,8 @@ from softlab.gpu_backend.core.substeps import Launched, SubstepSimulation, launc
 from softlab.gpu_backend.fluid.among_solids import FluidAmongSolids
 from softlab.gpu_backend.world.joined import THREADS, Joined
 from softlab.gpu_backend.world.wetting import Wetting
+from softlab.model.core.components import named
 from softlab.model.core.families import family_of, scene_plan
-from softlab.model.core.family import named
 from softlab.model.core.memory import require
 from softlab.model.core.plan import Executor, StageRun
 from softlab.model.core.simulation import Options, Simulation

@@ -23,9 +23,8 @@ from softlab.gpu_backend.contact.self_contact import Contacts, contact_bytes
 from softlab.gpu_backend.core.device import simulated
 from softlab.gpu_backend.core.launch import Graphs, can_capture
 from softlab.gpu_backend.core.quads import SIZE
-from softlab.gpu_backend.core.sheet import BLOCK
+from softlab.gpu_backend.core.sheet import BLOCK, make_cloth_tools
 from softlab.gpu_backend.core.substeps import SubstepSimulation
-from softlab.gpu_backend.mass_spring.cloth.kernels import make_cloth_tools
 from softlab.gpu_backend.shape_matching.matching import Matching
 from softlab.gpu_backend.xpbd.choice import xpbd_kernel
 from softlab.gpu_backend.xpbd.constraints import compliant

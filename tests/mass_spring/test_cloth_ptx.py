@@ -118,7 +118,7 @@ def test_the_stages_and_tools_compile(real: Any) -> None:
     from numba import types
 
     from softlab.gpu_backend.core import forces
-    from softlab.gpu_backend.mass_spring.cloth.kernels import make_cloth_tools
+    from softlab.gpu_backend.core.sheet import make_cloth_tools
     from softlab.gpu_backend.mass_spring.cloth.stages import make_bound_stages, make_force_stages, make_motion_stages
 
     kind = types.float32 if real is np.float32 else types.float64

@@ -197,13 +197,19 @@ GPU: tuple[Mistake, ...] = (
         },
     ),
     *in_file(
+        "gpu_backend/core/sheet.py",
+        SIMULATED_XPBD,
+        {
+            "a launch's threads are turned by a quarter (gpu)": ("np.int32(cuda.blockIdx.y * cuda.blockDim.y + cuda.threadIdx.y),\n            np.int32(cuda.blockIdx.x * cuda.blockDim.x + cuda.threadIdx.x),", "np.int32(cuda.blockIdx.x * cuda.blockDim.x + cuda.threadIdx.x),\n            np.int32(cuda.blockIdx.y * cuda.blockDim.y + cuda.threadIdx.y),"),
+        },
+    ),
+    *in_file(
         "gpu_backend/xpbd/kernels.py",
         SIMULATED_XPBD,
         {
             "a colour projects the other colour's rows (gpu)": ("i % down + down * colour)", "i % down + down * (np.int32(1) - colour))"),
             "rising diagonals fall (gpu)": ("first, second = np.int32(k + along), np.int32(k + down * columns)", "first, second = np.int32(k), np.int32(k + down * columns)"),
             "multipliers are kept from the last substep (gpu)": ("if has_multiplier and not fresh:", "if has_multiplier:"),
-            "a launch's threads are turned by a quarter (gpu)": ("np.int32(cuda.blockIdx.y * cuda.blockDim.y + cuda.threadIdx.y),\n            np.int32(cuda.blockIdx.x * cuda.blockDim.x + cuda.threadIdx.x),", "np.int32(cuda.blockIdx.x * cuda.blockDim.x + cuda.threadIdx.x),\n            np.int32(cuda.blockIdx.y * cuda.blockDim.y + cuda.threadIdx.y),"),
         },
     ),
     *in_file(

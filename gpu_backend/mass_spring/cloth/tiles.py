@@ -20,7 +20,7 @@ import numpy as np
 from numba import cuda
 
 from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
-from softlab.gpu_backend.core.device import simulated
+from softlab.gpu_backend.core.device import ALIGNMENT, simulated
 from softlab.gpu_backend.core.planes import near
 from softlab.gpu_backend.core.quads import load_quad, store_quad
 from softlab.gpu_backend.core.tiling import Tile
@@ -35,7 +35,7 @@ from softlab.gpu_backend.mass_spring.cloth.tiling import (
     reach_of,
     tile_bytes,
 )
-from softlab.gpu_backend.mass_spring.grid.strips import ALIGNMENT, make_bits_between
+from softlab.gpu_backend.mass_spring.grid.strips import make_bits_between
 from softlab.gpu_backend.mass_spring.grid.tiles import SHARED_MEMORY
 
 BLOCK_OVERHEAD = 1 << 10  # bytes of shared memory that the system reserves per block
