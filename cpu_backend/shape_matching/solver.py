@@ -12,12 +12,12 @@ from typing import Any
 import numba
 import numpy as np
 
-from softlab.cpu_backend.contact.bodies_bounce import make_bodies_bounce_stage
 from softlab.cpu_backend.contact.particles import NO_CONTACTS, ParticleContacts
 from softlab.cpu_backend.contact.particles_project import PACES, make_settle_stage
 from softlab.cpu_backend.core.constraints import make_constraint_stage
 from softlab.cpu_backend.core.layout import aligned_zeros
 from softlab.cpu_backend.core.simulation import ParticlesSimulation, chosen_kernel
+from softlab.cpu_backend.shape_matching.bodies_bounce import make_bodies_bounce_stage
 from softlab.cpu_backend.shape_matching.couples import make_couples_stage
 from softlab.cpu_backend.shape_matching.damping import at_damping, make_damping_stage
 from softlab.cpu_backend.shape_matching.kernels import AXES, FRAME, LANES, QUATERNION, SCRATCH

@@ -15,7 +15,7 @@ import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import block_of, row_at
-from softlab.cpu_backend.mass_spring.cloth.scratch import AXES, REACH, make_scratch
+from softlab.cpu_backend.core.scratch import AXES, REACH, make_scratch
 from softlab.cpu_backend.xpbd.layout import (
     P_BEFORE,
     P_BLOCKS,

@@ -15,9 +15,9 @@ import numpy as np
 
 from softlab.cpu_backend.contact.self_contact import Contacts
 from softlab.cpu_backend.core.layout import Layout, aligned_zeros, block_of, plain
+from softlab.cpu_backend.core.normals import make_normals
+from softlab.cpu_backend.core.scratch import scratch_width, triples_of
 from softlab.cpu_backend.core.simulation import RowsSimulation, chosen_kernel
-from softlab.cpu_backend.mass_spring.cloth.normals import make_normals
-from softlab.cpu_backend.mass_spring.cloth.scratch import scratch_width, triples_of
 from softlab.cpu_backend.xpbd.forces import WIND_PARTS, has_forces
 from softlab.cpu_backend.xpbd.jacobi import displacement_triples
 from softlab.cpu_backend.xpbd.jacobi_kernel import make_jacobi_advance

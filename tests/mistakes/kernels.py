@@ -141,7 +141,7 @@ CPU: tuple[Mistake, ...] = (
         {"a body's poke is along x alone": ("parameters.poke_y if poked else zero", "parameters.poke_x if poked else zero")},
     ),
     *in_file(
-        "cpu_backend/xpbd/stages.py",
+        "cpu_backend/core/point_stages.py",
         "test_xpbd_cpu_reference.py::test_stages_follow_the_reference",
         {"a substep's velocity counts from the prediction (cpu)": ("position[axis, i, j] = predicted(p, record[0].dt, v) if w > zero else p", "position[axis, i, j] = predicted(p, record[0].dt, velocity[axis, i, j]) if w > zero else p")},
     ),

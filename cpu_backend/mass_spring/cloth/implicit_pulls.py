@@ -9,7 +9,7 @@ from typing import Any
 
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import block_of, row_at
-from softlab.cpu_backend.mass_spring.cloth.scratch import AXES
+from softlab.cpu_backend.core.scratch import AXES
 from softlab.model.formulas import implicit
 from softlab.model.mass_spring.cloth_parameters import spring_constants
 
