@@ -18,10 +18,10 @@ from softlab.cpu_backend.core.simulation import RowsSimulation, chosen_kernel
 from softlab.cpu_backend.shape_matching.matching import STATES, make_matching_advance, scratch_places
 from softlab.cpu_backend.shape_matching.matching_rows import CLUSTER
 from softlab.cpu_backend.shape_matching.matching_stages import make_matching_stages
+from softlab.model.assets.lattice import TABLE, matching_axis
 from softlab.model.core.plan import Executor, Moment, StageRun
 from softlab.model.core.simulation import Options
 from softlab.model.scene.scene import Scene
-from softlab.model.shape_matching.lattice import TABLE, matching_axis
 from softlab.model.xpbd.plan import xpbd_plan
 
 

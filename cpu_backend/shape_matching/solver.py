@@ -1,7 +1,7 @@
 """Soft and rigid bodies by shape matching on CPU threads: clusters in compressed form, any number per particle.
 
 M. Mueller et al., "Meshless Deformations Based on Shape Matching", SIGGRAPH 2005, in substeps, with the masses divided
-among clusters (model/shape_matching/clusters.py). Kernels: `fused`, many steps in one call, and `stages`, one parallel
+among clusters (model/assets/clusters.py). Kernels: `fused`, many steps in one call, and `stages`, one parallel
 loop per stage. In `exact` math both give the same bits, for any number of threads.
 """
 
@@ -29,10 +29,10 @@ from softlab.cpu_backend.shape_matching.material import ClusterArrays
 from softlab.cpu_backend.shape_matching.rebound import at_rebound, make_rebound_stages
 from softlab.cpu_backend.shape_matching.rigid import at_rigid, make_rest_stage, make_steadying_stage
 from softlab.cpu_backend.shape_matching.together import make_bodies_together
+from softlab.model.contact.cloth_parameters import collider_numbers
 from softlab.model.core.own_forces import POKED
 from softlab.model.core.plan import Executor, Moment, StageRun
 from softlab.model.core.simulation import Options
-from softlab.model.mass_spring.cloth_parameters import collider_numbers
 from softlab.model.scene.scene import Scene
 from softlab.model.shape_matching.cluster_tables import matching_factors, shaping
 from softlab.model.shape_matching.links import LINKS

@@ -19,9 +19,9 @@ from softlab.gpu_backend.domains.devices import at, connect, devices_for
 from softlab.gpu_backend.domains.peers import PullExchange
 from softlab.gpu_backend.domains.windows import OnGpus
 from softlab.model.core.options import Options
+from softlab.model.core.sharing.partitions import Message, Partitions
 from softlab.model.domains.exchange import Exchange
 from softlab.model.domains.partitioned import PartitionedBodies, partitions
-from softlab.model.domains.partitions import Message, Partitions
 from softlab.model.scene.scene import Scene
 
 THREADS = 256  # per block that reads

@@ -19,7 +19,7 @@ from softlab.gpu_backend.domains.kernels import make_border_kernels
 from softlab.gpu_backend.domains.units import StateUnits
 from softlab.gpu_backend.domains.windows import OnGpus
 from softlab.model.core.options import Options
-from softlab.model.domains.decomposition import Border, Decomposition
+from softlab.model.core.sharing.decomposition import Border, Decomposition
 from softlab.model.domains.exchange import Exchange
 from softlab.model.domains.simulation import DecomposedSimulation, cut
 from softlab.model.scene.scene import Scene

@@ -20,10 +20,10 @@ from softlab.gpu_backend.core.world import World
 from softlab.gpu_backend.shape_matching.bodies_bounce import make_bodies_bounce, make_give
 from softlab.gpu_backend.shape_matching.damping import make_gather
 from softlab.gpu_backend.shape_matching.kernels import PITCH, THREADS, TOGETHER
+from softlab.model.assets.clusters import Clusters
 from softlab.model.formulas.shape_matching import cluster, rebound
 from softlab.model.formulas.shape_matching.cluster import LANES
 from softlab.model.formulas.shape_matching.rebound import SUMS
-from softlab.model.shape_matching.clusters import Clusters
 from softlab.model.shape_matching.rigid_rebound import rebound_limits
 
 SHARED = TOGETHER * SUMS * PITCH  # numbers per block

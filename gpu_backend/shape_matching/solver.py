@@ -1,7 +1,7 @@
 """Soft and rigid bodies by shape matching on CUDA: clusters in compressed form, any number per particle.
 
 M. Mueller et al., "Meshless Deformations Based on Shape Matching", SIGGRAPH 2005, in substeps, with the masses divided
-among clusters (model/shape_matching/clusters.py). A substep: `begin` predicts positions; `iterations` times clusters
+among clusters (model/assets/clusters.py). A substep: `begin` predicts positions; `iterations` times clusters
 are summed, turned, and particles moved towards their goals; the last of these moves also computes velocities and
 collisions. Kernels: `launch`, and `graph`, the same captured as a CUDA graph; `stages`, stage by stage. In `exact` math
 all give the same bits as the CPU.

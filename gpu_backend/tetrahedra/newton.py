@@ -16,10 +16,10 @@ from softlab.gpu_backend.core.quads import SIZE
 from softlab.gpu_backend.core.sheet import make_cloth_tools, make_mesh_tools
 from softlab.gpu_backend.tetrahedra.newton_kernel import DONE, WORKING, Lists, make_newton, packed
 from softlab.gpu_backend.tetrahedra.newton_sums import THREADS, UNIT
+from softlab.model.contact.cloth_parameters import PIN_FIELDS
 from softlab.model.core.options import unknown_kernel
 from softlab.model.core.plan import Executor
 from softlab.model.core.simulation import Options
-from softlab.model.mass_spring.cloth_parameters import PIN_FIELDS
 from softlab.model.scene.scene import Scene
 from softlab.model.tetrahedra.aggregates import Couplings, aggregates, couplings
 from softlab.model.tetrahedra.block_rows import BLOCKS, block_rows

@@ -41,12 +41,12 @@ from softlab.gpu_backend.xpbd.kernels import (
 )
 from softlab.gpu_backend.xpbd.launch import BlockLauncher, TiledLauncher
 from softlab.gpu_backend.xpbd.stages import bind_xpbd_stages
+from softlab.model.contact.cloth_parameters import collider_numbers
 from softlab.model.core.errors import SceneError
 from softlab.model.core.plan import Executor
 from softlab.model.core.simulation import Options
-from softlab.model.geometry.tables import sheet_reaches
-from softlab.model.mass_spring.cloth_parameters import collider_numbers
 from softlab.model.scene.scene import Scene
+from softlab.model.xpbd.attachments import sheet_reaches
 from softlab.model.xpbd.plan import colour_order, families, xpbd_plan
 
 NOT_YET = ("motion", "mesh")

@@ -7,10 +7,9 @@ from typing import Any
 import numpy as np
 
 from softlab.model.core.errors import SceneError
-from softlab.model.fluid.fluid_set import FluidSet
 from softlab.model.geometry.arithmetic.ordered import dot, norm
 from softlab.model.scene.cloth import COLLIDER_KINDS
-from softlab.model.scene.flow import Emitter, spatial
+from softlab.model.scene.flow import NEVER, Emitter, spatial
 
 # Row of an emitter:
 EMITTER_FIELDS = 14
@@ -44,7 +43,6 @@ SINK_FIELDS = 8
     S_RADIUS,
 ) = range(SINK_FIELDS)
 SINK_SHAPES = ("box", "sphere", "half-space")
-NEVER = 1e30  # s
 
 
 def fluid_of(scene: Any, name: str) -> int:
@@ -57,27 +55,6 @@ def fluid_of(scene: Any, name: str) -> int:
     return names.index(part.fluid)
 
 
-def taps_at_start(scene: Any) -> np.ndarray:
-    """Return the initial emitter states, (emitters, 2) float64: the time [s] since which each has its speed, and the
-    layers that had passed by then."""
-    return np.array([(part.start, 0.0) for part in scene.emitters.values()], np.float64).reshape(-1, 2)
-
-
-def layers_passed(scene: Any, taps: np.ndarray, time: float) -> np.ndarray:
-    """Return the number of layers that have passed each nozzle by `time` [s], (emitters,) float64."""
-    found, distance = [], scene.fluid_set.spacing
-    for part, (since, before) in zip(scene.emitters.values(), taps, strict=True):
-        stop = NEVER if part.stop is None else part.stop
-        found.append(before + part.speed / distance * (min(max(time, since), stop) - since))
-    return np.array(found)
-
-
-def turned(scene: Any, taps: np.ndarray, time: float) -> np.ndarray:
-    """Return the emitter states from `time` [s] on, when speeds change from those of `scene`."""
-    starts = [part.start for part in scene.emitters.values()]
-    return np.stack([np.maximum(time, starts), layers_passed(scene, taps, time)], axis=1).reshape(-1, 2)
-
-
 def emitter_rows(scene: Any, taps: np.ndarray, real: type) -> np.ndarray:
     """Return the rows of emitters, (emitters, EMITTER_FIELDS), in the arithmetic `real`, in the order of the file."""
     rows, first, found = np.zeros((len(scene.emitters), EMITTER_FIELDS)), 0, scene.fluid_set
@@ -88,13 +65,6 @@ def emitter_rows(scene: Any, taps: np.ndarray, real: type) -> np.ndarray:
         row[E_DISTANCE], row[E_RATE], row[E_SINCE : E_BEFORE + 1] = found.spacing, part.speed / found.spacing, tap
         row[E_STOP] = NEVER if part.stop is None else part.stop
     return rows.astype(real)
-
-
-def nozzle_points(scene: Any, real: type) -> np.ndarray:
-    """Return the points of all emitters, (points, 3) [m], in the arithmetic `real`."""
-    found: FluidSet = scene.fluid_set
-    points = [part.nozzle(found.spacing, found.dimensions) for part in scene.emitters.values()]
-    return np.concatenate([np.zeros((0, 3)), *points]).astype(real)
 
 
 def sink_rows(scene: Any, real: type) -> np.ndarray:

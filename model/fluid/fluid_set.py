@@ -13,13 +13,12 @@ from softlab.model.core.errors import SceneError
 from softlab.model.core.memory import MAX_PARTICLES, available_bytes, require
 from softlab.model.fluid.lattice import Lattice, lattice_of
 from softlab.model.geometry.arithmetic.functions import cosine, sine, whole_power
-from softlab.model.geometry.particle_row import ParticleRow
+from softlab.model.geometry.particle_row import PARKED, ParticleRow
 from softlab.model.scene.fluid import REPEATED, WIDER, Domain, Fluid
 
 PARTICLE_BYTES = 700  # on the host: state, sorted copies, a list of 64 neighbours
 OF_ALL = ("dimensions", "rest_distance", "support_radius")  # fields in which fluids of a scene must agree
 MAX_FLUIDS = 64
-PARKED = -float(2**20)  # m, along every axis: position of inactive particles; exact in any precision
 
 
 @dataclass(frozen=True, eq=False)

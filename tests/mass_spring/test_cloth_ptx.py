@@ -106,7 +106,7 @@ def test_an_absent_part_leaves_no_instruction() -> None:
 
 
 def test_friction_is_compiled_in_where_a_body_has_some() -> None:
-    from softlab.model.mass_spring.cloth_parameters import B_DYNAMIC, B_STATIC
+    from softlab.model.contact.cloth_parameters import B_DYNAMIC, B_STATIC
 
     smooth, rough = (pass_text("step", parts) for parts in (frozenset({"plane"}), frozenset({"plane", "friction"})))
     for place in (B_STATIC, B_DYNAMIC):

@@ -11,7 +11,7 @@ SIMULATED_XPBD = "simulator/test_simulated_xpbd.py::test_the_reference_is_met_wi
 
 CPU: tuple[Mistake, ...] = (
     *in_file(
-        "model/domains/decomposition.py",
+        "model/core/sharing/decomposition.py",
         "test_decomposition.py::test_the_halo_lasts_until_the_next_exchange test_decomposition.py::test_an_exchange_fills_every_halo_with_what_its_neighbour_owns",
         {
             "the last half kick of a window lacks a row": ("self.rows * self.forces * parts + self.more", "self.rows * self.forces * parts"),

@@ -25,8 +25,8 @@ from softlab.bench.measure.timing import Subject
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import Measure, configuration, measures
 from softlab.model.core.errors import SceneError
+from softlab.model.core.sharing.decomposition import Reach, decompose
 from softlab.model.core.simulation import Simulation
-from softlab.model.domains.decomposition import Reach, decompose
 from softlab.model.scene.scene import Scene, load_scene
 
 STAGE = "shared"  # stage of the samples

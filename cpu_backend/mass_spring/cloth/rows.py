@@ -19,11 +19,11 @@ from softlab.cpu_backend.core.layout import L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE
 from softlab.cpu_backend.core.own_forces import make_own_row
 from softlab.cpu_backend.core.scratch import AXES, REACH, make_scratch, triples_of
 from softlab.cpu_backend.core.wind import make_winds
-from softlab.model.core.own_forces import own_changes, own_forces
-from softlab.model.formulas import springs
-from softlab.model.mass_spring.cloth_parameters import (
+from softlab.model.contact.cloth_parameters import (
     spring_constants,
 )
+from softlab.model.core.own_forces import own_changes, own_forces
+from softlab.model.formulas import springs
 from softlab.model.scene.cloth import SPRING_KINDS
 
 

@@ -17,11 +17,11 @@ from softlab.cpu_backend.mass_spring.cloth.kernels import PIN_ROWS, PLANES, make
 from softlab.cpu_backend.mass_spring.cloth.rk4 import make_cloth_rk4
 from softlab.cpu_backend.mass_spring.cloth.stages import bind_cloth_stages
 from softlab.cpu_backend.mass_spring.grid.row_step import CLOSING, MIDDLE, OPENING
+from softlab.model.contact.cloth_parameters import body_rows, pin_velocity
 from softlab.model.core.errors import SceneError
 from softlab.model.core.integrators import IMPLICIT
 from softlab.model.core.plan import Executor
 from softlab.model.core.simulation import Options
-from softlab.model.mass_spring.cloth_parameters import body_rows, pin_velocity
 from softlab.model.mass_spring.cloth_plan import cloth_plan, kicks_meet
 from softlab.model.scene.scene import Scene
 

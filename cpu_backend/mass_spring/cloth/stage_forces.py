@@ -12,8 +12,8 @@ import numpy as np
 from numba import prange
 
 from softlab.cpu_backend.core.compile import Compiler
+from softlab.model.contact.cloth_parameters import spring_constants
 from softlab.model.formulas import springs
-from softlab.model.mass_spring.cloth_parameters import spring_constants
 from softlab.model.scene.cloth import SPRING_KINDS
 
 

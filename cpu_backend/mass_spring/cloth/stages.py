@@ -22,12 +22,12 @@ from softlab.cpu_backend.core.wind import make_wind_stage
 from softlab.cpu_backend.mass_spring.cloth.kernels import PIN_ROWS
 from softlab.cpu_backend.mass_spring.cloth.stage_forces import make_spring_stage
 from softlab.cpu_backend.mass_spring.motion_stages import bind_motion, make_motion_stages
-from softlab.model.core.plan import Moment, StageRun
-from softlab.model.formulas import cloth, motion
-from softlab.model.mass_spring.cloth_parameters import (
+from softlab.model.contact.cloth_parameters import (
     P_MOTION,
     PIN_FIELDS,
 )
+from softlab.model.core.plan import Moment, StageRun
+from softlab.model.formulas import cloth, motion
 from softlab.model.scene.cloth import COLLIDER_KINDS, SPRING_KINDS
 
 

@@ -21,11 +21,11 @@ from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.integers import knows_time
 from softlab.gpu_backend.core.quads import load_quad
 from softlab.gpu_backend.core.wind import make_wind
-from softlab.model.formulas import implicit, springs
-from softlab.model.mass_spring.cloth_parameters import (
+from softlab.model.contact.cloth_parameters import (
     CLOTH_PARAMETERS,
     spring_constants,
 )
+from softlab.model.formulas import implicit, springs
 from softlab.model.scene.cloth import SPRING_KINDS
 
 

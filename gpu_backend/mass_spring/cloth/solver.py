@@ -27,10 +27,10 @@ from softlab.gpu_backend.mass_spring.cloth.kernels import make_cloth_passes, mak
 from softlab.gpu_backend.mass_spring.cloth.launch import ClothTiles
 from softlab.gpu_backend.mass_spring.cloth.stages import bind_cloth_stages
 from softlab.gpu_backend.mass_spring.passes import SheetPasses
+from softlab.model.contact.cloth_parameters import body_rows, pin_velocity
 from softlab.model.core.integrators import IMPLICIT
 from softlab.model.core.plan import Executor
 from softlab.model.core.simulation import Options
-from softlab.model.mass_spring.cloth_parameters import body_rows, pin_velocity
 from softlab.model.mass_spring.cloth_plan import cloth_plan, kicks_meet
 from softlab.model.scene.scene import Scene
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from softlab.model.core.errors import SceneError
 from softlab.model.scene.attachment import check_attachment
+from softlab.model.scene.checks.selection import check_word
 from softlab.model.scene.cloth import COLLIDER_KINDS, CONSTRAINT_KINDS
 from softlab.model.scene.kinds import KINDS
 from softlab.model.scene.members import OF_PARTICLES
@@ -15,7 +16,6 @@ from softlab.model.scene.particle_contact import MAX_KINDS
 from softlab.model.scene.scene_parts import SceneParts
 from softlab.model.scene.tetrahedra import TETRAHEDRAL_KINDS
 from softlab.model.tetrahedra.matter import check_material
-from softlab.model.tetrahedra.selection import check_word
 
 SOLVERS_OF_TETRAHEDRA = ("xpbd", *TETRAHEDRAL_SOLVERS)
 OF_TETRAHEDRA = (
