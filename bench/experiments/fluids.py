@@ -25,8 +25,8 @@ from softlab.bench.measure.costs_timing import Measures
 from softlab.bench.measure.tables import columns, print_table
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import Measure, measures
-from softlab.model.fluid.fluid_set import particle_count
 from softlab.model.fluid.plan import fluid_plan, neighbours_at_rest
+from softlab.model.scene.checks.fluids import particle_count
 from softlab.model.scene.scene import Scene, load_scene
 
 STAGE = "fluids"  # stage of the samples in the store
