@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from softlab.model.core.components import component
 from softlab.model.core.errors import SceneError
-from softlab.model.core.family import named
 from softlab.model.core.options import Options
 from softlab.model.core.simulation import Simulation
 from softlab.model.domains.launched import launched_ranks
@@ -119,13 +119,13 @@ def open_shared(
     check_sharing(backend, gpus, ranks, link)
     _refuse_releases(scene)
     if backend == "cpu":
-        from softlab.cpu_backend.domains.mpi import MpiRanks
-        from softlab.cpu_backend.domains.ranks import on_ranks
-
-        return on_ranks(scene, options, MpiRanks(ranks), threads, exchange_every)
+        of_ranks = component("softlab.cpu_backend.domains.mpi:MpiRanks", "--ranks")(ranks)
+        on_ranks = component("softlab.cpu_backend.domains.ranks:on_ranks", "--ranks")
+        together: Simulation = on_ranks(scene, options, of_ranks, threads, exchange_every)
+        return together
     way = _way(scene, gpus)
     _check_link(way, None if link == USUAL_LINK else link)
-    opened: Simulation = named(way or LINKS[link])(scene, options, gpus, exchange_every)
+    opened: Simulation = component(way or LINKS[link], "--gpus")(scene, options, gpus, exchange_every)
     return opened
 
 

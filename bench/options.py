@@ -10,6 +10,7 @@ import typer
 from rich.console import Console
 
 from softlab.app.command.command_line import out, typed
+from softlab.model.core.components import component
 from softlab.model.core.errors import SceneError
 
 Backends = Annotated[list[str] | None, typer.Option(help="Only this backend. Repeatable.")]
@@ -69,8 +70,7 @@ def measure(
 
     with Store(path) as store:
         if where is not None:
-            from softlab.bench.cluster.start import on_cluster
-
+            on_cluster = component("softlab.bench.cluster.start:on_cluster", "--cluster")
             summary = on_cluster(store, run, where, timed=timed, command=typed(), **how)
         else:
             summary = run(store, command=typed(), **how)
@@ -79,9 +79,7 @@ def measure(
                 show(out, store, machine)
         tell(out, summary)
         if where is not None:
-            from softlab.bench.cluster.summary import print_workers
-
-            print_workers(out, summary)
+            component("softlab.bench.cluster.summary:print_workers", "--cluster")(out, summary)
     if summary.interrupted:
         raise typer.Exit(130)
     if where is not None and (summary.given_up or summary.kept):
@@ -91,11 +89,9 @@ def measure(
 
 def where_asked(cluster: str | None, workers: int | None, sbatch: list[str] | None) -> Any:
     """Where an experiment is to be measured; None: in this process. Raises SceneError."""
-    from softlab.bench.cluster.pools import where_of
-
     if cluster is None:
         for name, value in (("--workers", workers), ("--sbatch", sbatch)):
             if value is not None:
                 raise SceneError(name, value, "goes with --cluster")
         return None
-    return where_of(cluster, workers, sbatch)
+    return component("softlab.bench.cluster.pools:where_of", "--cluster")(cluster, workers, sbatch)

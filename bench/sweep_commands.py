@@ -10,6 +10,7 @@ import typer
 from softlab.app.command.command_line import DEFAULT_STORE, StorePath
 from softlab.bench.measure.took import Timed
 from softlab.bench.options import Backends, Cluster, Precisions, Sbatch, Workers, measure, precisions_of, where_asked
+from softlab.model.core.components import component
 from softlab.model.core.errors import SceneError
 
 sweeping = typer.Typer()
@@ -73,7 +74,7 @@ def sweep(
 ) -> None:
     """Time grid sizes, backends, threads and precisions, with and without graphics. Resumes where it stopped."""
     from softlab.bench.experiments.sweep import THREADS, check_positive, run_sweep
-    from softlab.bench.store.tables import print_kernels, print_sweep
+    from softlab.bench.measure.tables import print_kernels, print_sweep
 
     check_together(peers, kernels, kernel, threads, scene, gpus, cluster, {
         "--weak": weak, "--link": link, "--exchange-every": exchange_every,
@@ -103,10 +104,8 @@ def sweep(
         how |= {"kernels": kernel, "energy": energy, "starts": starts, "again": again}
         measure(store, run_kernel_sweep, print_kernels, where=where, **how)
     elif peers:
-        from softlab.bench.peers.results import print_peers
-        from softlab.bench.peers.sweep import run_peers
-
-        measure(store, run_peers, print_peers, scenes=scene, **how)
+        run_peers = component("softlab.bench.peers.sweep:run_peers", "--peers")
+        measure(store, run_peers, component("softlab.bench.peers.results:print_peers", "--peers"), scenes=scene, **how)
     else:
         measure(store, run_sweep, where=where, graphics=graphics, threads=threads or THREADS, again=again, **how)
 

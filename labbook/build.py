@@ -48,11 +48,11 @@ from softlab.labbook.tables import Table, machine_table, region_tables, scene_ta
 from softlab.model.core.errors import BackendUnavailable, InputError
 from softlab.model.core.files import check_target, replacing
 from softlab.plots.core.data import Origin, Results, Source, is_suspect
-from softlab.plots.core.draw import FigureFiles, draw_figures
 from softlab.plots.core.files import without_footer
 from softlab.plots.core.older import without_older
 from softlab.plots.core.read import load
 from softlab.plots.core.style import OLDER
+from softlab.plots.draw import FigureFiles, draw_figures
 
 FOLDER = Path(__file__).resolve().parent
 COMMITTED = FOLDER / "data"
@@ -104,7 +104,7 @@ def build(
     """Build the lab book from the user's own store(s) and the committed measurements; return the path of the PDF.
 
     `own`: open stores or paths (.sqlite, .csv); None: only the committed measurements. `committed`: text exports (None:
-    those in labbook/data/). `helped`: see plots/core/draw.py. The PDF is written to a temporary name and renamed, so
+    those in labbook/data/). `helped`: see plots/draw.py. The PDF is written to a temporary name and renamed, so
     that an earlier book survives a failure.
 
     Raises InputError (a store or the output cannot be used, nothing was measured), BackendUnavailable (typst is

@@ -13,11 +13,12 @@ from rich.table import Table
 from softlab.bench.measure.progress import Whole, keep_seconds, last_seconds, progress_bar
 from softlab.bench.store.database import DEFAULT_PATH
 from softlab.labbook.build import build, committed_data, write_book
+from softlab.model.core.components import component
 from softlab.model.core.errors import InputError, SoftlabError
 from softlab.model.core.files import check_target
 from softlab.plots.core.data import Results
-from softlab.plots.core.draw import FIGURES, FigureFiles, draw_figures, figures_folder
 from softlab.plots.core.read import load
+from softlab.plots.draw import FIGURES, FigureFiles, draw_figures, figures_folder
 from softlab.plots.figures.energies import draw_energies, read_energies
 
 ABLATED = ("lab-curtain", "lab-hammock")  # scenes of `softlab lab` for `softlab ablate`
@@ -74,9 +75,8 @@ def make_film(console: Console, store: Path, path: Path, *, quick: bool, voice: 
     Raises InputError (a store that was requested by name and does not exist, the file), BackendUnavailable.
     """
     from softlab.app.output.video import CLIP
-    from softlab.labbook.film.canvas import FULL, QUICK
-    from softlab.labbook.film.film import write_film
 
+    canvas, write_film = (component(f"softlab.labbook.film.{part}", "film") for part in ("canvas", "film:write_film"))
     if not store.exists() and store != DEFAULT_PATH:
         raise InputError(f"{store}: no such store; measure first (softlab lab --quick), or give another path")
     _prepare(path.parent)
@@ -86,7 +86,8 @@ def make_film(console: Console, store: Path, path: Path, *, quick: bool, voice: 
     if last:
         console.print(f"last time this took {sum(last.values()):.0f} s on this machine")
     begin = monotonic()
-    made = write_film(load(store if store.exists() else None, committed_data()), path, QUICK if quick else FULL, voice)
+    found = load(store if store.exists() else None, committed_data())
+    made = write_film(found, path, canvas.QUICK if quick else canvas.FULL, voice)
     keep_seconds(kind, {"film": monotonic() - begin})
     voiced = f"spoken by {made.voice}" if made.spoken else f"captions alone: no voice ({made.voice})"
     console.print(f"{made.path}: {made.seconds:.0f} s, {made.frames} frames; {voiced}", markup=False, soft_wrap=True)
@@ -102,8 +103,8 @@ def whole_lab(console: Console, *, quick: bool, store_path: Path, command: str) 
     from softlab.app.command.doctor import examine
     from softlab.app.command.tables import print_findings
     from softlab.bench.measure.machine import enter_machine
+    from softlab.bench.measure.tables import print_fastest
     from softlab.bench.store.database import Store
-    from softlab.bench.store.tables import print_fastest
 
     kind = "lab --quick" if quick else "lab"
     last = last_seconds(kind)
@@ -157,7 +158,7 @@ def _measurements(console: Console, store: Any, quick: bool, command: str) -> di
     from softlab.bench.experiments.tetrahedra import run_tetrahedra
     from softlab.bench.experiments.tetrahedral.meshes import run_meshes
     from softlab.bench.experiments.throughput import run_throughput
-    from softlab.bench.store.tables import print_sweep
+    from softlab.bench.measure.tables import print_sweep
     from softlab.bench.stress.experiment import run_hard
     from softlab.bench.stress.told import print_hard
     from softlab.model.scene.scene import load_scene

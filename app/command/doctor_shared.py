@@ -5,6 +5,7 @@ from __future__ import annotations
 from importlib.util import find_spec
 
 from softlab.app.command.findings import Finding
+from softlab.model.core.components import component
 from softlab.model.core.errors import BackendUnavailable
 from softlab.model.domains.processes import INSTALL, mpi_installed, mpiexec
 
@@ -20,9 +21,9 @@ def gpus_together() -> Finding:
     if simulated():
         return Finding(name, True, "the simulator lets windows take turns on its one device")
     try:
-        from softlab.gpu_backend.domains.links import find_links
-
-        found = find_links()
+        found = component("softlab.gpu_backend.domains.links:find_links", "--gpus")()
+    except BackendUnavailable as missing:
+        return Finding(name, False, missing.missing, missing.remedy)
     except ImportError:
         return Finding(name, False, "not known how they are linked: NVML is not installed", "pip install nvidia-ml-py")
     if found.count < 2:

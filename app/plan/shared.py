@@ -9,11 +9,11 @@ import numpy as np
 
 from softlab.app.command.tables import number
 from softlab.model.core.memory import readable
-from softlab.model.domains.bodies import Division
-from softlab.model.domains.decomposition import Decomposition
+from softlab.model.core.sharing.bodies import Division
+from softlab.model.core.sharing.decomposition import Decomposition
+from softlab.model.core.sharing.partitions import Partitions
 from softlab.model.domains.link import NVLINK, Link
 from softlab.model.domains.partitioned import is_partitioned, partitions
-from softlab.model.domains.partitions import Partitions
 from softlab.model.domains.shared_bodies import division, is_apart
 from softlab.model.domains.shared_fluid import bytes_each
 from softlab.model.domains.simulation import cut

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from softlab.model.contact.surface_collider import SurfaceCollider, turn_matrix
 from softlab.model.scene.cloth import Box, Capsule, Collider, Plane, Sphere
+from softlab.model.scene.colliders.surface_collider import SurfaceCollider, turn_matrix
 from softlab.model.scene.scene import Scene
 
 RINGS, SECTORS = 20, 64  # of half a ball: flat enough that no edge shows

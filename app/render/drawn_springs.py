@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from softlab.model.contact.cloth_parameters import REACH
 from softlab.model.core.energy import spring_strain
-from softlab.model.mass_spring.cloth_parameters import REACH
-from softlab.model.mass_spring.energy import spring_ends
+from softlab.model.core.stability.springs import spring_ends
 from softlab.model.scene.scene import Scene
 from softlab.model.xpbd.mesh_constraints import edges_of
 

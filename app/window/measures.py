@@ -12,10 +12,11 @@ from softlab.app.render.camera import finite_bounds, joined_bounds
 from softlab.app.render.colours import strain_range
 from softlab.app.render.drawn_springs import drawn_strain
 from softlab.app.render.fluid.framing import main_part, with_fluids
-from softlab.model.contact.shortfalls import inverted_elements, lost
+from softlab.model.contact.shortfalls import inverted_elements
 from softlab.model.core.build import masses
 from softlab.model.core.energy import energies
 from softlab.model.core.simulation import Simulation
+from softlab.model.core.stepping import lost
 from softlab.model.fluid.measure import compression
 from softlab.model.scene.scene import Scene
 from softlab.model.shape_matching.spare import absent, present

@@ -23,11 +23,11 @@ from softlab.app.window.demo_report import demo_state, write_state
 from softlab.app.window.following import Following
 from softlab.app.window.looks import Looks
 from softlab.app.window.overlay import Overlay
-from softlab.app.window.panel.panel import Panel
 from softlab.app.window.panes import GAP, Pane, check_alike, panes
 from softlab.app.window.shots import Shots
 from softlab.app.window.shown import Judge
 from softlab.app.window.stillness import Stillness
+from softlab.app.window.without_panel import panel_of
 from softlab.model.scene.scene import Scene
 
 WIDTH, HEIGHT = 1200, 900
@@ -57,7 +57,7 @@ class Viewer:
             self.window.close()
             raise
         self.judge = judge
-        self.panel = Panel(self)
+        self.panel = panel_of(self)
         self.camera: Any = camera_of(demo.world.scene, WIDTH, HEIGHT)  # for every pane
         self._lay_out()
         self.follow = True

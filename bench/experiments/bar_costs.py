@@ -32,11 +32,11 @@ from softlab.bench.measure import costs_timing
 from softlab.bench.measure.costs_timing import RATIO, SECONDS, Effort, Measures, Record, in_turn
 from softlab.bench.measure.experiment import described
 from softlab.bench.measure.items import Group, Items, cost_sources
+from softlab.bench.measure.tables import columns, print_table
 from softlab.bench.measure.timing import Subject, prepare
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import Measure, by_configuration, measures
 from softlab.bench.store.schema import tables_by_kind
-from softlab.bench.store.tables import columns, print_table
 from softlab.model.core.errors import SoftlabError
 from softlab.model.scene.scene import Scene
 

@@ -12,9 +12,9 @@ from rich.console import Console
 from softlab.bench.experiments.bar import BODY, ELEMENTS, LAW, STRIP
 from softlab.bench.experiments.bar_body import rod_swing, standing_sag
 from softlab.bench.experiments.bar_strip import ACROSS, FREQUENCY, REFUSED, SAG, beam_tip, rod_frequency, rod_sag
+from softlab.bench.measure.tables import columns, print_table
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import Measure, measures
-from softlab.bench.store.tables import columns, print_table
 
 
 @dataclass(frozen=True)

@@ -27,8 +27,9 @@ from softlab.bench.measure.costs_timing import Measures
 from softlab.model.core.build import build, rest_positions
 from softlab.model.core.errors import BackendUnavailable, Diverged, UnstableTimeStep
 from softlab.model.core.simulation import Simulation, State
+from softlab.model.core.stability.springs import matching_stiffness
 from softlab.model.scene.scene import Scene
-from softlab.model.shape_matching.matching import lattice_clusters, matching_stiffness
+from softlab.model.shape_matching.matching import lattice_clusters
 
 LENGTH, WIDTH = 1.0, 0.25  # m
 SPEED = 8.0  # m/s, c

@@ -23,10 +23,10 @@ from softlab.bench.measure.costs_timing import FULL, RATIO, SECONDS, Effort, Mea
 from softlab.bench.measure.costs_timing import QUICK as SHORT
 from softlab.bench.measure.experiment import described
 from softlab.bench.measure.items import Group, Items, cost_sources
+from softlab.bench.measure.tables import print_table
 from softlab.bench.measure.timing import Subject, prepare
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import Measure, measures
-from softlab.bench.store.tables import print_table
 from softlab.cpu_backend.core.threads import core_count
 from softlab.model.core.errors import SceneError
 from softlab.model.scene.scene import load_scene

@@ -21,9 +21,9 @@ import numpy as np
 from rich.console import Console
 
 from softlab.bench.measure.case_timing import Case, RatePoint, Rates, make_case
+from softlab.bench.measure.tables import columns, print_table
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import Measure, measures
-from softlab.bench.store.tables import columns, print_table
 from softlab.model.core.options import PRECISIONS
 from softlab.model.formulas.constraints import tetrahedron
 from softlab.model.scene.scene import Scene

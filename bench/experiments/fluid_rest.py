@@ -17,17 +17,16 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
-from softlab.bench.experiments.fluid_truth.experiment import FINDING, Way, opened
+from softlab.bench.experiments.fluid_truth.experiment import BESIDE, FINDING, LABELS, Way, opened
 from softlab.bench.experiments.fluid_truth.scenes import SCHEMES, Setting
 from softlab.bench.experiments.fluids import FRAME
 from softlab.bench.measure.costs_timing import Measures
 from softlab.bench.measure.experiment import source_hash
 from softlab.bench.measure.items import Experiment, Items
-from softlab.bench.peers.base import PeerError
-from softlab.bench.peers.fluids.splishsplash import SplishSplash
+from softlab.bench.measure.tables import columns, print_table
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import Measure, by_configuration, measures
-from softlab.bench.store.tables import columns, print_table
+from softlab.model.core.components import component
 from softlab.model.core.digest import source_digest
 from softlab.model.core.errors import BackendUnavailable, SoftlabError
 from softlab.model.scene.parts import Gravity
@@ -48,7 +47,7 @@ SETTLED = 6  # s, after which water must be still
 ENERGY, SPEED = "fluid_rest_energy_until_", "fluid_rest_speed_until_"  # measures, before the end of a span [s]
 ENERGY_BOUND, SPEED_BOUND = 1e-3, 0.02  # of g H above the start; of sqrt(g H)
 GRAVITY = Gravity().acceleration  # m/s^2
-PEER = SplishSplash("DFSPH")
+PEER = LABELS["splishsplash_dfsph"]
 
 
 # ---------------------------------------------------------------------- scenes
@@ -131,7 +130,7 @@ def _measured(way: Way, seconds: float) -> Measures:
             found = watched(simulation, scene.gravity.acceleration if scene.gravity else 0.0, seconds)
             version = None if way.peer is None else way.peer.available()[1]
             return {name: (value, unit, version) for name, (value, unit, _) in found.items()}
-    except (SoftlabError, PeerError) as reason:  # diverged; its process ended
+    except SoftlabError as reason:  # diverged; its process ended
         return {f"{SPEED}{seconds:g}": (None, "", str(reason))}
 
 
@@ -153,17 +152,17 @@ def experiments(store: Store, backends: Sequence[str], quick: bool, peers: bool 
     """Return an experiment for each setting, the peer's last, on one thread: no state depends on how many there are.
 
     Raises BackendUnavailable for a peer that is not here."""
-    here, reason = PEER.available()
-    if peers and not here:
-        missing, _, remedy = reason.partition("; ")
+    peer = component(f"{BESIDE}:peer_of", "--peers")("DFSPH") if peers else None
+    if peer is not None and not peer.available()[0]:
+        missing, _, remedy = peer.available()[1].partition("; ")
         raise BackendUnavailable(missing, remedy)
     found = []
     for backend in backends:
         sources = f"{source_hash(backend)}-{source_digest(Path(__file__))}"
         every = list(settings(quick))
         ways = [(Way(setting, backend, threads=1), seconds) for setting, seconds in every]
-        if peers and PEER.backend == backend:
-            ways += [(Way(one, backend, PEER, threads=1), seconds) for one, seconds in every if one.beside]
+        if peer is not None and peer.backend == backend:
+            ways += [(Way(one, backend, peer, threads=1), seconds) for one, seconds in every if one.beside]
         for way, seconds in ways:
             scene = way.setting.scene
             worth = scene.fluid_set.particle_count * scene.method.substeps * round(seconds)
@@ -226,10 +225,10 @@ def rows(found: Iterable[Measure]) -> list[Still]:
         told = {start: {k: v for k, v in sorted(of.items()) if v is not None} for start, of in spans.items()}
         result.append(Still(
             kinds[some.description["finding"]], some.machine, some.description["backend"],
-            PEER.label if peer else scene.method.scheme, bool(peer), scene.method.substeps, water.rest_distance,
+            PEER if peer else scene.method.scheme, bool(peer), scene.method.substeps, water.rest_distance,
             water.viscosity, told[ENERGY], told[SPEED], some.reason,
         ))  # fmt: skip
-    order, whos = list(SCENES), [*SCHEMES, PEER.label]
+    order, whos = list(SCENES), [*SCHEMES, PEER]
     return sorted(
         result, key=lambda r: (order.index(r.kind), r.backend, -r.spacing, r.viscosity, whos.index(r.who), r.substeps)
     )

@@ -18,15 +18,15 @@ from typing import Any
 from rich.console import Console
 
 from softlab.app.plan.measure import measure_stages
+from softlab.bench.experiments.vessels import basin_area, in_basin, pouring
 from softlab.bench.measure import experiment
 from softlab.bench.measure.case_timing import Case, RatePoint, Rates, Summary, make_case
 from softlab.bench.measure.costs_timing import Measures
+from softlab.bench.measure.tables import columns, print_table
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import Measure, measures
-from softlab.bench.store.tables import columns, print_table
-from softlab.bench.stress.vessels import basin_area, in_basin, pouring
-from softlab.model.fluid.fluid_set import particle_count
 from softlab.model.fluid.plan import fluid_plan, neighbours_at_rest
+from softlab.model.scene.checks.fluids import particle_count
 from softlab.model.scene.scene import Scene, load_scene
 
 STAGE = "fluids"  # stage of the samples in the store

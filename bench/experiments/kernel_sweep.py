@@ -14,12 +14,12 @@ from dataclasses import replace
 from importlib import import_module
 from typing import Any
 
+from softlab.bench.experiments.kernel_runner import NO_JOULES, KernelRunner
 from softlab.bench.experiments.sweep import Asked, Sweep
 from softlab.bench.measure.cases import Case, SweepSummary
 from softlab.bench.measure.energy import LOOP_SECONDS, STAGE, energy_counter
 from softlab.bench.measure.experiment import Tell, backends_here, ending_cleanly, host_of, source_hash
 from softlab.bench.measure.gpu import gpu_simulated
-from softlab.bench.measure.kernel_runner import NO_JOULES, KernelRunner
 from softlab.bench.measure.limits import enter_limits
 from softlab.bench.measure.share import share
 from softlab.bench.measure.starts import measure_starts

@@ -16,11 +16,11 @@ from typing import Any
 from rich.console import Console
 
 from softlab.bench.measure.case_timing import Case, RatePoint, Rates, make_case
+from softlab.bench.measure.tables import columns, print_table
 from softlab.bench.store.database import Store
 from softlab.bench.store.published import PUBLISHED
 from softlab.bench.store.results import Measure, measures
 from softlab.bench.store.schema import canonical
-from softlab.bench.store.tables import columns, print_table
 from softlab.model.core.errors import SceneError
 from softlab.model.scene.scene import Scene, load_scene
 from softlab.model.xpbd.plan import constraint_count

@@ -16,9 +16,9 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
+from softlab.bench.experiments.group import GroupRunner
 from softlab.bench.measure.cases import Case, Effort, Kind, SweepSummary, record_skip
 from softlab.bench.measure.experiment import Tell, backends_here, host_of, resume, source_hash
-from softlab.bench.measure.group import GroupRunner
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import configuration, timings
 from softlab.bench.store.schema import configuration_hash

@@ -14,10 +14,11 @@ import numpy as np
 
 from softlab.bench.experiments.checks import CHECK_ROWS, LIMITS
 from softlab.bench.peers.bars.tip import Tip
+from softlab.model.contact.sheet_plan import present_parts
 from softlab.model.core.build import build
+from softlab.model.core.errors import SoftlabError
 from softlab.model.core.parameters import PARAMETERS, parameter_record
 from softlab.model.core.simulation import PRECISIONS
-from softlab.model.mass_spring.plan import present_parts
 from softlab.model.scene.scene import Scene
 
 
@@ -108,7 +109,7 @@ def rounding_bound(scene: Scene, precision: str) -> float:
     return LIMITS[precision] * max(1.0, max(scene.grid.rows, scene.grid.columns) / CHECK_ROWS)
 
 
-class PeerError(RuntimeError):
+class PeerError(SoftlabError):
     """A peer that seemed to be available is not; the text has the reason."""
 
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from softlab.bench.peers import cuda_cpp, cuda_driver
 from softlab.bench.peers.base import Opened, SheetStart
-from softlab.model.mass_spring.cloth_parameters import CLOTH_PARAMETERS, cloth_record
-from softlab.model.mass_spring.cloth_plan import cloth_parts
+from softlab.model.contact.cloth_parameters import CLOTH_PARAMETERS, cloth_record
+from softlab.model.contact.sheet_plan import cloth_parts
 from softlab.model.scene.scene import Scene
 
 SOURCE = Path(__file__).with_name("cloth.cu")

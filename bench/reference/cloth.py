@@ -1,6 +1,6 @@
 """Mass-spring cloth in slow, plain NumPy float64, the reference of both backends, written like that of the grid.
 
-From the equations, by array slicing, without model/formulas, model/core/build, model/mass_spring/cloth_parameters or a
+From the equations, by array slicing, without model/formulas, model/core/build, model/contact/cloth_parameters or a
 backend. Newton's law per mass m (a load has its own mass),
 
  m p'' = sum over springs (k (|d| - L0) + c_s (w.d) / |d|) d / |d|  -  c v  +  m (0, -g, 0)  +  wind  +  external,
@@ -21,9 +21,9 @@ import numpy as np
 from softlab.bench.reference.contact import distance_field, mesh_collider
 from softlab.bench.reference.philox import random_directions
 from softlab.bench.reference.steps import Poke, masses, named_mask, pinned_mask
-from softlab.model.contact.mesh_collider import MeshCollider
 from softlab.model.core.errors import SceneError
-from softlab.model.geometry.distance_field import DistanceField
+from softlab.model.scene.colliders.distance_field import DistanceField
+from softlab.model.scene.colliders.mesh_collider import MeshCollider
 from softlab.model.scene.scene import Scene
 
 # kind -> (rows, columns) from one end of a spring to the other

@@ -1,7 +1,7 @@
 """Creep and damping of clusters in NumPy, float64, cluster by cluster, without the lab's formulas.
 
 M. Mueller et al., "Meshless Deformations Based on Shape Matching", SIGGRAPH 2005, 4.5; M. Mueller et al., "Position
-Based Dynamics", J. Vis. Commun. Image R. 18, 2007, 3.5. Linear goals are those of model/shape_matching/clusters.py,
+Based Dynamics", J. Vis. Commun. Image R. 18, 2007, 3.5. Linear goals are those of model/assets/clusters.py,
 `deformations`.
 """
 
@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from softlab.bench.reference.contact.particle_contacts import Contacts
-from softlab.model.shape_matching.clusters import Clusters
+from softlab.model.assets.clusters import Clusters
 
 
 def crept(

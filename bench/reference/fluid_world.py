@@ -17,9 +17,9 @@ import numpy as np
 
 from softlab.bench.reference import cloth
 from softlab.bench.reference.contact import distance_field, mesh_collider
-from softlab.model.contact.mesh_collider import MeshCollider
-from softlab.model.fluid.fluid_set import PARKED
-from softlab.model.geometry.distance_field import DistanceField
+from softlab.model.geometry.particle_row import PARKED
+from softlab.model.scene.colliders.distance_field import DistanceField
+from softlab.model.scene.colliders.mesh_collider import MeshCollider
 from softlab.model.scene.scene import Scene
 
 TOUCHING = 1e-3  # of half an edge, or of the squared radius: a mass this near is in contact, whatever its rounding

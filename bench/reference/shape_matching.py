@@ -1,7 +1,7 @@
 """Shape matching in NumPy, float64: clusters in compressed form, rotations by singular values.
 
 Without the lab's formulas. M. Mueller et al., "Meshless Deformations Based on Shape Matching", SIGGRAPH 2005;
-model/shape_matching/clusters.py describes split masses, and its `matching_share` how far a particle moves towards its
+model/assets/clusters.py describes split masses, and its `matching_share` how far a particle moves towards its
 goals.
 """
 
@@ -12,9 +12,9 @@ import numpy as np
 from softlab.bench.reference import cloth, cluster_material, mass_spring, xpbd
 from softlab.bench.reference.contact.particle_contacts import Contacts
 from softlab.bench.reference.steps import Motion, alone
+from softlab.model.assets.clusters import Clusters
 from softlab.model.core.errors import SceneError
 from softlab.model.scene.scene import Scene
-from softlab.model.shape_matching.clusters import Clusters
 from softlab.model.shape_matching.matching import lattice_clusters
 
 

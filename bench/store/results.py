@@ -19,8 +19,8 @@ from typing import Any
 
 import numpy as np
 
-from softlab.bench.experiments.accuracy.methods import name_of
 from softlab.bench.store.database import DEFAULT_PATH, Store
+from softlab.bench.store.method_name import name_of
 from softlab.bench.store.schema import canonical, configuration_hash, tables_by_kind
 from softlab.model.core.errors import SoftlabError
 from softlab.model.core.families import scene_plan

@@ -23,7 +23,7 @@ from softlab.model.core.build import wave
 from softlab.model.core.energy import energies
 from softlab.model.core.errors import Diverged
 from softlab.model.core.integrators import INTEGRATORS, amplification_matrix, damping_rate
-from softlab.model.mass_spring.energy import spring_stiffness
+from softlab.model.core.stability.springs import spring_stiffness
 from softlab.model.scene.scene import Scene
 
 Law = Callable[[Trial], list[Check]]

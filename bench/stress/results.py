@@ -11,8 +11,9 @@ import json
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 
-from softlab.bench.experiments.accuracy.methods import FLUIDS, MATCHING, METHODS, TETRAHEDRAL, name_of
+from softlab.bench.experiments.accuracy.methods import FLUIDS, MATCHING, METHODS, TETRAHEDRAL
 from softlab.bench.measure.experiment import Summary
+from softlab.bench.store.method_name import name_of
 from softlab.bench.store.results import Measure
 from softlab.bench.store.schema import tables_by_kind
 from softlab.bench.stress.cases import CASES

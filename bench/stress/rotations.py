@@ -19,9 +19,9 @@ from softlab.bench.experiments.body_scenes import ULP, start
 from softlab.bench.experiments.clusters_by_hand import by_hand, clusters_of, degenerate
 from softlab.bench.stress.laws import Law
 from softlab.bench.stress.trial import Check, Trial
+from softlab.model.assets.clusters import Clusters
 from softlab.model.core.simulation import State
 from softlab.model.formulas.rotation import REACHED, SLACK
-from softlab.model.shape_matching.clusters import Clusters
 
 COUNT = 1000  # matrices per set
 # (6, 3), ordered so that sums cancel at once

@@ -10,8 +10,7 @@ import numpy as np
 from softlab.cpu_backend.contact.swept import make_swept
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import block_of, row_at
-from softlab.model.formulas import cloth, colliders, distance_field, triangle_tree
-from softlab.model.mass_spring.cloth_parameters import (
+from softlab.model.contact.cloth_parameters import (
     B_DYNAMIC,
     B_RADIUS,
     B_RESTITUTION,
@@ -31,7 +30,8 @@ from softlab.model.mass_spring.cloth_parameters import (
     B_Z,
     COLLIDER_FIELDS,
 )
-from softlab.model.mass_spring.plan import FRICTION_IN_PLACE
+from softlab.model.contact.sheet_plan import FRICTION_IN_PLACE
+from softlab.model.formulas import cloth, colliders, distance_field, triangle_tree
 from softlab.model.scene.cloth import COLLIDER_KINDS
 
 PLANE, SPHERE, CAPSULE, BOX, MESH, FIELD = range(len(COLLIDER_KINDS))  # numbers of the kinds of colliders in kernels
@@ -85,7 +85,7 @@ def make_push(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNam
 
 def make_touches(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
     """Make, by kind, touch(body, begin, end, slow, ax, ay, az, px, py, pz, vx, vy, vz) -> (px, py, pz, vx, vy, vz).
-    `body`: a row of model/mass_spring/cloth_parameters.py, and what follows it; `begin`, `end`: times of the step [s];
+    `body`: a row of model/contact/cloth_parameters.py, and what follows it; `begin`, `end`: times of the step [s];
     `slow`: of `make_instants`; a: position of the mass before the step; p, v: its position and velocity after it."""
     compiled = compiler.compiled
     formulas, between = colliders.make(real, compiled), cloth.make(real, compiled).between

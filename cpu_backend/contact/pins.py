@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
-from softlab.model.formulas import cloth, motion
-from softlab.model.mass_spring.cloth_parameters import (
+from softlab.model.contact.cloth_parameters import (
     M_DURATION,
     M_SPIN,
     M_START,
@@ -28,12 +27,13 @@ from softlab.model.mass_spring.cloth_parameters import (
     P_Z,
     PIN_FIELDS,
 )  # fmt: skip
+from softlab.model.formulas import cloth, motion
 
 
 def make_follow(compiler: Compiler, real: Any) -> Any:
     """Make follow(bodies, pin, time) -> (x, y, z, vx, vy, vz), the state of a pinned mass at `time` [s].
 
-    Its row begins at `pin` of the flat array `body_rows` of model/mass_spring/cloth_parameters.py, and must name a
+    Its row begins at `pin` of the flat array `body_rows` of model/contact/cloth_parameters.py, and must name a
     motion.
     """
     formulas = motion.make(real, compiler.compiled)

@@ -7,9 +7,9 @@ from types import SimpleNamespace
 from typing import Any
 
 from softlab.cpu_backend.core.compile import Compiler
+from softlab.model.contact.cloth_parameters import B_RADIUS, B_THICKNESS, B_U, B_V, B_W
 from softlab.model.formulas import cloth, colliders
 from softlab.model.formulas.fluid import sweep
-from softlab.model.mass_spring.cloth_parameters import B_RADIUS, B_THICKNESS, B_U, B_V, B_W
 
 
 def make_swept(compiler: Compiler, real: Any, pushing: SimpleNamespace) -> tuple[Any, Any]:

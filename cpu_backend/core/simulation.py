@@ -15,10 +15,10 @@ from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import Layout
 from softlab.cpu_backend.core.processor import processor_name
 from softlab.cpu_backend.core.threads import thread_count
+from softlab.model.contact.cloth_parameters import pin_velocity
 from softlab.model.core.options import unknown_kernel
 from softlab.model.core.plan import Executor
 from softlab.model.core.simulation import Options, Simulation
-from softlab.model.mass_spring.cloth_parameters import pin_velocity
 from softlab.model.scene.cloth import COLLIDER_KINDS
 from softlab.model.scene.scene import Scene
 from softlab.model.tetrahedra.targets import Targeted

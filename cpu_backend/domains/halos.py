@@ -8,8 +8,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from softlab.cpu_backend.core.simulation import QuadsSimulation, RowsSimulation
-from softlab.model.domains.decomposition import Decomposition
-from softlab.model.domains.partitions import Partitions
+from softlab.model.core.sharing.decomposition import Decomposition
+from softlab.model.core.sharing.partitions import Partitions
 
 
 class Halo:

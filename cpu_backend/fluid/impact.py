@@ -21,9 +21,7 @@ from softlab.cpu_backend.contact.colliders import (
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import row_at
 from softlab.cpu_backend.fluid.walls import make_aways
-from softlab.model.fluid.plan import WALLS
-from softlab.model.formulas.fluid import density, impact, motion
-from softlab.model.mass_spring.cloth_parameters import (
+from softlab.model.contact.cloth_parameters import (
     B_SPIN,
     B_THICKNESS,
     B_U,
@@ -34,6 +32,8 @@ from softlab.model.mass_spring.cloth_parameters import (
     B_W,
     COLLIDER_FIELDS,
 )
+from softlab.model.fluid.plan import WALLS
+from softlab.model.formulas.fluid import density, impact, motion
 
 
 def make_impact(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:

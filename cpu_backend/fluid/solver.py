@@ -23,15 +23,16 @@ from softlab.cpu_backend.fluid.kernels import make_advance, make_stages
 from softlab.cpu_backend.fluid.lists import AROUND, FAR, RUNS
 from softlab.cpu_backend.fluid.quads import LANES, QUAD, QUADS
 from softlab.cpu_backend.fluid.rows import SCRATCH
+from softlab.model.contact.cloth_parameters import collider_numbers
 from softlab.model.core.own_forces import POKED
 from softlab.model.core.plan import Executor, Moment, StageRun
 from softlab.model.core.simulation import Options
-from softlab.model.fluid.flow import emitter_rows, fluid_starts, nozzle_points, sink_rows
-from softlab.model.fluid.fluid_set import PARKED
+from softlab.model.fluid.flow import emitter_rows, fluid_starts, sink_rows
 from softlab.model.fluid.parameters import MAX_NEIGHBOURS, fluid_rows, most_cells
 from softlab.model.fluid.plan import SHAPES, fluid_plan
 from softlab.model.fluid.samples import Samples
-from softlab.model.mass_spring.cloth_parameters import collider_numbers
+from softlab.model.geometry.particle_row import PARKED
+from softlab.model.scene.flow import nozzle_points
 from softlab.model.scene.scene import Scene
 
 

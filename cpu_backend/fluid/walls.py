@@ -11,10 +11,7 @@ from softlab.cpu_backend.contact.colliders import BOX, CAPSULE, FIELD, MESH, PLA
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import row_at
 from softlab.cpu_backend.fluid.quads import LANES
-from softlab.model.fluid.plan import WALLS
-from softlab.model.formulas import colliders
-from softlab.model.formulas.fluid import density, surfaces
-from softlab.model.mass_spring.cloth_parameters import (
+from softlab.model.contact.cloth_parameters import (
     B_RADIUS,
     B_SPIN,
     B_THICKNESS,
@@ -31,6 +28,9 @@ from softlab.model.mass_spring.cloth_parameters import (
     B_Z,
     COLLIDER_FIELDS,
 )
+from softlab.model.fluid.plan import WALLS
+from softlab.model.formulas import colliders
+from softlab.model.formulas.fluid import density, surfaces
 
 
 def make_wall_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:

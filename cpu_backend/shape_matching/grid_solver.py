@@ -13,16 +13,15 @@ import numpy as np
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import Layout, aligned_zeros, block_of, plain
 from softlab.cpu_backend.core.own_forces import bind_forces
-from softlab.cpu_backend.core.simulation import RowsSimulation
+from softlab.cpu_backend.core.point_stages import make_point_stages
+from softlab.cpu_backend.core.simulation import RowsSimulation, chosen_kernel
 from softlab.cpu_backend.shape_matching.matching import STATES, make_matching_advance, scratch_places
 from softlab.cpu_backend.shape_matching.matching_rows import CLUSTER
 from softlab.cpu_backend.shape_matching.matching_stages import make_matching_stages
-from softlab.cpu_backend.xpbd.solver import choose_kernel
-from softlab.cpu_backend.xpbd.stages import make_point_stages
+from softlab.model.assets.lattice import TABLE, matching_axis
 from softlab.model.core.plan import Executor, Moment, StageRun
 from softlab.model.core.simulation import Options
 from softlab.model.scene.scene import Scene
-from softlab.model.shape_matching.lattice import TABLE, matching_axis
 from softlab.model.xpbd.plan import xpbd_plan
 
 
@@ -40,7 +39,7 @@ class ShapeMatching(RowsSimulation):
 
     def __init__(self, scene: Scene, options: Options, threads: str | int = "1x"):
         super().__init__(scene, options, threads)
-        self.kernel = choose_kernel(options.kernel)
+        self.kernel = chosen_kernel(options.kernel, "a position-based solver")
         self.plan = xpbd_plan(scene, options.live)
         self.integers = self._seeds(2)
         rows, columns, region = self.body.rows, self.body.columns, scene.method.region

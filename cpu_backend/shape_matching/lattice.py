@@ -21,8 +21,7 @@ from softlab.cpu_backend.shape_matching.lattice_layout import FRAME, QUATERNION
 from softlab.cpu_backend.shape_matching.lattice_rows import GOAL_LINE, LINE, SLICE, WINDOW, make_line_sums
 from softlab.cpu_backend.shape_matching.lattice_scan import make_goal_scan, make_moment_scan
 from softlab.cpu_backend.shape_matching.lattice_turns import make_turns
-from softlab.model.formulas.shape_matching import lattice
-from softlab.model.shape_matching.lattice import (
+from softlab.model.assets.lattice import (
     T_CENTRE,
     T_COUNT,
     T_INVERSE,
@@ -33,6 +32,7 @@ from softlab.model.shape_matching.lattice import (
     V_TURN,
     VALUES,
 )
+from softlab.model.formulas.shape_matching import lattice
 
 
 def make_slice_up(compiler: Compiler, real: Any) -> Any:

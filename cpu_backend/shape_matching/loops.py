@@ -15,7 +15,7 @@ from numba import prange
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import row_at
 from softlab.cpu_backend.core.own_forces import make_own_force
-from softlab.cpu_backend.mass_spring.cloth.scratch import cloth_variant
+from softlab.cpu_backend.core.scratch import cloth_variant
 from softlab.cpu_backend.shape_matching.damping import make_damping
 from softlab.cpu_backend.shape_matching.kernels import AXES, SCRATCH, make_matching
 from softlab.cpu_backend.shape_matching.particles import make_particles

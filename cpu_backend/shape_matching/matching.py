@@ -27,8 +27,8 @@ from softlab.cpu_backend.shape_matching.matching_rows import (
     make_goal_rows,
     make_motion_rows,
 )
+from softlab.model.assets.lattice import T_CENTRE, T_INVERSE, T_SHARE
 from softlab.model.formulas.shape_matching import grid as shape_matching
-from softlab.model.shape_matching.lattice import T_CENTRE, T_INVERSE, T_SHARE
 
 AXES = 2
 PLACE = AXES + LINE  # rows of a ring: of a row of masses ...

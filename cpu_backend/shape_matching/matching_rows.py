@@ -15,10 +15,10 @@ from typing import Any
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import row_at
 from softlab.cpu_backend.core.own_forces import make_own_row
+from softlab.model.assets.lattice import T_CENTRE, T_COUNT, T_INVERSE, T_MASS, T_SHARE
 from softlab.model.core.own_forces import own_forces
 from softlab.model.formulas import distance
 from softlab.model.formulas.shape_matching import grid as shape_matching
-from softlab.model.shape_matching.lattice import T_CENTRE, T_COUNT, T_INVERSE, T_MASS, T_SHARE
 
 LINE = 4  # sums along a row of masses
 SUMS = 6  # of a window

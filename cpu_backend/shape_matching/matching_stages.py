@@ -10,8 +10,8 @@ import numpy as np
 from numba import prange
 
 from softlab.cpu_backend.core.compile import Compiler
+from softlab.model.assets.lattice import T_CENTRE, T_COUNT, T_INVERSE, T_MASS, T_SHARE
 from softlab.model.formulas.shape_matching import grid as shape_matching
-from softlab.model.shape_matching.lattice import T_CENTRE, T_COUNT, T_INVERSE, T_MASS, T_SHARE
 
 AXES = 2
 

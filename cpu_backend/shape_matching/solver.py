@@ -1,7 +1,7 @@
 """Soft and rigid bodies by shape matching on CPU threads: clusters in compressed form, any number per particle.
 
 M. Mueller et al., "Meshless Deformations Based on Shape Matching", SIGGRAPH 2005, in substeps, with the masses divided
-among clusters (model/shape_matching/clusters.py). Kernels: `fused`, many steps in one call, and `stages`, one parallel
+among clusters (model/assets/clusters.py). Kernels: `fused`, many steps in one call, and `stages`, one parallel
 loop per stage. In `exact` math both give the same bits, for any number of threads.
 """
 
@@ -12,13 +12,13 @@ from typing import Any
 import numba
 import numpy as np
 
-from softlab.cpu_backend.contact.bodies_bounce import make_bodies_bounce_stage
 from softlab.cpu_backend.contact.particles import NO_CONTACTS, ParticleContacts
 from softlab.cpu_backend.contact.particles_project import PACES, make_settle_stage
 from softlab.cpu_backend.core.constraints import make_constraint_stage
 from softlab.cpu_backend.core.layout import aligned_zeros
 from softlab.cpu_backend.core.simulation import ParticlesSimulation, chosen_kernel
 from softlab.cpu_backend.shape_matching.arrays import ClusterArrays
+from softlab.cpu_backend.shape_matching.bodies_bounce import make_bodies_bounce_stage
 from softlab.cpu_backend.shape_matching.couples import make_couples_stage
 from softlab.cpu_backend.shape_matching.damping import make_damping_stage
 from softlab.cpu_backend.shape_matching.kernels import AXES, FRAME, LANES, QUATERNION, SCRATCH
@@ -30,10 +30,10 @@ from softlab.cpu_backend.shape_matching.material import ClusterMaterial
 from softlab.cpu_backend.shape_matching.rebound import make_rebound_stages
 from softlab.cpu_backend.shape_matching.rigid import make_rest_stage, make_steadying_stage
 from softlab.cpu_backend.shape_matching.together import make_bodies_together
+from softlab.model.contact.cloth_parameters import collider_numbers
 from softlab.model.core.own_forces import POKED
 from softlab.model.core.plan import Executor, Moment, StageRun
 from softlab.model.core.simulation import Options
-from softlab.model.mass_spring.cloth_parameters import collider_numbers
 from softlab.model.scene.scene import Scene
 from softlab.model.shape_matching.cluster_tables import matching_factors, shaping
 from softlab.model.shape_matching.links import LINKS

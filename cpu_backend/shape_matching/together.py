@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from softlab.cpu_backend.contact.bodies_bounce import make_bodies_bounce
 from softlab.cpu_backend.contact.particles_bounce import make_bounce
 from softlab.cpu_backend.contact.particles_find import make_find
 from softlab.cpu_backend.contact.particles_project import PACES, make_clear, make_project, make_settle
@@ -16,7 +15,8 @@ from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.constraints import make_colours, make_planes, make_projections
 from softlab.cpu_backend.core.layout import row_at
 from softlab.cpu_backend.core.progress import shares
-from softlab.cpu_backend.mass_spring.cloth.scratch import cloth_variant
+from softlab.cpu_backend.core.scratch import cloth_variant
+from softlab.cpu_backend.shape_matching.bodies_bounce import make_bodies_bounce
 from softlab.cpu_backend.shape_matching.couples import make_couples
 from softlab.cpu_backend.shape_matching.damping import make_damping
 from softlab.cpu_backend.shape_matching.kernels import AXES, SCRATCH, make_matching

@@ -15,7 +15,7 @@ import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.progress import shares
-from softlab.cpu_backend.mass_spring.cloth.scratch import cloth_variant
+from softlab.cpu_backend.core.scratch import cloth_variant
 from softlab.cpu_backend.tetrahedra.descent_acceleration import make_accelerate
 from softlab.cpu_backend.tetrahedra.descent_contact import make_meeting
 from softlab.cpu_backend.tetrahedra.springs import make_springs

@@ -15,7 +15,7 @@ import numpy as np
 from softlab.cpu_backend.contact.pins import make_drive
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.progress import shares
-from softlab.cpu_backend.mass_spring.cloth.scratch import cloth_variant
+from softlab.cpu_backend.core.scratch import cloth_variant
 from softlab.cpu_backend.tetrahedra.newton_coarse import make_band, make_coarse
 from softlab.cpu_backend.tetrahedra.newton_contact import make_contact
 from softlab.cpu_backend.tetrahedra.newton_elements import make_elements

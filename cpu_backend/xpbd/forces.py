@@ -1,6 +1,6 @@
 """Accelerations of a substep that differ between masses, in separate planes: wind, and forces on single masses.
 
-Wind is the mass-spring cloth's (mass_spring/cloth/wind.py), whose walk needs rows that are not combed: the sheet is
+Wind is the mass-spring cloth's (core/wind.py), whose walk needs rows that are not combed: the sheet is
 copied for it.
 """
 
@@ -14,8 +14,8 @@ import numpy as np
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import L_PLANE, L_STRIDE, block_of, row_at
 from softlab.cpu_backend.core.own_forces import make_own_force
-from softlab.cpu_backend.mass_spring.cloth.scratch import AXES, make_scratch, triples_of
-from softlab.cpu_backend.mass_spring.cloth.wind import make_winds
+from softlab.cpu_backend.core.scratch import AXES, make_scratch, triples_of
+from softlab.cpu_backend.core.wind import make_winds
 from softlab.cpu_backend.xpbd.layout import (
     P_ACCELERATION,
     P_BLOCKS,

@@ -15,7 +15,7 @@ import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import block_of, row_at
-from softlab.cpu_backend.mass_spring.cloth.scratch import AXES, REACH, make_scratch
+from softlab.cpu_backend.core.scratch import AXES, REACH, make_scratch
 from softlab.cpu_backend.xpbd.layout import (
     P_BEFORE,
     P_BLOCKS,
@@ -26,9 +26,9 @@ from softlab.cpu_backend.xpbd.layout import (
     P_STRIDE,
 )
 from softlab.cpu_backend.xpbd.stage_projections import make_change
+from softlab.model.contact.substep_parameters import CONSTANTS
 from softlab.model.core.tuples import reader
 from softlab.model.formulas import distance
-from softlab.model.xpbd.parameters import CONSTANTS
 from softlab.model.xpbd.plan import FAMILIES, Family, families
 
 

@@ -16,8 +16,8 @@ from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.constraints import make_colours, make_projections, make_rows
 from softlab.cpu_backend.core.own_forces import make_own_force
 from softlab.cpu_backend.core.progress import shares
-from softlab.cpu_backend.mass_spring.cloth.scratch import cloth_variant
-from softlab.cpu_backend.mass_spring.cloth.wind import make_air, make_triangle
+from softlab.cpu_backend.core.scratch import cloth_variant
+from softlab.cpu_backend.core.wind import make_air, make_triangle
 from softlab.model.core.constraints import Projection
 from softlab.model.formulas import distance
 from softlab.model.scene.cloth import COLLIDER_KINDS

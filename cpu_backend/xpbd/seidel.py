@@ -14,7 +14,7 @@ import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.progress import shares
-from softlab.cpu_backend.mass_spring.cloth.scratch import cloth_variant
+from softlab.cpu_backend.core.scratch import cloth_variant
 from softlab.cpu_backend.xpbd.forces import make_wind
 from softlab.cpu_backend.xpbd.layout import P_PLANE, classes_of
 from softlab.cpu_backend.xpbd.rows import make_link, make_rows_of_kinds

@@ -15,9 +15,9 @@ import numpy as np
 
 from softlab.cpu_backend.contact.self_contact import Contacts
 from softlab.cpu_backend.core.layout import Layout, aligned_zeros, block_of, plain
+from softlab.cpu_backend.core.normals import make_normals
+from softlab.cpu_backend.core.scratch import scratch_width, triples_of
 from softlab.cpu_backend.core.simulation import RowsSimulation, chosen_kernel
-from softlab.cpu_backend.mass_spring.cloth.normals import make_normals
-from softlab.cpu_backend.mass_spring.cloth.scratch import scratch_width, triples_of
 from softlab.cpu_backend.xpbd.forces import WIND_PARTS, has_forces
 from softlab.cpu_backend.xpbd.jacobi import displacement_triples
 from softlab.cpu_backend.xpbd.jacobi_kernel import make_jacobi_advance
@@ -27,10 +27,10 @@ from softlab.cpu_backend.xpbd.seidel import make_seidel_advance
 from softlab.cpu_backend.xpbd.stages import bind_position_stages
 from softlab.cpu_backend.xpbd.tables import Tables
 from softlab.cpu_backend.xpbd.walk import keeps_velocity
+from softlab.model.contact.cloth_parameters import collider_numbers
 from softlab.model.core.errors import SceneError
 from softlab.model.core.plan import Executor
 from softlab.model.core.simulation import Options
-from softlab.model.mass_spring.cloth_parameters import collider_numbers
 from softlab.model.scene.scene import Scene
 from softlab.model.xpbd.plan import FAMILIES, JACOBI, xpbd_plan
 
@@ -85,7 +85,7 @@ class PositionBased(RowsSimulation):
         if part is None or "attachments" not in self.plan.parts:
             nothing = np.zeros((0, body.rows, body.columns))
             return nothing.astype(np.int32), nothing.astype(self.real)
-        from softlab.model.geometry.tables import sheet_reaches
+        from softlab.model.xpbd.attachments import sheet_reaches
 
         anchor, reach = sheet_reaches(self.scene, body, self.real)
         shape = (part.anchors, body.rows, body.columns)

@@ -13,13 +13,13 @@ import numpy as np
 from numba import prange
 
 from softlab.cpu_backend.core.compile import Compiler
-from softlab.cpu_backend.mass_spring.cloth.scratch import cloth_variant
+from softlab.cpu_backend.core.scratch import cloth_variant
 from softlab.cpu_backend.xpbd.tables import kind_of
-from softlab.model.core.plan import Moment, StageRun
-from softlab.model.formulas import distance
-from softlab.model.xpbd.parameters import (
+from softlab.model.contact.substep_parameters import (
     constants_of,
 )
+from softlab.model.core.plan import Moment, StageRun
+from softlab.model.formulas import distance
 from softlab.model.xpbd.plan import FAMILIES, colour_order, families
 
 ROOM = 2  # rows and columns of displacements around the sheet, without constraints

@@ -11,67 +11,17 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from numba import prange
 
+from softlab.cpu_backend.contact.collide_stage import make_collide_stage
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.own_forces import bind_forces
-from softlab.cpu_backend.mass_spring.cloth.scratch import cloth_variant
-from softlab.cpu_backend.mass_spring.cloth.stage_forces import make_wind_stage
-from softlab.cpu_backend.mass_spring.cloth.stages import make_collide_stage
+from softlab.cpu_backend.core.point_stages import make_point_stages
+from softlab.cpu_backend.core.scratch import cloth_variant
+from softlab.cpu_backend.core.wind import make_wind_stage
 from softlab.cpu_backend.xpbd.stage_projections import bind_projections, make_projections
 from softlab.model.core.plan import Moment, StageRun
-from softlab.model.formulas import distance
 from softlab.model.scene.cloth import COLLIDER_KINDS
 from softlab.model.xpbd.plan import FAMILIES
-
-
-def make_point_stages(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
-    """Make the stages without neighbours. Arrays are (axes, rows, columns), `weights` (rows, columns)."""
-    compiled, kernel = compiler.compiled, compiler.kernel
-    formulas = distance.make(real, compiled)
-    kicked, kept, predicted, rate, added = (
-        formulas.kicked, formulas.kept, formulas.predicted, formulas.rate, formulas.added
-    )  # fmt: skip
-    has_load, has_damping = "load" in parts, "damping" in parts
-    zero, one = real(0), real(1)
-
-    @kernel
-    def add_weighed(acceleration, weights, force):
-        axes, rows, columns = acceleration.shape
-        for i in prange(rows):
-            for j in range(columns):
-                for axis in range(axes):
-                    now = acceleration[axis, i, j]
-                    acceleration[axis, i, j] = added(now, weights[i, j], force[axis, i, j])
-
-    @kernel
-    def predict(position, velocity, before, acceleration, weights, record):
-        """Predict positions; pinned masses stay."""
-        axes, rows, columns = position.shape
-        for i in prange(rows):
-            for j in range(columns):
-                w, keep = weights[i, j], one
-                if has_damping:
-                    keep = kept(record[0].braking, w) if has_load else record[0].keep
-                for axis in range(axes):
-                    p = position[axis, i, j]
-                    v = kicked(velocity[axis, i, j], keep, record[0].dt, acceleration[axis, i, j])
-                    before[axis, i, j] = p
-                    position[axis, i, j] = predicted(p, record[0].dt, v) if w > zero else p
-
-    @kernel
-    def update_velocity(position, velocity, before, weights, record):
-        axes, rows, columns = position.shape
-        for i in prange(rows):
-            for j in range(columns):
-                for axis in range(axes):
-                    v = rate(position[axis, i, j], before[axis, i, j], record[0].inverse_substep)
-                    velocity[axis, i, j] = v if weights[i, j] > zero else zero
-
-    return SimpleNamespace(
-        add_weighed=add_weighed, predict=predict,
-        update_velocity=update_velocity,
-    )  # fmt: skip
 
 
 @cache

@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
+from softlab.model.contact.substep_parameters import constants_of
 from softlab.model.core.build import Body
 from softlab.model.formulas import distance
 from softlab.model.scene.scene import Scene
-from softlab.model.xpbd.parameters import constants_of
 from softlab.model.xpbd.plan import FAMILIES, Family, families
 
 

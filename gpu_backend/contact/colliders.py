@@ -33,8 +33,8 @@ from softlab.gpu_backend.contact.swept import make_swept
 from softlab.gpu_backend.core.compile import inlined
 from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.integers import BOXES, CAPSULES, COLLIDERS, FIELDS, MESHES, PLANES, SPHERES
+from softlab.model.contact.sheet_plan import FRICTION_IN_PLACE
 from softlab.model.formulas import cloth, colliders, distance_field, triangle_tree
-from softlab.model.mass_spring.plan import FRICTION_IN_PLACE
 
 
 @cache
@@ -169,7 +169,7 @@ def make_collide(real: Any, math: str, parts: frozenset[str]) -> Any:
     """Make collide(before, px, py, pz, vx, vy, vz, world, step) -> (px, py, pz, vx, vy, vz).
 
     `before`: the mass at the step's start (a quad); the rest: its state at the step's end. `bodies`: the rows of
-    model/mass_spring/cloth_parameters.py one after the other, then trees and fields; `integers` has the number of each
+    model/contact/cloth_parameters.py one after the other, then trees and fields; `integers` has the number of each
     kind.
     """
     meet_plane, meet_sphere, meet_capsule, meet_box, meet_mesh, meet_field = _make_meetings(real, math, parts)

@@ -1,7 +1,7 @@
 """Positions of a cloth's pinned masses that follow a motion, as a device function.
 
 The fourth number of a mass's position marks it: 0 free, STILL pinned, else the offset of its row in `bodies` (the flat
-array `body_rows` of model/mass_spring/cloth_parameters.py, where rows of pins follow others, so never at 0 or 1).
+array `body_rows` of model/contact/cloth_parameters.py, where rows of pins follow others, so never at 0 or 1).
 """
 
 from __future__ import annotations
@@ -16,10 +16,7 @@ from numba import cuda
 from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
 from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.quads import load_quad, store_quad
-from softlab.model.core.build import Body
-from softlab.model.core.errors import SceneError
-from softlab.model.formulas import cloth, motion
-from softlab.model.mass_spring.cloth_parameters import (
+from softlab.model.contact.cloth_parameters import (
     M_DURATION,
     M_SPIN,
     M_START,
@@ -39,6 +36,9 @@ from softlab.model.mass_spring.cloth_parameters import (
     P_Z,
     PIN_FIELDS,
 )
+from softlab.model.core.build import Body
+from softlab.model.core.errors import SceneError
+from softlab.model.formulas import cloth, motion
 
 STILL = 1
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from softlab.model.mass_spring import cloth_parameters as signed
+from softlab.model.contact import cloth_parameters as signed
 
 FIRST_ROW, ROW = np.uint64(0), np.uint64(signed.COLLIDER_FIELDS)
 B_X, B_Y, B_Z = np.uint64(signed.B_X), np.uint64(signed.B_Y), np.uint64(signed.B_Z)

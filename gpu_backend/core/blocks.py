@@ -13,6 +13,8 @@ from typing import Any
 
 from softlab.gpu_backend.core.device import simulated
 
+PATIENCE = 1 << 22  # checks of a flag, some seconds, before a block gives up
+
 if simulated():
 
     def make_flags(scope: str) -> tuple[Any, Any]:

@@ -8,6 +8,7 @@ from typing import Any
 
 from softlab.model.core.errors import BackendUnavailable
 
+SIMULATED_LIMITS = (1, 1 << 20)  # one block at a time runs there; shared memory is not limited
 INSTALL = 'pip install -e ".[cuda13]" (NVIDIA driver 580 or newer) or ".[cuda12]" (older drivers), in the lab\'s folder'
 SIMULATOR = "NUMBA_ENABLE_CUDASIM=1 runs the kernels, slowly, without a GPU"
 
@@ -15,6 +16,9 @@ SIMULATOR = "NUMBA_ENABLE_CUDASIM=1 runs the kernels, slowly, without a GPU"
 def simulated() -> bool:
     """Return True if numba's CUDA simulator replaces a GPU."""
     return os.environ.get("NUMBA_ENABLE_CUDASIM", "0") not in ("0", "")
+
+
+ALIGNMENT = None if simulated() else 16  # of shared memory: a pair of float64 in one access; not for the simulator
 
 
 @cache
@@ -68,3 +72,13 @@ def memory_info() -> tuple[int, int]:
 
     info: Any = cuda.current_context().get_memory_info()
     return int(info[0]), int(info[1])
+
+
+def device_limits() -> tuple[int, int]:
+    """Return (multiprocessors, bytes of shared memory that a block can have)."""
+    if simulated():
+        return SIMULATED_LIMITS
+    from numba import cuda
+
+    device = cuda.get_current_device()
+    return int(device.MULTIPROCESSOR_COUNT), int(device.MAX_SHARED_MEMORY_PER_BLOCK_OPTIN)

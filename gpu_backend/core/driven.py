@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from softlab.gpu_backend.core.quad_simulation import QuadSimulation
-from softlab.model.mass_spring.cloth_parameters import pin_velocity
+from softlab.model.contact.cloth_parameters import pin_velocity
 from softlab.model.tetrahedra.targets import Targeted
 
 

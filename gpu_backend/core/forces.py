@@ -18,6 +18,7 @@ from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
 from softlab.model.core.own_forces import OWN_FORCES, make_add, make_own, own_forces
 from softlab.model.core.plan import StageRun
+from softlab.model.scene.cloth import CONSTRAINT_KINDS
 
 OWN = frozenset({"gravity", "load", *(force.part for force in OWN_FORCES)})  # the parts that these functions depend on
 
@@ -88,3 +89,8 @@ def bind_forces(sim: Any, parts: frozenset[str], position: Any, a: Any) -> dict[
 
     made = make_force_stages(sim.real, sim.options.math, parts)
     return {name: bound(kernel) for name, kernel in made.items()}
+
+
+def forces_of(parts: frozenset[str]) -> frozenset[str]:
+    """Return the parts that the kernels over masses depend on, without those of constraints."""
+    return frozenset(part for part in parts if part.split("-")[0] not in CONSTRAINT_KINDS)

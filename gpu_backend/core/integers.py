@@ -3,8 +3,12 @@ kind."""
 
 from __future__ import annotations
 
+from functools import cache
+from typing import Any
+
 import numpy as np
 
+from softlab.gpu_backend.core.compile import inlined
 from softlab.model.core.own_forces import EXTERNAL_SEED, own_changes
 from softlab.model.scene.cloth import COLLIDER_KINDS
 from softlab.model.scene.scene import Scene
@@ -31,3 +35,21 @@ def integers_of(scene: Scene) -> np.ndarray:
     for place, kind in COLLIDER_COUNTS:
         found[place] = kinds.count(kind)
     return found
+
+
+@cache
+def make_clock(math: str, parts: frozenset[str]) -> Any:
+    """Make clock(counter, place, substeps, substep) -> (the step's number, the substep's).
+
+    `place`: number of the step after the counter. 0 if nothing depends on time.
+    """
+    has_time, no_step = knows_time(parts), np.int64(0)
+
+    @inlined(math)
+    def clock(counter, place, substeps, substep):
+        if has_time:
+            step = counter[0] + place
+            return step, step * substeps + substep
+        return no_step, no_step
+
+    return clock

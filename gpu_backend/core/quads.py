@@ -17,6 +17,9 @@ import numpy as np
 from softlab.gpu_backend.core.device import simulated
 from softlab.model.core.tuples import tuple_of
 
+AXES = 3
+ROWS = 3  # quads of a frame
+
 SIZE = 4  # scalars
 
 if simulated():

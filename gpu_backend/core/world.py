@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 class World(NamedTuple):
     """`parameters`: the constants, by name, a record or its values in registers; `colliders`: rows of colliders, of
-    motions and of pins, flat (model/mass_spring/cloth_parameters.py); `integers`: of core/integers.py."""
+    motions and of pins, flat (model/contact/cloth_parameters.py); `integers`: of core/integers.py."""
 
     parameters: Any
     colliders: Any

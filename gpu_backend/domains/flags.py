@@ -22,7 +22,7 @@ from softlab.gpu_backend.domains.windows import GpuWindows
 from softlab.gpu_backend.mass_spring.bands import Bands
 from softlab.model.core.errors import BackendUnavailable
 from softlab.model.core.options import Options
-from softlab.model.domains.decomposition import Border, Decomposition
+from softlab.model.core.sharing.decomposition import Border, Decomposition
 from softlab.model.domains.exchange import Exchange
 from softlab.model.domains.simulation import cut
 from softlab.model.scene.scene import Scene

@@ -22,7 +22,7 @@ from softlab.gpu_backend.domains.units import StateUnits
 from softlab.gpu_backend.domains.windows import GpuWindows
 from softlab.model.core.errors import BackendUnavailable
 from softlab.model.core.options import Options
-from softlab.model.domains.decomposition import Decomposition
+from softlab.model.core.sharing.decomposition import Decomposition
 from softlab.model.domains.exchange import PATIENCE, Exchange
 from softlab.model.domains.launched import launched_ranks
 from softlab.model.domains.processes import gather_rows, largest_of, lost, mpi, world_of

@@ -23,9 +23,9 @@ from softlab.gpu_backend.domains.kernels import make_border_kernels
 from softlab.gpu_backend.domains.units import StateUnits
 from softlab.gpu_backend.domains.windows import OnGpus
 from softlab.model.core.options import Options
+from softlab.model.core.sharing.partitions import Message, Partitions
 from softlab.model.domains.exchange import Exchange
 from softlab.model.domains.partitioned import PartitionedBodies, partitions
-from softlab.model.domains.partitions import Message, Partitions
 from softlab.model.scene.scene import Scene
 
 THREADS = 256  # per block that reads

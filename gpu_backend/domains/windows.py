@@ -8,8 +8,8 @@ from typing import Any
 
 from softlab.gpu_backend.core.simulation import CudaSimulation
 from softlab.gpu_backend.domains.devices import at
+from softlab.model.core.components import named
 from softlab.model.core.families import family_of
-from softlab.model.core.family import named
 from softlab.model.core.options import Options
 from softlab.model.core.simulation import Simulation
 from softlab.model.domains.decomposition import Decomposition

@@ -14,13 +14,12 @@ from softlab.gpu_backend.contact.colliders import make_collide
 from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernels, variant_name
 from softlab.gpu_backend.core.forces import make_own_force
 from softlab.gpu_backend.core.formulas import device_formulas
-from softlab.gpu_backend.core.integers import COLLIDERS
+from softlab.gpu_backend.core.integers import COLLIDERS, make_clock
 from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
 from softlab.gpu_backend.core.world import World
 from softlab.gpu_backend.fluid.motion import SLOWED
 from softlab.gpu_backend.fluid.sums import make_row
 from softlab.gpu_backend.fluid.walls import make_settled
-from softlab.gpu_backend.xpbd.kernels import make_clock
 from softlab.model.fluid.parameters import F_BUOYANCY, F_CHANGE, F_DRAG, F_SPEED, F_SURFACE_DRAG, F_WEIGHT
 from softlab.model.formulas.fluid import divergence, motion
 

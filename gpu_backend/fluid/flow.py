@@ -8,7 +8,8 @@ import numpy as np
 from numba import cuda
 
 from softlab.gpu_backend.fluid.flow_kernels import DUE_FIELDS, THREADS, make_flow_kernels
-from softlab.model.fluid.flow import emitter_rows, fluid_starts, nozzle_points, sink_rows
+from softlab.model.fluid.flow import emitter_rows, fluid_starts, sink_rows
+from softlab.model.scene.flow import nozzle_points
 
 
 class Flow:

@@ -18,10 +18,10 @@ from numba import cuda
 from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernels, variant_name
 from softlab.gpu_backend.core.device import simulated
 from softlab.gpu_backend.core.formulas import device_formulas
+from softlab.gpu_backend.core.integers import make_clock
 from softlab.gpu_backend.core.quads import load_quad, store_quad
 from softlab.gpu_backend.core.scan import make_before, make_strips
 from softlab.gpu_backend.fluid.sort_kernels import DEPTH, HEIGHT, INVERSE, KEPT, LOW, WIDTH
-from softlab.gpu_backend.xpbd.kernels import make_clock
 from softlab.model.fluid.flow import (
     E_BEFORE,
     E_COUNT,

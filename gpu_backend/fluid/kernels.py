@@ -23,13 +23,13 @@ from numba import cuda
 from softlab.gpu_backend.contact.colliders import make_collide
 from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernels, variant_name
 from softlab.gpu_backend.core.formulas import device_formulas
+from softlab.gpu_backend.core.integers import make_clock
 from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
 from softlab.gpu_backend.core.world import World
 from softlab.gpu_backend.fluid.extent import make_extent
 from softlab.gpu_backend.fluid.lists import LANES, make_search
 from softlab.gpu_backend.fluid.sums import List, make_row, make_sums
 from softlab.gpu_backend.fluid.walls import make_walls
-from softlab.gpu_backend.xpbd.kernels import make_clock
 from softlab.model.fluid.parameters import F_WEIGHT
 from softlab.model.formulas.fluid import density
 

@@ -16,11 +16,11 @@ from numba import cuda
 from softlab.gpu_backend.contact.colliders import make_collide
 from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernels, variant_name
 from softlab.gpu_backend.core.formulas import device_formulas
+from softlab.gpu_backend.core.integers import make_clock
 from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
 from softlab.gpu_backend.core.world import World
 from softlab.gpu_backend.fluid.kernels import WALL, make_meet_walls, make_relax
 from softlab.gpu_backend.fluid.sums import List, make_row
-from softlab.gpu_backend.xpbd.kernels import make_clock
 from softlab.model.fluid.among_solids import K_GRIP, K_LIGHTNESS, K_VOLUME
 from softlab.model.fluid.parameters import F_VISCOSITY, F_WEIGHT
 from softlab.model.fluid.samples import CORNERS

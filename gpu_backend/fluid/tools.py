@@ -12,7 +12,7 @@ from numba import cuda
 from softlab.gpu_backend.core.compile import make_kernels, variant_name
 from softlab.gpu_backend.core.quads import load_quad
 from softlab.gpu_backend.fluid.extent import FLOWS, make_extent
-from softlab.model.fluid.fluid_set import PARKED
+from softlab.model.geometry.particle_row import PARKED
 
 
 @cache

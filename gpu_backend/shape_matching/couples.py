@@ -14,10 +14,10 @@ from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kerne
 from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
 from softlab.gpu_backend.shape_matching.kernels import PITCH, THREADS, TOGETHER
+from softlab.model.assets.clusters import Clusters
 from softlab.model.formulas.shape_matching import cluster, couple, pace, rigid
 from softlab.model.formulas.shape_matching.cluster import LANES
 from softlab.model.formulas.shape_matching.couple import SUMS
-from softlab.model.shape_matching.clusters import Clusters
 
 SHARED = TOGETHER * SUMS * PITCH  # numbers per block
 QUADS = 2  # per cluster: its centre, its turn

@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
+from softlab.gpu_backend.contact.motion import make_motion
 from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernel, make_kernels, variant_name
 from softlab.gpu_backend.core.formulas import device_formulas
-from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
+from softlab.gpu_backend.core.integers import make_clock
+from softlab.gpu_backend.core.quads import AXES, ROWS, SIZE, load_quad, store_quad
 from softlab.gpu_backend.core.world import World
-from softlab.gpu_backend.shape_matching.kernels import AXES, PITCH, ROWS, TOGETHER, make_move
-from softlab.gpu_backend.xpbd.kernels import make_clock
-from softlab.gpu_backend.xpbd.point import make_motion
+from softlab.gpu_backend.shape_matching.kernels import PITCH, TOGETHER, make_move
 from softlab.model.formulas.shape_matching import cluster, pace
 from softlab.model.formulas.shape_matching.cluster import LANES
 from softlab.model.formulas.shape_matching.pace import MOMENTA

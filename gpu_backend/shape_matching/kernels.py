@@ -14,23 +14,21 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
+from softlab.gpu_backend.contact.motion import make_motion
 from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernels, variant_name
 from softlab.gpu_backend.core.forces import make_forces
 from softlab.gpu_backend.core.formulas import device_formulas
-from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
+from softlab.gpu_backend.core.integers import make_clock
+from softlab.gpu_backend.core.quads import AXES, ROWS, SIZE, load_quad, store_quad
 from softlab.gpu_backend.core.world import World
-from softlab.gpu_backend.xpbd.kernels import make_clock
-from softlab.gpu_backend.xpbd.point import make_motion
 from softlab.model.formulas import rotation
 from softlab.model.formulas.shape_matching import cluster
 from softlab.model.formulas.shape_matching.cluster import LANES, MOMENTS
 
-AXES = 3
 THREADS = 128  # per block
 TOGETHER = THREADS // LANES  # clusters that a block sums
 PITCH = LANES + 1  # of a moment's lanes in shared memory, so that threads read from different banks
 SHARED = TOGETHER * MOMENTS * PITCH  # numbers per block
-ROWS = 3  # quads of a frame
 
 
 @cache

@@ -16,9 +16,7 @@ from numba import cuda
 from softlab.gpu_backend.core.compile import kernel_options, make_kernels, variant_name
 from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.quads import load_quad, store_quad
-from softlab.model.formulas import rotation
-from softlab.model.formulas.shape_matching import lattice
-from softlab.model.shape_matching.lattice import (
+from softlab.model.assets.lattice import (
     T_CENTRE,
     T_COUNT,
     T_INVERSE,
@@ -28,6 +26,8 @@ from softlab.model.shape_matching.lattice import (
     V_SPACING,
     V_TURN,
 )
+from softlab.model.formulas import rotation
+from softlab.model.formulas.shape_matching import lattice
 
 THREADS = 128  # per block
 PLANES = 12

@@ -16,10 +16,10 @@ from numba import cuda
 from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernels, variant_name
 from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
-from softlab.gpu_backend.xpbd.kernels import make_place
+from softlab.gpu_backend.core.sheet import make_place
+from softlab.model.assets.lattice import matching_axis
 from softlab.model.formulas.shape_matching import grid as shape_matching
 from softlab.model.scene.scene import Scene
-from softlab.model.shape_matching.lattice import matching_axis
 
 SHARE, INVERSE, CENTRE, MASS, COUNT = range(5)  # of a table (5, rows or columns), model/shape_matching/matching.py
 

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from softlab.gpu_backend.core.quads import SIZE
+from softlab.gpu_backend.core.quads import AXES, ROWS, SIZE
 from softlab.gpu_backend.shape_matching.damping import make_damping_ends, make_gather
-from softlab.gpu_backend.shape_matching.kernels import AXES, ROWS, THREADS, TOGETHER
+from softlab.gpu_backend.shape_matching.kernels import THREADS, TOGETHER
 from softlab.gpu_backend.shape_matching.shapes import make_shaped_turn
+from softlab.model.assets.clusters import Clusters
 from softlab.model.scene.method import Method
 from softlab.model.shape_matching.cluster_tables import damping_factors, shape_table, shaping
-from softlab.model.shape_matching.clusters import Clusters
 
 
 class ClusterMaterial:

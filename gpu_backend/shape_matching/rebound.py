@@ -11,19 +11,19 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from softlab.gpu_backend.contact.bodies_bounce import make_bodies_bounce, make_give
+from softlab.gpu_backend.contact.motion import make_motion
 from softlab.gpu_backend.core.compile import kernel_options, make_kernel, make_kernels, variant_name
 from softlab.gpu_backend.core.formulas import device_formulas
-from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
+from softlab.gpu_backend.core.integers import make_clock
+from softlab.gpu_backend.core.quads import AXES, ROWS, SIZE, load_quad, store_quad
 from softlab.gpu_backend.core.world import World
+from softlab.gpu_backend.shape_matching.bodies_bounce import make_bodies_bounce, make_give
 from softlab.gpu_backend.shape_matching.damping import make_gather
-from softlab.gpu_backend.shape_matching.kernels import AXES, PITCH, ROWS, THREADS, TOGETHER
-from softlab.gpu_backend.xpbd.kernels import make_clock
-from softlab.gpu_backend.xpbd.point import make_motion
+from softlab.gpu_backend.shape_matching.kernels import PITCH, THREADS, TOGETHER
+from softlab.model.assets.clusters import Clusters
 from softlab.model.formulas.shape_matching import cluster, rebound
 from softlab.model.formulas.shape_matching.cluster import LANES
 from softlab.model.formulas.shape_matching.rebound import SUMS
-from softlab.model.shape_matching.clusters import Clusters
 from softlab.model.shape_matching.rigid_rebound import rebound_limits
 
 SHARED = TOGETHER * SUMS * PITCH  # numbers per block

@@ -13,18 +13,18 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
+from softlab.gpu_backend.contact.motion import make_motion
 from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernels, variant_name
 from softlab.gpu_backend.core.forces import make_forces
 from softlab.gpu_backend.core.formulas import device_formulas
-from softlab.gpu_backend.core.quads import SIZE, load_quad, pack, store_quad
+from softlab.gpu_backend.core.quads import AXES, ROWS, SIZE, load_quad, pack, store_quad
 from softlab.gpu_backend.shape_matching.damping import make_gather
-from softlab.gpu_backend.shape_matching.kernels import AXES, ROWS, THREADS, TOGETHER, make_move
-from softlab.gpu_backend.xpbd.point import make_motion
+from softlab.gpu_backend.shape_matching.kernels import THREADS, TOGETHER, make_move
+from softlab.model.assets.clusters import Clusters
 from softlab.model.contact.particle_parameters import H_ASLEEP, H_FASTEST
 from softlab.model.formulas import particle_contact
 from softlab.model.formulas.shape_matching import rebound, rigid
 from softlab.model.formulas.shape_matching.cluster import LANES
-from softlab.model.shape_matching.clusters import Clusters
 from softlab.model.shape_matching.rigid_motion import goal_slack
 from softlab.model.shape_matching.rigid_rebound import whole_clusters
 

@@ -15,8 +15,7 @@ from numba import cuda
 
 from softlab.gpu_backend.core.compile import kernel_options, make_kernel, variant_name
 from softlab.gpu_backend.core.formulas import device_formulas
-from softlab.gpu_backend.core.quads import load_quad, store_quad
-from softlab.gpu_backend.shape_matching.kernels import ROWS
+from softlab.gpu_backend.core.quads import ROWS, load_quad, store_quad
 from softlab.model.formulas import rotation
 from softlab.model.formulas.shape_matching import cluster, deformation
 from softlab.model.formulas.shape_matching.cluster import MOMENTS

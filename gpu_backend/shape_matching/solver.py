@@ -1,7 +1,7 @@
 """Soft and rigid bodies by shape matching on CUDA: clusters in compressed form, any number per particle.
 
 M. Mueller et al., "Meshless Deformations Based on Shape Matching", SIGGRAPH 2005, in substeps, with the masses divided
-among clusters (model/shape_matching/clusters.py). A substep: `begin` predicts positions; `iterations` times clusters
+among clusters (model/assets/clusters.py). A substep: `begin` predicts positions; `iterations` times clusters
 are summed, turned, and particles moved towards their goals; the last of these moves also computes velocities and
 collisions. Kernels: `launch`, and `graph`, the same captured as a CUDA graph; `stages`, stage by stage. In `exact` math
 all give the same bits as the CPU.
@@ -17,8 +17,8 @@ from numba import cuda
 from softlab.gpu_backend.contact.particles_project import make_contact_ends
 from softlab.gpu_backend.core.device import simulated
 from softlab.gpu_backend.core.launch import Graphs, can_capture
+from softlab.gpu_backend.core.sheet import make_cloth_tools
 from softlab.gpu_backend.core.substeps import launched_kernel
-from softlab.gpu_backend.mass_spring.cloth.kernels import make_cloth_tools
 from softlab.gpu_backend.shape_matching.couples import Couples
 from softlab.gpu_backend.shape_matching.kernels import THREADS, TOGETHER, make_bodies_clusters, make_bodies_ends
 from softlab.gpu_backend.shape_matching.rebound import Rebounds

@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 
 from softlab.gpu_backend.core.forces import bind_forces
-from softlab.gpu_backend.core.quads import SIZE
-from softlab.gpu_backend.shape_matching.kernels import AXES
+from softlab.gpu_backend.core.quads import AXES, SIZE
 from softlab.gpu_backend.xpbd.stages import make_xpbd_stages
 from softlab.model.core.plan import Moment, StageRun
 

@@ -8,19 +8,18 @@ from typing import Any
 import numpy as np
 
 from softlab.gpu_backend.contact.particles import ParticleContacts, particle_contact_bytes
-from softlab.gpu_backend.core.quads import SIZE
+from softlab.gpu_backend.core.quads import AXES, ROWS, SIZE
 from softlab.gpu_backend.core.substeps import SubstepSimulation
 from softlab.gpu_backend.shape_matching.couples import Couples
-from softlab.gpu_backend.shape_matching.kernels import AXES, ROWS
 from softlab.gpu_backend.shape_matching.lattice import Lattices, lattice_bytes
 from softlab.gpu_backend.shape_matching.links import DeviceLinks
 from softlab.gpu_backend.shape_matching.material import ClusterMaterial
 from softlab.gpu_backend.shape_matching.rebound import Rebounds
 from softlab.gpu_backend.shape_matching.rigid import RigidMotion
+from softlab.model.assets.clusters import Clusters
+from softlab.model.contact.cloth_parameters import collider_numbers
 from softlab.model.formulas.shape_matching.cluster import MOMENTS
-from softlab.model.mass_spring.cloth_parameters import collider_numbers
 from softlab.model.shape_matching.cluster_tables import first_particles, leans, matching_factors
-from softlab.model.shape_matching.clusters import Clusters
 
 
 class BodiesState(SubstepSimulation):

@@ -15,11 +15,11 @@ from numba import cuda
 
 from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernel, make_kernels, variant_name
 from softlab.gpu_backend.core.formulas import device_formulas
+from softlab.gpu_backend.core.integers import make_clock
 from softlab.gpu_backend.core.quads import SIZE, load_quad, make_row, store_quad
 from softlab.gpu_backend.core.world import World
 from softlab.gpu_backend.tetrahedra.descent_contact import make_meeting
 from softlab.gpu_backend.tetrahedra.springs import make_pulled
-from softlab.gpu_backend.xpbd.kernels import make_clock
 from softlab.model.core.tuples import each_of, tuple_of
 from softlab.model.formulas.elastic import chebyshev, descent
 from softlab.model.tetrahedra.descent import CORNERS, RATE, SCALE

@@ -13,14 +13,13 @@ import numpy as np
 from softlab.gpu_backend.core.cooperative import Cooperative
 from softlab.gpu_backend.core.driven import DrivenSimulation
 from softlab.gpu_backend.core.quads import SIZE
-from softlab.gpu_backend.mass_spring.cloth.kernels import make_cloth_tools
+from softlab.gpu_backend.core.sheet import make_cloth_tools, make_mesh_tools
 from softlab.gpu_backend.tetrahedra.newton_kernel import DONE, WORKING, Lists, make_newton, packed
 from softlab.gpu_backend.tetrahedra.newton_sums import THREADS, UNIT
-from softlab.gpu_backend.xpbd.mesh_kernels import make_mesh_tools
+from softlab.model.contact.cloth_parameters import PIN_FIELDS
 from softlab.model.core.options import unknown_kernel
 from softlab.model.core.plan import Executor
 from softlab.model.core.simulation import Options
-from softlab.model.mass_spring.cloth_parameters import PIN_FIELDS
 from softlab.model.scene.scene import Scene
 from softlab.model.tetrahedra.aggregates import Couplings, aggregates, couplings
 from softlab.model.tetrahedra.block_rows import BLOCKS, block_rows

@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
+from softlab.gpu_backend.contact.motion import make_motion
 from softlab.gpu_backend.core.compile import inlined
 from softlab.gpu_backend.core.forces import make_forces
 from softlab.gpu_backend.core.formulas import device_formulas
-from softlab.gpu_backend.core.quads import load_quad, store_quad
+from softlab.gpu_backend.core.quads import AXES, load_quad, store_quad
 from softlab.gpu_backend.tetrahedra.newton_coarse import make_band, make_coarse, make_couple
 from softlab.gpu_backend.tetrahedra.newton_contact import make_contact
 from softlab.gpu_backend.tetrahedra.newton_elements import make_block_access, make_blocks, make_look
@@ -21,8 +22,6 @@ from softlab.gpu_backend.tetrahedra.newton_pins import make_driven
 from softlab.gpu_backend.tetrahedra.newton_quick import make_invert, make_quick_groups, make_quick_product
 from softlab.gpu_backend.tetrahedra.newton_rows import make_moving, make_rows, make_solving
 from softlab.gpu_backend.tetrahedra.newton_sums import TEAM, UNIT, make_sums
-from softlab.gpu_backend.xpbd.mesh_kernels import AXES
-from softlab.gpu_backend.xpbd.point import make_motion
 from softlab.model.formulas import distance
 from softlab.model.formulas.elastic import stages
 from softlab.model.formulas.elastic.newton import (

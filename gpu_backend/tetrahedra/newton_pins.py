@@ -11,8 +11,8 @@ import numpy as np
 from softlab.gpu_backend.contact.pins import make_pins
 from softlab.gpu_backend.core.compile import inlined
 from softlab.gpu_backend.core.formulas import device_formulas
+from softlab.model.contact.cloth_parameters import P_MOTION
 from softlab.model.formulas import cloth
-from softlab.model.mass_spring.cloth_parameters import P_MOTION
 
 MOTION = "motion"  # among the parts
 

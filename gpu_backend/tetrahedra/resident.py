@@ -25,16 +25,16 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from softlab.gpu_backend.core.blocks import raise_flag, read_flag
+from softlab.gpu_backend.contact.motion import make_motion
+from softlab.gpu_backend.core.blocks import PATIENCE, raise_flag, read_flag
 from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
 from softlab.gpu_backend.core.constraints import make_constants, make_run
-from softlab.gpu_backend.core.device import simulated
+from softlab.gpu_backend.core.device import ALIGNMENT, simulated
 from softlab.gpu_backend.core.forces import make_forces
+from softlab.gpu_backend.core.integers import make_clock
 from softlab.gpu_backend.core.messages import make_messages
-from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
+from softlab.gpu_backend.core.quads import AXES, SIZE, load_quad, store_quad
 from softlab.gpu_backend.core.world import World
-from softlab.gpu_backend.mass_spring.grid.resident import PATIENCE
-from softlab.gpu_backend.mass_spring.grid.strips import ALIGNMENT
 from softlab.gpu_backend.tetrahedra.slabs import (
     ALL,
     BORDER_AFTER,
@@ -46,9 +46,6 @@ from softlab.gpu_backend.tetrahedra.slabs import (
     SHARED,
     STARTS,
 )
-from softlab.gpu_backend.xpbd.kernels import make_clock
-from softlab.gpu_backend.xpbd.mesh_kernels import AXES
-from softlab.gpu_backend.xpbd.point import make_motion
 from softlab.model.core.constraints import Projection
 
 

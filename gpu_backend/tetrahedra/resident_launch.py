@@ -9,13 +9,13 @@ import numpy as np
 from numba import cuda
 
 from softlab.gpu_backend.core.constraints import device_corners
+from softlab.gpu_backend.core.device import device_limits
+from softlab.gpu_backend.core.forces import forces_of
 from softlab.gpu_backend.core.launch import prepare
 from softlab.gpu_backend.core.messages import message_size
 from softlab.gpu_backend.core.quads import pack
-from softlab.gpu_backend.mass_spring.grid import tile_launch
 from softlab.gpu_backend.tetrahedra.resident import make_tetrahedra_resident
 from softlab.gpu_backend.tetrahedra.slabs import MOST_THREADS, Slabs, make_slabs
-from softlab.gpu_backend.xpbd.mesh_kernels import forces_of
 from softlab.model.core.constraints import ConstraintSet, Projection
 from softlab.model.core.errors import BackendUnavailable, SceneError
 from softlab.model.scene.scene import Scene
@@ -53,7 +53,7 @@ def chosen_slabs(
     """Return the slabs of each set, of `layers` each, or the thinnest that all run at once on this GPU, or on one of
     `limits` (see `device_limits`). Raises SceneError if there are none."""
     found = scene.tetrahedra_set
-    limits = limits or tile_launch.device_limits()
+    limits = limits or device_limits()
     both = zip(constraint_sets(scene), tetrahedra_of_sets(found), strict=True)
     return [_slabs(found, *each, real, layers, limits) for each in both]
 

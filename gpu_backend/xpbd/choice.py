@@ -14,8 +14,8 @@ import re
 from dataclasses import dataclass
 from typing import Any
 
+from softlab.gpu_backend.core.device import device_limits
 from softlab.gpu_backend.core.launch import can_capture
-from softlab.gpu_backend.mass_spring.grid.tile_launch import device_limits
 from softlab.gpu_backend.xpbd.sweep import shared_bytes
 from softlab.gpu_backend.xpbd.tile import SheetTile, span, whole
 from softlab.model.core.errors import SceneError

@@ -18,8 +18,8 @@ from softlab.gpu_backend.core.compile import inlined
 from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.quads import load_quad
 from softlab.gpu_backend.xpbd.constraints import KINDS, make_change
+from softlab.model.contact.substep_parameters import OF_SHEETS
 from softlab.model.formulas import distance
-from softlab.model.xpbd.parameters import OF_SHEETS
 
 
 def _make_pulls(real: Any, math: str, parts: frozenset[str], axes: int) -> Any:

@@ -14,15 +14,16 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
-from softlab.gpu_backend.core.integers import knows_time
+from softlab.gpu_backend.contact.motion import make_motion
+from softlab.gpu_backend.core.compile import kernel_options, make_kernel, variant_name
+from softlab.gpu_backend.core.integers import make_clock
 from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
-from softlab.gpu_backend.core.sheet import BLOCK
+from softlab.gpu_backend.core.sheet import BLOCK, make_place
+from softlab.gpu_backend.core.wind import make_block_air
 from softlab.gpu_backend.core.world import Cell, World
-from softlab.gpu_backend.mass_spring.cloth.kernels import make_block_air
 from softlab.gpu_backend.xpbd.constraints import compliant, make_constants, make_pair
 from softlab.gpu_backend.xpbd.gather import make_gather
-from softlab.gpu_backend.xpbd.point import make_accelerations, make_motion, make_tethers
+from softlab.gpu_backend.xpbd.point import make_accelerations, make_tethers
 from softlab.model.xpbd.plan import JACOBI, Family, families
 
 
@@ -44,38 +45,6 @@ def multiplier_planes(parts: frozenset[str]) -> int:
     if "gauss-seidel" in parts:
         return len(soft)
     return 4 * len({family.kind for family in soft})
-
-
-@cache
-def make_clock(math: str, parts: frozenset[str]) -> Any:
-    """Make clock(counter, place, substeps, substep) -> (the step's number, the substep's).
-
-    `place`: number of the step after the counter. 0 if nothing depends on time.
-    """
-    has_time, no_step = knows_time(parts), np.int64(0)
-
-    @inlined(math)
-    def clock(counter, place, substeps, substep):
-        if has_time:
-            step = counter[0] + place
-            return step, step * substeps + substep
-        return no_step, no_step
-
-    return clock
-
-
-@cache
-def make_place(math: str) -> Any:
-    """Make place() -> (i, j) of the thread in the lattice of its launch."""
-
-    @inlined(math)
-    def place():
-        return (
-            np.int32(cuda.blockIdx.y * cuda.blockDim.y + cuda.threadIdx.y),
-            np.int32(cuda.blockIdx.x * cuda.blockDim.x + cuda.threadIdx.x),
-        )
-
-    return place
 
 
 @cache

@@ -19,12 +19,13 @@ from softlab.gpu_backend.contact.pins import make_drive
 from softlab.gpu_backend.core.constraints import device_corners, make_projections, places
 from softlab.gpu_backend.core.device import simulated
 from softlab.gpu_backend.core.driven import DrivenSimulation
+from softlab.gpu_backend.core.forces import forces_of
 from softlab.gpu_backend.core.launch import Graphs, can_capture
-from softlab.gpu_backend.core.quads import SIZE, pack
+from softlab.gpu_backend.core.quads import AXES, SIZE, pack
+from softlab.gpu_backend.core.sheet import make_cloth_tools, make_mesh_tools
 from softlab.gpu_backend.core.substeps import SubstepSimulation, launched_kernel
-from softlab.gpu_backend.mass_spring.cloth.kernels import make_cloth_tools
 from softlab.gpu_backend.xpbd.kernels import make_end
-from softlab.gpu_backend.xpbd.mesh_kernels import AXES, forces_of, make_mesh_begin, make_mesh_tools, make_slow
+from softlab.gpu_backend.xpbd.mesh_kernels import make_mesh_begin, make_slow
 from softlab.gpu_backend.xpbd.stages import make_xpbd_stages
 from softlab.model.core.constraints import ConstraintSet, Projection
 from softlab.model.core.plan import Executor, Moment, Plan, StageRun

@@ -6,28 +6,19 @@ Velocities and colliders are the sheets' (xpbd/kernels.py); constraints are in c
 from __future__ import annotations
 
 from functools import cache
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 from numba import cuda
 
+from softlab.gpu_backend.contact.motion import make_motion
 from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
 from softlab.gpu_backend.core.forces import make_forces
 from softlab.gpu_backend.core.formulas import device_formulas
-from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
-from softlab.gpu_backend.mass_spring.cloth.kernels import make_block_air
-from softlab.gpu_backend.xpbd.kernels import make_clock
-from softlab.gpu_backend.xpbd.point import make_motion
+from softlab.gpu_backend.core.integers import make_clock
+from softlab.gpu_backend.core.quads import AXES, SIZE, load_quad, store_quad
+from softlab.gpu_backend.core.wind import make_block_air
 from softlab.model.formulas import cloth, distance, wind
-from softlab.model.scene.cloth import CONSTRAINT_KINDS
-
-AXES = 3
-
-
-def forces_of(parts: frozenset[str]) -> frozenset[str]:
-    """Return the parts that the kernels over masses depend on, without those of constraints."""
-    return frozenset(part for part in parts if part.split("-")[0] not in CONSTRAINT_KINDS)
 
 
 @cache
@@ -107,29 +98,3 @@ def make_slow(real: Any, math: str) -> Any:
             )
 
     return make_kernel(slow, f"mesh_{variant_name(real, math)}", **kernel_options(math))
-
-
-@cache
-def make_mesh_tools(real: Any) -> SimpleNamespace:
-    """Compile `write_normal(position, out, offsets, at_vertex, corners)`: unit normals (vertices, 3) for drawing, of
-    the triangles at each vertex, weighted by area."""
-    formulas = device_formulas(cloth.make, real, "exact")
-    cross, unit = formulas.cross, formulas.unit
-    zero, one, two, three = real(0), np.int32(1), np.int32(2), np.int32(3)
-
-    @inlined("exact")
-    def triangle(position, ia, ib, ic):
-        p, q, r = load_quad(position, ia), load_quad(position, ib), load_quad(position, ic)
-        return cross(q[0] - p[0], q[1] - p[1], q[2] - p[2], r[0] - p[0], r[1] - p[1], r[2] - p[2])
-
-    def write_normal(position, out, offsets, at_vertex, corners):
-        k = np.int32(cuda.grid(1))
-        if k < position.size // SIZE:
-            x, y, z = zero, zero, zero
-            for n in range(offsets[k], offsets[k + one]):
-                place = three * at_vertex[n]
-                fx, fy, fz = triangle(position, corners[place], corners[place + one], corners[place + two])
-                x, y, z = x + fx, y + fy, z + fz
-            out[k, 0], out[k, 1], out[k, 2] = unit(x, y, z)
-
-    return SimpleNamespace(write_normal=make_kernel(write_normal, f"mesh_{variant_name(real)}"))

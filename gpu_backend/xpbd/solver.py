@@ -23,9 +23,8 @@ from softlab.gpu_backend.contact.self_contact import Contacts, contact_bytes
 from softlab.gpu_backend.core.device import simulated
 from softlab.gpu_backend.core.launch import Graphs, can_capture
 from softlab.gpu_backend.core.quads import SIZE
-from softlab.gpu_backend.core.sheet import BLOCK
+from softlab.gpu_backend.core.sheet import BLOCK, make_cloth_tools
 from softlab.gpu_backend.core.substeps import SubstepSimulation
-from softlab.gpu_backend.mass_spring.cloth.kernels import make_cloth_tools
 from softlab.gpu_backend.shape_matching.matching import Matching
 from softlab.gpu_backend.xpbd.choice import xpbd_kernel
 from softlab.gpu_backend.xpbd.constraints import compliant
@@ -42,12 +41,12 @@ from softlab.gpu_backend.xpbd.kernels import (
 )
 from softlab.gpu_backend.xpbd.launch import BlockLauncher, TiledLauncher
 from softlab.gpu_backend.xpbd.stages import bind_xpbd_stages
+from softlab.model.contact.cloth_parameters import collider_numbers
 from softlab.model.core.errors import SceneError
 from softlab.model.core.plan import Executor
 from softlab.model.core.simulation import Options
-from softlab.model.geometry.tables import sheet_reaches
-from softlab.model.mass_spring.cloth_parameters import collider_numbers
 from softlab.model.scene.scene import Scene
+from softlab.model.xpbd.attachments import sheet_reaches
 from softlab.model.xpbd.plan import colour_order, families, xpbd_plan
 
 NOT_YET = ("motion", "mesh")

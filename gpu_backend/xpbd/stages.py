@@ -10,13 +10,14 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
+from softlab.gpu_backend.contact.motion import make_motion
 from softlab.gpu_backend.core.compile import kernel_options, make_kernels, variant_name
 from softlab.gpu_backend.core.forces import bind_forces
 from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
+from softlab.gpu_backend.core.wind import make_block_air
 from softlab.gpu_backend.core.world import Cell, World
-from softlab.gpu_backend.mass_spring.cloth.kernels import make_block_air
 from softlab.gpu_backend.xpbd.gather import make_gather
-from softlab.gpu_backend.xpbd.point import make_accelerations, make_motion
+from softlab.gpu_backend.xpbd.point import make_accelerations
 from softlab.model.core.plan import Moment, StageRun
 from softlab.model.xpbd.plan import JACOBI, colour_order
 

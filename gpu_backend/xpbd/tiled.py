@@ -15,12 +15,11 @@ import numpy as np
 from numba import cuda
 
 from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
-from softlab.gpu_backend.core.device import simulated
+from softlab.gpu_backend.core.device import ALIGNMENT, simulated
+from softlab.gpu_backend.core.integers import make_clock
+from softlab.gpu_backend.core.wind import make_block_air
 from softlab.gpu_backend.core.world import World
-from softlab.gpu_backend.mass_spring.cloth.kernels import make_block_air
-from softlab.gpu_backend.mass_spring.grid.strips import ALIGNMENT
 from softlab.gpu_backend.xpbd.constraints import dampers, make_constants
-from softlab.gpu_backend.xpbd.kernels import make_clock
 from softlab.gpu_backend.xpbd.sweep import copies, make_jacobi_sweep, make_sweep, register_multipliers
 from softlab.gpu_backend.xpbd.tile import SheetTile
 from softlab.gpu_backend.xpbd.tile_ends import make_multiplier_moves, make_tile_ends

@@ -15,9 +15,9 @@ from softlab.labbook.film.canvas import BAND, CPU, FAINT, FOOT, GPU, INK, LINE, 
 from softlab.labbook.film.judged import Judged
 from softlab.model.core.errors import SoftlabError
 from softlab.plots.core.data import Results
-from softlab.plots.core.draw import FIGURES
 from softlab.plots.core.files import lay_out
 from softlab.plots.core.style import Drawing, settings
+from softlab.plots.draw import FIGURES
 
 TITLE = "Soft-body lab"
 ROW = 31.0  # pixels

@@ -15,6 +15,8 @@ from typing import Any
 import numpy as np
 
 from softlab.model.assets.baked_body import BakedBody, Report
+from softlab.model.assets.clusters import Clusters
+from softlab.model.assets.lattice import Lattice
 from softlab.model.assets.skin import INFLUENCES, Skin
 from softlab.model.assets.soft_body import MATERIAL, Meshes, RigidBody
 from softlab.model.assets.soft_sheet import SoftSheet
@@ -24,8 +26,6 @@ from softlab.model.core.errors import InputError, SoftlabError
 from softlab.model.core.waiting import work
 from softlab.model.geometry.mesh import mesh_bytes, read_mesh
 from softlab.model.geometry.shapes import Shape
-from softlab.model.shape_matching.clusters import Clusters
-from softlab.model.shape_matching.lattice import Lattice
 
 VERSION = 2  # of the files: what is in them, and how
 ROOMS = ("assets", "geometry", "shape_matching")  # of the model: the code that makes bodies

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from softlab.model.assets.clustering import parts, undetermined
+from softlab.model.assets.clusters import Clusters
+from softlab.model.assets.lattice import Lattice
 from softlab.model.assets.sampling import Samples
 from softlab.model.assets.skin import Skin
-from softlab.model.shape_matching.clustering import parts, undetermined
-from softlab.model.shape_matching.clusters import Clusters
-from softlab.model.shape_matching.lattice import Lattice
 
 
 @dataclass(frozen=True)

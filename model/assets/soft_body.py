@@ -12,6 +12,8 @@ import numpy as np
 from pydantic import Field, ValidationError, model_validator
 
 from softlab.model.assets.baked_body import BakedBody, Report, report_of
+from softlab.model.assets.clustering import check, gather, one_cluster
+from softlab.model.assets.clusters import Clusters
 from softlab.model.assets.material import Material, even
 from softlab.model.assets.sampling import sample
 from softlab.model.assets.skin import make_skin
@@ -21,8 +23,6 @@ from softlab.model.geometry.neighbours import TooMany, close_pairs
 from softlab.model.geometry.solid import as_mesh, solid
 from softlab.model.scene.parts import Flag, NotNegative, Part, Positive
 from softlab.model.scene.words import scene_error
-from softlab.model.shape_matching.clustering import check, gather, one_cluster
-from softlab.model.shape_matching.clusters import Clusters
 
 SPACINGS = 2.0  # of the clusters' centres in particle spacings, unless given
 OVERLAP = 1.25  # of their radius in their spacings, unless given

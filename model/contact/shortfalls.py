@@ -13,6 +13,7 @@ import numpy as np
 
 from softlab.model.contact.particle_parameters import G_DISTANCE, kinds_of_particles, pair_rows
 from softlab.model.contact.surface_parameters import APART, contact_surface
+from softlab.model.core.stepping import lost
 from softlab.model.geometry.neighbours import TooMany, close_pairs
 from softlab.model.scene.scene import Scene
 
@@ -27,39 +28,6 @@ def can_fall_short(scene: Scene) -> bool:
     """Return True if a run of the scene can be incomplete at all: it has contacts, fluids or tetrahedra."""
     meets = scene.contact is not None or scene.self_collision is not None
     return bool(meets or scene.fluids or scene.tetrahedra or scene.is_world)
-
-
-def lost(simulation: Any) -> dict[str, int]:
-    """Return `contacts_lost`, and `neighbours_lost` of fluids, since the simulation was opened.
-
-    They did not fit into lists of fixed length; a world has the sum of its members. {} where the scene has no contacts.
-    """
-    before = getattr(simulation, "lost_when_opened", {})
-    return {name: count - before.get(name, 0) for name, count in lost_so_far(simulation).items()}
-
-
-def lost_so_far(simulation: Any) -> dict[str, int]:
-    """Return the counts of `lost` including the step that compiled the kernels, in which all particles may lie in one
-    place."""
-    scene, contacts = simulation.scene, getattr(simulation, "contacts", None)
-    if scene.is_world:
-        found = {"contacts_lost": _beyond(contacts)} if scene.contact is not None else {}
-        for member in getattr(simulation, "members", {}).values():
-            for name, count in lost_so_far(member).items():
-                found[name] = found.get(name, 0) + count
-        return found
-    if scene.fluids:
-        return {"neighbours_lost": int(simulation.contacts_lost)}
-    if scene.bodies:
-        return {"contacts_lost": int(simulation.contacts_lost)} if scene.contact is not None else {}
-    if scene.self_collision is not None or (scene.tetrahedra and scene.contact is not None):
-        return {"contacts_lost": _beyond(contacts)}
-    return {}
-
-
-def _beyond(contacts: Any) -> int:
-    """Return the number of contacts, and of vertices in the search distance, for which a search had no capacity."""
-    return int(getattr(contacts, "lost", 0)) + int(getattr(contacts, "neighbours_lost", 0))
 
 
 def inverted_elements(scene: Scene, position: np.ndarray) -> dict[str, int]:

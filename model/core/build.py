@@ -13,8 +13,9 @@ import numpy as np
 
 from softlab.model.core.memory import require_sheet
 from softlab.model.core.pins import pin_indices
-from softlab.model.fluid.fluid_set import PARKED, FluidSet
+from softlab.model.fluid.fluid_set import FluidSet
 from softlab.model.geometry.arithmetic.functions import cosine, sine
+from softlab.model.geometry.particle_row import PARKED
 from softlab.model.geometry.sheets import sheet_positions
 from softlab.model.geometry.topology import mesh_of, pinned_vertices, vertex_masses
 from softlab.model.scene.cloth import Cloth, Fold

@@ -1,27 +1,32 @@
-"""The registry of solver families. A new family is one entry here, a module `family.py` in its package, and a solver in
-each backend's package."""
+"""The registry of solver families, which names them and imports none. A new family is one entry here, a module `family.py` in
+its package, and a solver in each backend's package."""
 
 from __future__ import annotations
 
+from functools import cache
+
+from softlab.model.core.components import named
 from softlab.model.core.errors import SceneError
 from softlab.model.core.family import SolverFamily
 from softlab.model.core.plan import Plan
-from softlab.model.fluid.family import FLUID
-from softlab.model.mass_spring.family import CLOTH, GRID
 from softlab.model.scene.scene import Scene
-from softlab.model.shape_matching.family import BODIES, WINDOWS
-from softlab.model.tetrahedra.family import TETRAHEDRA
-from softlab.model.tetrahedra.newton import TETRAHEDRA_NEWTON
-from softlab.model.tetrahedra.vbd import TETRAHEDRA_VBD
-from softlab.model.world.family import WORLD
-from softlab.model.xpbd.family import MESH, SHEET
 
-FAMILIES = (GRID, CLOTH, SHEET, MESH, WINDOWS, BODIES, TETRAHEDRA, TETRAHEDRA_VBD, TETRAHEDRA_NEWTON, FLUID, WORLD)
+FAMILIES = (  # module below softlab.model:name
+    "mass_spring.family:GRID", "mass_spring.family:CLOTH", "xpbd.family:SHEET", "xpbd.family:MESH",
+    "shape_matching.family:WINDOWS", "shape_matching.family:BODIES", "tetrahedra.family:TETRAHEDRA",
+    "tetrahedra.vbd:TETRAHEDRA_VBD", "tetrahedra.newton:TETRAHEDRA_NEWTON", "fluid.family:FLUID", "world.family:WORLD",
+)  # fmt: skip
+
+
+@cache
+def families() -> tuple[SolverFamily, ...]:
+    """Return every family, in the order of the registry."""
+    return tuple(named(f"softlab.model.{place}") for place in FAMILIES)
 
 
 def family_of(scene: Scene) -> SolverFamily:
     """Return the family that solves the scene. Raises SceneError for a part that it does not support."""
-    (found,) = (family for family in FAMILIES if family.accepts(scene))
+    (found,) = (family for family in families() if family.accepts(scene))
     for name, kind in scene.kinds.items():
         if kind not in found.knows:
             raise SceneError(f"{name}.kind", kind, f"is not supported by the solver of a {found.name}; leave it out")

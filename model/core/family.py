@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -12,9 +11,9 @@ import numpy as np
 from softlab.model.core.clock import Clock
 from softlab.model.core.outputs import Output, of_springs
 from softlab.model.core.plan import Plan
-from softlab.model.domains.bodies import Apart
-from softlab.model.domains.decomposition import Reach
-from softlab.model.domains.partitions import SharedMesh
+from softlab.model.core.sharing.bodies import Apart
+from softlab.model.core.sharing.decomposition import Reach
+from softlab.model.core.sharing.partitions import SharedMesh
 from softlab.model.scene.motion import RELEASE
 from softlab.model.scene.scene import Scene
 
@@ -43,9 +42,9 @@ class SolverFamily:
     - `unknown`: why no converged reference of the motion is known, and what to use instead; None: one is known.
     - `reach(scene)`: how far a step reads along the rows of its sheet, for sharing by rows (model/domains).
     - `apart(scene)`: the bodies of a scene in which none acts on another, for sharing by bodies
-      (model/domains/bodies.py).
+      (model/core/sharing/bodies.py).
     - `halo(scene)`: how far a substep reads [m], for sharing by slabs of space (model/domains/slabs.py).
-    - `partitions(scene)`: the meshes of a scene, for sharing by parts of bodies (model/domains/partitions.py).
+    - `partitions(scene)`: the meshes of a scene, for sharing by parts of bodies (model/core/sharing/partitions.py).
 
     The last four raise SceneError for a part that prevents sharing; None: not yet supported for the family.
     """
@@ -75,9 +74,3 @@ class SolverFamily:
 ANY_SHEET = frozenset(
     {"damping", "gravity", "external", "perturbation", "method", RELEASE}
 )  # every sheet supports them
-
-
-def named(place: str) -> Any:
-    """Return the object at `module:name`, imported now. Raises ImportError."""
-    module, _, name = place.partition(":")
-    return getattr(import_module(module), name)

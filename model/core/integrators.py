@@ -14,8 +14,8 @@ from math import inf, sqrt
 import numpy as np
 
 from softlab.model.core.build import pinned_indices
+from softlab.model.core.stability.cloth_bounds import laplacian_bound
 from softlab.model.geometry.topology import vertex_masses
-from softlab.model.mass_spring.cloth_bounds import laplacian_bound
 from softlab.model.scene.scene import Scene
 
 
@@ -169,7 +169,7 @@ def frequency_bound(scene: Scene) -> float:
     the grid's Laplacian, which is at most twice the largest number of springs on one mass (Gershgorin): 8 k/m inside a
     grid. Where springs alternate, k is the stiffest one's; where masses differ, m is the lightest one.
     model/core/stability/limit.py computes the frequency of the net itself. A cloth's bound is in
-    model/mass_spring/cloth_bounds.py. No bound is known for a mesh from a file and for bodies, whose solvers have no
+    model/core/stability/cloth_bounds.py. No bound is known for a mesh from a file and for bodies, whose solvers have no
     limit that depends on it.
     """
     if scene.cloth:

@@ -14,6 +14,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from math import ceil, isqrt
 from numbers import Integral
+from typing import Any
 
 from softlab.model.core.backend import Backend
 from softlab.model.core.build import Body, build
@@ -85,7 +86,6 @@ class Releasing(Backend):
         if scene is self.scene or self._entering:
             return
         self.require_open()
-        from softlab.model.contact.shortfalls import lost, lost_so_far
 
         poke, count, before = (self._poke_particle, self._poke_force), self.kept, lost(self)
         options, reason = self.options, self.threads_reason
@@ -207,3 +207,36 @@ class Stepping(Releasing):
         """
         self._restore()
         self.step, self.time = self._kept_step, self._kept_time
+
+
+def lost(simulation: Any) -> dict[str, int]:
+    """Return `contacts_lost`, and `neighbours_lost` of fluids, since the simulation was opened.
+
+    They did not fit into lists of fixed length; a world has the sum of its members. {} where the scene has no contacts.
+    """
+    before = getattr(simulation, "lost_when_opened", {})
+    return {name: count - before.get(name, 0) for name, count in lost_so_far(simulation).items()}
+
+
+def lost_so_far(simulation: Any) -> dict[str, int]:
+    """Return the counts of `lost` including the step that compiled the kernels, in which all particles may lie in one
+    place."""
+    scene, contacts = simulation.scene, getattr(simulation, "contacts", None)
+    if scene.is_world:
+        found = {"contacts_lost": _beyond(contacts)} if scene.contact is not None else {}
+        for member in getattr(simulation, "members", {}).values():
+            for name, count in lost_so_far(member).items():
+                found[name] = found.get(name, 0) + count
+        return found
+    if scene.fluids:
+        return {"neighbours_lost": int(simulation.contacts_lost)}
+    if scene.bodies:
+        return {"contacts_lost": int(simulation.contacts_lost)} if scene.contact is not None else {}
+    if scene.self_collision is not None or (scene.tetrahedra and scene.contact is not None):
+        return {"contacts_lost": _beyond(contacts)}
+    return {}
+
+
+def _beyond(contacts: Any) -> int:
+    """Return the number of contacts, and of vertices in the search distance, for which a search had no capacity."""
+    return int(getattr(contacts, "lost", 0)) + int(getattr(contacts, "neighbours_lost", 0))

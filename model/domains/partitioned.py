@@ -11,7 +11,7 @@ from softlab.model.core.build import some_of
 from softlab.model.core.errors import SceneError
 from softlab.model.core.families import family_of, scene_plan
 from softlab.model.core.options import Options
-from softlab.model.domains.partitions import Part, Partitions, partition
+from softlab.model.core.sharing.partitions import Part, Partitions, partition
 from softlab.model.domains.windows import WindowedSimulation, refuse_targets
 from softlab.model.scene.scene import Scene
 

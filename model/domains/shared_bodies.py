@@ -12,7 +12,7 @@ from softlab.model.core.build import some_of
 from softlab.model.core.errors import SceneError
 from softlab.model.core.families import family_of, scene_plan
 from softlab.model.core.options import Options
-from softlab.model.domains.bodies import Apart, Division, Share, divide
+from softlab.model.core.sharing.bodies import Apart, Division, Share, divide
 from softlab.model.domains.windows import WindowedSimulation, refuse_targets
 from softlab.model.scene.scene import Scene
 

@@ -13,7 +13,7 @@ from softlab.model.core.errors import SceneError
 from softlab.model.core.families import family_of, scene_plan
 from softlab.model.core.options import Options
 from softlab.model.core.own_forces import own_parts
-from softlab.model.domains.decomposition import Decomposition, Domain, Reach, decompose
+from softlab.model.core.sharing.decomposition import Decomposition, Domain, Reach, decompose
 from softlab.model.domains.windows import WindowedSimulation
 from softlab.model.scene.scene import Scene
 

@@ -6,14 +6,13 @@ from math import hypot, inf
 
 from softlab.model.core.family import SolverFamily
 from softlab.model.core.outputs import STRAIN, Output
+from softlab.model.core.stability.laws import RESTS
 from softlab.model.fluid.halo import fluid_halo
 from softlab.model.fluid.measure import density_errors, pressures
 from softlab.model.fluid.parameters import fluid_record, highest_viscosity, speed_limit
 from softlab.model.fluid.plan import fluid_plan
 from softlab.model.scene.cloth import COLLIDER_KINDS
 from softlab.model.scene.scene import Scene
-
-RESTS = 0.03  # rest distances by which gravity moves a particle in a substep, up to which every scheme comes to rest
 
 PRESSURE = Output(
     "pressure", "(particles,)", "Pa", "pressure from the pairs of particles",

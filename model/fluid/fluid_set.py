@@ -5,21 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
-from softlab.model.core.errors import SceneError
-from softlab.model.core.memory import MAX_PARTICLES, available_bytes, require
 from softlab.model.fluid.lattice import Lattice, lattice_of
 from softlab.model.geometry.arithmetic.functions import cosine, sine, whole_power
-from softlab.model.geometry.particle_row import ParticleRow
-from softlab.model.scene.fluid import REPEATED, WIDER, Domain, Fluid
-
-PARTICLE_BYTES = 700  # on the host: state, sorted copies, a list of 64 neighbours
-OF_ALL = ("dimensions", "rest_distance", "support_radius")  # fields in which fluids of a scene must agree
-MAX_FLUIDS = 64
-PARKED = -float(2**20)  # m, along every axis: position of inactive particles; exact in any precision
+from softlab.model.geometry.particle_row import PARKED, ParticleRow
+from softlab.model.scene.fluid import Domain, Fluid
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,56 +96,6 @@ class FluidSet(ParticleRow):
         """`4000 particles of 2 fluids`."""
         fluids = "1 fluid" if len(self.parts) == 1 else f"{len(self.parts)} fluids"
         return f"{self.particle_count} particles of {fluids}"
-
-
-def particle_count(parts: Mapping[str, Fluid]) -> int:
-    """Return the number of particles of fluids, before any is made."""
-    return sum(part.most for part in parts.values())
-
-
-def check_fluids(parts: Mapping[str, Fluid], domain: Domain | None, domain_name: str) -> None:
-    """Raise SceneError for fluids that disagree in common fields, are too many, or do not fit into memory or into their
-    box."""
-    (first, one), *others = parts.items()
-    for name, other in others:
-        for field in OF_ALL:
-            if getattr(other, field) != getattr(one, field):
-                told = f"must be that of {first}, {getattr(one, field):g}: fluids of a scene meet"
-                raise SceneError(f"{name}.{field.removesuffix('_radius')}", getattr(other, field), told)
-    if len(parts) > MAX_FLUIDS:
-        raise SceneError(first, len(parts), f"at most {MAX_FLUIDS} fluids")
-    count = particle_count(parts)
-    field, told = f"{first}.rest_distance", f"{one.rest_distance:g} m, {count} particles"
-    if count > MAX_PARTICLES:
-        raise SceneError(field, told, f"at most {MAX_PARTICLES} particles (32-bit indices)")
-    require(count * PARTICLE_BYTES, available_bytes(), field, told, "main memory")
-    for name, part in parts.items():
-        if part.vortices and (domain is None or not {"x", "y"} <= set(domain.repeats)):
-            raise SceneError(f"{name}.vortices", part.vortices, "needs a domain that repeats along x and y")
-    if domain is None:
-        return
-    if len(domain.size) < one.dimensions:
-        raise SceneError(f"{domain_name}.size", list(domain.size), f"must have {one.dimensions} numbers")
-    if one.dimensions == 2 and "z" in domain.repeats:
-        told = f'must be of x and y in 2 dimensions, such as repeats = ["{domain.repeats[0]}"]'
-        raise SceneError(f"{domain_name}.repeats", list(domain.repeats), told)
-    least = REPEATED * WIDER * one.support_radius
-    for axis in domain.repeats:
-        if domain.size["xyz".index(axis)] < least:
-            told = f"must be {REPEATED} supports long at least where it repeats, {least:g} m along {axis}"
-            raise SceneError(f"{domain_name}.size", list(domain.size), told)
-
-
-def check_among_solids(scene: Any) -> None:
-    """Raise SceneError for a scene of fluids that cannot interact with solids."""
-    if scene.dimensions == 2:
-        told = "must be 3 where a fluid meets solids, which lie in space"
-        raise SceneError(f"{next(iter(scene.fluids))}.dimensions", 2, told)
-    if scene.domain is not None:
-        told = "is not supported together with solids, which have no periodic sides; leave it out"
-        raise SceneError(f"{scene.name_of('domain')}.kind", "domain", told)
-    if scene.method.scheme != "macklin":
-        raise SceneError("method.scheme", scene.method.scheme, "must be macklin where a fluid meets solids")
 
 
 def vortices(place: np.ndarray, domain: Domain) -> np.ndarray:

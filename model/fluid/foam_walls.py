@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from softlab.model.contact.mesh_collider import MeshCollider
-from softlab.model.contact.surface_collider import SurfaceCollider
 from softlab.model.geometry.crossings import corners_of, first_crossings
-from softlab.model.geometry.distance_field import DistanceField
 from softlab.model.scene.cloth import Box, Capsule, Plane, Sphere
+from softlab.model.scene.colliders.distance_field import DistanceField
+from softlab.model.scene.colliders.mesh_collider import MeshCollider
+from softlab.model.scene.colliders.surface_collider import SurfaceCollider
 from softlab.model.scene.scene import Scene
 
 ROUNDS = 4  # corrections of a point to its side of a mesh, before it stays where it was

@@ -6,6 +6,8 @@ from typing import ClassVar
 
 import numpy as np
 
+PARKED = -float(2**20)  # m, along every axis: position of inactive particles; exact in any precision
+
 
 class ParticleRow:
     """`position` (particles, 3) float64 [m], at the start."""

@@ -4,42 +4,17 @@ from __future__ import annotations
 
 from functools import partial
 
+from softlab.model.contact.sheet_plan import Stages, cloth_parts
 from softlab.model.core.integrators import IMPLICIT
 from softlab.model.core.plan import Node, Plan, Stage
 from softlab.model.formulas import colliders, implicit, integrators
 from softlab.model.formulas import springs as spring_formulas
-from softlab.model.mass_spring.plan import Stages, force_stages, sheet_parts, stepped
+from softlab.model.mass_spring.plan import force_stages, stepped
 from softlab.model.scene.cloth import SPRING_KINDS
-from softlab.model.scene.motion import motions_of_pins
 from softlab.model.scene.scene import Scene
 
 SPRINGS_EACH = 4  # of a kind, on an interior mass
 PRODUCT_STAGE = "product with the matrix, spring by spring"  # of implicit Euler
-
-
-def cloth_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset[str]:
-    """Return the parts of a cloth that need code: those of any sheet (`sheet_parts`), springs, wind, motions and
-    colliders."""
-    parts = sheet_parts(scene, live)
-    for kind, springs in scene.cloth_springs.items():
-        parts.add(kind)
-        if springs.damping > 0:
-            parts.add(f"{kind}-damping")
-    if scene.wind and (scene.wind.drag > 0 or scene.wind.lift > 0):
-        parts.add("wind")
-        if scene.wind.gust > 0:
-            parts.add("gust")
-    if scene.motions:
-        motions_of_pins(scene.grid, scene.motions)  # refuses motions of masses that are not pinned
-        if any(part.moves for part in scene.motions.values()):
-            parts.add("motion")
-    for kind, collider in scene.colliders:
-        parts.add(kind)
-        if collider.static_friction > 0:
-            parts.add("friction")
-        if collider.restitution > 0:
-            parts.add("restitution")
-    return frozenset(parts)
 
 
 def kicks_meet(parts: frozenset[str]) -> bool:

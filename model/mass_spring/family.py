@@ -4,26 +4,18 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from softlab.model.contact.cloth_parameters import cloth_record
+from softlab.model.contact.sheet_plan import cloth_parts
 from softlab.model.core.errors import SceneError
 from softlab.model.core.family import ANY_SHEET, SolverFamily
 from softlab.model.core.integrators import IMPLICIT, explicit_limit, integrators_for
 from softlab.model.core.parameters import parameter_record
-from softlab.model.domains.decomposition import Reach
-from softlab.model.mass_spring.cloth_parameters import cloth_record
-from softlab.model.mass_spring.cloth_plan import cloth_parts, cloth_plan, kicks_meet
-from softlab.model.mass_spring.energy import sheet_spring_count, sheet_strain, stored_in_springs
+from softlab.model.core.sharing.decomposition import Reach, require_local
+from softlab.model.core.stability.springs import sheet_spring_count, sheet_strain, stored_in_springs
+from softlab.model.mass_spring.cloth_plan import cloth_plan, kicks_meet
 from softlab.model.mass_spring.plan import mass_spring_plan
 from softlab.model.scene.cloth import COLLIDER_KINDS, SPRING_KINDS
 from softlab.model.scene.scene import Scene
-
-WHOLE_CLOTH = {  # kinds of tables that refer to masses by their place in it, or connect them across it
-    "load": "lies at a place of the whole cloth",
-    "motion": "moves pins of the whole cloth",
-    "fold": "lays the whole cloth",
-    "external": "draws a number for each mass of the whole cloth",
-    "attachments": "holds masses by pins anywhere in the whole cloth",
-    "self_collision": "lets masses meet from anywhere in the whole cloth",
-}
 
 
 def _note(scene: Scene) -> str:
@@ -40,14 +32,6 @@ def _grid_reach(scene: Scene) -> Reach:
     alternate = scene.springs is not None and scene.springs.alternate
     verlet = scene.method.integrator == "velocity-verlet"
     return Reach(1, integrator.forces, int(verlet), 2 if alternate else 1, numbered=True)
-
-
-def require_local(scene: Scene) -> None:
-    """Raise SceneError for parts that depend on a mass's number in the whole sheet."""
-    idle = scene.external is not None and scene.external.magnitude == 0
-    for kind, what in WHOLE_CLOTH.items():
-        if scene.all_of(kind) and not (kind == "external" and idle):
-            raise SceneError(scene.name_of(kind), None, f"{what}: run it as one, not shared")
 
 
 def _cloth_reach(scene: Scene) -> Reach:

@@ -1,6 +1,6 @@
 """The constants of implicit Euler's matrix: the cloth's record with the springs' constants as in the matrix, and more.
 
-A spring's three constants have the names of `model/mass_spring/cloth_parameters.py`, times dt^2 (stiffness) or dt
+A spring's three constants have the names of `model/contact/cloth_parameters.py`, times dt^2 (stiffness) or dt
 (damping), so that the formulas of springs read either record.
 """
 
@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from softlab.model.contact.cloth_parameters import CLOTH_PARAMETERS, FIELDS, cloth_values
 from softlab.model.core.parameters import rounded_record
-from softlab.model.mass_spring.cloth_parameters import CLOTH_PARAMETERS, FIELDS, cloth_values
 from softlab.model.scene.cloth import SPRING_KINDS
 from softlab.model.scene.scene import Scene
 

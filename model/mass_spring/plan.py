@@ -5,39 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 
-from softlab.model.core.own_forces import own_forces, own_parts
+from softlab.model.contact.sheet_plan import WIND, Stages, own_stages, present_parts
 from softlab.model.core.plan import Node, Plan, Stage
-from softlab.model.formulas import integrators, springs, wind
+from softlab.model.formulas import integrators, springs
 from softlab.model.scene.scene import Scene
-
-TRIANGLES_EACH = 6  # of a cloth, around a mass
-FRICTION_IN_PLACE = "friction-in-place"  # a part: friction of colliders acts on positions, too
-WIND = TRIANGLES_EACH * (wind.OPERATIONS_TRIANGLE + 18)  # including the mean velocity of a triangle's corners
-
-Stages = tuple[Stage, ...]
-
-
-def sheet_parts(scene: Scene, live: frozenset[str] = frozenset()) -> set[str]:
-    """Return the parts of any sheet that need a stage: those with an effect, and those that may be switched on live."""
-    damping, gravity = scene.damping, scene.gravity
-    needed = {
-        "damping": (damping and damping.coefficient > 0) or "damping" in live,
-        "gravity": (gravity and gravity.enabled and gravity.acceleration > 0) or "gravity" in live,
-        "pins": scene.grid.pinned not in ("none", []),
-    }
-    return {name for name, does in needed.items() if does} | own_parts(scene, live)
-
-
-def present_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset[str]:
-    """Return the parts of a grid that need a stage, see `sheet_parts`.
-
-    `alternating` has no stage: it selects the stiffness of a spring.
-    """
-    needed = {
-        "springs": scene.springs or "stiffness" in live,
-        "alternating": scene.springs and scene.springs.alternate,
-    }
-    return frozenset(sheet_parts(scene, live) | {name for name, does in needed.items() if does})
 
 
 def force_stages(parts: frozenset[str], pulls: Stage | None, axes: int, offset: float) -> Stages:
@@ -50,15 +21,6 @@ def force_stages(parts: frozenset[str], pulls: Stage | None, axes: int, offset: 
         *(stage for part, stage in fields.items() if part in parts),
         *own_stages(parts),
         *damping,
-    )
-
-
-def own_stages(parts: frozenset[str], memory: int = 1) -> Stages:
-    """Return the stages of the forces on a particle alone; `memory` 0 where they cost none, since they are part of the
-    prediction."""
-    return tuple(
-        Stage(force.stage, force.traffic * memory, force.traffic * memory, force.operations)
-        for force in own_forces(parts)
     )
 
 

@@ -12,6 +12,8 @@ from softlab.model.geometry.arithmetic.ordered import dot, norm
 from softlab.model.scene.fluid import Flat
 from softlab.model.scene.parts import ZERO, NotNegative, Part, Positive, Vector
 
+NEVER = 1e30  # s
+
 Shape = Literal["box", "sphere", "half-space"]
 OF_SHAPE = {"box": ("center", "half_size"), "sphere": ("center", "radius"), "half-space": ("point", "normal")}
 SMALL = 1e-9  # of a length: rounding of lattice points at a rim
@@ -137,3 +139,31 @@ class Sink(Part):
 
 
 FLOW_KINDS: dict[str, type[Part]] = {"emitter": Emitter, "sink": Sink}
+
+
+def taps_at_start(scene: Any) -> np.ndarray:
+    """Return the initial emitter states, (emitters, 2) float64: the time [s] since which each has its speed, and the
+    layers that had passed by then."""
+    return np.array([(part.start, 0.0) for part in scene.emitters.values()], np.float64).reshape(-1, 2)
+
+
+def layers_passed(scene: Any, taps: np.ndarray, time: float) -> np.ndarray:
+    """Return the number of layers that have passed each nozzle by `time` [s], (emitters,) float64."""
+    found, distance = [], scene.fluid_set.spacing
+    for part, (since, before) in zip(scene.emitters.values(), taps, strict=True):
+        stop = NEVER if part.stop is None else part.stop
+        found.append(before + part.speed / distance * (min(max(time, since), stop) - since))
+    return np.array(found)
+
+
+def turned(scene: Any, taps: np.ndarray, time: float) -> np.ndarray:
+    """Return the emitter states from `time` [s] on, when speeds change from those of `scene`."""
+    starts = [part.start for part in scene.emitters.values()]
+    return np.stack([np.maximum(time, starts), layers_passed(scene, taps, time)], axis=1).reshape(-1, 2)
+
+
+def nozzle_points(scene: Any, real: type) -> np.ndarray:
+    """Return the points of all emitters, (points, 3) [m], in the arithmetic `real`."""
+    found = scene.fluid_set
+    points = [part.nozzle(found.spacing, found.dimensions) for part in scene.emitters.values()]
+    return np.concatenate([np.zeros((0, 3)), *points]).astype(real)

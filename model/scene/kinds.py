@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from softlab.model.contact.mesh_collider import MeshCollider
-from softlab.model.geometry.distance_field import DistanceField
 from softlab.model.scene.attachment import Attachment
 from softlab.model.scene.bodies import BODY_KINDS
 from softlab.model.scene.cloth import CLOTH_KINDS, COLLIDER_KINDS
+from softlab.model.scene.colliders.distance_field import DistanceField
+from softlab.model.scene.colliders.mesh_collider import MeshCollider
 from softlab.model.scene.flow import FLOW_KINDS
 from softlab.model.scene.fluid import FLUID_KINDS
 from softlab.model.scene.mesh import MESH_KINDS

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
+from softlab.model.geometry.colouring import RINGS
 from softlab.model.geometry.normals import mesh_normals, vertex_normals
 from softlab.model.geometry.sheets import sheet_triangles
 from softlab.model.geometry.topology import mesh_of, pinned_vertices
 from softlab.model.scene.scene import Scene
-from softlab.model.xpbd.colouring import RINGS
 
 FEW_PINS = 3  # a cloth held at fewer vertices swings about them
 MANY_EDGES = 256  # at a vertex: each costs a barrier of threads or a launch per sweep

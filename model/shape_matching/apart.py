@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from softlab.model.domains.bodies import Apart, require_apart
+from softlab.model.assets.clusters import Clusters
+from softlab.model.assets.lattice import LatticeCopies
+from softlab.model.core.sharing.bodies import Apart, require_apart
 from softlab.model.geometry.lists import offsets_of, ranges
 from softlab.model.scene.scene import Scene
 from softlab.model.shape_matching.body_set import BodySet, Copy
-from softlab.model.shape_matching.clusters import Clusters
-from softlab.model.shape_matching.lattice import LatticeCopies
 from softlab.model.shape_matching.links import Links
 
 

@@ -11,6 +11,8 @@ from itertools import groupby
 import numpy as np
 
 from softlab.model.assets.baked_body import BakedBody
+from softlab.model.assets.clusters import Clusters
+from softlab.model.assets.lattice import LatticeCopies
 from softlab.model.assets.material import joined
 from softlab.model.core.errors import InputError, SceneError
 from softlab.model.core.memory import MAX_PARTICLES, available_bytes, require
@@ -18,8 +20,6 @@ from softlab.model.geometry.arithmetic.ordered import applied, mean, total
 from softlab.model.geometry.lists import offsets_of
 from softlab.model.geometry.particle_row import ParticleRow
 from softlab.model.scene.bodies import Placed
-from softlab.model.shape_matching.clusters import Clusters
-from softlab.model.shape_matching.lattice import LatticeCopies
 from softlab.model.shape_matching.links import LinkedCopies, Links, make_links
 
 

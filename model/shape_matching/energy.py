@@ -6,9 +6,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from softlab.model.assets.lattice import matching_axis
+from softlab.model.core.stability.springs import matching_stiffness
 from softlab.model.scene.scene import Scene
-from softlab.model.shape_matching.lattice import matching_axis
-from softlab.model.shape_matching.matching import matching_stiffness
 
 
 def window_energy(scene: Scene, position: np.ndarray) -> float:

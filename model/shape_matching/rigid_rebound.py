@@ -23,8 +23,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from softlab.model.assets.clusters import Clusters
 from softlab.model.scene.scene import Scene
-from softlab.model.shape_matching.clusters import Clusters
 
 
 def whole_clusters(clusters: Clusters) -> np.ndarray:

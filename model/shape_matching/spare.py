@@ -9,7 +9,7 @@ import numpy as np
 
 from softlab.model.core.errors import InputError, SceneError
 from softlab.model.core.state import State
-from softlab.model.fluid.flow import nozzle_points
+from softlab.model.scene.flow import nozzle_points
 from softlab.model.scene.scene import Scene
 from softlab.model.shape_matching.body_set import Copy
 

@@ -8,7 +8,7 @@ from typing import NoReturn
 import numpy as np
 
 from softlab.model.core.errors import SceneError
-from softlab.model.domains.bodies import Apart, require_apart
+from softlab.model.core.sharing.bodies import Apart, require_apart
 from softlab.model.scene.attachment import pins
 from softlab.model.scene.scene import Scene
 from softlab.model.tetrahedra.body_set import TetrahedraSet

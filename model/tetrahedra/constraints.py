@@ -12,13 +12,13 @@ from softlab.model.core.constraints import ConstraintSet, Projection
 from softlab.model.core.plan import Node, Plan, Stage
 from softlab.model.formulas.constraints import attachment, tetrahedron, voxel_volume
 from softlab.model.formulas.elastic import sleep
+from softlab.model.geometry.colouring import colour
 from softlab.model.scene.scene import Scene
 from softlab.model.tetrahedra.attachments import attachment_parts, attachment_projections, attachment_sets
 from softlab.model.tetrahedra.body_set import TetrahedraSet
 from softlab.model.tetrahedra.material import constraint_values, material_of, voxel_values
 from softlab.model.tetrahedra.voxel_order import voxel_order
 from softlab.model.xpbd import mesh_constraints as of_cloths
-from softlab.model.xpbd.colouring import colour
 from softlab.model.xpbd.mesh_plan import BODY_DAMPING, constrained_plan, model_parts, with_friction_in_place
 from softlab.model.xpbd.plan import xpbd_parts
 

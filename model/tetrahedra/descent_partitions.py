@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from softlab.model.domains.partitions import SharedMesh, Window
+from softlab.model.core.sharing.partitions import SharedMesh, Window
 from softlab.model.scene.scene import Scene
 from softlab.model.tetrahedra.descent import descents
 from softlab.model.tetrahedra.partitions import partitions_by

@@ -6,9 +6,11 @@ from typing import Any
 
 import numpy as np
 
+from softlab.model.contact.substep_parameters import XPBD_FIELDS, xpbd_values
 from softlab.model.core.clock import START, Clock
 from softlab.model.core.family import SolverFamily
 from softlab.model.core.parameters import rounded_record
+from softlab.model.core.stability.projection import projection_limit, projection_note
 from softlab.model.geometry.measures import edge_lengths
 from softlab.model.scene.cloth import COLLIDER_KINDS, CONSTRAINT_KINDS
 from softlab.model.scene.motion import RELEASE
@@ -18,9 +20,7 @@ from softlab.model.tetrahedra.attachments import KIND, stored
 from softlab.model.tetrahedra.constraints import CONSTANTS, constraint_sets, tetrahedra_plan, through_note
 from softlab.model.tetrahedra.material import energies
 from softlab.model.tetrahedra.partitions import tetrahedra_partitions
-from softlab.model.xpbd.family import projection_limit, projection_note
 from softlab.model.xpbd.mesh_constraints import mesh_energy
-from softlab.model.xpbd.parameters import XPBD_FIELDS, xpbd_values
 
 
 def tetrahedra_record(

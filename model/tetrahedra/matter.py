@@ -7,12 +7,11 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from softlab.model.core.errors import InputError, SceneError
+from softlab.model.core.errors import InputError
 from softlab.model.geometry.arithmetic.ordered import total
 from softlab.model.geometry.tetrahedra.mesh import TetrahedralMesh
 from softlab.model.scene.regions import Region
 from softlab.model.scene.tetrahedra import Material, TetrahedralBody, lame_of
-from softlab.model.scene.words import suggestion
 from softlab.model.tetrahedra.masses import limited
 from softlab.model.tetrahedra.topology import neighbours
 
@@ -93,17 +92,3 @@ def matter_of(
 def joined(some: list[Matter]) -> Matter:
     """Return the values of all bodies, one after the other."""
     return Matter(*(np.concatenate([getattr(one, name) for one in some]) for name in NAMES))
-
-
-def check_material(
-    name: str, part: Material, bodies: Mapping[str, TetrahedralBody], regions: Mapping[str, Region]
-) -> None:
-    """Raise SceneError for a body or a region that does not exist."""
-    for field, value, known in (("region", part.region, regions), ("body", part.body, bodies)):
-        if value is not None and value not in known:
-            told = (
-                f"must be one of {', '.join(known)}{suggestion(value, known)}"
-                if known
-                else "there is none in the scene"
-            )
-            raise SceneError(f"{name}.{field}", value, told)

@@ -16,11 +16,13 @@ from typing import Any
 
 import numpy as np
 
+from softlab.model.contact.substep_parameters import XPBD_FIELDS, xpbd_values
 from softlab.model.core.clock import START, Clock
 from softlab.model.core.errors import SceneError
 from softlab.model.core.own_forces import own_forces
 from softlab.model.core.parameters import rounded_record
 from softlab.model.core.plan import Node, Plan, Stage
+from softlab.model.core.stability.projection import projection_limit, with_limit
 from softlab.model.formulas import colliders, distance
 from softlab.model.formulas.constraints.tetrahedron import MATERIALS
 from softlab.model.formulas.elastic import deformation, stages, tangent
@@ -32,9 +34,7 @@ from softlab.model.tetrahedra.body_set import TetrahedraSet
 from softlab.model.tetrahedra.constraints import tetrahedra_parts, through_note
 from softlab.model.tetrahedra.family import TETRAHEDRA
 from softlab.model.tetrahedra.material import rest_ratio
-from softlab.model.xpbd.family import projection_limit, with_limit
 from softlab.model.xpbd.mesh_plan import PINS
-from softlab.model.xpbd.parameters import XPBD_FIELDS, xpbd_values
 
 CONSTANTS = ("newton_inertia", "newton_rate")  # of the record: the mean mass over h^2 [kg/s^2], 1 / h [1/s]
 VALUES = 14  # of a tetrahedron: 9 of B [1/m], V [m^3], mu, lambda [Pa], alpha of the neo-Hookean material, tau [s]

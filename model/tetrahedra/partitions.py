@@ -12,7 +12,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from softlab.model.domains.partitions import SharedMesh, Window
+from softlab.model.core.sharing.partitions import SharedMesh, Window
 from softlab.model.scene.scene import Scene
 from softlab.model.tetrahedra.apart import some_tetrahedra, tetrahedra_apart
 from softlab.model.tetrahedra.body_set import TetrahedraSet

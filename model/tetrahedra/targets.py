@@ -2,7 +2,7 @@
 function.
 
 Each pinned vertex without a motion of the scene has its own, from its position to its target within the next step, in
-the rows that kernels read for motions (model/mass_spring/cloth_parameters.py); in later steps it rests there.
+the rows that kernels read for motions (model/contact/cloth_parameters.py); in later steps it rests there.
 """
 
 from __future__ import annotations
@@ -11,11 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from softlab.model.core.build import Body
-from softlab.model.core.errors import SceneError
-from softlab.model.core.simulation import Simulation
-from softlab.model.core.state import State
-from softlab.model.mass_spring.cloth_parameters import (
+from softlab.model.contact.cloth_parameters import (
     M_DURATION,
     M_START,
     M_V,
@@ -29,6 +25,10 @@ from softlab.model.mass_spring.cloth_parameters import (
     motion_rows,
     pin_rows,
 )
+from softlab.model.core.build import Body
+from softlab.model.core.errors import SceneError
+from softlab.model.core.simulation import Simulation
+from softlab.model.core.state import State
 from softlab.model.scene.scene import Scene
 
 LIVE = "targets"

@@ -15,16 +15,16 @@ from typing import Any
 
 import numpy as np
 
+from softlab.model.contact.substep_parameters import XPBD_FIELDS, xpbd_values
 from softlab.model.core.clock import START, Clock
 from softlab.model.core.parameters import rounded_record
+from softlab.model.core.stability.projection import with_limit
 from softlab.model.scene.scene import Scene
 from softlab.model.tetrahedra.constraints import through_note
 from softlab.model.tetrahedra.descent import SCALE, vbd_plan
 from softlab.model.tetrahedra.descent_partitions import descent_partitions
 from softlab.model.tetrahedra.family import TETRAHEDRA
 from softlab.model.tetrahedra.newton import CONSTANTS
-from softlab.model.xpbd.family import with_limit
-from softlab.model.xpbd.parameters import XPBD_FIELDS, xpbd_values
 
 
 def vbd_record(scene: Scene, real: Any, poke: tuple[float, ...] = (0.0, 0.0, 0.0), clock: Clock = START) -> np.ndarray:

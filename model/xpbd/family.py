@@ -3,41 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from math import inf
 
 import numpy as np
 
+from softlab.model.contact.substep_parameters import xpbd_record
 from softlab.model.core.family import ANY_SHEET, SolverFamily
-from softlab.model.core.integrators import fastest_damping
-from softlab.model.domains.decomposition import Reach
-from softlab.model.mass_spring.energy import sheet_spring_count, sheet_strain, stored_in_springs
-from softlab.model.mass_spring.family import CLOTH, GRID, require_local
-from softlab.model.scene.cloth import COLLIDER_KINDS, CONSTRAINT_KINDS
+from softlab.model.core.sharing.decomposition import Reach, require_local
+from softlab.model.core.stability.projection import projection_limit, projection_note
+from softlab.model.core.stability.springs import sheet_spring_count, sheet_strain, stored_in_springs
+from softlab.model.scene.cloth import COLLIDER_KINDS, CONSTRAINT_KINDS, SPRING_KINDS
 from softlab.model.scene.scene import Scene
 from softlab.model.xpbd.mesh_constraints import constraint_sets, edge_strain, mesh_energy
 from softlab.model.xpbd.mesh_plan import xpbd_mesh_plan
-from softlab.model.xpbd.parameters import xpbd_record
 from softlab.model.xpbd.plan import xpbd_parts, xpbd_plan
 from softlab.model.xpbd.reach import period, substep_rows
-
-
-def projection_limit(scene: Scene, frequency: float | None = None) -> float:
-    """Return the largest stable step size [s]: infinite, unless masses have dampers, which are explicit.
-
-    h c/m < 2, h the substep, m the lightest mass; for tetrahedral bodies also h times their own rate.
-    """
-    fastest = max(fastest_damping(scene), *(part.mass_damping for part in scene.tetrahedra.values()), 0.0)
-    return 2 * scene.method.substeps / fastest if fastest else inf
-
-
-def projection_note(scene: Scene) -> str:
-    """Return a line on the effect of projections on a motion, and on the limit of the step size, if there is one."""
-    return with_limit(scene, "constraints are projected, at any step size; first order, and damped by it")
-
-
-def with_limit(scene: Scene, text: str) -> str:
-    """Return `text` on a method without a limit, with the limit of the masses' damper, if there is one."""
-    return text + ("; the limit is that of the masses' damper" if projection_limit(scene) < inf else "")
 
 
 def _stored_in_mesh(scene: Scene, position: np.ndarray, plastic: np.ndarray | None) -> tuple[float, dict[str, float]]:
@@ -58,7 +37,11 @@ def _sheet_reach(scene: Scene) -> Reach:
 
 SHEET = SolverFamily(
     name="position-based sheet",
-    knows=GRID.knows | CLOTH.knows | {"load", "attachments", "self_collision"},
+    knows=ANY_SHEET
+    | {"grid", "springs", "cloth", "wind", "motion", "fold"}
+    | set(SPRING_KINDS)
+    | set(COLLIDER_KINDS)
+    | {"load", "attachments", "self_collision"},
     accepts=lambda scene: (
         scene.method.position_based
         and not (scene.method.matches_shapes or scene.mesh or scene.tetrahedra or scene.fluids or scene.is_world)

@@ -20,15 +20,15 @@ from softlab.model.formulas import bending as bending_formulas
 from softlab.model.formulas import distance as distance_formulas
 from softlab.model.formulas.constraints import dihedral, distance, isometric, tether, volume
 from softlab.model.geometry.arithmetic.ordered import combined, dot, mean, norm
+from softlab.model.geometry.colouring import colour
 from softlab.model.geometry.measures import edge_lengths, triangle_areas
 from softlab.model.geometry.mesh import TriangleMesh
-from softlab.model.geometry.tables import UNREACHED, vertex_attachments
 from softlab.model.geometry.topology import mesh_of
 from softlab.model.geometry.voxels import winding_numbers
 from softlab.model.scene.cloth import CONSTRAINT_KINDS
 from softlab.model.scene.scene import Scene
 from softlab.model.scene.xpbd import MAX_ANCHORS
-from softlab.model.xpbd.colouring import colour
+from softlab.model.xpbd.attachments import UNREACHED, vertex_attachments
 from softlab.model.xpbd.rest_shape import check_flat
 
 FLAT = 1e-9  # of the edge: a shorter vector k at rest is the rounding of a flat hinge's coordinates

@@ -5,12 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from softlab.model.contact.particle_parameters import contact_parts
+from softlab.model.contact.sheet_plan import WIND, cloth_parts, own_stages
 from softlab.model.core.plan import Node, Plan, Stage
 from softlab.model.formulas import colliders, contact, distance, particle_contact
 from softlab.model.formulas.shape_matching import cluster, couple, deformation, lattice, pace, rebound, rigid
 from softlab.model.formulas.shape_matching import grid as shape_matching
-from softlab.model.mass_spring.cloth_plan import cloth_parts
-from softlab.model.mass_spring.plan import WIND, own_stages
 from softlab.model.scene.cloth import SPRING_KINDS
 from softlab.model.scene.parts import Elastic
 from softlab.model.scene.scene import Scene

@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from softlab.bench.experiments.accuracy.methods import XPBD, name_of
+from softlab.bench.experiments.accuracy.methods import XPBD
 from softlab.bench.experiments.convergence import BEFORE, CONVERGENCE, RESIDUAL, colours
 from softlab.bench.measure.costs_timing import LEAST, MOST, RATIO, SECONDS
+from softlab.bench.store.method_name import name_of
 from softlab.bench.store.results import Measure, by_configuration
 from softlab.bench.store.schema import tables_by_kind
 from softlab.plots.core.colours import GREY

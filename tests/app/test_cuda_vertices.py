@@ -363,7 +363,7 @@ def test_kernels_of_float64_write_float32() -> None:
     """Every number is rounded once, on its way out."""
     from numba import types
 
-    from softlab.gpu_backend.mass_spring.cloth.kernels import make_cloth_tools
+    from softlab.gpu_backend.core.sheet import make_cloth_tools
 
     tools = make_cloth_tools(np.float64)
     out, shape = types.float32[:, ::1], (types.int32, types.int32)

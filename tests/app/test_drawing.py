@@ -12,10 +12,10 @@ from synthetic_store import CPU_RECORD, Maker
 from softlab.bench.store.database import Store
 from softlab.plots.core import kept
 from softlab.plots.core.data import Results
-from softlab.plots.core.draw import FIGURES, draw_figures
 from softlab.plots.core.files import lay_out, plain_power, save, without_footer
 from softlab.plots.core.read import load
 from softlab.plots.core.style import Drawing, new_figure, settings
+from softlab.plots.draw import FIGURES, draw_figures
 
 
 @pytest.fixture(autouse=True)
@@ -192,7 +192,7 @@ def test_without_a_second_process_all_is_drawn(tmp_path: Path, monkeypatch: pyte
     def none(*_: Any) -> None:
         raise OSError("no semaphores")
 
-    monkeypatch.setattr("softlab.plots.core.draw.ProcessPoolExecutor", none)
+    monkeypatch.setattr("softlab.plots.draw.ProcessPoolExecutor", none)
     (tmp_path / "figures").mkdir()
     assert len(draw_figures(load(Store(":memory:")), tmp_path / "figures", helped=True)) == len(FIGURES)
 

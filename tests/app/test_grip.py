@@ -26,7 +26,7 @@ DT = SCENE.method.dt
 
 
 class Jellies(FakeCloth):
-    """Clusters move particles to their goals (model/shape_matching/clusters.py), in NumPy: a substep a step, nothing to
+    """Clusters move particles to their goals (model/assets/clusters.py), in NumPy: a substep a step, nothing to
     compile."""
 
     def _run(self, steps: int) -> None:

@@ -10,11 +10,11 @@ from typing import Any
 
 import pytest
 
+from softlab.bench.experiments import group as measure_group
 from softlab.bench.experiments.accuracy import experiment as accuracy
 from softlab.bench.experiments.advise import ablate
 from softlab.bench.experiments.advise import search as advise_search
 from softlab.bench.measure import case_timing, costs_timing, samples, timing
-from softlab.bench.measure import group as measure_group
 from softlab.bench.measure.timing import Sample
 from softlab.bench.peers import sweep as peer_sweep  # fmt: skip
 from softlab.bench.store.database import Store
@@ -42,7 +42,7 @@ def subject_of(name: Any) -> Any:
 
 
 def by_group(store: Store, run: str, backend: str) -> None:
-    """bench/measure/group.py, with the mark of a wrong answer beside the sample's own."""
+    """bench/experiments/group.py, with the mark of a wrong answer beside the sample's own."""
     effort = SimpleNamespace(repeats_of=lambda case: 1, again=0)
     summary = SimpleNamespace(run=run, machine="m", samples=0, suspect=0, measured=0)
     runner = measure_group.GroupRunner(store, effort, summary, [backend], {}, NOTHING)  # type: ignore[arg-type]

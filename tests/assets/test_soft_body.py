@@ -8,11 +8,7 @@ from closed_meshes import ball, both, box, rotation, soft
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from softlab.model.assets.soft_body import DENSITY, RigidBody, SoftBody
-from softlab.model.core.errors import SceneError, SoftlabError
-from softlab.model.geometry.shapes import Shape
-from softlab.model.geometry.solid import solid
-from softlab.model.shape_matching.clustering import (
+from softlab.model.assets.clustering import (
     COLLINEAR,
     RIM,
     ceiled,
@@ -23,6 +19,10 @@ from softlab.model.shape_matching.clustering import (
     one_cluster,
     undetermined,
 )
+from softlab.model.assets.soft_body import DENSITY, RigidBody, SoftBody
+from softlab.model.core.errors import SceneError, SoftlabError
+from softlab.model.geometry.shapes import Shape
+from softlab.model.geometry.solid import solid
 
 
 @settings(deadline=None, max_examples=30)
@@ -107,7 +107,7 @@ def test_pieces_apart_move_apart():
 @given(st.integers(0, 10**6), st.integers(2, 60), st.floats(0.05, 0.6), st.integers(1, 4))
 def test_the_least_radius_is_the_least(seed, count, spacing, pieces):
     """Enough with it, not enough with the next smaller float."""
-    from softlab.model.shape_matching.clustering import check
+    from softlab.model.assets.clustering import check
 
     position = np.random.default_rng(seed).uniform(0, 1, (count, 3))
     none = np.zeros((0, 2), np.int32)

@@ -60,8 +60,8 @@ from softlab.bench.experiments.body_laws import (
 )
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import measures
+from softlab.model.assets.clusters import matching_share
 from softlab.model.core.errors import Diverged
-from softlab.model.shape_matching.clusters import matching_share
 
 FEW = 8  # links
 

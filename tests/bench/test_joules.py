@@ -11,9 +11,8 @@ from typing import Any
 import pytest
 from test_kernel_sweep import SMALL
 
-from softlab.bench.experiments import kernel_sweep
+from softlab.bench.experiments import kernel_runner, kernel_sweep
 from softlab.bench.experiments.kernel_sweep import run_kernel_sweep
-from softlab.bench.measure import kernel_runner
 from softlab.bench.measure.energy import Energy, energy_counter, measure_energy, nvml_counter, rapl_counter
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import measures, timings

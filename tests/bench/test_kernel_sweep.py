@@ -10,15 +10,15 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from softlab.bench.experiments import kernel_sweep
+from softlab.bench.experiments import kernel_runner, kernel_sweep
 from softlab.bench.experiments.kernel_sweep import kernel_cases, kernels_of, run_kernel_sweep
 from softlab.bench.experiments.sweep import run_sweep
-from softlab.bench.measure import experiment, kernel_runner, limits, starts
+from softlab.bench.measure import experiment, limits, starts
 from softlab.bench.measure.cases import SweepSummary
+from softlab.bench.measure.tables import print_fastest, print_kernels
 from softlab.bench.measure.timing import Subject
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import measures, timings
-from softlab.bench.store.tables import print_fastest, print_kernels
 from softlab.model.core.errors import SceneError
 from softlab.model.scene.scene import load_scene
 

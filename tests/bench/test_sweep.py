@@ -13,9 +13,9 @@ from typing import Any
 import pytest
 
 from softlab.bench.experiments import sweep
+from softlab.bench.experiments.group import GroupRunner
 from softlab.bench.experiments.sweep import backends_here, run_sweep, shapes, source_hash
 from softlab.bench.measure import experiment
-from softlab.bench.measure.group import GroupRunner
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import measures, timings
 from softlab.model.core.errors import InputError, SceneError

@@ -6,7 +6,7 @@ import pytest
 from rich.table import Table
 
 from softlab.app.command.console import Output
-from softlab.bench.store.tables import columns, print_table
+from softlab.bench.measure.tables import columns, print_table
 
 WORDS = ("solver", "precision")
 NUMBERS = tuple(f"a head of several words {number}" for number in range(9))

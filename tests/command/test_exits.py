@@ -129,7 +129,7 @@ def test_the_status_tells_how_it_ended(
     monkeypatch.setattr("softlab.bench.experiments.tetrahedral.meshes.run_meshes", lambda *_, **__: DONE)
     monkeypatch.setattr("softlab.bench.experiments.bar_costs.run_bar_costs", lambda *_, **__: DONE)
     monkeypatch.setattr("softlab.bench.experiments.convergence.run_convergence", lambda *_, **__: DONE)
-    for path in ("softlab.bench.store.tables.print_sweep", "softlab.bench.store.tables.print_kernels",
+    for path in ("softlab.bench.measure.tables.print_sweep", "softlab.bench.measure.tables.print_kernels",
                  "softlab.bench.peers.results.print_peers",
                  "softlab.bench.experiments.throughput.print_throughput", "softlab.bench.experiments.fluids.print_fluids",
                  "softlab.bench.experiments.advise.ablation_results.print_ablation",

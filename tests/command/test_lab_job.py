@@ -54,12 +54,12 @@ def everything_is_made_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> It
     for path, name in RUNS.items():
         monkeypatch.setattr(path, run(name))
     for path in (
-        "softlab.bench.store.tables.print_sweep",
+        "softlab.bench.measure.tables.print_sweep",
         "softlab.bench.stress.told.print_hard",
         "softlab.bench.experiments.advise.ablation_results.print_ablation",
     ):
         monkeypatch.setattr(path, lambda *_: None)
-    monkeypatch.setattr("softlab.bench.store.tables.print_fastest", lambda *_: DONE.append("fastest"))
+    monkeypatch.setattr("softlab.bench.measure.tables.print_fastest", lambda *_: DONE.append("fastest"))
     monkeypatch.setattr("softlab.bench.measure.machine.enter_machine", lambda _: "machine")
     monkeypatch.setattr("softlab.app.command.doctor.examine", lambda: [])
     monkeypatch.setattr(jobs, "load", lambda *_: "results")

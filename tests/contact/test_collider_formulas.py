@@ -8,8 +8,8 @@ import pytest
 from collider_touch import CASES, DT, STEP, numbers_of, scene_of
 
 from softlab.cpu_backend.contact.colliders import make_touches
+from softlab.model.contact.sheet_plan import cloth_parts
 from softlab.model.formulas import colliders
-from softlab.model.mass_spring.cloth_plan import cloth_parts
 
 FORMULAS = [colliders.make(real) for real in (np.float64, np.float32)]
 DOUBLE = FORMULAS[0]

@@ -15,11 +15,11 @@ from cloth_solve import cloth, each_solver
 from surface_touch import check_compiled, check_falling_cloth, check_formulas, fall_by, touch_by
 
 from softlab.bench.reference import cloth as judge
-from softlab.model.contact.mesh_collider import MeshCollider
 from softlab.model.formulas import triangle_tree as formulas
 from softlab.model.formulas.triangle_tree import CORNERS, NODE, SETTLED
 from softlab.model.geometry.triangle_tree import order_of, parts_of, tree_numbers
 from softlab.model.scene.cloth import Sphere
+from softlab.model.scene.colliders.mesh_collider import MeshCollider
 
 TERRAIN = {"name": "terrain", "resolution": 2}
 each_precision = pytest.mark.parametrize("real", [np.float32, np.float64])

@@ -7,7 +7,7 @@ import pytest
 from kernel_text import collide_text
 from test_bodies_ptx import PARTS
 
-from softlab.model.mass_spring.plan import FRICTION_IN_PLACE
+from softlab.model.contact.sheet_plan import FRICTION_IN_PLACE
 
 pytestmark = pytest.mark.usefixtures("ptx_compiler")
 MESH = PARTS - {"plane"} | {"mesh_collider"}

@@ -11,10 +11,10 @@ from cloth_solve import cloth
 from test_mesh_collider import FLOOR, TERRAIN, written
 
 from softlab.bench.reference.contact.mesh_collider import nearest_point
-from softlab.model.contact.mesh_collider import MeshCollider
+from softlab.model.contact.cloth_parameters import B_TREE, COLLIDER_FIELDS, collider_numbers, collider_rows
 from softlab.model.core.errors import InputError, SceneError
 from softlab.model.formulas.triangle_tree import SETTLED
-from softlab.model.mass_spring.cloth_parameters import B_TREE, COLLIDER_FIELDS, collider_numbers, collider_rows
+from softlab.model.scene.colliders.mesh_collider import MeshCollider
 from softlab.model.scene.scene import Scene, load_scene
 
 # ---------------------------------------------------------------------- scenes
@@ -103,7 +103,7 @@ def test_more_triangles_than_float32_can_number() -> None:
 
 
 def test_pinned_masses_in_it_are_told() -> None:
-    from softlab.model.geometry.overlaps import overlap_lines
+    from softlab.model.contact.overlaps import overlap_lines
 
     sheet = {"pinned": "top-corners", "origin": (0.0, 0.0, 0.0)}
     near = cloth(2, 2, sheet=sheet, mesh_collider={"shape": TERRAIN, "thickness": 1.0})

@@ -7,7 +7,7 @@ import pytest
 from kernel_text import collide_text
 from test_bodies_ptx import PARTS
 
-from softlab.model.mass_spring.cloth_parameters import B_RESTITUTION
+from softlab.model.contact.cloth_parameters import B_RESTITUTION
 
 pytestmark = pytest.mark.usefixtures("ptx_compiler")
 BOUNCES = PARTS | {"restitution"}

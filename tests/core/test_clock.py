@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 
 from softlab.app.output.files import read_state, write_state
+from softlab.model.contact.cloth_parameters import cloth_record
+from softlab.model.contact.substep_parameters import xpbd_record
 from softlab.model.core.build import build
 from softlab.model.core.clock import START, Clock, clock_of
 from softlab.model.core.errors import InputError
 from softlab.model.core.parameters import parameter_record
 from softlab.model.core.state import State
 from softlab.model.formulas import cloth, motion, wind
-from softlab.model.mass_spring.cloth_parameters import cloth_record
 from softlab.model.scene.scene import load_scene
-from softlab.model.xpbd.parameters import xpbd_record
 
 REALS = pytest.mark.parametrize("real", [np.float32, np.float64])
 

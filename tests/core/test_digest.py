@@ -128,7 +128,7 @@ def test_touching_any_file_of_a_backend_changes_its_sources(tmp_path, monkeypatc
     names = {str(file.relative_to(tmp_path)) for file in files}
     assert names >= {
         "model/core/parameters.py",
-        "model/xpbd/parameters.py",
+        "model/contact/substep_parameters.py",
         "model/geometry/shapes.py",
         "model/formulas/springs.py",
     }

@@ -4,24 +4,25 @@ from __future__ import annotations
 
 import pytest
 
+from softlab.model.core.components import named
 from softlab.model.core.errors import SceneError
-from softlab.model.core.families import FAMILIES, family_of, scene_plan, stability_limit
-from softlab.model.core.family import SolverFamily, named
+from softlab.model.core.families import families, family_of, scene_plan, stability_limit
+from softlab.model.core.family import SolverFamily
 from softlab.model.mass_spring.plan import mass_spring_plan
 from softlab.model.scene.kinds import KINDS
 from softlab.model.scene.reader import catalogue
 from softlab.model.scene.scene import load_scene
 
-ONES = {family.name: family for family in FAMILIES}
+ONES = {family.name: family for family in families()}
 
 
 def test_each_scene_of_the_catalogue_has_one_family_and_each_family_a_scene() -> None:
-    accepted = {name: [one.name for one in FAMILIES if one.accepts(load_scene(name))] for name in catalogue()}
+    accepted = {name: [one.name for one in families() if one.accepts(load_scene(name))] for name in catalogue()}
     assert all(len(found) == 1 for found in accepted.values()), accepted
     assert {found for (found,) in accepted.values()} == set(ONES)
 
 
-@pytest.mark.parametrize("family", FAMILIES, ids=ONES)
+@pytest.mark.parametrize("family", families(), ids=ONES)
 def test_what_an_entry_names_is_there(family: SolverFamily) -> None:
     assert callable(named(f"{family.reference}:simulate"))
     assert set(family.solvers) == set(family.passes)
@@ -42,7 +43,7 @@ def test_the_scenes_plan_and_limit_are_the_familys() -> None:
 
 def test_a_part_that_a_solver_does_not_know_is_refused_and_not_ignored() -> None:
     """Families list what they know, not what they do not: a new kind is refused until it is there."""
-    assert set(KINDS) == set().union(*(family.knows for family in FAMILIES))
+    assert set(KINDS) == set().union(*(family.knows for family in families()))
     for name in catalogue():
         scene = load_scene(name).replace({})
         assert set(scene.kinds.values()) <= family_of(scene).knows

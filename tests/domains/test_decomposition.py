@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from softlab.model.core.errors import SceneError
-from softlab.model.domains.decomposition import Reach, decompose
+from softlab.model.core.sharing.decomposition import Reach, decompose
 
 REACHES = [
     Reach(),

@@ -17,9 +17,9 @@ from softlab.cpu_backend.domains.ranks import RankPartitions, on_ranks
 from softlab.model.core.errors import SceneError
 from softlab.model.core.families import family_of
 from softlab.model.core.options import Options
+from softlab.model.core.sharing.partitions import SharedMesh, Window, partition
 from softlab.model.core.state import State
 from softlab.model.domains import partitioned
-from softlab.model.domains.partitions import SharedMesh, Window, partition
 from softlab.model.scene.scene import Scene, load_scene
 
 LONG = {"shape": {"name": "box", "sides": [3.2, 0.1, 0.1]}}

@@ -14,8 +14,8 @@ from softlab.cpu_backend.domains.in_threads import run_in_threads
 from softlab.cpu_backend.domains.ranks import RankBodies, on_ranks
 from softlab.model.core.errors import Diverged, SceneError
 from softlab.model.core.options import Options
+from softlab.model.core.sharing.bodies import Apart, divide
 from softlab.model.core.simulation import State
-from softlab.model.domains.bodies import Apart, divide
 from softlab.model.scene.scene import Scene, load_scene
 
 BOX = {"shape": {"name": "box", "sides": [0.2, 0.2, 0.2], "resolution": 2}, "particle_spacing": 0.1}

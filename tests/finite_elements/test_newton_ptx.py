@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from kernel_text import entry_of
 
+from softlab.model.contact.substep_parameters import XPBD_PARAMETERS
 from softlab.model.core.parameters import record_type
 from softlab.model.tetrahedra.newton import CONSTANTS, DAMPED, STAGED
 from softlab.model.tetrahedra.springs import PARTS
 from softlab.model.xpbd.mesh_plan import BODY_DAMPING
-from softlab.model.xpbd.parameters import XPBD_PARAMETERS
 
 pytestmark = pytest.mark.usefixtures("ptx_compiler")
 

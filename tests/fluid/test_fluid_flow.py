@@ -18,7 +18,7 @@ from softlab.bench.reference.fluid import simulate
 from softlab.model.core.errors import InputError, SceneError
 from softlab.model.core.state import State
 from softlab.model.fluid.flow import rates
-from softlab.model.fluid.fluid_set import PARKED
+from softlab.model.geometry.particle_row import PARKED
 from softlab.model.scene.scene import Scene
 
 EXACT: dict[str, Any] = {"math": "exact", "precision": "float64"}

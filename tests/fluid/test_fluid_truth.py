@@ -11,7 +11,7 @@ import pytest
 from rich.console import Console
 
 from softlab.bench.experiments.fluid_truth import experiment, laws, scenes
-from softlab.bench.experiments.fluid_truth.experiment import groups, run_truth
+from softlab.bench.experiments.fluid_truth.experiment import LABELS, groups, run_truth
 from softlab.bench.experiments.fluid_truth.rows import NUMBERS, Judged, print_truth, rows, tensions
 from softlab.bench.experiments.fluid_truth.scenes import (
     COLUMN,
@@ -215,7 +215,9 @@ def test_it_is_really_measured(monkeypatch: pytest.MonkeyPatch) -> None:
     """A narrow dam for a moment, a program that stands still, and one that is not here: its reason is told."""
     narrow = scenes.dam(4).replace({"method.substeps": 1, "method.iterations": 1})
     monkeypatch.setattr(experiment, "settings", lambda quick=False: iter([Setting(DAM, narrow, True)]))
-    monkeypatch.setattr(experiment, "PEERS", {DAM: (Still("a still one", True), Still("another", False))})
+    peers = {"a still one": Still("a still one", True), "another": Still("another", False)}
+    monkeypatch.setattr(experiment, "PEERS", {DAM: tuple(peers)})
+    monkeypatch.setattr("softlab.bench.peers.fluids.beside.peer_of", peers.get)
     monkeypatch.setattr(experiment, "QUICK", Effort(2, 1e-3, 0.01))
     monkeypatch.setattr(laws, "DAM_SECONDS", 0.01)
     with Store(":memory:") as store:
@@ -275,6 +277,7 @@ def test_it_falls_as_everything_does(method: str) -> None:
     """A block above its floor: g t^2 / 2, to what a step of symplectic Euler adds, g t h / 2, h at most 5 ms of its own time;
     and again after `load`."""
     peer = SplishSplash(method)
+    assert LABELS[peer.name] == peer.label
     able, reason = peer.available()
     if not able:
         pytest.skip(reason)

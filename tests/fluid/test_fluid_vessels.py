@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from softlab.app.driver import open_simulation
-from softlab.bench.stress.vessels import basin_area, in_basin, in_cup, pouring
+from softlab.bench.experiments.vessels import basin_area, in_basin, in_cup, pouring
 from softlab.model.fluid.measure import compression
 from softlab.model.scene.scene import load_scene
 

@@ -22,9 +22,9 @@ from softlab.cpu_backend.contact import distances
 from softlab.model.formulas import distance_field as formulas
 from softlab.model.formulas.distance_field import SETTLED
 from softlab.model.geometry import signed_distance
-from softlab.model.geometry.distance_field import DistanceField, Field
 from softlab.model.geometry.signed_distance import sampled, signed_distances
 from softlab.model.geometry.voxels import winding_numbers
+from softlab.model.scene.colliders.distance_field import DistanceField, Field
 
 each_precision = pytest.mark.parametrize("real", [np.float32, np.float64])
 

@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 from meshes import octahedron, sheet, strip
 
 from softlab.model.core.errors import InputError
+from softlab.model.core.stability.springs import spring_ends
 from softlab.model.geometry.edges import components, mesh_edges
 from softlab.model.geometry.lists import grouped
-from softlab.model.mass_spring.energy import spring_ends
 
 
 @pytest.mark.parametrize(("rows", "columns"), [(2, 2), (2, 7), (5, 3), (6, 6)])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from softlab.model.geometry.overlaps import overlap_lines
+from softlab.model.contact.overlaps import overlap_lines
 from softlab.model.scene.scene import Scene
 
 CLOTH = {"rows": 3, "columns": 5, "spacing": 0.1, "pinned": "top", "placement": "flat"}  # pins: x = 0 to 0.4, y = z = 0

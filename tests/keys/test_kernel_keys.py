@@ -116,6 +116,6 @@ def test_a_start_state_changes_the_key_of_the_arrays_alone() -> None:
 def test_a_colouring_changes_the_key_of_the_arrays(tree: Path) -> None:
     told = {"mesh": configuration(load_scene("cloth-mesh"), backend="cpu")}
     before = keys_at(ROOT, told)["mesh"]
-    changed(tree, "model/xpbd/colouring.py", "seed: int = 0", "seed: int = 1")
+    changed(tree, "model/geometry/colouring.py", "seed: int = 0", "seed: int = 1")
     after = keys_at(tree, told)["mesh"]
     assert before[0] == after[0] and before[1] != after[1]

@@ -25,7 +25,7 @@ from softlab.bench.experiments.fluid_rest import (
 )
 from softlab.bench.experiments.fluids import FRAME
 from softlab.labbook.build import COMMITTED
-from softlab.model.fluid.family import RESTS
+from softlab.model.core.stability.laws import RESTS
 from softlab.plots.core.data import Results
 from softlab.plots.core.files import save
 from softlab.plots.core.read import load

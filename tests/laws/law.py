@@ -1,6 +1,6 @@
 """The laws: their equations, the cases that a row is asked in, and why a law does not apply to a row.
 
-What a scheme cannot keep stands in model/core/limits.py, once; the page docs/limits.md is written from both
+What a scheme cannot keep stands in model/core/stability/laws.py, once; the page docs/limits.md is written from both
 (tests/laws/limits_page.py).
 """
 
@@ -12,7 +12,7 @@ from typing import Any
 
 from rows import SHEETS, Row
 
-from softlab.model.core.limits import Limit, limits_of
+from softlab.model.core.stability.laws import Limit, limits_of
 
 Words = tuple[str, ...]
 

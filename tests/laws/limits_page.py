@@ -16,7 +16,7 @@ from law import LAWS, Law, limit_of  # noqa: E402
 from remarks import REMARKS  # noqa: E402
 from rows import ALL, REFUSED, Row  # noqa: E402
 
-from softlab.model.core.limits import LIMITS  # noqa: E402
+from softlab.model.core.stability.laws import LIMITS  # noqa: E402
 
 PAGE = ROOT / "docs" / "limits.md"
 HEAD = """# Which laws each solver keeps

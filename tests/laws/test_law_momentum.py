@@ -25,7 +25,8 @@ def one_substep(row: Row) -> Scene:
 @of("momentum")
 def test_linear_momentum(row: Row, case: str, lab: Lab) -> None:
     """sum m v stays: internal forces come in pairs. Rounding changes the velocity of each particle by `noise` in each
-    of n substeps, for every iteration (model/core/limits.py has the schemes that lose it, each with its own bound)."""
+    of n substeps, for every iteration (model/core/stability/laws.py has the schemes that lose it, each with its own
+    bound)."""
     scene = one_substep(row)
     states = lab.states(scene, STEPS, stirred(row, scene))
     limit = limit_of("momentum", row)

@@ -153,7 +153,7 @@ def test_the_same_motion_far_from_the_origin(row: Row, case: str, lab: Lab) -> N
 @of("bystanders")
 def test_bystanders_keep_every_bit(row: Row, case: str, lab: Lab) -> None:
     """A second body 32 m away that meets nothing changes no bit of the first: neither sums, orders nor constants of a
-    scene depend on it (model/core/limits.py has the one solver whose steps do)."""
+    scene depend on it (model/core/stability/laws.py has the one solver whose steps do)."""
     body = row.tables["jelly" if row.family == "world" else row.body]
     away = [32.0, 0.0, 0.0][: 2 if body.get("dimensions") == 2 else 3]
     more = Scene(row.tables | {"beside": body | {"origin": away}}, "law")

@@ -27,9 +27,9 @@ QUICK = ("cloth-twist", "cloth-mesh", "fem-attached", "taylor-green", "pour", "h
 # Modules of `model` that may use NumPy's `@`, dot, einsum, linalg, or its sines, exponentials and powers: why no start state
 # and no step hangs on them.
 EXCEPTIONS = {
-    "shape_matching/clusters.py": "rotations, goals and energies that are reported; kernels find rotations themselves",
+    "assets/clusters.py": "rotations, goals and energies that are reported; kernels find rotations themselves",
     "shape_matching/energy.py": "reported energies and strains",
-    "mass_spring/energy.py": "reported energies and strains",
+    "core/stability/springs.py": "reported energies and strains",
     "assets/skin.py": "drawn vertices and normals",
     "tetrahedra/skin.py": "drawn vertices",
     "tetrahedra/material.py": "reported stretches, stresses and energies",
@@ -39,9 +39,9 @@ EXCEPTIONS = {
     "geometry/tetrahedra/mesh.py": "a reported quality",
     "geometry/tetrahedra/voxels.py": "an inverse of whole numbers, rounded to halves",
     "contact/penetration.py": "reported gaps",
-    "contact/surface_collider.py": "radians: one product",
+    "scene/colliders/surface_collider.py": "radians: one product",
     "geometry/measures.py": "radians: one product",
-    "assets/strokes.py": "radians: one product",
+    "geometry/strokes.py": "radians: one product",
     "fluid/foam.py": "drawn points", "fluid/foam_walls.py": "drawn points",
     "world/meeting.py": "a search distance, which is wider than what counts",
     "contact/surface_parameters.py": "a search distance, which is wider than what counts",

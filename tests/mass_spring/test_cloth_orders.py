@@ -10,17 +10,17 @@ import pytest
 from cloth_solve import accelerations, cloth, each_solver, solve
 
 from softlab.bench.experiments.accuracy.judge import judge_run
-from softlab.bench.measure.growth import growth_along, measure_growth
 from softlab.bench.reference import cache
 from softlab.bench.reference import mass_spring as reference
+from softlab.bench.reference.growth import growth_along, measure_growth
 from softlab.model.core.build import build
 from softlab.model.core.errors import Diverged, SceneError
 from softlab.model.core.families import stability_limit
 from softlab.model.core.integrators import frequency_bound
 from softlab.model.core.simulation import State
+from softlab.model.core.stability.cloth_bounds import cloth_eigenvalue
 from softlab.model.core.stability.limit import frequency_lines, scene_frequency, scene_net
-from softlab.model.mass_spring.cloth_bounds import cloth_eigenvalue
-from softlab.model.mass_spring.energy import spring_ends
+from softlab.model.core.stability.springs import spring_ends
 from softlab.model.scene.scene import Scene, load_scene
 
 SPRINGS = {"structural": {"stiffness": 20.0}, "shear": {"stiffness": 10.0}, "bending": {"stiffness": 2.0}}

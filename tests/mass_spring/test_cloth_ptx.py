@@ -106,7 +106,7 @@ def test_an_absent_part_leaves_no_instruction() -> None:
 
 
 def test_friction_is_compiled_in_where_a_body_has_some() -> None:
-    from softlab.model.mass_spring.cloth_parameters import B_DYNAMIC, B_STATIC
+    from softlab.model.contact.cloth_parameters import B_DYNAMIC, B_STATIC
 
     smooth, rough = (pass_text("step", parts) for parts in (frozenset({"plane"}), frozenset({"plane", "friction"})))
     for place in (B_STATIC, B_DYNAMIC):
@@ -118,7 +118,7 @@ def test_the_stages_and_tools_compile(real: Any) -> None:
     from numba import types
 
     from softlab.gpu_backend.core import forces
-    from softlab.gpu_backend.mass_spring.cloth.kernels import make_cloth_tools
+    from softlab.gpu_backend.core.sheet import make_cloth_tools
     from softlab.gpu_backend.mass_spring.cloth.stages import make_bound_stages, make_force_stages, make_motion_stages
 
     kind = types.float32 if real is np.float32 else types.float64

@@ -125,7 +125,7 @@ def test_the_fastest_by_the_tables_is_chosen(monkeypatch: pytest.MonkeyPatch) ->
     """Invented times: a small tile that slows down where blocks share a multiprocessor, and a larger one."""
     from softlab.gpu_backend.mass_spring.cloth import choice as cloth_choice
     from softlab.gpu_backend.mass_spring.grid.choice import MEASURED_LIMITS
-    from softlab.model.mass_spring.cloth_plan import cloth_parts
+    from softlab.model.contact.sheet_plan import cloth_parts
     from softlab.model.scene.scene import load_scene
 
     tables = {"8x8x1h1": {1: 0.8, 8: 2.0}, "64x8x4h1": {1: 1.9}, "16x16x1h1": {}}

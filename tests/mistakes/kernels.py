@@ -11,7 +11,7 @@ SIMULATED_XPBD = "simulator/test_simulated_xpbd.py::test_the_reference_is_met_wi
 
 CPU: tuple[Mistake, ...] = (
     *in_file(
-        "model/domains/decomposition.py",
+        "model/core/sharing/decomposition.py",
         "test_decomposition.py::test_the_halo_lasts_until_the_next_exchange test_decomposition.py::test_an_exchange_fills_every_halo_with_what_its_neighbour_owns",
         {
             "the last half kick of a window lacks a row": ("self.rows * self.forces * parts + self.more", "self.rows * self.forces * parts"),
@@ -141,7 +141,7 @@ CPU: tuple[Mistake, ...] = (
         {"a body's poke is along x alone": ("parameters.poke_y if poked else zero", "parameters.poke_x if poked else zero")},
     ),
     *in_file(
-        "cpu_backend/xpbd/stages.py",
+        "cpu_backend/core/point_stages.py",
         "test_xpbd_cpu_reference.py::test_stages_follow_the_reference",
         {"a substep's velocity counts from the prediction (cpu)": ("position[axis, i, j] = predicted(p, record[0].dt, v) if w > zero else p", "position[axis, i, j] = predicted(p, record[0].dt, velocity[axis, i, j]) if w > zero else p")},
     ),
@@ -197,13 +197,19 @@ GPU: tuple[Mistake, ...] = (
         },
     ),
     *in_file(
+        "gpu_backend/core/sheet.py",
+        SIMULATED_XPBD,
+        {
+            "a launch's threads are turned by a quarter (gpu)": ("np.int32(cuda.blockIdx.y * cuda.blockDim.y + cuda.threadIdx.y),\n            np.int32(cuda.blockIdx.x * cuda.blockDim.x + cuda.threadIdx.x),", "np.int32(cuda.blockIdx.x * cuda.blockDim.x + cuda.threadIdx.x),\n            np.int32(cuda.blockIdx.y * cuda.blockDim.y + cuda.threadIdx.y),"),
+        },
+    ),
+    *in_file(
         "gpu_backend/xpbd/kernels.py",
         SIMULATED_XPBD,
         {
             "a colour projects the other colour's rows (gpu)": ("i % down + down * colour)", "i % down + down * (np.int32(1) - colour))"),
             "rising diagonals fall (gpu)": ("first, second = np.int32(k + along), np.int32(k + down * columns)", "first, second = np.int32(k), np.int32(k + down * columns)"),
             "multipliers are kept from the last substep (gpu)": ("if has_multiplier and not fresh:", "if has_multiplier:"),
-            "a launch's threads are turned by a quarter (gpu)": ("np.int32(cuda.blockIdx.y * cuda.blockDim.y + cuda.threadIdx.y),\n            np.int32(cuda.blockIdx.x * cuda.blockDim.x + cuda.threadIdx.x),", "np.int32(cuda.blockIdx.x * cuda.blockDim.x + cuda.threadIdx.x),\n            np.int32(cuda.blockIdx.y * cuda.blockDim.y + cuda.threadIdx.y),"),
         },
     ),
     *in_file(

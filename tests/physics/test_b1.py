@@ -16,7 +16,7 @@ from softlab.model.core.errors import SceneError, UnstableTimeStep
 from softlab.model.core.families import stability_limit
 from softlab.model.core.integrators import INTEGRATORS, amplification_matrix, damping_rate, frequency_bound
 from softlab.model.core.stability.limit import MAX_MASSES, largest_frequency, scene_frequency, scene_net
-from softlab.model.mass_spring.energy import spring_ends, spring_stiffness
+from softlab.model.core.stability.springs import spring_ends, spring_stiffness
 from softlab.model.mass_spring.plan import mass_spring_plan
 from softlab.model.scene.scene import Scene, load_scene
 

@@ -29,9 +29,9 @@ from softlab.model.core.families import stability_limit
 from softlab.model.core.integrators import INTEGRATORS
 from softlab.model.scene.scene import load_scene
 from softlab.plots.core.data import Results
-from softlab.plots.core.draw import FIGURES, TITLES
 from softlab.plots.core.read import load
 from softlab.plots.core.style import settings
+from softlab.plots.draw import FIGURES, TITLES
 from softlab.plots.figures.energies import EnergyRecord, energy_drawing
 
 ELSEWHERE = {  # figure -> the file whose test holds its labels to the table

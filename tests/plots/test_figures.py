@@ -19,9 +19,9 @@ from softlab.plots.core import bandwidth, pairs
 from softlab.plots.core.accuracy_points import observed_order, order_points, points, reaching
 from softlab.plots.core.colours import BLACK, GREY
 from softlab.plots.core.data import Results, is_suspect, is_wrong
-from softlab.plots.core.draw import FIGURES, TITLES, draw_figures, figures_folder
 from softlab.plots.core.read import load
 from softlab.plots.core.style import settings
+from softlab.plots.draw import FIGURES, TITLES, draw_figures, figures_folder
 from softlab.plots.figures import crossover, time_per_step, work_precision
 from softlab.plots.figures.scaling.threads import baseline
 

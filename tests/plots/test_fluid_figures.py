@@ -35,6 +35,7 @@ from softlab.bench.experiments.fluids import (
 )
 from softlab.bench.measure.case_timing import make_case
 from softlab.bench.measure.costs_timing import SECONDS
+from softlab.bench.peers.fluids.beside import peer_of
 from softlab.bench.store.database import Store
 from softlab.labbook.claims.fluids import CLAIMS
 from softlab.model.fluid.plan import neighbours_at_rest
@@ -77,7 +78,11 @@ def results() -> Results:
     maker = Maker(store, GPU_RECORD, "c")
     for one in settings():
         method = one.scene.method
-        peers = PEERS.get(one.kind, ()) if one.beside and method.scheme == SCHEMES[0] else ()
+        peers = (
+            [peer_of(method) for method in PEERS.get(one.kind, ())]
+            if one.beside and method.scheme == SCHEMES[0]
+            else []
+        )
         ways = [(None, 1.0), *((peer, 2.0) for peer in peers)]
         for peer, slower in ways:
             told = Way(one, "cpu", peer).description
@@ -86,7 +91,7 @@ def results() -> Results:
             for name, value in numbers.items():
                 store.add_measure(maker.run, told, "s", name, value, "", "of 9 pairs")
     for one, seconds in fluid_rest.settings(quick=False):
-        for peer in (None, fluid_rest.PEER) if one.beside else (None,):
+        for peer in (None, peer_of("DFSPH")) if one.beside else (None,):
             for name, value in still_numbers(one, seconds, peer is not None).items():
                 told = Way(one, "cpu", peer, threads=1).description
                 store.add_measure(maker.run, told, "s", name, value, "", "2.19.0" if peer else None)
@@ -168,7 +173,7 @@ def test_sentences_say_what_was_measured(results: Results) -> None:
     assert made["fluids-rate"].numbers["gpu"] == pytest.approx(6e6)
     still = made["fluids-rest"].numbers
     assert (still["macklin still"], still["divergence-free still"]) == (5, 4)
-    assert still["macklin"] == 0.01 and still[fluid_rest.PEER.label] == 0.005
+    assert still["macklin"] == 0.01 and still[fluid_rest.PEER] == 0.005
     assert "divergence-free with 2 to 16 substeps" in made["fluids-rest"].sentence
 
 

@@ -266,7 +266,7 @@ def test_no_number_is_typed_by_hand() -> None:
 
 
 def test_every_name_in_the_entries_is_known(variants: dict[str, Results]) -> None:
-    from softlab.plots.core.draw import FIGURES
+    from softlab.plots.draw import FIGURES
 
     data = book_data(variants["cpu alone"])
     known = {"fact": data["facts"], "claim": data["claims"], "fig": FIGURES, "sheets": data["tables"]}

@@ -18,9 +18,9 @@ from softlab.model.scene.scene import Scene, load_scene
 from softlab.model.shape_matching import body_set
 from softlab.plots.core import accuracy_points
 from softlab.plots.core.data import Results
-from softlab.plots.core.draw import FIGURES
 from softlab.plots.core.read import load
 from softlab.plots.core.style import settings
+from softlab.plots.draw import FIGURES
 from softlab.plots.figures import roofline
 
 

@@ -10,10 +10,10 @@ import pytest
 
 from softlab.app.driver import open_simulation
 from softlab.model.core.errors import SceneError
+from softlab.model.geometry import colouring
+from softlab.model.geometry.colouring import MAX_COLOURS, RINGS
 from softlab.model.scene.scene import Scene
 from softlab.model.scene.sheets import mesh_lines
-from softlab.model.xpbd import colouring
-from softlab.model.xpbd.colouring import MAX_COLOURS, RINGS
 
 DROP = 0.5 * 9.81 * 0.01**2  # m: a free fall of the ten steps below, semi-implicit: a bit more
 

@@ -15,9 +15,9 @@ from closed_meshes import Mesh, ball, box, without_some
 from test_mesh import binary_stl, obj
 
 from softlab import cli
+from softlab.model.geometry.colouring import MAX_COLOURS
 from softlab.model.geometry.topology import pinned_vertices
 from softlab.model.scene.scene import load_scene
-from softlab.model.xpbd.colouring import MAX_COLOURS
 
 ROOT = Path(__file__).resolve().parents[2]
 TEXT = (ROOT / "docs" / "your-own-mesh.md").read_text(encoding="utf-8")

@@ -19,8 +19,8 @@ from bodies_scenes import (
 from closed_meshes import rotation as rotation_by
 from test_bodies_material import CORNERS, EPS, SQUEEZE, H, block, placed, run_of
 
+from softlab.model.assets.clusters import Clusters, matching_share
 from softlab.model.core.plan import Moment
-from softlab.model.shape_matching.clusters import Clusters, matching_share
 
 # ---------------------------------------------------------------------- creep
 

@@ -31,6 +31,7 @@ from softlab.app.output.files import read_state, write_state
 from softlab.app.render.bodies.skinning import ClusterFrames
 from softlab.bench.reference import shape_matching as reference
 from softlab.model.assets.baked import baked, body_key
+from softlab.model.assets.clusters import Clusters, matching_share
 from softlab.model.assets.material import Material, even
 from softlab.model.assets.skin import make_skin
 from softlab.model.assets.soft_body import MATERIAL, RigidBody, SoftBody
@@ -38,7 +39,6 @@ from softlab.model.core.errors import InputError, SceneError
 from softlab.model.formulas.shape_matching import deformation, pace
 from softlab.model.geometry.normals import mesh_normals
 from softlab.model.geometry.shapes import Shape
-from softlab.model.shape_matching.clusters import Clusters, matching_share
 
 CORNERS = np.array([(x, y, z) for x in (-1.0, 1.0) for y in (-0.5, 0.5) for z in (-0.3, 0.3)])
 SQUEEZE = np.diag([1.25, 0.8, 1.0])  # of volume 1

@@ -26,9 +26,9 @@ pytestmark = pytest.mark.usefixtures("ptx_compiler")
 
 
 def text_of(name: str, real: Any, math: str) -> str:
-    from softlab.gpu_backend.contact.bodies_bounce import make_bodies_bounce, make_give
     from softlab.gpu_backend.contact.particles_bounce import make_bounce
     from softlab.gpu_backend.contact.particles_project import make_contact_ends, make_project
+    from softlab.gpu_backend.shape_matching.bodies_bounce import make_bodies_bounce, make_give
     from softlab.gpu_backend.shape_matching.rebound import make_rebound, make_strike
     from softlab.gpu_backend.shape_matching.rigid import make_begin, make_ends
 

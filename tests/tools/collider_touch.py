@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from softlab.model.contact.cloth_parameters import CLOTH_PARAMETERS, collider_numbers
 from softlab.model.core.parameters import record_type
-from softlab.model.mass_spring.cloth_parameters import CLOTH_PARAMETERS, collider_numbers
 from softlab.model.scene.scene import Scene
 
 DT, STEP = 0.5, 0  # s: so that the step ends at 0.5 s, and colliders at 1 m/s have moved by half a metre

@@ -8,7 +8,7 @@ from bodies_scenes import BAR, bodies_scene, method
 from cloth_solve import cloth
 from mesh_scenes import METHOD
 
-from softlab.model.geometry.distance_field import DistanceField
+from softlab.model.scene.colliders.distance_field import DistanceField
 from softlab.model.scene.scene import Scene
 
 BLOCK: dict[str, Any] = {"name": "box", "resolution": 1}  # a cube of a metre

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 
 from softlab.model.contact.self_contact_parameters import SELF_CONTACT_PARAMETERS
+from softlab.model.contact.substep_parameters import XPBD_PARAMETERS
 from softlab.model.contact.surface_parameters import SURFACE_CONTACT_PARAMETERS
 from softlab.model.core.parameters import PARAMETERS, record_type
 from softlab.model.fluid.parameters import record_names
 from softlab.model.mass_spring.implicit_parameters import SYSTEM_PARAMETERS
 from softlab.model.tetrahedra.constraints import CONSTANTS
-from softlab.model.xpbd.parameters import XPBD_PARAMETERS
 
 RECORDS = {  # of a grid; of all solvers of quads, a cloth's names among others; of a cloth's contacts; of a matrix; ...
     "grid": PARAMETERS,

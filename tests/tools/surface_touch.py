@@ -9,8 +9,8 @@ import numpy as np
 from cloth_solve import solve
 
 from softlab.bench.reference import cloth as judge
-from softlab.model.contact.surface_collider import SurfaceCollider
-from softlab.model.mass_spring.cloth_parameters import B_TREE, COLLIDER_FIELDS, collider_numbers
+from softlab.model.contact.cloth_parameters import B_TREE, COLLIDER_FIELDS, collider_numbers
+from softlab.model.scene.colliders.surface_collider import SurfaceCollider
 from softlab.model.scene.scene import Scene
 
 

@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 from meshes import octahedron, sheet
 
 from softlab.model.core.errors import SceneError
+from softlab.model.core.stability.springs import spring_ends
+from softlab.model.geometry.colouring import MAX_COLOURS, Colouring, colour
 from softlab.model.geometry.edges import mesh_edges
-from softlab.model.mass_spring.energy import spring_ends
-from softlab.model.xpbd.colouring import MAX_COLOURS, Colouring, colour
 
 
 def check_valid(constraints: np.ndarray, found: Colouring) -> None:

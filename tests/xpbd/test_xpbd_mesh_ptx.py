@@ -71,7 +71,8 @@ def test_multipliers_are_only_there_for_what_gives() -> None:
 
 @pytest.mark.parametrize("math", ["fast", "exact"])
 def test_the_prediction_and_normals_compile(math: str) -> None:
-    from softlab.gpu_backend.xpbd.mesh_kernels import make_mesh_begin, make_mesh_tools
+    from softlab.gpu_backend.core.sheet import make_mesh_tools
+    from softlab.gpu_backend.xpbd.mesh_kernels import make_mesh_begin
 
     text = ptx(make_mesh_begin(np.float32, math, AIR), np.float32, math, "RRRIIIPULlll")
     assert ".f64" not in text and ".local" not in text

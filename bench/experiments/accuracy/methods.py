@@ -49,12 +49,6 @@ def changes(name: str, iterations: int = 1, substeps: int = 1) -> dict[str, Any]
     return {f"method.{field}": value for field, value in fields.items()}
 
 
-def name_of(method: Mapping[str, Any]) -> str:
-    """Return the name of a method from its table, as stores have it."""
-    ordering = method.get("scheme") or method.get("ordering")
-    return str(method.get("integrator") or (f"{method['solver']} {ordering}" if ordering else method["solver"]))
-
-
 def efforts(method: Mapping[str, Any]) -> tuple[int | None, int | None]:
     """Return (iterations, substeps) of a method's table; None for one that it does not have."""
     return method.get("iterations"), method.get("substeps")

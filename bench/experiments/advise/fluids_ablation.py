@@ -24,9 +24,9 @@ from softlab.bench.measure.costs_timing import QUICK, SECONDS, Measures, Record,
 from softlab.bench.measure.experiment import Summary, backends_here, described, ending_cleanly, keep
 from softlab.bench.measure.items import cost_sources
 from softlab.bench.measure.progress import progress_bar
+from softlab.bench.measure.tables import columns, print_table
 from softlab.bench.measure.timing import Subject, prepare
 from softlab.bench.store.database import Store
-from softlab.bench.store.tables import columns, print_table
 from softlab.model.core.errors import Diverged, SceneError
 from softlab.model.core.simulation import Simulation
 from softlab.model.fluid.measure import compression, height

@@ -21,21 +21,18 @@ from softlab.bench.measure.costs_timing import FULL, QUICK, RATIO, SECONDS, Effo
 from softlab.bench.measure.experiment import host_of
 from softlab.bench.measure.items import Group, Items, cost_sources
 from softlab.bench.measure.timing import Subject, prepare
-from softlab.bench.peers.base import Peer, PeerError
-from softlab.bench.peers.cases import Beside
-from softlab.bench.peers.fluids.splishsplash import PROCESS, SplishSplash
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import configuration
 from softlab.model.core.build import build
+from softlab.model.core.components import component
 from softlab.model.core.errors import SoftlabError
 from softlab.model.core.simulation import State
 from softlab.model.scene.scene import Scene
 
 FINDING = "fluid: "  # prefix of `finding`, followed by the kind
-PEERS: dict[str, tuple[Peer, ...]] = {  # by kind; the PBF of this program takes seconds per frame in the tank
-    TANK: (SplishSplash("DFSPH"),),
-    DAM: (SplishSplash("DFSPH"), SplishSplash("PBF")),
-}
+BESIDE = "softlab.bench.peers.fluids.beside"  # SPlisHSPlasH
+LABELS = {f"splishsplash_{method.lower()}": f"SPlisHSPlasH {method}" for method in ("DFSPH", "PBF")}  # name -> label
+PEERS = {TANK: ("DFSPH",), DAM: ("DFSPH", "PBF")}  # its methods by kind; its PBF takes seconds per frame in the tank
 
 
 @dataclass(frozen=True)
@@ -44,7 +41,7 @@ class Way:
 
     setting: Setting
     backend: str
-    peer: Peer | None = None
+    peer: Any = None
     threads: str | int = "1x"
 
     @property
@@ -64,8 +61,10 @@ def groups(store: Store, backends: Sequence[str], quick: bool, peers: bool = Fal
             ways = [Way(one, backend) for one in mine]
             beside = [one for one in mine if one.beside]
             if peers and beside:
-                ways += [Way(beside[0], backend, peer) for peer in PEERS.get(kind, ()) if peer.backend == backend]
-            sources = cost_sources(backend, *map(str, sorted(Path(__file__).parent.glob("*.py"))), str(PROCESS))
+                others = [component(f"{BESIDE}:peer_of", "--peers")(method) for method in PEERS.get(kind, ())]
+                ways += [Way(beside[0], backend, peer) for peer in others if peer.backend == backend]
+            process = Path(__file__).parents[2].glob("peers/fluids/splishsplash_process.py")
+            sources = cost_sources(backend, *map(str, (*sorted(Path(__file__).parent.glob("*.py")), *process)))
             told = tuple(way.description for way in ways)
             measure = partial(_measured, ways, told, QUICK if quick else FULL)
             found.append(Group(f"{kind}, {backend}", told, sources, measure, len(ways)))
@@ -86,7 +85,7 @@ def _measured(ways: Sequence[Way], told: Sequence[dict[str, Any]], effort: Effor
                 found[number] |= judged(simulation, scene, way.setting.kind)
                 subject = Subject(simulation, one, start=_state(simulation, scene))
                 ready.append((number, prepare(subject, effort.seconds, effort.most)))
-            except (SoftlabError, PeerError) as reason:  # diverged, not installed, or refused
+            except SoftlabError as reason:  # diverged, not installed, or refused
                 found[number] |= {name: (None, "", str(reason)) for name in (SECONDS, RATIO)}
         timed = in_turn(record, [subject for _, subject in ready], effort.repeats) if ready else []
     for (number, _), numbers in zip(ready, timed, strict=True):
@@ -95,26 +94,12 @@ def _measured(ways: Sequence[Way], told: Sequence[dict[str, Any]], effort: Effor
 
 
 def opened(way: Way, stack: ExitStack) -> Any:
-    """Open a setting as a context manager. Raises SoftlabError, PeerError."""
+    """Open a setting as a context manager. Raises SoftlabError."""
     scene = way.setting.scene
     if way.peer is None:
         return open_simulation(scene, way.backend, threads=way.threads)
-    here, reason = way.peer.available()
-    refusal = way.peer.refusal(scene) if here else reason
-    if refusal:
-        raise PeerError(f"{way.peer.label}: {refusal}")
     threads = host_of("cpu", way.threads)["threads"]
-    simulation = stack.enter_context(way.peer.open(scene, "float32", threads))
-    return _Entered(way.peer, simulation, build(scene))
-
-
-class _Entered(Beside):
-    """A peer's simulation that the stack closes by itself."""
-
-    def __enter__(self) -> _Entered:
-        return self
-
-    def __exit__(self, *_: object) -> None: ...
+    return component(f"{BESIDE}:opened_peer", "--peers")(way.peer, scene, threads, stack)
 
 
 def _state(simulation: Any, scene: Scene) -> State:

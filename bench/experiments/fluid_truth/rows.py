@@ -9,13 +9,13 @@ import numpy as np
 from rich.console import Console
 
 from softlab.bench.experiments.fluid_truth import laws
-from softlab.bench.experiments.fluid_truth.experiment import FINDING, PEERS
+from softlab.bench.experiments.fluid_truth.experiment import FINDING, LABELS
 from softlab.bench.experiments.fluid_truth.scenes import COLUMN, DAM, DROP, TANK, TENSION, TWO, VORTICES
 from softlab.bench.experiments.fluids import FRAME
 from softlab.bench.measure.costs_timing import SECONDS
+from softlab.bench.measure.tables import columns, print_table
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import Measure, by_configuration, measures
-from softlab.bench.store.tables import columns, print_table
 from softlab.model.scene.scene import Scene
 
 NUMBERS: dict[str, dict[str, str]] = {  # kind -> measures and their column titles
@@ -80,7 +80,6 @@ def rows(found: Iterable[Measure]) -> list[Judged]:
     """Return a row for every setting that was measured: kinds in the order of NUMBERS, schemes, then spacings and
     efforts.
     """
-    labels = {peer.name: peer.label for peers in PEERS.values() for peer in peers}
     result = []
     mine = (m for m in found if str(m.description.get("finding", "")).startswith(FINDING))
     for numbers in by_configuration(mine):
@@ -94,7 +93,7 @@ def rows(found: Iterable[Measure]) -> list[Judged]:
         held = {name: m.value for name, m in numbers.items() if name in NUMBERS[kind] and m.value is not None}
         why = None if held else seconds.reason if seconds is not None else "not judged"
         result.append(Judged(
-            kind, some.machine, told["backend"], labels.get(peer, peer) if peer else scene.method.scheme, bool(peer),
+            kind, some.machine, told["backend"], LABELS.get(peer, peer) if peer else scene.method.scheme, bool(peer),
             scene.method.substeps, scene.method.iterations, scene.fluid_set.spacing, scene.fluid_set.particle_count,
             scene.dimensions, laws.radius_of(scene), max(part.surface_tension for part in scene.fluids.values()), held, taken,
             bool(seconds and "; " in (seconds.reason or "")), why,

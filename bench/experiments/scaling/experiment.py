@@ -21,15 +21,17 @@ from softlab.bench.measure.costs_timing import Measures
 from softlab.bench.measure.energy import joules_of_all, nvml_counter
 from softlab.bench.measure.experiment import keep, source_hash
 from softlab.bench.measure.gpu import gpu_simulated
+from softlab.bench.measure.tables import print_table
 from softlab.bench.measure.timing import Subject
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import Measure, configuration, measures
-from softlab.bench.store.tables import print_table
+from softlab.model.core.components import component
 from softlab.model.core.errors import SceneError
+from softlab.model.core.sharing.decomposition import Reach, decompose
 from softlab.model.core.simulation import Simulation
-from softlab.model.domains.decomposition import Reach, decompose
 from softlab.model.scene.scene import Scene, load_scene
 
+DEVICES = "softlab.gpu_backend.domains.devices:devices_for"
 STAGE = "shared"  # stage of the samples
 STEP = "shared_step"  # s: the median of a step
 RATE = "shared_masses_per_second"
@@ -70,12 +72,10 @@ def shared_case(scene: Scene, precision: str, gpus: int, link: str, exchange_eve
 
     One GPU has the same description for any link, and windows that take turns on a GPU do not count as GPUs.
     """
-    from softlab.gpu_backend.domains.devices import devices_for
-
     description = configuration(scene, backend="gpu", precision=precision) | {"gpus": gpus}
     label = f"{scene.grid.rows} x {scene.grid.columns} on {gpus}"
     if gpus > 1:
-        turns = BY_TURNS if len(set(devices_for(gpus))) < gpus else ""
+        turns = BY_TURNS if len(set(component(DEVICES, "--gpus")(gpus))) < gpus else ""
         description |= {"link": link + turns, "exchange_every": exchange_every}
         label += f" by {link}"
     return SharedCase(scene, "gpu", description, source_hash("gpu"), label, gpus, link, exchange_every)
@@ -97,8 +97,6 @@ def groups(
     `weak`: `size` x `size` masses for each GPU, stacked in rows; `scene`: one of SCENES. Raises SceneError for a
     backend without GPUs, an invalid number or an unknown scene, and BackendUnavailable for more GPUs than there are.
     """
-    from softlab.gpu_backend.domains.devices import devices_for
-
     if "gpu" not in backends:
         raise SceneError("--gpus", list(gpus), "applies to --backend gpu")
     for count in gpus:
@@ -108,7 +106,7 @@ def groups(
         raise SceneError("--scene", scene, f"with --gpus one of {', '.join(SCENES)}")
     for link in links:
         check_sharing("gpu", max(gpus), 1, link)
-    devices_for(max(gpus))
+    component(DEVICES, "--gpus")(max(gpus))
     found = []
     for size in sizes or (QUICK_SIZES if quick else SIZES):
         for precision in precisions:

@@ -13,7 +13,7 @@ from math import sqrt
 
 import numpy as np
 
-from softlab.model.domains.decomposition import Decomposition, Reach, decompose
+from softlab.model.core.sharing.decomposition import Decomposition, Reach, decompose
 from softlab.model.domains.link import NETWORK, NVLINK, Link
 
 MASS_BYTES = 16  # state of a mass in float32

@@ -17,8 +17,8 @@ from softlab.bench.experiments.scaling.model import (
     waiting,
     window_seconds,
 )
+from softlab.bench.measure.tables import print_table
 from softlab.bench.store.results import measures, open_readonly
-from softlab.bench.store.tables import print_table
 from softlab.model.core.errors import SceneError
 
 HEADS = "GPUs", "rows each", "every", "step / us", "exchange", "waiting", "T masses / s", "x one", "of ideal"

@@ -15,9 +15,9 @@ from rich.console import Console
 
 from softlab.bench.experiments.tetrahedral.bars import Bar, bars
 from softlab.bench.experiments.tetrahedral.promised import WITHIN
+from softlab.bench.measure.tables import print_table
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import measures
-from softlab.bench.store.tables import print_table
 
 MOVES = 0.75  # fraction of the displacement in half a vibration
 STIFF = 1e7  # Pa, of the bars that the target applies to

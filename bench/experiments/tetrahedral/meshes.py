@@ -30,12 +30,12 @@ from softlab.bench.experiments.tetrahedral.cantilever import DENSITY, SECOND, ca
 from softlab.bench.measure.costs_timing import Measures
 from softlab.bench.measure.experiment import described
 from softlab.bench.measure.items import Experiment, Items, cost_sources
+from softlab.bench.measure.tables import print_table
 from softlab.bench.reference import finite_elements
 from softlab.bench.reference.finite_elements import linear_static, mode_shapes, spread_evenly
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import Measure, by_configuration, measures
 from softlab.bench.store.schema import tables_by_kind
-from softlab.bench.store.tables import print_table
 from softlab.model.core.build import build
 from softlab.model.core.digest import source_digest
 from softlab.model.core.simulation import State

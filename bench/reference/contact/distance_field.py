@@ -1,8 +1,8 @@
 """Sampled signed distance as a collider, in slow, plain NumPy float64: weights of eight samples, mass by mass.
 
-From the description in model/geometry/distance_field.py, without model/formulas. In the body's frame a path that enters
-the body ends there; then a mass nearer than the thickness is pushed along the gradient by what is missing, at most four
-times.
+From the description in model/scene/colliders/distance_field.py, without model/formulas. In the body's frame a path that
+enters the body ends there; then a mass nearer than the thickness is pushed along the gradient by what is missing, at
+most four times.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from itertools import product
 
 import numpy as np
 
-from softlab.model.geometry.distance_field import DistanceField, Field
+from softlab.model.scene.colliders.distance_field import DistanceField, Field
 
 ROUNDS, STEPS = 4, 64
 SETTLED = 1 - 1 / 64  # of the thickness: a mass that was moved and is farther away than this stays

@@ -14,9 +14,9 @@ import numpy as np
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import L_COLUMNS, L_PLANE, L_ROWS, aligned_zeros, block_of, row_at
 from softlab.cpu_backend.core.progress import shares
+from softlab.cpu_backend.core.scratch import AXES, REACH, cloth_variant, triples_of
 from softlab.cpu_backend.mass_spring.cloth.implicit_rows import AR, WORK_PLANES, R, S, U, X, make_row_passes
 from softlab.cpu_backend.mass_spring.cloth.kernels import PLANES
-from softlab.cpu_backend.mass_spring.cloth.scratch import AXES, REACH, cloth_variant, triples_of
 from softlab.cpu_backend.mass_spring.cloth.sums import make_sums_over_masses
 from softlab.model.formulas import cloth, implicit
 from softlab.model.formulas.implicit import FINISH, MOVE, PRODUCT, RESIDUAL, RETREAT, START, UPDATE

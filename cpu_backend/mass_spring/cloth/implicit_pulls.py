@@ -9,9 +9,9 @@ from typing import Any
 
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import block_of, row_at
-from softlab.cpu_backend.mass_spring.cloth.scratch import AXES
+from softlab.cpu_backend.core.scratch import AXES
+from softlab.model.contact.cloth_parameters import spring_constants
 from softlab.model.formulas import implicit
-from softlab.model.mass_spring.cloth_parameters import spring_constants
 
 BESIDE = 2 * AXES  # planes from a vector to the one that belongs to it
 

@@ -13,10 +13,10 @@ import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import L_COLUMNS, L_PLANE, L_STRIDE, block_of, row_at
+from softlab.cpu_backend.core.scratch import AXES, make_scratch, triples_of
 from softlab.cpu_backend.mass_spring.cloth.implicit_pulls import make_end_pulls, make_products
 from softlab.cpu_backend.mass_spring.cloth.kernels import make_settle
 from softlab.cpu_backend.mass_spring.cloth.rows import make_cloth_forces, make_reach, make_sums
-from softlab.cpu_backend.mass_spring.cloth.scratch import AXES, make_scratch, triples_of
 from softlab.cpu_backend.mass_spring.cloth.sums import make_sums_over_masses
 from softlab.model.formulas import implicit
 from softlab.model.scene.cloth import SPRING_KINDS

@@ -18,14 +18,14 @@ from softlab.cpu_backend.contact.pins import make_follow
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, block_of, row_at
 from softlab.cpu_backend.core.progress import shares
+from softlab.cpu_backend.core.scratch import AXES, cloth_variant, triples_of
 from softlab.cpu_backend.mass_spring.cloth.rows import make_cloth_forces
-from softlab.cpu_backend.mass_spring.cloth.scratch import AXES, cloth_variant, triples_of
 from softlab.cpu_backend.mass_spring.grid.row_step import CLOSING, OPENING, make_finish_axis, make_finishes, pass_kind
-from softlab.model.formulas import cloth, springs
-from softlab.model.mass_spring.cloth_parameters import (
+from softlab.model.contact.cloth_parameters import (
     P_MOTION,
     PIN_FIELDS,
 )
+from softlab.model.formulas import cloth, springs
 from softlab.model.mass_spring.cloth_plan import kicks_meet
 from softlab.model.scene.cloth import COLLIDER_KINDS
 

@@ -10,9 +10,9 @@ import numpy as np
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, block_of, row_at
 from softlab.cpu_backend.core.progress import shares
+from softlab.cpu_backend.core.scratch import AXES, cloth_variant, triples_of
 from softlab.cpu_backend.mass_spring.cloth.kernels import PLANES, make_settle
 from softlab.cpu_backend.mass_spring.cloth.rows import make_cloth_forces
-from softlab.cpu_backend.mass_spring.cloth.scratch import AXES, cloth_variant, triples_of
 from softlab.cpu_backend.mass_spring.grid.rk4 import BASE, SOURCE, STAGE_2, TARGET, TOTAL, make_rk4_rows
 from softlab.model.formulas import cloth, motion, springs
 

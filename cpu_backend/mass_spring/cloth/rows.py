@@ -17,13 +17,13 @@ import numpy as np
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, block_of, row_at
 from softlab.cpu_backend.core.own_forces import make_own_row
-from softlab.cpu_backend.mass_spring.cloth.scratch import AXES, REACH, make_scratch, triples_of
-from softlab.cpu_backend.mass_spring.cloth.wind import make_winds
-from softlab.model.core.own_forces import own_changes, own_forces
-from softlab.model.formulas import springs
-from softlab.model.mass_spring.cloth_parameters import (
+from softlab.cpu_backend.core.scratch import AXES, REACH, make_scratch, triples_of
+from softlab.cpu_backend.core.wind import make_winds
+from softlab.model.contact.cloth_parameters import (
     spring_constants,
 )
+from softlab.model.core.own_forces import own_changes, own_forces
+from softlab.model.formulas import springs
 from softlab.model.scene.cloth import SPRING_KINDS
 
 
@@ -217,7 +217,7 @@ def make_cloth_forces(compiler: Compiler, real: Any, integrator: str, parts: fro
     row.
 
     `sum_forces` writes the accelerations of row `i`, without the damper, into `close` (and `open`, if `two_sums`).
-    `air_now`: see mass_spring/cloth/wind.py.
+    `air_now`: see core/wind.py.
     """
     scratches, at = make_scratch(compiler, real), triples_of(parts)
     reach, sum_accelerations = (make(compiler, real, parts, scratches) for make in (make_reach, make_sums))

@@ -9,19 +9,19 @@ import numba
 import numpy as np
 
 from softlab.cpu_backend.core.layout import aligned_zeros, padded, plain
+from softlab.cpu_backend.core.normals import make_normals
+from softlab.cpu_backend.core.scratch import AXES, scratch_width, triples_of
 from softlab.cpu_backend.core.simulation import RowsSimulation, chosen_kernel
 from softlab.cpu_backend.mass_spring.cloth.implicit import ImplicitSteps
 from softlab.cpu_backend.mass_spring.cloth.kernels import PIN_ROWS, PLANES, make_cloth_advance
-from softlab.cpu_backend.mass_spring.cloth.normals import make_normals
 from softlab.cpu_backend.mass_spring.cloth.rk4 import make_cloth_rk4
-from softlab.cpu_backend.mass_spring.cloth.scratch import AXES, scratch_width, triples_of
 from softlab.cpu_backend.mass_spring.cloth.stages import bind_cloth_stages
 from softlab.cpu_backend.mass_spring.grid.row_step import CLOSING, MIDDLE, OPENING
+from softlab.model.contact.cloth_parameters import body_rows, pin_velocity
 from softlab.model.core.errors import SceneError
 from softlab.model.core.integrators import IMPLICIT
 from softlab.model.core.plan import Executor
 from softlab.model.core.simulation import Options
-from softlab.model.mass_spring.cloth_parameters import body_rows, pin_velocity
 from softlab.model.mass_spring.cloth_plan import cloth_plan, kicks_meet
 from softlab.model.scene.scene import Scene
 

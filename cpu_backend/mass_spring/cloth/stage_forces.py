@@ -12,9 +12,8 @@ import numpy as np
 from numba import prange
 
 from softlab.cpu_backend.core.compile import Compiler
-from softlab.cpu_backend.mass_spring.cloth.wind import make_air, make_triangle
+from softlab.model.contact.cloth_parameters import spring_constants
 from softlab.model.formulas import springs
-from softlab.model.mass_spring.cloth_parameters import spring_constants
 from softlab.model.scene.cloth import SPRING_KINDS
 
 
@@ -112,62 +111,3 @@ def make_spring_stage(compiler: Compiler, real: Any, parts: frozenset[str]) -> A
                 az[i, j] = fz
 
     return compiler.kernel(spring_forces)
-
-
-def make_wind_stage(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
-    """Compile wind(state, parameters, integers, step, offset, acceleration): the six triangles of each mass."""
-    triangle, air_now = make_triangle(compiler, real), make_air(compiler, real, parts)
-    compiled = compiler.compiled
-
-    @compiled
-    def corner(state, i, j, rows, columns, own_row, own_column):
-        """Return (position, velocity) of mass (i, j), or beyond the edge of the mass (own_row, own_column)."""
-        x, y, z, vx, vy, vz = state
-        if i < 0 or i >= rows or j < 0 or j >= columns:
-            i, j = own_row, own_column
-        return (x[i, j], y[i, j], z[i, j]), (vx[i, j], vy[i, j], vz[i, j])
-
-    @compiled
-    def cell(state, i, j, upper, rows, columns, own_row, own_column, air, parameters):
-        """Return the wind on each corner of a triangle of cell (i, j): the upper one (A, D, B) or the lower one (A, C,
-        D)."""
-        if i < 0 or i >= rows - 1 or j < 0 or j >= columns - 1:
-            a, va = corner(state, own_row, own_column, rows, columns, own_row, own_column)
-            return triangle(a, a, a, va, va, va, air, parameters.drag, parameters.lift)
-        a, va = corner(state, i, j, rows, columns, own_row, own_column)
-        d, vd = corner(state, i + 1, j + 1, rows, columns, own_row, own_column)
-        if upper:
-            b, vb = corner(state, i, j + 1, rows, columns, own_row, own_column)
-            return triangle(a, d, b, va, vd, vb, air, parameters.drag, parameters.lift)
-        c, vc = corner(state, i + 1, j, rows, columns, own_row, own_column)
-        return triangle(a, c, d, va, vc, vd, air, parameters.drag, parameters.lift)
-
-    @compiled
-    def plus(a, b):
-        return a[0] + b[0], a[1] + b[1], a[2] + b[2]
-
-    def wind(state, record, integers, step, offset, acceleration):
-        ax, ay, az = acceleration
-        rows, columns = ax.shape
-        air = air_now(record[0], integers, step, offset)
-        for row in prange(rows):
-            i = np.int64(row)
-            for j in range(columns):
-                own = plus(
-                    cell(state, i, j, False, rows, columns, i, j, air, record[0]),
-                    cell(state, i, j, True, rows, columns, i, j, air, record[0]),
-                )
-                beside = plus(
-                    cell(state, i, j - 1, True, rows, columns, i, j, air, record[0]),
-                    cell(state, i - 1, j, False, rows, columns, i, j, air, record[0]),
-                )
-                opposite = plus(
-                    cell(state, i - 1, j - 1, False, rows, columns, i, j, air, record[0]),
-                    cell(state, i - 1, j - 1, True, rows, columns, i, j, air, record[0]),
-                )
-                push_x, push_y, push_z = plus(plus(own, beside), opposite)
-                ax[i, j] += push_x
-                ay[i, j] += push_y
-                az[i, j] += push_z
-
-    return compiler.kernel(wind)

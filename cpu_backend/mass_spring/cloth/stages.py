@@ -13,40 +13,22 @@ from typing import Any
 import numpy as np
 from numba import prange
 
-from softlab.cpu_backend.contact.colliders import make_collide_mass
+from softlab.cpu_backend.contact.collide_stage import make_collide_stage
 from softlab.cpu_backend.contact.pins import make_follow
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.own_forces import bind_forces
+from softlab.cpu_backend.core.scratch import cloth_variant
+from softlab.cpu_backend.core.wind import make_wind_stage
 from softlab.cpu_backend.mass_spring.cloth.kernels import PIN_ROWS
-from softlab.cpu_backend.mass_spring.cloth.scratch import cloth_variant
-from softlab.cpu_backend.mass_spring.cloth.stage_forces import make_spring_stage, make_wind_stage
+from softlab.cpu_backend.mass_spring.cloth.stage_forces import make_spring_stage
 from softlab.cpu_backend.mass_spring.motion_stages import bind_motion, make_motion_stages
-from softlab.model.core.plan import Moment, StageRun
-from softlab.model.formulas import cloth, motion
-from softlab.model.mass_spring.cloth_parameters import (
+from softlab.model.contact.cloth_parameters import (
     P_MOTION,
     PIN_FIELDS,
 )
+from softlab.model.core.plan import Moment, StageRun
+from softlab.model.formulas import cloth, motion
 from softlab.model.scene.cloth import COLLIDER_KINDS, SPRING_KINDS
-
-
-def make_collide_stage(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
-    """Compile collide(bodies, kinds, step, parameters, before, state): masses at the step's end; `before`: at its
-    start."""
-    collide_mass = make_collide_mass(compiler, real, parts)
-
-    def collide(bodies, kinds, step, record, before, state):
-        rows, columns = before[0].shape
-        ax, ay, az = before
-        x, y, z, vx, vy, vz = state
-        for i in prange(rows):
-            for j in range(columns):
-                x[i, j], y[i, j], z[i, j], vx[i, j], vy[i, j], vz[i, j] = collide_mass(
-                    bodies, kinds, step, record[0], ax[i, j], ay[i, j], az[i, j], x[i, j], y[i, j], z[i, j], vx[i, j],
-                    vy[i, j], vz[i, j],
-                )  # fmt: skip
-
-    return compiler.kernel(collide)
 
 
 def make_pin_stage(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:

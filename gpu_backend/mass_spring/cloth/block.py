@@ -15,12 +15,11 @@ import numpy as np
 from numba import cuda
 
 from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
-from softlab.gpu_backend.core.device import simulated
+from softlab.gpu_backend.core.device import ALIGNMENT, simulated
 from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
 from softlab.gpu_backend.core.world import Cell, World
 from softlab.gpu_backend.mass_spring.cloth.moves import make_cloth_moves
 from softlab.gpu_backend.mass_spring.cloth.point import make_cloth_forces
-from softlab.gpu_backend.mass_spring.grid.strips import ALIGNMENT
 from softlab.model.mass_spring.cloth_plan import kicks_meet
 
 MAX_THREADS = 1024  # per block, hence masses

@@ -8,41 +8,17 @@ With gusts, the air's velocity, which is the same for all masses, is computed by
 from __future__ import annotations
 
 from functools import cache
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 from numba import cuda
 
-from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernel, make_kernels, variant_name
-from softlab.gpu_backend.core.formulas import device_formulas
-from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
+from softlab.gpu_backend.core.compile import kernel_options, make_kernel, variant_name
+from softlab.gpu_backend.core.quads import load_quad, store_quad
+from softlab.gpu_backend.core.wind import make_block_air
 from softlab.gpu_backend.core.world import Cell, World
 from softlab.gpu_backend.mass_spring.cloth.moves import RK4_OFFSETS, make_cloth_moves, make_cloth_rk4
 from softlab.gpu_backend.mass_spring.cloth.point import make_cloth_forces
-from softlab.model.formulas import cloth
-
-
-@cache
-def make_block_air(real: Any, math: str, parts: frozenset[str]) -> Any:
-    """Make air(parameters, integers, step, offset) -> (x, y, z) [m/s]; every thread of the block must call it."""
-    air_now = make_cloth_forces(real, math, parts).air_now
-    has_wind, has_gust = "wind" in parts, "gust" in parts
-    zero = real(0)
-
-    @inlined(math)
-    def block_air(parameters, integers, step, offset):
-        if has_gust:
-            shared = cuda.shared.array(3, real)
-            if cuda.threadIdx.x == 0 and cuda.threadIdx.y == 0:
-                shared[0], shared[1], shared[2] = air_now(parameters, integers, step, offset)
-            cuda.syncthreads()
-            return shared[0], shared[1], shared[2]
-        if has_wind:
-            return air_now(parameters, integers, step, offset)
-        return zero, zero, zero
-
-    return block_air
 
 
 @cache
@@ -133,74 +109,3 @@ def make_cloth_rk4_stages(real: Any, math: str, parts: frozenset[str]) -> list[A
         return make_kernel(cloth_rk4, variant_name(real, math, parts, stage), **kernel_options(math))
 
     return [make_stage(stage) for stage in range(4)]
-
-
-@cache
-def make_cloth_tools(real: Any) -> SimpleNamespace:
-    """Compile small kernels around the passes: count steps, find bad masses, write positions and normals for
-    drawing."""
-    formulas = device_formulas(cloth.make, real, "exact")
-    cross, unit = formulas.cross, formulas.unit
-    inline = inlined("exact")
-    one = np.int32(1)
-
-    def count(counter, steps):
-        if cuda.grid(1) == 0:
-            counter[0] += steps
-
-    def first_diverged(position, velocity, bound, x, y, z, result):
-        """Find the lowest index of a mass that is not finite, or farther than `bound` from (x, y, z) along an axis, by
-        an atomic minimum of integers."""
-        k = np.int32(cuda.grid(1))
-        if k < position.size // SIZE:
-            p, v = load_quad(position, k), load_quad(velocity, k)
-            inside = abs(p[0] - x) <= bound and abs(p[1] - y) <= bound and abs(p[2] - z) <= bound  # false for NaN
-            still = v[0] - v[0] == v[1] - v[1] and v[1] - v[1] == v[2] - v[2]  # false for NaN and infinity
-            if not (inside and still):
-                cuda.atomic.min(result, 0, k)
-
-    def write_position(position, out):
-        k = np.int32(cuda.grid(1))
-        if k < position.size // SIZE:
-            p = load_quad(position, k)
-            out[k, 0] = p[0]
-            out[k, 1] = p[1]
-            out[k, 2] = p[2]
-
-    @inline
-    def triangle(position, a, b, c):
-        """Return the normal of the triangle of masses a, b, c, with the length of twice its area."""
-        p, q, r = load_quad(position, a), load_quad(position, b), load_quad(position, c)
-        return cross(q[0] - p[0], q[1] - p[1], q[2] - p[2], r[0] - p[0], r[1] - p[1], r[2] - p[2])
-
-    @inline
-    def cell_sum(position, k, cell):
-        """Return the sum of the normals of the up to six triangles at mass k, as in mass_spring/cloth/point.py."""
-        i, j, rows, columns = cell.i, cell.j, cell.rows, cell.columns
-        top, bottom, first, last = i == 0, i == rows - 1, j == 0, j == columns - 1
-        right, below = k if last else k + one, k if bottom else k + columns
-        left, above = k if first else k - one, k if top else k - columns
-        below_right = k if bottom or last else k + columns + one
-        above_left = k if top or first else k - columns - one
-        a = triangle(position, k, below, below_right)
-        b = triangle(position, k, below_right, right)
-        c = triangle(position, k if bottom else left, below, k)
-        d = triangle(position, k if last else above, k, right)
-        e = triangle(position, above_left, left, k)
-        f = triangle(position, above_left, k, above)
-        return (
-            (a[0] + b[0]) + (c[0] + d[0]) + (e[0] + f[0]),
-            (a[1] + b[1]) + (c[1] + d[1]) + (e[1] + f[1]),
-            (a[2] + b[2]) + (c[2] + d[2]) + (e[2] + f[2]),
-        )
-
-    def write_normal(position, out, rows, columns):
-        k = np.int32(cuda.grid(1))
-        if k < position.size // SIZE:
-            rows, columns = np.int32(rows), np.int32(columns)
-            cell = Cell(np.int32(k // columns), np.int32(k % columns), rows, columns)
-            x, y, z = cell_sum(position, k, cell)
-            out[k, 0], out[k, 1], out[k, 2] = unit(x, y, z)
-
-    tools = (count, first_diverged, write_position, write_normal)
-    return make_kernels(tools, f"cloth_{variant_name(real)}")

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
+from softlab.gpu_backend.core.device import device_limits
 from softlab.gpu_backend.core.launch import prepare
 from softlab.gpu_backend.core.messages import message_size
 from softlab.gpu_backend.core.tiling import Tile, tile_count
 from softlab.gpu_backend.mass_spring.cloth.resident import make_cloth_resident
 from softlab.gpu_backend.mass_spring.cloth.tiles import cloth_blocks_together
 from softlab.gpu_backend.mass_spring.cloth.tiling import fields, most_to_fetch, overlap_of, tile_bytes
-from softlab.gpu_backend.mass_spring.grid import tile_launch
 from softlab.gpu_backend.mass_spring.passes import TileLaunches
 from softlab.model.core.errors import SceneError
 
@@ -32,7 +32,7 @@ def why_no_cloth_tile(
 ) -> str:
     """Return the reason why `resident` cannot run a sheet on this tile on this GPU, or on one of `limits` (see
     `device_limits`), or ""."""
-    processors, most_shared = limits or tile_launch.device_limits()
+    processors, most_shared = limits or device_limits()
     needed, overlap = tile_bytes(real, tile, parts), overlap_of(tile, parts)
     if tile.halo < 1:
         return f"a tile of {tile.name} needs at least one step between exchanges: h1"

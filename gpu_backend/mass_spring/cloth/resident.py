@@ -25,17 +25,15 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from softlab.gpu_backend.core.blocks import raise_flag, read_flag
+from softlab.gpu_backend.core.blocks import PATIENCE, raise_flag, read_flag
 from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
-from softlab.gpu_backend.core.device import simulated
+from softlab.gpu_backend.core.device import ALIGNMENT, simulated
 from softlab.gpu_backend.core.messages import make_messages, pause
 from softlab.gpu_backend.core.planes import near
 from softlab.gpu_backend.core.tiling import Tile
 from softlab.gpu_backend.core.world import Cell, World
 from softlab.gpu_backend.mass_spring.cloth.tiles import cloth_blocks_together, make_tile_parts
 from softlab.gpu_backend.mass_spring.cloth.tiling import fields, plane_shape
-from softlab.gpu_backend.mass_spring.grid.resident import PATIENCE
-from softlab.gpu_backend.mass_spring.grid.strips import ALIGNMENT
 
 # Cycles between a block's own sending and its first check of others' messages. All blocks send at about the same time,
 # and a check that comes a little too soon costs another memory access, about 600 cycles.

@@ -18,19 +18,19 @@ from softlab.gpu_backend.core.device import simulated
 from softlab.gpu_backend.core.launch import Graphs, prepare
 from softlab.gpu_backend.core.quad_simulation import QuadSimulation
 from softlab.gpu_backend.core.quads import SIZE
-from softlab.gpu_backend.core.sheet import BLOCK
+from softlab.gpu_backend.core.sheet import BLOCK, make_cloth_tools
 from softlab.gpu_backend.mass_spring.cloth.block import block_bytes, block_threads, make_cloth_block
 from softlab.gpu_backend.mass_spring.cloth.choice import cloth_kernel, cloth_tile
 from softlab.gpu_backend.mass_spring.cloth.implicit import THREADS as IMPLICIT_THREADS
 from softlab.gpu_backend.mass_spring.cloth.implicit import ImplicitSteps, implicit_kernel
-from softlab.gpu_backend.mass_spring.cloth.kernels import make_cloth_passes, make_cloth_rk4_stages, make_cloth_tools
+from softlab.gpu_backend.mass_spring.cloth.kernels import make_cloth_passes, make_cloth_rk4_stages
 from softlab.gpu_backend.mass_spring.cloth.launch import ClothTiles
 from softlab.gpu_backend.mass_spring.cloth.stages import bind_cloth_stages
 from softlab.gpu_backend.mass_spring.passes import SheetPasses
+from softlab.model.contact.cloth_parameters import body_rows, pin_velocity
 from softlab.model.core.integrators import IMPLICIT
 from softlab.model.core.plan import Executor
 from softlab.model.core.simulation import Options
-from softlab.model.mass_spring.cloth_parameters import body_rows, pin_velocity
 from softlab.model.mass_spring.cloth_plan import cloth_plan, kicks_meet
 from softlab.model.scene.scene import Scene
 

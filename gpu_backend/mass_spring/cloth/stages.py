@@ -19,8 +19,8 @@ from softlab.gpu_backend.core.compile import kernel_options, make_kernels, varia
 from softlab.gpu_backend.core.forces import bind_forces
 from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
+from softlab.gpu_backend.core.wind import make_block_air
 from softlab.gpu_backend.core.world import Cell, World
-from softlab.gpu_backend.mass_spring.cloth.kernels import make_block_air
 from softlab.gpu_backend.mass_spring.cloth.point import make_cloth_forces
 from softlab.model.core.plan import Moment, StageRun
 from softlab.model.formulas import integrators

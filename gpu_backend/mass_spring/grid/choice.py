@@ -12,10 +12,11 @@ from typing import Any
 
 import numpy as np
 
+from softlab.gpu_backend.core.device import device_limits
 from softlab.gpu_backend.core.launch import can_capture
 from softlab.gpu_backend.core.tiling import Tile
 from softlab.gpu_backend.mass_spring.grid.strips import shared_bytes
-from softlab.gpu_backend.mass_spring.grid.tile_launch import blocks_of, device_limits, fits_resident
+from softlab.gpu_backend.mass_spring.grid.tile_launch import blocks_of, fits_resident
 from softlab.model.core.errors import SceneError
 from softlab.model.scene.scene import Scene
 

@@ -16,16 +16,16 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from softlab.gpu_backend.core.blocks import load_fresh_pair, raise_flag, read_flag
+from softlab.gpu_backend.core.blocks import PATIENCE, load_fresh_pair, raise_flag, read_flag
 from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
+from softlab.gpu_backend.core.device import ALIGNMENT
 from softlab.gpu_backend.core.pairs import store_pair
 from softlab.gpu_backend.core.tiling import Tile
 from softlab.gpu_backend.core.world import Cell
-from softlab.gpu_backend.mass_spring.grid.strips import ALIGNMENT, pair_type
+from softlab.gpu_backend.mass_spring.grid.strips import pair_type
 from softlab.gpu_backend.mass_spring.grid.tiles import blocks_together, make_tile_parts
 
 FLAG_STRIDE = 32  # int32 between two flags: a 128-byte line each, so that polling one does not slow another
-PATIENCE = 1 << 22  # checks of a flag, some seconds, before a block gives up
 
 
 def _make_exchange(real: Any, math: str, tile: Tile) -> tuple[Any, Any]:

@@ -28,9 +28,6 @@ ON_TILES = PARAMETERS[
 ]  # without those of alternating springs, which no kernel on tiles supports
 
 
-ALIGNMENT = None if simulated() else 16  # of shared memory: a pair of float64 in one access; not for the simulator
-
-
 def pair_type(real: Any) -> Any:
     """Return the complex type of both axes, in the form for shared arrays."""
     pair = np.complex64 if real is np.float32 else np.complex128

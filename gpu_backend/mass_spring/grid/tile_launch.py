@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from softlab.gpu_backend.core.device import simulated
+from softlab.gpu_backend.core.device import device_limits
 from softlab.gpu_backend.core.launch import can_capture, prepare
 from softlab.gpu_backend.core.tiling import Tile, owned, tile_count, whole_strips
 from softlab.gpu_backend.mass_spring.bands import Bands, band_cuts
@@ -16,16 +16,6 @@ from softlab.gpu_backend.mass_spring.grid.strips import shared_bytes
 from softlab.gpu_backend.mass_spring.grid.tiles import blocks_together, make_tile_pass
 from softlab.gpu_backend.mass_spring.passes import TileLaunches
 from softlab.model.core.errors import SceneError
-
-SIMULATED_LIMITS = (1, 1 << 20)  # one block at a time runs there; shared memory is not limited
-
-
-def device_limits() -> tuple[int, int]:
-    """Return (multiprocessors, bytes of shared memory that a block can have)."""
-    if simulated():
-        return SIMULATED_LIMITS
-    device = cuda.get_current_device()
-    return int(device.MULTIPROCESSOR_COUNT), int(device.MAX_SHARED_MEMORY_PER_BLOCK_OPTIN)
 
 
 def blocks_of(rows: int, columns: int, tile: Tile) -> tuple[int, int]:

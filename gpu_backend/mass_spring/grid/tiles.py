@@ -19,13 +19,12 @@ import numpy as np
 from numba import cuda
 
 from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
-from softlab.gpu_backend.core.device import simulated
+from softlab.gpu_backend.core.device import ALIGNMENT, simulated
 from softlab.gpu_backend.core.pairs import load_pair, store_pair
 from softlab.gpu_backend.core.tiling import Tile
 from softlab.gpu_backend.core.world import Cell
 from softlab.gpu_backend.mass_spring.grid import strips
 from softlab.gpu_backend.mass_spring.grid.point import make_moves, make_point_functions
-from softlab.gpu_backend.mass_spring.grid.strips import ALIGNMENT
 
 SHARED_MEMORY = 227 << 10  # bytes per multiprocessor (compute capability 9.0; smaller ones run fewer blocks)
 

@@ -9,7 +9,7 @@ Elsewhere it is computed without a matrix by power iteration, accelerated by add
 best vector of the span (Knyazev 2001, "Toward the optimal preconditioned eigensolver", SIAM J. Sci. Comput. 23(2),
 algorithm 4.1). That estimate is from below. A rigorous upper bound is the smaller of Gershgorin's (1931) and Collatz's
 (1942), max_i (|A| u)_i / u_i for any u > 0, which equals the estimate where springs form no odd cycles. A cloth, pinned
-or not, is a part of an infinite one, whose eigenvalues have a closed form (model/mass_spring/cloth_bounds.py).
+or not, is a part of an infinite one, whose eigenvalues have a closed form (model/core/stability/cloth_bounds.py).
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from softlab.model.core.build import build, pinned_indices, sheet_name
 from softlab.model.core.errors import SceneError
 from softlab.model.core.families import family_of, stability_limit
 from softlab.model.core.integrators import frequency_bound, lightest_mass
-from softlab.model.mass_spring.energy import spring_ends, spring_stiffness
+from softlab.model.core.stability.springs import spring_ends, spring_stiffness
 from softlab.model.scene.parts import Grid
 from softlab.model.scene.scene import Scene
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from softlab.model.core.build import build
 from softlab.model.core.options import PRECISIONS
-from softlab.model.fluid.fluid_set import PARKED
+from softlab.model.geometry.particle_row import PARKED
 from softlab.model.scene.scene import Scene
 
 FRAME = 1 / 60  # s: a velocity stored beside the position grows for this long before its displacement must be visible

@@ -3,7 +3,7 @@ rows.
 
 M. Mueller et al., "Meshless Deformations Based on Shape Matching", SIGGRAPH 2005, 4.3 and 4.5. With A = sum m (x - c)
 rest' and G = (sum m rest rest')^-1, the map is F = A G. Plastically deformed offsets Sp rest have the moments A Sp' and
-the map F Sp^-1. Goals are T Sp rest, T from `blended`, relative to the centre; model/shape_matching/clusters.py,
+the map F Sp^-1. Goals are T Sp rest, T from `blended`, relative to the centre; model/assets/clusters.py,
 `deformations`, explains why momentum is conserved.
 """
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from softlab.model.core.errors import SceneError
-from softlab.model.fluid.flow import check_flow
-from softlab.model.fluid.fluid_set import check_among_solids, check_fluids
 from softlab.model.scene.bodies import BODY_KINDS
+from softlab.model.scene.checks.flow import check_flow
+from softlab.model.scene.checks.fluids import check_among_solids, check_fluids
 from softlab.model.scene.checks.solver import OF_MESHES
 from softlab.model.scene.checks.tetrahedra import check_tetrahedra
 from softlab.model.scene.cloth import CLOTH_KINDS, COLLIDER_KINDS, SPRING_KINDS

@@ -3,8 +3,11 @@ be accepted."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from softlab.model.core.errors import SceneError
 from softlab.model.scene.attachment import check_attachment
+from softlab.model.scene.checks.selection import check_word
 from softlab.model.scene.cloth import COLLIDER_KINDS, CONSTRAINT_KINDS
 from softlab.model.scene.kinds import KINDS
 from softlab.model.scene.members import OF_PARTICLES
@@ -12,10 +15,10 @@ from softlab.model.scene.method import OF_TETRAHEDRA as TETRAHEDRAL_SOLVERS
 from softlab.model.scene.method import Method
 from softlab.model.scene.motion import RELEASE
 from softlab.model.scene.particle_contact import MAX_KINDS
+from softlab.model.scene.regions import Region
 from softlab.model.scene.scene_parts import SceneParts
-from softlab.model.scene.tetrahedra import TETRAHEDRAL_KINDS
-from softlab.model.tetrahedra.matter import check_material
-from softlab.model.tetrahedra.selection import check_word
+from softlab.model.scene.tetrahedra import TETRAHEDRAL_KINDS, Material, TetrahedralBody
+from softlab.model.scene.words import suggestion
 
 SOLVERS_OF_TETRAHEDRA = ("xpbd", *TETRAHEDRAL_SOLVERS)
 OF_TETRAHEDRA = (
@@ -92,3 +95,17 @@ def _check_surfaces(scene: SceneParts) -> None:
     for field in OF_PARTICLES:
         if getattr(part, field) != type(part).model_fields[field].default:
             raise SceneError(f"{name}.{field}", getattr(part, field), "applies to bodies of particles; leave it out")
+
+
+def check_material(
+    name: str, part: Material, bodies: Mapping[str, TetrahedralBody], regions: Mapping[str, Region]
+) -> None:
+    """Raise SceneError for a body or a region that does not exist."""
+    for field, value, known in (("region", part.region, regions), ("body", part.body, bodies)):
+        if value is not None and value not in known:
+            told = (
+                f"must be one of {', '.join(known)}{suggestion(value, known)}"
+                if known
+                else "there is none in the scene"
+            )
+            raise SceneError(f"{name}.{field}", value, told)

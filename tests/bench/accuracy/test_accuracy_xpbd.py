@@ -17,6 +17,7 @@ from softlab.bench.experiments.advise.ablate import ablate
 from softlab.bench.experiments.advise.experiment import advise
 from softlab.bench.reference import cache, xpbd
 from softlab.bench.store.database import Store
+from softlab.bench.store.method_name import name_of
 from softlab.bench.store.results import configuration
 from softlab.model.core.build import build
 from softlab.model.core.errors import SceneError
@@ -69,7 +70,7 @@ def test_methods_by_name_and_back():
     for name in methods.METHODS:
         made = scene.replace(methods.changes(name, 4, 2))
         assert made.method.name == name
-        assert methods.name_of(made.as_dict()["method"]) == name
+        assert name_of(made.as_dict()["method"]) == name
         effort = (4, 2) if methods.position_based(name) else (None, None)
         assert methods.efforts(made.as_dict()["method"]) == effort
         again = made.replace(methods.changes("rk4"))
@@ -195,7 +196,7 @@ def test_older_stores_stay_readable():
     assert (read(small()).integrator, read(small()).iterations) == ("velocity-verlet", None)
     old = configuration(small(), backend="cpu")
     del old["scene"]["method"]["solver"]
-    assert methods.name_of(old["scene"]["method"]) == "velocity-verlet"
+    assert name_of(old["scene"]["method"]) == "velocity-verlet"
     mine = read(solved(small(), JACOBI, 4, 0.01))
     assert (mine.integrator, mine.iterations, mine.substeps) == (JACOBI, 4, 1)
     assert mine.name == "xpbd jacobi, 4 iterations, dt 0.01 s, float32, cpu"

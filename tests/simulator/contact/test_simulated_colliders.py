@@ -10,7 +10,7 @@ from numba import cuda
 from softlab.gpu_backend.contact.colliders import make_collide
 from softlab.gpu_backend.core.integers import BOXES, CAPSULES, INTEGERS, PLANES, SPHERES
 from softlab.gpu_backend.core.world import World
-from softlab.model.mass_spring.cloth_plan import cloth_parts
+from softlab.model.contact.sheet_plan import cloth_parts
 
 COUNTED = {"plane": PLANES, "sphere": SPHERES, "capsule": CAPSULES, "box": BOXES}
 

@@ -62,10 +62,10 @@ def test_what_cannot_be_resident_is_refused() -> None:
 
 
 def test_a_body_too_large_for_the_chip_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    import softlab.gpu_backend.mass_spring.grid.tile_launch as tile_launch
+    import softlab.gpu_backend.tetrahedra.resident_launch as resident_launch
 
     for limits, why in (((1, 1 << 20), "at once"), ((64, 500), "shared memory")):
-        monkeypatch.setattr(tile_launch, "device_limits", lambda limits=limits: limits)
+        monkeypatch.setattr(resident_launch, "device_limits", lambda limits=limits: limits)
         with pytest.raises(SceneError, match=why), open_simulation(bar(), "gpu", kernel="resident:2"):
             pass
     assert np.isfinite(limits[0])

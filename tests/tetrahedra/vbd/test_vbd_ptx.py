@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from kernel_text import entry_of
 
+from softlab.model.contact.substep_parameters import XPBD_PARAMETERS
 from softlab.model.core.parameters import record_type
 from softlab.model.formulas.constraints import tetrahedron
 from softlab.model.tetrahedra import springs
 from softlab.model.tetrahedra.descent import SCALE
 from softlab.model.tetrahedra.newton import CONSTANTS
-from softlab.model.xpbd.parameters import XPBD_PARAMETERS
 
 pytestmark = pytest.mark.usefixtures("ptx_compiler")
 

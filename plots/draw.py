@@ -1,6 +1,6 @@
 """Every figure of the lab, drawn from the store, for `softlab figures`.
 
->>> from softlab.plots.core.draw import draw_figures, figures_folder
+>>> from softlab.plots.draw import draw_figures, figures_folder
 >>> from softlab.plots.core.read import load
 >>> draw_figures(load("softlab-results/results.sqlite"), figures_folder("figures"))
 """

@@ -1,6 +1,6 @@
 """Constants for the kernels of position-based solvers: a cloth's, for a substep, and those of its constraints.
 
-They include those of model/mass_spring/cloth_parameters.py for the substep instead of the step, for a grid too: forces
+They include those of model/contact/cloth_parameters.py for the substep instead of the step, for a grid too: forces
 and colliders read them under these names.
 """
 
@@ -10,15 +10,15 @@ from typing import Any
 
 import numpy as np
 
+from softlab.model.assets.clusters import matching_share
+from softlab.model.contact.cloth_parameters import CLOTH_PARAMETERS, FIELDS, REACH, cloth_values
 from softlab.model.core.clock import START, Clock
 from softlab.model.core.integrators import damping_rate
 from softlab.model.core.parameters import rounded_record
+from softlab.model.core.stability.springs import matching_stiffness
 from softlab.model.core.tuples import reader
-from softlab.model.mass_spring.cloth_parameters import CLOTH_PARAMETERS, FIELDS, REACH, cloth_values
 from softlab.model.scene.cloth import CONSTRAINT_KINDS
 from softlab.model.scene.scene import Scene
-from softlab.model.shape_matching.clusters import matching_share
-from softlab.model.shape_matching.matching import matching_stiffness
 
 OF_SHEETS = (
     "structural",

@@ -10,8 +10,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from math import pi
 
-from softlab.model.fluid.family import RESTS
 from softlab.model.scene.scene import Scene
+
+RESTS = 0.03  # rest distances by which gravity moves a particle in a substep, up to which every scheme comes to rest
 
 
 @dataclass(frozen=True)
@@ -179,7 +180,7 @@ LIMITS: tuple[Limit, ...] = (
         "greedy colours", "bystanders", _has_greedy_colours,
         "differs by what sweeps leave undone: the greedy colouring of a scene takes all bodies' constraints in one random "
         "order, so that another body changes the order of projections",
-        "model/xpbd/colouring.py; orders of Gauss-Seidel lead to the same limit, M. Macklin and others, XPBD (2016)",
+        "model/geometry/colouring.py; orders of Gauss-Seidel lead to the same limit, M. Macklin and others, XPBD (2016)",
         part=1.0,
     ),
     Limit(

@@ -105,3 +105,15 @@ def stored_in_springs(
         lengths, rest = cloth_lengths(scene, position, kind)
         by_kind[kind] = 0.5 * part.storing_stiffness * float(np.sum((lengths - rest) ** 2))
     return stored + sum(by_kind.values()), by_kind
+
+
+def matching_stiffness(scene: Scene) -> float:
+    """Return the square of the clusters' angular frequency [1/s^2] that makes the lattice as stiff in a uniform stretch
+    as its springs are.
+
+    Stretched by e, a chain of springs stores k (e d)^2 / 2 per mass, a window w^2 m <r^2> e^2 / 2 for its one mass,
+    where the mean square of the rest offsets along an axis is <r^2> = d^2 n (n + 1) / 3 for a half-width n: w^2 = 3 k /
+    (n (n + 1) m). Windows that are cut off by the edge are softer.
+    """
+    springs, region = scene.springs, scene.method.region
+    return 3 * springs.stiffness / (region * (region + 1) * scene.grid.mass) if springs else 0.0

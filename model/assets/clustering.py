@@ -12,12 +12,12 @@ from math import ceil, log10
 
 import numpy as np
 
+from softlab.model.assets.clusters import Clusters
 from softlab.model.core.errors import SceneError
 from softlab.model.geometry.arithmetic.ordered import eigenvalues, mean, norm
 from softlab.model.geometry.edges import components
 from softlab.model.geometry.lists import offsets_of
 from softlab.model.geometry.neighbours import SLACK, TooMany, pairs_within
-from softlab.model.shape_matching.clusters import Clusters
 
 RIM = 0.1  # the coefficient at the radius; over 0, so that every member has an effect
 COLLINEAR = 2.0**-10  # width over length of a cluster that counts as a line: rotation about it moves nothing visibly

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from softlab.model.assets.clusters import Clusters, matching_share
 from softlab.model.geometry.lists import Lists, offsets_of
-from softlab.model.shape_matching.clusters import Clusters, matching_share
 
 TABLE = 5  # rows of an axis's table
 T_SHARE, T_INVERSE, T_CENTRE, T_MASS, T_COUNT = range(TABLE)

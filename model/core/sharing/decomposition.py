@@ -15,6 +15,16 @@ from functools import cached_property
 from itertools import pairwise
 
 from softlab.model.core.errors import SceneError
+from softlab.model.scene.scene import Scene
+
+WHOLE_CLOTH = {  # kinds of tables that refer to masses by their place in it, or connect them across it
+    "load": "lies at a place of the whole cloth",
+    "motion": "moves pins of the whole cloth",
+    "fold": "lays the whole cloth",
+    "external": "draws a number for each mass of the whole cloth",
+    "attachments": "holds masses by pins anywhere in the whole cloth",
+    "self_collision": "lets masses meet from anywhere in the whole cloth",
+}
 
 MOST_STEPS = 32  # between two exchanges: beyond it their cost is small relative to that of the rows computed twice
 SHARE = 64  # owned rows for each step between exchanges: the two halos are then a thirty-second of the rows
@@ -196,3 +206,11 @@ def decompose(
     parts = steps * reach.parts if steps else usual_parts(least, reach, most)
     whole, divided = max(1, parts // reach.parts), max(1, reach.parts // parts)
     return Decomposition(rows, columns, count, reach.halo(parts), whole, reach.unit, divided)
+
+
+def require_local(scene: Scene) -> None:
+    """Raise SceneError for parts that depend on a mass's number in the whole sheet."""
+    idle = scene.external is not None and scene.external.magnitude == 0
+    for kind, what in WHOLE_CLOTH.items():
+        if scene.all_of(kind) and not (kind == "external" and idle):
+            raise SceneError(scene.name_of(kind), None, f"{what}: run it as one, not shared")

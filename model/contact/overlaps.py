@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from softlab.model.contact.surface_collider import SurfaceCollider
+from softlab.model.contact.cloth_parameters import B_RADIUS, B_THICKNESS, B_U, B_W, B_X, B_Z, collider_rows
 from softlab.model.core.build import build
 from softlab.model.formulas import colliders, distance_field, triangle_tree
-from softlab.model.mass_spring.cloth_parameters import B_RADIUS, B_THICKNESS, B_U, B_W, B_X, B_Z, collider_rows
+from softlab.model.scene.colliders.surface_collider import SurfaceCollider
 from softlab.model.scene.scene import Scene
 
 HOLLOW = " (it is solid all through; a tank is made of planes, a floor and walls)"

@@ -1,6 +1,6 @@
 """Measuring the kernels of one grid: opened, checked, timed in turn, and held against an energy counter.
 
-What bench/measure/group.py does, for forced kernels: whatever one of them raises is stored as the reason why it was
+What bench/experiments/group.py does, for forced kernels: whatever one of them raises is stored as the reason why it was
 skipped, and the others go on.
 """
 
@@ -13,9 +13,9 @@ from typing import Any
 
 from softlab.app.driver import open_simulation
 from softlab.bench.experiments.checks import OWN_SIZE_STEPS, Check, against_reference, compare, displaced
+from softlab.bench.experiments.group import GroupRunner
 from softlab.bench.measure.cases import Case, Kind, record_skip
 from softlab.bench.measure.energy import STAGE, Counter, energy_counter, measure_energy, power_limit
-from softlab.bench.measure.group import GroupRunner
 from softlab.bench.measure.timing import Sample, Subject
 from softlab.model.core.simulation import Simulation, State
 

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from softlab.model.contact.surface_collider import naming
 from softlab.model.core.build import Body
 from softlab.model.core.clock import START, Clock
 from softlab.model.core.errors import SceneError
@@ -21,6 +20,7 @@ from softlab.model.core.parameters import require_held, rounded_record
 from softlab.model.formulas import cloth, motion
 from softlab.model.geometry.arithmetic.ordered import norm
 from softlab.model.scene.cloth import COLLIDER_KINDS, SURFACE_KINDS
+from softlab.model.scene.colliders.surface_collider import naming
 from softlab.model.scene.motion import motions_of_pins
 from softlab.model.scene.scene import Scene
 

@@ -13,8 +13,7 @@ from numba import cuda
 from softlab.gpu_backend.contact.particles_bounce import make_lack
 from softlab.gpu_backend.core.compile import kernel_options, make_kernel, make_kernels, variant_name
 from softlab.gpu_backend.core.formulas import device_formulas
-from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
-from softlab.gpu_backend.shape_matching.kernels import ROWS
+from softlab.gpu_backend.core.quads import ROWS, SIZE, load_quad, store_quad
 from softlab.model.contact.particle_parameters import H_INVERSE_SUBSTEP, H_RESTITUTION, MAX_NEIGHBOURS
 from softlab.model.formulas import particle_contact
 from softlab.model.formulas.shape_matching import rebound
