@@ -11,8 +11,8 @@ from softlab.gpu_backend.domains.devices import at
 from softlab.model.core.components import named
 from softlab.model.core.families import family_of
 from softlab.model.core.options import Options
+from softlab.model.core.sharing.decomposition import Decomposition
 from softlab.model.core.simulation import Simulation
-from softlab.model.domains.decomposition import Decomposition
 from softlab.model.domains.simulation import DecomposedSimulation
 from softlab.model.domains.windows import WindowedSimulation
 from softlab.model.scene.scene import Scene

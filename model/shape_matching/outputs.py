@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from softlab.model.core.outputs import Output
+from softlab.model.core.state import every_plastic
 from softlab.model.scene.scene import Scene
-from softlab.model.shape_matching.cluster_tables import every_plastic
 
 ROTATION = Output(
     "rotation", "(clusters, 4)", "1", "unit quaternions (w, x, y, z) of clusters", lambda one: one.read_clusters()[0]
