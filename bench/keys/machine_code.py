@@ -22,9 +22,7 @@ CONTENT = re.compile(  # names in texts: of functions, and of what they are made
     r"""\[\d+ x i8\] c"[^"]*(?:_Z|_[0-9a-f]{32})[^"]*"|_[0-9a-f]{32}|(?<=!")_Z[^"]*"""
 )
 NAMED = re.compile(r"^\s*(//.*|;.*|source_filename.*|\.file.*|\.loc.*)$", re.MULTILINE)
-COMMON = re.compile(
-    r"^\.common \.global [^;]*?(\w+);\n", re.MULTILINE
-)  # such as error codes of inlined functions
+COMMON = re.compile(r"^\.common \.global [^;]*?(\w+);\n", re.MULTILINE)  # such as error codes of inlined functions
 
 
 def without_names(text: str) -> str:
