@@ -22,12 +22,14 @@ CONTENT = re.compile(  # names in texts: of functions, and of what they are made
     r"""\[\d+ x i8\] c"[^"]*(?:_Z|_[0-9a-f]{32})[^"]*"|_[0-9a-f]{32}|(?<=!")_Z[^"]*"""
 )
 NAMED = re.compile(r"^\s*(//.*|;.*|source_filename.*|\.file.*|\.loc.*)$", re.MULTILINE)
+COMMON = re.compile(r"^\.common \.global [^;]*?(\w+);\n", re.MULTILINE)  # such as error codes of inlined functions
 
 
 def without_names(text: str) -> str:
-    """The text with the names that it defines numbered in order of appearance, without comments and places in files.
-    Functions from elsewhere keep their names."""
+    """The text with the names that it defines numbered in order of appearance, without comments, places in files and
+    globals that nothing reads. Functions from elsewhere keep their names."""
     text = CONTENT.sub("", NAMED.sub("", text))
+    text = COMMON.sub(lambda found: found[0] if text.count(found[1]) > 1 else "", text)
     kept = {name: name for name in set(ELSEWHERE.findall(text)) - set(DEFINED.findall(text))}
     names = PTX_NAME if ".version" in text else LLVM_NAME
     return names.sub(lambda found: kept.setdefault(found[0], f"@{len(kept)}"), text)

@@ -13,9 +13,9 @@ from numba import cuda
 from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernels, variant_name
 from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
-from softlab.gpu_backend.shape_matching.kernels import PITCH, THREADS, TOGETHER
+from softlab.gpu_backend.shape_matching.kernels import PITCH, THREADS, TOGETHER, make_lane_sum
 from softlab.model.assets.clusters import Clusters
-from softlab.model.formulas.shape_matching import cluster, couple, pace, rigid
+from softlab.model.formulas.shape_matching import couple, pace, rigid
 from softlab.model.formulas.shape_matching.cluster import LANES
 from softlab.model.formulas.shape_matching.couple import SUMS
 
@@ -32,7 +32,7 @@ def make_couples(real: Any, math: str, has_rigid: bool) -> SimpleNamespace:
     couples; with rigid bodies, `has_rigid`, its last argument is their `travel`.
     """
     masses, formulas = device_formulas(pace.make, real, math), device_formulas(couple.make, real, math)
-    total, carried = device_formulas(cluster.make, real, math).total, device_formulas(rigid.make, real, math).carried
+    lane_sum, carried = make_lane_sum(real, math), device_formulas(rigid.make, real, math).carried
     weighted, added, spin, turned, gone = masses.weighted, masses.added, formulas.spin, formulas.turned, formulas.gone
     zero, one, lanes, sums, pitch = real(0), np.int32(1), np.int32(LANES), np.int32(SUMS), np.int32(PITCH)
 
@@ -62,11 +62,7 @@ def make_couples(real: Any, math: str, has_rigid: bool) -> SimpleNamespace:
         cuda.syncthreads()
         if lane < sums:
             k = np.int32(base + lane * pitch)
-            shared[k] = total(
-                shared[k], shared[k + 1], shared[k + 2], shared[k + 3], shared[k + 4], shared[k + 5], shared[k + 6],
-                shared[k + 7], shared[k + 8], shared[k + 9], shared[k + 10], shared[k + 11], shared[k + 12],
-                shared[k + 13], shared[k + 14], shared[k + 15],
-            )  # fmt: skip
+            shared[k] = lane_sum(shared, k)
         cuda.syncthreads()
         if c < clusters and lane == 0:
             f, lean, row = load_quad(position, firsts[c]), load_quad(leans, c), np.int32(QUADS * c)

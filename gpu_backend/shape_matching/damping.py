@@ -17,8 +17,8 @@ from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.integers import make_clock
 from softlab.gpu_backend.core.quads import AXES, ROWS, SIZE, load_quad, store_quad
 from softlab.gpu_backend.core.world import World
-from softlab.gpu_backend.shape_matching.kernels import PITCH, TOGETHER, make_move
-from softlab.model.formulas.shape_matching import cluster, pace
+from softlab.gpu_backend.shape_matching.kernels import PITCH, TOGETHER, make_lane_sum, make_move
+from softlab.model.formulas.shape_matching import pace
 from softlab.model.formulas.shape_matching.cluster import LANES
 from softlab.model.formulas.shape_matching.pace import MOMENTA
 
@@ -29,7 +29,7 @@ SHARED = TOGETHER * MOMENTA * PITCH  # numbers per block
 def make_gather(real: Any, math: str) -> Any:
     """Compile gather(position, velocity, starts, firsts, indices, members, leans, motions): the rigid motions of all
     clusters, in blocks of THREADS. `motions`: three quads each, the centre, the velocity there, the spin."""
-    formulas, total = device_formulas(pace.make, real, math), device_formulas(cluster.make, real, math).total
+    formulas, lane_sum = device_formulas(pace.make, real, math), make_lane_sum(real, math)
     weighted, added, turned, motion = formulas.weighted, formulas.added, formulas.turned, formulas.motion
     zero, one, lanes, momenta, pitch = real(0), np.int32(1), np.int32(LANES), np.int32(MOMENTA), np.int32(PITCH)
 
@@ -61,11 +61,7 @@ def make_gather(real: Any, math: str) -> Any:
         cuda.syncthreads()
         if lane < momenta:
             k = np.int32(base + lane * pitch)
-            shared[k] = total(
-                shared[k], shared[k + 1], shared[k + 2], shared[k + 3], shared[k + 4], shared[k + 5], shared[k + 6],
-                shared[k + 7], shared[k + 8], shared[k + 9], shared[k + 10], shared[k + 11], shared[k + 12],
-                shared[k + 13], shared[k + 14], shared[k + 15],
-            )  # fmt: skip
+            shared[k] = lane_sum(shared, k)
         cuda.syncthreads()
         if c < clusters and lane == 0:
             f, g, lean, row = (

@@ -32,6 +32,22 @@ SHARED = TOGETHER * MOMENTS * PITCH  # numbers per block
 
 
 @cache
+def make_lane_sum(real: Any, math: str) -> Any:
+    """Make lane_sum(shared, k): the sum of the LANES numbers from index `k` on, in the fixed order of `cluster.total`."""
+    total = device_formulas(cluster.make, real, math).total
+
+    @inlined(math)
+    def lane_sum(shared, k):
+        return total(
+            shared[k], shared[k + 1], shared[k + 2], shared[k + 3], shared[k + 4], shared[k + 5], shared[k + 6],
+            shared[k + 7], shared[k + 8], shared[k + 9], shared[k + 10], shared[k + 11], shared[k + 12],
+            shared[k + 13], shared[k + 14], shared[k + 15],
+        )  # fmt: skip
+
+    return lane_sum
+
+
+@cache
 def make_bodies_clusters(real: Any, math: str) -> SimpleNamespace:
     """Compile `sum_up`, `turn` and `move`.
 
@@ -40,7 +56,7 @@ def make_bodies_clusters(real: Any, math: str) -> SimpleNamespace:
     their frames; `move(position, own_starts, own_clusters, own_members, frames)`: particles, in place.
     """
     formulas, turns = device_formulas(cluster.make, real, math), device_formulas(rotation.make, real, math)
-    weighted, added, total = formulas.weighted, formulas.added, formulas.total
+    weighted, added, lane_sum = formulas.weighted, formulas.added, make_lane_sum(real, math)
     upright, centre = formulas.upright, formulas.centre
     rotation_3d, matrix_of = turns.rotation_3d, turns.matrix_of
     move_mass = make_move(real, math)
@@ -73,11 +89,7 @@ def make_bodies_clusters(real: Any, math: str) -> SimpleNamespace:
         cuda.syncthreads()
         if c < clusters and lane < moments:
             k = np.int32(base + lane * pitch)
-            sums[c * moments + lane] = total(
-                shared[k], shared[k + 1], shared[k + 2], shared[k + 3], shared[k + 4], shared[k + 5], shared[k + 6],
-                shared[k + 7], shared[k + 8], shared[k + 9], shared[k + 10], shared[k + 11], shared[k + 12],
-                shared[k + 13], shared[k + 14], shared[k + 15],
-            )  # fmt: skip
+            sums[c * moments + lane] = lane_sum(shared, k)
 
     def turn(position, firsts, leans, sums, rotation, turned, frames):
         c = np.int32(cuda.grid(1))

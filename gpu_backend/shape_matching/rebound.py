@@ -19,9 +19,9 @@ from softlab.gpu_backend.core.quads import AXES, ROWS, SIZE, load_quad, store_qu
 from softlab.gpu_backend.core.world import World
 from softlab.gpu_backend.shape_matching.bodies_bounce import make_bodies_bounce, make_give
 from softlab.gpu_backend.shape_matching.damping import make_gather
-from softlab.gpu_backend.shape_matching.kernels import PITCH, THREADS, TOGETHER
+from softlab.gpu_backend.shape_matching.kernels import PITCH, THREADS, TOGETHER, make_lane_sum
 from softlab.model.assets.clusters import Clusters
-from softlab.model.formulas.shape_matching import cluster, rebound
+from softlab.model.formulas.shape_matching import rebound
 from softlab.model.formulas.shape_matching.cluster import LANES
 from softlab.model.formulas.shape_matching.rebound import SUMS
 from softlab.model.shape_matching.rigid_rebound import rebound_limits
@@ -39,7 +39,7 @@ def make_rebound(real: Any, math: str, meets: bool = False) -> SimpleNamespace:
     before colliders. `limits` (clusters,): 0 of those that do not rebound as a whole. `meets`: with the bound for
     bodies in contact.
     """
-    formulas, total = device_formulas(rebound.make, real, math), device_formulas(cluster.make, real, math).total
+    formulas, lane_sum = device_formulas(rebound.make, real, math), make_lane_sum(real, math)
     weighed, rigid, enlarged = formulas.weighed, formulas.rigid, formulas.enlarged
     scaled, rebounded, touched, wanted, bound = (
         formulas.scaled, formulas.rebounded, formulas.touched, formulas.asked, formulas.bound
@@ -70,11 +70,7 @@ def make_rebound(real: Any, math: str, meets: bool = False) -> SimpleNamespace:
         cuda.syncthreads()
         if lane < sums:
             k = np.int32(base + lane * pitch)
-            shared[k] = total(
-                shared[k], shared[k + 1], shared[k + 2], shared[k + 3], shared[k + 4], shared[k + 5], shared[k + 6],
-                shared[k + 7], shared[k + 8], shared[k + 9], shared[k + 10], shared[k + 11], shared[k + 12],
-                shared[k + 13], shared[k + 14], shared[k + 15],
-            )  # fmt: skip
+            shared[k] = lane_sum(shared, k)
         cuda.syncthreads()
         if c < clusters and lane == 0:
             got, worth, mass, asked = (

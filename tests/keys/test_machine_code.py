@@ -42,6 +42,9 @@ def test_only_names_that_a_text_defines_do_not_count() -> None:
     assert without_names(PTX) == without_names(PTX.replace("kernel", "other1"))
     assert without_names(PTX) != without_names(PTX.replace("tid", "ctaid"))
     assert without_names(PTX) != without_names(PTX.replace("%f1,", "%f2,"))
+    unread = PTX.replace("8.0\n", "8.0\n.common .global .align 8 .u64 _Z6kernelf__errcode__;\n")
+    read = unread.replace("%tid.x", "_Z6kernelf__errcode__")
+    assert without_names(unread) == without_names(PTX) and ".common" in without_names(read)
 
 
 @pytest.mark.parametrize("old,new,same", [(LINE, NAMED, True), ("scale * dx", "scale * (dx + dx)", False)])
