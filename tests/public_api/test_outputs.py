@@ -9,7 +9,6 @@ import pytest
 
 from softlab.app.driver import open_simulation
 from softlab.model.core.errors import SceneError
-from softlab.model.core.families import FAMILIES
 from softlab.model.core.outputs import Output
 from softlab.model.fluid.family import FLUID
 from softlab.model.scene.scene import Scene
@@ -79,7 +78,6 @@ def test_an_output_of_ones_own(monkeypatch: pytest.MonkeyPatch) -> None:
     )  # fmt: skip
     declared = FLUID.outputs
     monkeypatch.setitem(vars(FLUID), "outputs", lambda scene: (*declared(scene), density))
-    assert FLUID in FAMILIES
     scene = Scene({"water": WATER, "gravity": {"acceleration": 10.0}, "method": SCENES["fluid"]["method"]})
     with open_simulation(scene, "cpu", precision="float64") as simulation:
         simulation.advance(1)

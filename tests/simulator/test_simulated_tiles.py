@@ -121,7 +121,8 @@ def blocks_together(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 
     monkeypatch.setattr(simulator_kernel, "BlockManager", Together)
     monkeypatch.setattr(kernelapi.FakeCUDAShared, "array", array)
-    monkeypatch.setattr(tile_launch, "device_limits", lambda: (64, 1 << 20))
+    for module in (tile_launch, cloth_launch):
+        monkeypatch.setattr(module, "device_limits", lambda: (64, 1 << 20))
     yield
 
 
