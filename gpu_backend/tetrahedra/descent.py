@@ -53,8 +53,8 @@ class VertexBlockDescent(Tetrahedra):
         self._require_memory(needed, self.named, f"{self.particle_count} vertices")
 
     def _allocate(self) -> None:
-        super()._allocate()
         self._inertial = self.new_array()  # positions by inertia and all forces except elastic ones
+        super()._allocate()
 
     def _contacts_of(self, *arguments: Any) -> SurfaceContacts:
         return CarriedContacts(*arguments, inertial=self._inertial)
