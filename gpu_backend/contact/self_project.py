@@ -247,7 +247,8 @@ def _move(real: Any, math: str, friction: bool, surfaces: bool) -> tuple[Any, ..
 def make_project(real: Any, math: str, friction: bool, surfaces: bool = False) -> SimpleNamespace:
     """Compile `fill_links` and `sort_links` (once per substep), `deepen`, `load_up`, `push` and `gather` (each sweep).
 
-    `surfaces`: as on the CPU, with offsets and triangles at each particle and the triangles' corners; `turns`: two quads per contact with friction of surfaces, else empty.
+    `surfaces`: as on the CPU; `starts`, `lists`, `surface`: offsets and triangles at each particle, and the triangles'
+    corners; `turns`: two quads per contact with friction of surfaces, else empty.
     """
     variant = f"contacts_{variant_name(real, math, f'friction_{int(friction)}')}{'_surfaces' * surfaces}"
     levered = friction and surfaces

@@ -70,8 +70,8 @@ def make(real, compiled=plain):
 
 
 def make_current(real, compiled=plain):
-    """Make `checked`, `through`, `apart`, `rub` and its parts: a contact at its particles' current positions. Vectors are tuples of
-    three numbers."""
+    """Make `checked`, `through`, `apart`, `rub` and its parts: a contact at its particles' current positions. Vectors
+    are tuples of three numbers."""
     zero, one, upright, past = real(0), real(1), real(UPRIGHT), real(PAST)
     lengths, search = make_lengths(real, compiled), make_contact(real, compiled)
     dot, cross, length = lengths.dot, lengths.cross, lengths.length

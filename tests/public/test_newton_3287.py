@@ -56,7 +56,11 @@ def passing(solver: str, distance: float, substeps: int, speed: float, lower: Tu
         scene = scene.replace({f"{name}.angle": angle, f"{name}.axis": axis, f"{name}.edge": edge})
     found = scene.tetrahedra_set
     below, above = np.split(found.position, [int(found.first_particle[1])])
-    origin = [below[:, 0].min() - above[:, 0].max() - 0.03, below[:, 1].max() - above[:, 1].min() + distance + 0.001, 0.0]
+    origin = [
+        below[:, 0].min() - above[:, 0].max() - 0.03,
+        below[:, 1].max() - above[:, 1].min() + distance + 0.001,
+        0.0,
+    ]
     return scene.replace({"other.origin": origin, "other.velocity": [speed, 0.0, 0.0]})
 
 
