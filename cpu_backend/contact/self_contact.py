@@ -44,6 +44,7 @@ class HeldContacts:
         self._scratch = (np.zeros((masses, 3), real), np.zeros(masses, real), np.zeros((most, forces), real))
         self._project = make_project(real, math, rubs, surfaces)
         self.lost = 0
+        self._around = np.zeros(0, np.int32), np.zeros(0, np.int32), np.zeros((0, 3), np.int32)
         self._empty = True
 
     def _link(self) -> None:
@@ -59,7 +60,7 @@ class HeldContacts:
         starts, _, links = self._links
         self._project.project_contacts(
             self._bands, self.sweeps, position, begin, self.found, self.corners, self.values, starts, links,
-            self.weights, self.record[0], *self._scratch,
+            self.weights, self.record[0], self._around, *self._scratch,
         )  # fmt: skip
 
 

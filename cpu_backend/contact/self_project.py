@@ -23,7 +23,9 @@ LEVERS = FORCES + 6  # with friction of surfaces: extra displacements of two cor
 def _make_now(compiler: Compiler, real: Any) -> SimpleNamespace:
     """Make `shallower`, `rubbed`: corrections of surface contacts from the current triangle (surface_contact.py)."""
     formulas = surface_contact.make(real, compiler.compiled)
-    still_deep, rub, load, split = formulas.still_deep, formulas.rub, formulas.load, formulas.split
+    checked, apart, over, through = formulas.checked, formulas.apart, formulas.over, formulas.through
+    rub, load, split = formulas.rub, formulas.load, formulas.split
+    none, own, nearest = surface_contact.NONE, surface_contact.ITS_OWN, surface_contact.NEAREST
     first_weight = contact.make(real, compiler.compiled).first_weight
 
     @compiler.compiled
@@ -31,13 +33,31 @@ def _make_now(compiler: Compiler, real: Any) -> SimpleNamespace:
         return points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], points[b, 2] - points[a, 2]
 
     @compiler.compiled
-    def shallower(slot, k, points, begin, corners, values, r, depth):
+    def seen_from(points, k, a, b, c):
+        return difference(points, a, k), difference(points, a, b), difference(points, a, c)
+
+    @compiler.compiled
+    def shallower(slot, k, points, begin, corners, values, r, depth, around):
+        """Return the depth of a contact, 0 or less where the surfaces are apart; `checked` has the rule."""
         a, b, c = corners[slot, 0], corners[slot, 1], corners[slot, 2]
-        n = values[slot, V_NX], values[slot, V_NY], values[slot, V_NZ]
-        return still_deep(
-            n, r, values[slot, V_B], values[slot, V_C], difference(begin, a, b), difference(begin, a, c),
-            difference(points, a, k), difference(points, a, b), difference(points, a, c), depth, values[slot, V_HELD],
-        )  # fmt: skip
+        n, held = (values[slot, V_NX], values[slot, V_NY], values[slot, V_NZ]), values[slot, V_HELD]
+        p, q, w = seen_from(points, k, a, b, c)
+        check = checked(n, r, difference(begin, a, b), difference(begin, a, c), p, q, w, depth, held)
+        if check == none:
+            return depth
+        left = held - apart(p, q, w)
+        if check != own:
+            starts, lists, surface = around
+            for corner in range(3):
+                for at in range(starts[corners[slot, corner]], starts[corners[slot, corner] + 1]):
+                    a, b, c = surface[lists[at], 0], surface[lists[at], 1], surface[lists[at], 2]
+                    p, q, w = seen_from(points, k, a, b, c)
+                    x, u, v = seen_from(begin, k, a, b, c)
+                    if through(over(x, u, v), over(p, q, w)):
+                        return depth
+                    if check == nearest:
+                        left = max(left, held - apart(p, q, w))
+        return min(depth, left)
 
     @compiler.compiled
     def rubbed(slot, k, points, begin, corners, values, weights, loads, parameters, r, slid, forces):
@@ -80,14 +100,14 @@ def _make_contact(
         )
 
     @compiler.compiled
-    def depth_of(slot, k, points, begin, corners, values):
+    def depth_of(slot, k, points, begin, corners, values, around):
         """Return the penetration depth below the stored distance [m]; 0 or less if the contact is inactive."""
         a, b, c = corners[slot, 0], corners[slot, 1], corners[slot, 2]
         x, y, z = offset(points, k, a, b, c, values[slot, V_B], values[slot, V_C])
         depth = values[slot, V_HELD] - dot(values[slot, V_NX], values[slot, V_NY], values[slot, V_NZ], x, y, z)
         if surfaces and depth > zero:
             r = offset(begin, k, a, b, c, values[slot, V_B], values[slot, V_C])
-            depth = shallower(slot, k, points, begin, corners, values, r, depth)
+            depth = shallower(slot, k, points, begin, corners, values, r, depth, around)
         return depth
 
     @compiler.compiled
@@ -229,7 +249,8 @@ def _make_gather(compiler: Compiler, real: Any, formulas: SimpleNamespace, lever
 def make_project(real: Any, math: str, friction: bool, surfaces: bool = False) -> SimpleNamespace:
     """Compile `link_contacts` and `project_contacts`; the arrays are those of cpu_backend/contact/self_contact.py.
 
-    `surfaces`: contacts use the current triangle, and friction exerts no moment.
+    `surfaces`: contacts use the current triangles, and friction exerts no moment. `around`: for surfaces (offsets and
+    triangles at each particle, the triangles' corners).
     """
     words = ("friction" if friction else "smooth") + "_surfaces" * surfaces
     variant = f"{np.dtype(real).name}_{math}_{words}"
@@ -239,8 +260,8 @@ def make_project(real: Any, math: str, friction: bool, surfaces: bool = False) -
     gather, load_of = _make_gather(compiler, real, formulas, friction and surfaces)
 
     def project_contacts(
-        team, member, bands, sweeps, position, begin, found, corners, values, starts, links, weights, parameters, points,
-        loads, forces,
+        team, member, bands, sweeps, position, begin, found, corners, values, starts, links, weights, parameters, around,
+        points, loads, forces,
     ):  # fmt: skip
         """Sweep over the contacts, all of a sweep from one state, and update `position` (3, rows, columns)."""
         rows, columns = position.shape[1], position.shape[2]
@@ -253,7 +274,7 @@ def make_project(real: Any, math: str, friction: bool, surfaces: bool = False) -
             for band in shares(team, member, bands):
                 for k in range(masses * band // bands, masses * (band + 1) // bands):
                     for slot in range(k * MAX_CONTACTS, k * MAX_CONTACTS + min(found[k], MAX_CONTACTS)):
-                        forces[slot, F_DEPTH] = depth_of(slot, k, points, begin, corners, values)
+                        forces[slot, F_DEPTH] = depth_of(slot, k, points, begin, corners, values, around)
             for band in shares(team, member, bands):
                 for k in range(masses * band // bands, masses * (band + 1) // bands):
                     loads[k] = load_of(k, found, values, starts, links, forces)

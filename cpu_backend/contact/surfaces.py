@@ -34,6 +34,7 @@ class SurfaceContacts(HeldContacts):
         self._rest = np.ascontiguousarray(surface.rest, real)
         self._at_vertex = surface.at_vertex.offsets, surface.at_vertex.indices
         self._surface = np.ascontiguousarray(surface.triangles), surface.owned
+        self._around = surface.at_particle, surface.at_vertex.indices, self._surface[0]
         own = np.ascontiguousarray(surface.body[surface.vertices])
         rest = np.ascontiguousarray(self._rest[surface.vertices].T).reshape(-1)
         self._neighbours = Neighbours(real, math, own, own, rest, len(surface.edge), threads)

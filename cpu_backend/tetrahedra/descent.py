@@ -10,10 +10,13 @@ from __future__ import annotations
 
 from functools import cached_property
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 
+from softlab.cpu_backend.contact.surfaces import SurfaceContacts
 from softlab.cpu_backend.tetrahedra.descent_acceleration import make_accelerate_stage
+from softlab.cpu_backend.tetrahedra.descent_contact import CarriedContacts
 from softlab.cpu_backend.tetrahedra.descent_kernels import (
     DescentArrays,
     descent_arrays,
@@ -69,6 +72,9 @@ class VertexBlockDescent(Tetrahedra):
     def _inertial(self) -> np.ndarray:
         """Positions of vertices by inertia and all forces except elastic ones."""
         return np.zeros_like(self._position)
+
+    def _contacts_of(self, *arguments: Any) -> SurfaceContacts:
+        return CarriedContacts(*arguments, inertial=self._inertial)
 
     @property
     def inertial(self) -> np.ndarray:

@@ -1,12 +1,16 @@
-"""Colliders in a vertex visit of vertex block descent, on CPU threads: the spring of newton_contact.py, and
-friction."""
+"""Contact in vertex block descent, on CPU threads: colliders in a vertex visit (the spring of newton_contact.py, and
+friction), and pushes of surfaces, which later visits keep."""
 
 from __future__ import annotations
 
+from functools import cache
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
+
 from softlab.cpu_backend.contact.colliders import make_collide_mass
+from softlab.cpu_backend.contact.surfaces import SurfaceContacts
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.tetrahedra.newton_contact import make_contact
 from softlab.model.formulas.elastic import descent, friction, newton
@@ -55,3 +59,33 @@ def make_meeting(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
         return sums
 
     return SimpleNamespace(has_bodies=contact.has_bodies, met=met)
+
+
+@cache
+def make_carry(real: Any, math: str) -> Any:
+    """Compile carry(bands, position, earlier, inertial): pushes from `earlier` to `position` move `inertial`, too."""
+    compiler = Compiler(f"carry_{np.dtype(real).name}_{math}", math)
+    carried = descent.make_carried(real, compiler.compiled).carried
+
+    def carry(band, bands, position, earlier, inertial):
+        for k in range(len(earlier) * band // bands, len(earlier) * (band + 1) // bands):
+            for axis in range(3):
+                inertial[k, axis] = carried(inertial[k, axis], position[k, axis], earlier[k, axis])
+
+    return compiler.banded(carry)
+
+
+class CarriedContacts(SurfaceContacts):
+    """Contacts of surfaces whose pushes move `inertial` (particles, 4), too: the next sweep would take them back by
+    forces that are not equal and opposite, and more sweeps would not help."""
+
+    def __init__(self, *arguments: Any, inertial: np.ndarray):
+        super().__init__(*arguments)
+        self._inertial, self._carry = inertial, make_carry(*arguments[1:3])
+        self._earlier = np.zeros((len(inertial), 3), inertial.dtype)
+
+    def project(self, before: np.ndarray, position: np.ndarray) -> None:
+        """Sweep over the contacts of the substep that began at `before`."""
+        self._earlier[...] = position[:, :3]
+        super().project(before, position)
+        self._carry(self._bands, position, self._earlier, self._inertial)

@@ -12,6 +12,7 @@ from typing import Any
 from softlab.cpu_backend.contact.colliders import make_collide_mass
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.model.formulas.elastic import newton
+from softlab.model.mass_spring.plan import FRICTION_IN_PLACE
 from softlab.model.scene.cloth import COLLIDER_KINDS
 
 
@@ -27,7 +28,7 @@ def make_contact(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
     inertia_of, moved = formulas.inertia_of, formulas.moved
     has_bodies, zero = bool(parts & set(COLLIDER_KINDS)), real(0)
     contact, soon = real(newton.CONTACT), real(newton.SOON)
-    touch = make_collide_mass(compiler, real, parts)
+    touch = make_collide_mass(compiler, real, parts - {FRICTION_IN_PLACE})  # friction acts after the solve
 
     @compiled
     def depth(k, number, x, y, z, before, holds, met):

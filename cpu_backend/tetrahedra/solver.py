@@ -8,6 +8,7 @@ step is one call per pass: contacts are searched and projected between them.
 from __future__ import annotations
 
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -44,7 +45,10 @@ class Tetrahedra(MeshPositionBased):
         """Contacts between bodies, or None."""
         if self.scene.contact is None:
             return None
-        return SurfaceContacts(self.scene, self.real, self.options.math, self._bands, self._position[:, 3])
+        return self._contacts_of(self.scene, self.real, self.options.math, self._bands, self._position[:, 3])
+
+    def _contacts_of(self, *arguments: Any) -> SurfaceContacts:
+        return SurfaceContacts(*arguments)
 
     def _parameters_changed(self) -> None:
         super()._parameters_changed()

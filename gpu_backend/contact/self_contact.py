@@ -51,6 +51,7 @@ class HeldContacts:
         self._links, self._lost = self._integers(3 * most), self._new(np.zeros(1, np.int64))
         self._link_scan = Scan(masses, stream)
         rubs = part.static_friction > 0
+        self._around = tuple(self._integers(0) for _ in range(3))
         self._turns = self._new(np.zeros(2 * SIZE * most if rubs and surfaces else 0, real))
         self._project, self._of_masses = make_project(real, math, rubs, surfaces), self._launch(masses)
 
@@ -84,7 +85,9 @@ class HeldContacts:
         kernels, flat = self._project, self._of_masses
         links = self._link_starts, self._link_counts, self._links
         for _ in range(self._sweeps):
-            kernels.deepen[flat](position, before, self.found, self.corners, self._normals, self.shares, self._forces)
+            kernels.deepen[flat](
+                position, before, self.found, self.corners, self._normals, self.shares, *self._around, self._forces
+            )
             kernels.load_up[flat](self.found, self.shares, *links, self._forces, self._loads)
             kernels.push[flat](
                 position, before, self.found, self.corners, self._normals, self.shares, self._weights, self._loads,

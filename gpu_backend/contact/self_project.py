@@ -92,7 +92,9 @@ def _link(real: Any, math: str, levered: bool) -> tuple[Any, ...]:
 def _make_now(real: Any, math: str) -> SimpleNamespace:
     """Make `shallower`, `rubbed`, `lever` and `load`, as on the CPU."""
     device, f = cuda.jit(device=True, **kernel_options(math)), device_formulas(surface_contact.make, real, math)
-    still_deep, rub, load, split = f.still_deep, f.rub, f.load, f.split
+    checked, apart, over, through = f.checked, f.apart, f.over, f.through
+    rub, load, split = f.rub, f.load, f.split
+    none, own, nearest = surface_contact.NONE, surface_contact.ITS_OWN, surface_contact.NEAREST
     first_weight = device_formulas(contact.make, real, math).first_weight
 
     @device
@@ -101,11 +103,31 @@ def _make_now(real: Any, math: str) -> SimpleNamespace:
         return q[0] - p[0], q[1] - p[1], q[2] - p[2]
 
     @device
-    def shallower(k, a, b, c, position, before, n, w, r, depth):
-        return still_deep(
-            (n[0], n[1], n[2]), r, w[0], w[1], difference(before, a, b), difference(before, a, c), difference(position, a, k),
-            difference(position, a, b), difference(position, a, c), depth, n[3],
+    def seen_from(points, k, a, b, c):
+        return difference(points, a, k), difference(points, a, b), difference(points, a, c)
+
+    @device
+    def shallower(slot, k, position, before, corners, n, r, depth, starts, lists, surface):
+        a, b, c = corners[3 * slot], corners[3 * slot + 1], corners[3 * slot + 2]
+        p, q, w = seen_from(position, k, a, b, c)
+        check = checked(
+            (n[0], n[1], n[2]), r, difference(before, a, b), difference(before, a, c), p, q, w, depth, n[3]
         )  # fmt: skip
+        if check == none:
+            return depth
+        left = n[3] - apart(p, q, w)
+        if check != own:
+            for place in range(3 * slot, 3 * slot + 3):
+                for at in range(starts[corners[place]], starts[corners[place] + 1]):
+                    t = 3 * lists[at]
+                    a, b, c = surface[t], surface[t + 1], surface[t + 2]
+                    p, q, w = seen_from(position, k, a, b, c)
+                    x, u, v = seen_from(before, k, a, b, c)
+                    if through(over(x, u, v), over(p, q, w)):
+                        return depth
+                    if check == nearest:
+                        left = max(left, n[3] - apart(p, q, w))
+        return min(depth, left)
 
     @device
     def rubbed(k, a, b, c, position, before, n, w, mass_weights, loads, parameters, r, slid, depth):
@@ -142,8 +164,8 @@ def _move(real: Any, math: str, friction: bool, surfaces: bool) -> tuple[Any, ..
     dot, length, along, stiffness, inverse, slip = f.dot, f.length, f.along, f.stiffness, f.inverse, f.slip
     correction, rubbed, taken, shifted = f.correction, f.rubbed, f.taken, f.shifted
 
-    def deepen(position, before, found, corners, normals, weights, forces):
-        """Write forces (quads): the depth of contacts."""
+    def deepen(position, before, found, corners, normals, weights, starts, lists, surface, forces):
+        """Write forces (quads): the depth of contacts. `starts`, `lists`, `surface`: see `make_project`."""
         k = np.int64(cuda.grid(1))
         if k < found.size:
             first, last = held(found, k)
@@ -155,7 +177,7 @@ def _move(real: Any, math: str, friction: bool, surfaces: bool) -> tuple[Any, ..
                 if surfaces:
                     if depth > zero:
                         r = offset(before, k, a, b, c, w[0], w[1])
-                        depth = shallower(k, a, b, c, position, before, n, w, r, depth)
+                        depth = shallower(slot, k, position, before, corners, n, r, depth, starts, lists, surface)
                 store_quad(forces, slot, zero, zero, zero, depth)
 
     def push(position, before, found, corners, normals, weights, mass_weights, loads, record, forces, turns):
@@ -225,7 +247,8 @@ def _move(real: Any, math: str, friction: bool, surfaces: bool) -> tuple[Any, ..
 def make_project(real: Any, math: str, friction: bool, surfaces: bool = False) -> SimpleNamespace:
     """Compile `fill_links` and `sort_links` (once per substep), `deepen`, `load_up`, `push` and `gather` (each sweep).
 
-    `surfaces`: as on the CPU; `turns`: two quads per contact with friction of surfaces, else empty.
+    `surfaces`: as on the CPU; `starts`, `lists`, `surface`: offsets and triangles at each particle, and the triangles'
+    corners; `turns`: two quads per contact with friction of surfaces, else empty.
     """
     variant = f"contacts_{variant_name(real, math, f'friction_{int(friction)}')}{'_surfaces' * surfaces}"
     levered = friction and surfaces

@@ -21,7 +21,7 @@ def surface_contact_bytes(scene: Scene, item: int, meeting: Meeting = TETRAHEDRA
     """Return the device memory [bytes] for the contacts of a scene's bodies; `item`: bytes per scalar."""
     surface = meeting.surface(scene)
     particles, vertices = len(surface.rest), len(surface.vertices)
-    lists = 4 * (4 * len(surface.triangles) + 2 * vertices + len(surface.at_vertex.indices) + particles)
+    lists = 4 * (4 * len(surface.triangles) + 2 * vertices + len(surface.at_vertex.indices) + 2 * particles)
     own = neighbour_bytes(vertices, True, item) + SIZE * item * (vertices + particles)
     assert scene.contact is not None
     levers = 2 * SIZE * item * MAX_CONTACTS * particles if scene.contact.static_friction > 0 else 0
@@ -44,6 +44,7 @@ class SurfaceContacts(HeldContacts):
         self._rest, self._points = self._new(rest.reshape(-1)), self._new(np.zeros(SIZE * len(vertices), real))
         lists = surface.at_vertex.offsets, surface.at_vertex.indices, surface.triangles.reshape(-1), surface.owned
         self._surface = tuple(self._new(np.ascontiguousarray(one)) for one in lists)
+        self._around = self._new(surface.at_particle), *self._surface[1:3]
         pairs = self._new(surface.body[vertices]), self._new(np.arange(bodies, dtype=np.int32)), np.int32(bodies)
         meets_itself = bool((meeting.pairs(scene)[:, :, G_OWN] > 0).any())
         self._neighbours = Neighbours(real, len(vertices), pairs, rest[vertices, :3] if meets_itself else None, stream)

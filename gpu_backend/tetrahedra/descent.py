@@ -12,8 +12,10 @@ from typing import Any
 
 import numpy as np
 
+from softlab.gpu_backend.contact.surfaces import SurfaceContacts
 from softlab.gpu_backend.core.quads import SIZE, pack
 from softlab.gpu_backend.core.substeps import launched_kernel
+from softlab.gpu_backend.tetrahedra.descent_contact import CarriedContacts
 from softlab.gpu_backend.tetrahedra.descent_kernels import make_accelerate, make_visits
 from softlab.gpu_backend.tetrahedra.solver import Tetrahedra
 from softlab.gpu_backend.xpbd.mesh import THREADS
@@ -44,15 +46,18 @@ class VertexBlockDescent(Tetrahedra):
 
     def _require_space(self) -> None:
         item = np.dtype(self.real).itemsize
-        needed = 9 * SIZE * self.particle_count * item
+        needed = (10 if self.scene.contact else 9) * SIZE * self.particle_count * item
         for found in descents(self.scene):
             needed += found.corners.nbytes + found.entries.nbytes + found.offsets.nbytes + 2 * found.order.nbytes
             needed += (found.values.size + STRAINS * len(found.corners)) * item
         self._require_memory(needed, self.named, f"{self.particle_count} vertices")
 
     def _allocate(self) -> None:
-        super()._allocate()
         self._inertial = self.new_array()  # positions by inertia and all forces except elastic ones
+        super()._allocate()
+
+    def _contacts_of(self, *arguments: Any) -> SurfaceContacts:
+        return CarriedContacts(*arguments, inertial=self._inertial)
 
     def _build(self) -> None:
         self._first: list[tuple[str, Launch]] = []  # stages of a substep before its iterations

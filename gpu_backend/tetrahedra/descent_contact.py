@@ -1,5 +1,4 @@
-"""Colliders in a vertex visit of vertex block descent, on CUDA: as cpu_backend/tetrahedra/descent_contact.py, for one
-vertex."""
+"""Contact in vertex block descent, on CUDA: as cpu_backend/tetrahedra/descent_contact.py, for one vertex."""
 
 from __future__ import annotations
 
@@ -7,9 +6,14 @@ from functools import cache
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
+from numba import cuda
+
 from softlab.gpu_backend.contact.colliders import make_collide
-from softlab.gpu_backend.core.compile import inlined
+from softlab.gpu_backend.contact.surfaces import SurfaceContacts
+from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernels, variant_name
 from softlab.gpu_backend.core.formulas import device_formulas
+from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
 from softlab.gpu_backend.tetrahedra.newton_contact import make_contact
 from softlab.model.formulas.elastic import descent, friction, newton, solving
 
@@ -48,3 +52,44 @@ def make_meeting(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace
         return sums
 
     return SimpleNamespace(has_bodies=contact.has_bodies, met=met)
+
+
+@cache
+def make_carry(real: Any, math: str) -> SimpleNamespace:
+    """Compile remember(position, earlier) and carry(position, earlier, inertial), one thread per particle."""
+    carried = device_formulas(descent.make_carried, real, math).carried
+
+    def remember(position, earlier):
+        k = np.int32(cuda.grid(1))  # type: ignore[call-arg]
+        if k < position.size // SIZE:
+            p = load_quad(position, k)
+            store_quad(earlier, k, p[0], p[1], p[2], p[3])
+
+    def carry(position, earlier, inertial):
+        k = np.int32(cuda.grid(1))  # type: ignore[call-arg]
+        if k < position.size // SIZE:
+            p, q, y = load_quad(position, k), load_quad(earlier, k), load_quad(inertial, k)
+            store_quad(
+                inertial, k, carried(y[0], p[0], q[0]), carried(y[1], p[1], q[1]), carried(y[2], p[2], q[2]), y[3]
+            )  # fmt: skip
+
+    return make_kernels((remember, carry), f"carry_{variant_name(real, math)}", **kernel_options(math))
+
+
+class CarriedContacts(SurfaceContacts):
+    """Contacts of surfaces, as in cpu_backend/tetrahedra/descent_contact.py. `inertial`: quads, on the device."""
+
+    def __init__(self, *arguments: Any, inertial: Any):
+        super().__init__(*arguments)
+        self._inertial, self._carry = inertial, make_carry(*arguments[1:3])
+        self._earlier = self._new(np.zeros(inertial.size, self._real))
+
+    @property
+    def projecting(self) -> int:
+        return super().projecting + 2
+
+    def project(self, before: Any, position: Any) -> None:
+        """Sweep over the contacts of the substep that began at `before`."""
+        self._carry.remember[self._of_masses](position, self._earlier)
+        super().project(before, position)
+        self._carry.carry[self._of_masses](position, self._earlier, self._inertial)

@@ -11,6 +11,7 @@ from softlab.gpu_backend.core.compile import inlined
 from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.integers import COLLIDERS
 from softlab.model.formulas.elastic import newton, solving
+from softlab.model.mass_spring.plan import FRICTION_IN_PLACE
 
 
 @cache
@@ -25,7 +26,7 @@ def make_contact(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace
     inline, formulas = inlined(math), device_formulas(newton.make, real, math)
     inertia_of, moved = formulas.inertia_of, formulas.moved
     times = device_formulas(solving.make, real, math).times
-    touch, zero = make_collide(real, math, parts), real(0)
+    touch, zero = make_collide(real, math, parts - {FRICTION_IN_PLACE}), real(0)
     contact, soon = real(newton.CONTACT), real(newton.SOON)
 
     @inline

@@ -57,7 +57,10 @@ class Tetrahedra(MeshPositionBased):
     def _contacts(self) -> SurfaceContacts | None:
         if self.scene.contact is None:
             return None
-        return SurfaceContacts(self.scene, self.real, self.options.math, self._weight, self.stream)
+        return self._contacts_of(self.scene, self.real, self.options.math, self._weight, self.stream)
+
+    def _contacts_of(self, *arguments: Any) -> SurfaceContacts:
+        return SurfaceContacts(*arguments)
 
     def _require_memory(self, needed: int, field: str, value: str) -> None:
         if self.scene.contact is not None:

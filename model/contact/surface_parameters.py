@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -30,7 +31,7 @@ from softlab.model.formulas.contact import (
     THIRD,
 )
 from softlab.model.geometry.arithmetic.ordered import norm
-from softlab.model.geometry.lists import Lists, grouped
+from softlab.model.geometry.lists import Lists, grouped, offsets_of
 from softlab.model.scene.scene import Scene
 from softlab.model.tetrahedra.attachments import contact_free
 from softlab.model.tetrahedra.body_set import TetrahedraSet
@@ -73,6 +74,13 @@ class ContactSurface:
     rest: np.ndarray
     edge: np.ndarray
     corner: np.ndarray
+
+    @cached_property
+    def at_particle(self) -> np.ndarray:
+        """(particles + 1,) int32: the offsets of `at_vertex`, by particle."""
+        lengths = np.zeros(len(self.rest), np.int32)
+        lengths[self.vertices] = self.at_vertex.lengths
+        return offsets_of(lengths)
 
 
 _known: WeakKeyDictionary[TetrahedraSet, ContactSurface] = WeakKeyDictionary()

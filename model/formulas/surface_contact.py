@@ -16,8 +16,9 @@ from softlab.model.formulas import plain
 from softlab.model.formulas.contact import make as make_contact
 from softlab.model.formulas.lengths import make as make_lengths
 
-UPRIGHT = 0.99999  # cosine of n with the triangle's normal above which n is valid wherever the vertex slides
-PAST = 1 / 16  # of a triangle beyond its edges: a vertex that crosses its plane there crosses a neighbour, or nearly
+UPRIGHT = 0.99999  # cosine of n with the triangle's normal above which n is that normal
+PAST = 2.0**-10  # of a triangle beyond its edges, so that a path through an edge passes one of its triangles
+NONE, ITS_OWN, PASSED, NEAREST = range(4)  # what a contact's depth is checked against, see `checked`
 SHARE = 0.25  # added to a corner's weight where its particle's mass is split: levers act where the weight is 0, too
 
 
@@ -69,8 +70,8 @@ def make(real, compiled=plain):
 
 
 def make_current(real, compiled=plain):
-    """Make `still_deep`, `rub` and its parts: a contact at its particles' current positions. Vectors are tuples of
-    three numbers."""
+    """Make `checked`, `through`, `apart`, `rub` and its parts: a contact at its particles' current positions. Vectors
+    are tuples of three numbers."""
     zero, one, upright, past = real(0), real(1), real(UPRIGHT), real(PAST)
     lengths, search = make_lengths(real, compiled), make_contact(real, compiled)
     dot, cross, length = lengths.dot, lengths.cross, lengths.length
@@ -104,25 +105,32 @@ def make_current(real, compiled=plain):
         return b >= -past and c >= -past and b + c <= one + past
 
     @compiled
-    def still_deep(n, r, s, t, u, v, p, q, w, depth, distance):
-        """`depth` [m] of a contact, limited to what the vertex lacks of the `distance` from the triangle's current
-        position.
-
-        n is fixed for the substep and inclined, beyond an edge, over the region that the vertex passes: its plane then
-        reports a depth where the two are apart. r: from the triangle's point, of the weights s and t, to the vertex at
-        the substep's start; u, v: its edges then; q, w: its edges now; p: from its first corner to the vertex. A vertex
-        that has passed the triangle is as deep as n says; so is one that began inside, and one for which n is the
-        triangle's own normal, whose plane continues in other triangles.
-        """
-        m = cross(u[0], u[1], u[2], v[0], v[1], v[2])
-        if along(n, r) <= zero or abs(along(n, m)) >= upright * length(m[0], m[1], m[2]):
-            return depth
-        early = r[0] + (s * u[0] + t * v[0]), r[1] + (s * u[1] + t * v[1]), r[2] + (s * u[2] + t * v[2])
-        if through(over(early, u, v), over(p, q, w)):
-            return depth
+    def apart(p, q, w):
+        """Distance of p from a triangle of the edges q and w, all from its first corner [m]."""
         _, b, c = nearest(q[0], q[1], q[2], w[0], w[1], w[2], p[0], p[1], p[2])
         x, y, z = away(p[0], q[0], w[0], b, c), away(p[1], q[1], w[1], b, c), away(p[2], q[2], w[2], b, c)
-        return min(depth, distance - length(x, y, z))
+        return length(x, y, z)
+
+    @compiled
+    def checked(n, r, u, v, p, q, w, depth, distance):
+        """What limits `depth` > 0 [m], by the plane of a contact, to what the vertex lacks of the `distance`.
+
+        n and the triangle's point are fixed for the substep, and the plane has no end: it reports a depth beside the
+        triangle, too, where the two are apart. r: from that point to the vertex at the substep's start; u, v: the
+        triangle's edges then; q, w: its edges now; p: from its first corner to the vertex.
+
+        NONE: the vertex began inside, and is as deep as n says. ITS_OWN: depth <= distance - `apart` of the triangle.
+        PASSED: so, unless the vertex, now behind the plane, came `through` this triangle or one that shares a corner
+        with it: then it is as deep as n says. NEAREST: so, with `apart` of the nearest of these triangles: n is the
+        triangle's own normal, and the vertex is beside it, where the surface may go on.
+        """
+        if along(n, r) <= zero:
+            return NONE
+        b, c, _ = over(p, q, w)
+        m = cross(u[0], u[1], u[2], v[0], v[1], v[2])
+        if (b < zero or c < zero or b + c > one) and abs(along(n, m)) >= upright * length(m[0], m[1], m[2]):
+            return NEAREST
+        return PASSED if depth > distance else ITS_OWN
 
     @compiled
     def times(part, a):
@@ -215,4 +223,6 @@ def make_current(real, compiled=plain):
         stops = stops * slip(stops * sqrt(squared), press, static_friction, dynamic_friction)
         return less(times(press, n), stops, s), times(-stops, x), times(-stops, y)
 
-    return SimpleNamespace(still_deep=still_deep, gradients=gradients, levers=levers, rub=rub)
+    return SimpleNamespace(
+        over=over, through=through, apart=apart, checked=checked, gradients=gradients, levers=levers, rub=rub
+    )  # fmt: skip

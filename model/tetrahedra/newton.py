@@ -34,7 +34,7 @@ from softlab.model.tetrahedra.body_set import TetrahedraSet
 from softlab.model.tetrahedra.constraints import tetrahedra_parts, through_note
 from softlab.model.tetrahedra.family import TETRAHEDRA
 from softlab.model.tetrahedra.material import rest_ratio
-from softlab.model.xpbd.mesh_plan import PINS
+from softlab.model.xpbd.mesh_plan import PINS, with_friction_in_place
 
 CONSTANTS = ("newton_inertia", "newton_rate")  # of the record: the mean mass over h^2 [kg/s^2], 1 / h [1/s]
 VALUES = 14  # of a tetrahedron: 9 of B [1/m], V [m^3], mu, lambda [Pa], alpha of the neo-Hookean material, tau [s]
@@ -75,7 +75,7 @@ def newton_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset[
     """Return the parts that need code: those of a position-based scene without the materials, which are values of
     tetrahedra."""
     more = {STAGED} if scene.method.order > 1 else set()
-    return tetrahedra_parts(scene, live) - set(MATERIALS) | more
+    return with_friction_in_place(tetrahedra_parts(scene, live) - set(MATERIALS) | more)
 
 
 def stages_of(scene: Scene) -> int:

@@ -18,7 +18,7 @@ FIND = {
 PROJECT = {
     "fill_links": "iiii",
     "sort_links": "iii",
-    "deepen": "ffiifff",
+    "deepen": "ffiiffiiif",
     "load_up": "ifiiiff",
     "push": "ffiiffffpff",
     "gather": "fifiiiffff",

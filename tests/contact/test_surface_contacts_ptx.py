@@ -9,7 +9,7 @@ import pytest
 from kernel_text import entry_of, record_of
 
 FIND = {"take": "fif", "clear": "ii", "find_contacts": "fffiiiiiiiipfiiffiil"}
-PROJECT = {"deepen": "ffiifff", "push": "ffiiffffpff", "gather": "fifiiiffff"}
+PROJECT = {"deepen": "ffiiffiiif", "push": "ffiiffffpff", "gather": "fifiiiffff"}
 
 pytestmark = pytest.mark.usefixtures("ptx_compiler")
 

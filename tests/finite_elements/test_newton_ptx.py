@@ -11,6 +11,7 @@ from kernel_text import entry_of
 
 from softlab.model.contact.substep_parameters import XPBD_PARAMETERS
 from softlab.model.core.parameters import record_type
+from softlab.model.mass_spring.plan import FRICTION_IN_PLACE
 from softlab.model.tetrahedra.newton import CONSTANTS, DAMPED, STAGED
 from softlab.model.tetrahedra.springs import PARTS
 from softlab.model.xpbd.mesh_plan import BODY_DAMPING
@@ -19,6 +20,7 @@ pytestmark = pytest.mark.usefixtures("ptx_compiler")
 
 FREE = frozenset({"gravity", "load"})
 EVERYTHING = FREE | {DAMPED, "pins", "damping", "external", "poke", "plane", "sphere", "capsule", "box", "friction"}
+EVERYTHING |= {FRICTION_IN_PLACE}
 STAGES = FREE | {DAMPED, STAGED}
 PINS = FREE | {DAMPED, "pins", "motion", BODY_DAMPING} | PARTS
 

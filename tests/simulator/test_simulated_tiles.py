@@ -15,10 +15,10 @@ import pytest
 from numba.cuda.simulator import kernel as simulator_kernel
 from numba.cuda.simulator import kernelapi
 
+import softlab.gpu_backend.mass_spring.cloth.launch as cloth_launch
 import softlab.gpu_backend.mass_spring.grid.tile_launch as tile_launch
 from softlab.app.driver import open_simulation
 from softlab.gpu_backend.core.tiling import owned, tile_count
-from softlab.gpu_backend.mass_spring.cloth import launch as cloth_launch
 from softlab.gpu_backend.mass_spring.grid.choice import parsed_tile
 from softlab.gpu_backend.mass_spring.grid.tiles import make_tile_parts
 from softlab.model.core.errors import SceneError

@@ -47,7 +47,7 @@ class Found:
 
     def where(self, chosen: np.ndarray) -> Found:
         """Return the contacts whose entry in `chosen` (n,) is true."""
-        return Found(*(getattr(self, name)[chosen] for name in self.__dataclass_fields__))
+        return type(self)(*(getattr(self, name)[chosen] for name in self.__dataclass_fields__))
 
 
 def triangles(rows: int, columns: int) -> np.ndarray:

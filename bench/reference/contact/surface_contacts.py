@@ -10,6 +10,7 @@ a vertex stays on its side.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -20,10 +21,15 @@ from softlab.model.tetrahedra.attachments import attachment_sets
 
 BEHIND = 0.25
 SHARE = 0.25  # added to a corner's weight when its particle's mass is split, so that levers act where the weight is 0
-# cosine of a contact's normal with the triangle's, above which the contact holds wherever the vertex slides
-UPRIGHT = 0.99999
-# of a triangle: margin beyond its edges within which a path through its plane counts as through the triangle
-PAST = 1 / 16
+UPRIGHT = 0.99999  # cosine of a contact's normal with the triangle's, above which it is the triangle's
+PAST = 2.0**-10  # of a triangle: margin beyond its edges within which a path through its plane is one through it
+
+
+@dataclass(frozen=True)
+class Touching(Found):
+    """Contacts of surfaces; `around` (n,) object: (m, 3) int, corners of triangles with one of the triangle's corners."""
+
+    around: np.ndarray
 
 
 def _heights(p: np.ndarray, q: np.ndarray) -> np.ndarray:
@@ -37,26 +43,37 @@ def _heights(p: np.ndarray, q: np.ndarray) -> np.ndarray:
     return np.column_stack([1 - found.sum(axis=1), found, height])
 
 
-def depth(found: Found, r: np.ndarray, before: np.ndarray, now: np.ndarray, deep: np.ndarray) -> np.ndarray:
+def _passed(early: np.ndarray, late: np.ndarray, old: np.ndarray, new: np.ndarray) -> np.ndarray:
+    """Return a mask (n,): a point from `early` to `late` (3,) passed the triangles from `old` to `new` (n, 3, 3)."""
+    first, last = (_heights(np.broadcast_to(p, (len(q), 3)), q) for p, q in ((early, old), (late, new)))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        part = first[:, 3:] / (first[:, 3:] - last[:, 3:])
+        at = first[:, :3] + part * (last[:, :3] - first[:, :3])
+    return ((first[:, 3] >= 0) != (last[:, 3] >= 0)) & (at >= -PAST).all(axis=1)
+
+
+def depth(found: Touching, r: np.ndarray, before: np.ndarray, now: np.ndarray, deep: np.ndarray) -> np.ndarray:
     """Return the remaining part of the planes' depth `deep` with the triangles at `now`: (n,) [m].
 
-    For a tilted plane it is at most what the vertex lacks of the distance, unless the vertex began inside (`r`, at the
-    beginning of the substep, against the normal), or has passed through the triangle.
+    It is at most what the vertex lacks of the distance from its triangle, unless the vertex began inside (`r`, at the
+    beginning of the substep, against the normal), or came through one of the triangles around. Beside a triangle whose
+    own normal is the contact's, the distance is that from the nearest one around.
     """
     old, new = before[found.corners], now[found.corners]
-    normal, p = np.cross(old[:, 1] - old[:, 0], old[:, 2] - old[:, 0]), now[found.mass]
-    lean = np.abs((found.normal * normal).sum(axis=1)) / np.maximum(np.linalg.norm(normal, axis=1), 1e-300)
-    inside = (found.normal * r).sum(axis=1) <= 0
-    early, late = _heights(before[found.mass], old), _heights(p, new)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        part = early[:, 3:] / (early[:, 3:] - late[:, 3:])
-        at = early[:, :3] + part * (late[:, :3] - early[:, :3])
-    crossed = (early[:, 3] >= 0) != (late[:, 3] >= 0)
-    through = crossed & (at[:, 1] >= -PAST) & (at[:, 2] >= -PAST) & (at[:, 0] >= -PAST)
-    weights = nearest_weights(p, new)
-    apart = np.linalg.norm(p - np.einsum("nk,nkd->nd", weights, new), axis=1)
-    asked = (deep > 0) & (lean < UPRIGHT) & ~inside & ~through
-    return np.where(asked, np.minimum(deep, found.held - apart), deep)
+    normal = np.cross(old[:, 1] - old[:, 0], old[:, 2] - old[:, 0])
+    own = np.abs((found.normal * normal).sum(axis=1)) >= UPRIGHT * np.linalg.norm(normal, axis=1)
+    beside = own & (_heights(now[found.mass], new)[:, :3] < 0).any(axis=1)
+    result = deep.copy()
+    for n in np.flatnonzero((deep > 0) & ((found.normal * r).sum(axis=1) > 0)):
+        vertex, near = found.mass[n], found.around[n]
+        if beside[n] or deep[n] > found.held[n]:
+            if _passed(before[vertex], now[vertex], before[near], now[near]).any():
+                continue
+        triangles = now[near] if beside[n] else new[n : n + 1]
+        p = np.broadcast_to(now[vertex], (len(triangles), 3))
+        feet = np.einsum("nk,nkd->nd", nearest_weights(p, triangles), triangles)
+        result[n] = min(deep[n], found.held[n] - np.linalg.norm(p - feet, axis=1).min())
+    return result
 
 
 def force_matrices(corners: np.ndarray, weights: np.ndarray, r: np.ndarray) -> np.ndarray:
@@ -148,7 +165,7 @@ def _outward(
     return inside, normal
 
 
-def find(scene: Scene, distance: float, before: np.ndarray, predicted: np.ndarray) -> Found:
+def find(scene: Scene, distance: float, before: np.ndarray, predicted: np.ndarray) -> Touching:
     """Return the possible contacts within a substep from `before` to `predicted` (particles, 3) [m].
 
     Bodies have no contact with themselves. A contact is a triangle of another body whose nearest point is nearer than
@@ -174,7 +191,7 @@ def find(scene: Scene, distance: float, before: np.ndarray, predicted: np.ndarra
 def among(
     every: np.ndarray, vertex: np.ndarray, triangle: np.ndarray, body: np.ndarray, is_closed: np.ndarray,
     distance: np.ndarray, push: float, before: np.ndarray, predicted: np.ndarray,
-) -> Found:  # fmt: skip
+) -> Touching:  # fmt: skip
     """Return the contacts like `find`, for pairs of a `vertex` (n,) and a `triangle` (n,) of `every` (triangles, 3).
 
     `body` (particles,); `is_closed` (bodies,): whether the body has an inside; `distance` (particles,) [m]: required of
@@ -198,4 +215,7 @@ def among(
         pair = int(vertex[n]), int(body[corners[n, 0]])
         if leads.setdefault(pair, n) == n or not (inside[leads[pair]] or inside[n]):
             kept.append(n)
-    return Found(*(a[kept] for a in (vertex, triangle, corners, weights, normal, held, length)))
+    around = np.empty(len(kept), object)
+    for at, n in enumerate(kept):
+        around[at] = every[np.isin(every, corners[n]).any(axis=1)]
+    return Touching(*(a[kept] for a in (vertex, triangle, corners, weights, normal, held, length)), around)

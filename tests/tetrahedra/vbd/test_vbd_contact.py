@@ -105,9 +105,11 @@ def pair(**parts: Any) -> Scene:
     } | parts)  # fmt: skip
 
 
-def test_surfaces_keep_their_distance_and_their_momentum() -> None:
-    """Contacts keep it to rounding; sweeps as far as contacts after each of them let: 0.025 m/s without friction."""
-    scene = pair()
+@pytest.mark.parametrize(("iterations", "lost"), [(5, 0.0125), (16, 1e-3), (32, 2e-5)])
+def test_surfaces_keep_their_distance_and_their_momentum(iterations: int, lost: float) -> None:
+    """Contacts keep it to rounding, sweeps as far as they go: 0.6 of what is lost with one less, of 1.3 m/s that each
+    cube exchanges. (It was 0.025 m/s with any number of them, as sweeps took the contacts' pushes back.)"""
+    scene = pair(method=METHOD | {"substeps": 4, "iterations": iterations})
     found = scene.tetrahedra_set
     state = end_state(scene, 15, rest_of(scene))
     second = int(found.first_particle[1])
@@ -116,7 +118,7 @@ def test_surfaces_keep_their_distance_and_their_momentum() -> None:
     apart = np.linalg.norm(state.position[:second, None] - state.position[None, second:], axis=2).min()
     assert apart > 0.018
     first, last = ((found.masses[:, None] * v).sum(axis=0) for v in (found.velocity, state.velocity))
-    np.testing.assert_allclose(last, first, atol=0.025 * float(found.masses.sum()))
+    np.testing.assert_allclose(last, first, atol=lost * float(found.masses.sum()))
     through = end_state(scene.replace({"contact.distance": 0.001}), 15, rest_of(scene))
     assert through.position.tobytes() != state.position.tobytes()
 
