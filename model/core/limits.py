@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from math import pi
 
-from softlab.model.fluid.family import RESTS
+from softlab.model.fluid.family import RESTS, scheme_notes
 from softlab.model.scene.scene import Scene
 
 
@@ -200,6 +200,7 @@ LIMITS: tuple[Limit, ...] = (
         "keeps its lattice without weight; with it water comes to rest where gravity moves a particle by at most "
         f"{RESTS:g} rest distances in a substep (g h^2 / d); a run notes longer ones, and advise leaves them out",
         "docs/limits.md, fluids at rest; model/fluid/family.py, comes_to_rest",
+        note=lambda scene: "; ".join(scheme_notes(scene)),
     ),
 )  # fmt: skip
 

@@ -59,11 +59,11 @@ def shear_lines(scene: Scene) -> list[str]:
     scene = scene.members.get("fluid", scene) if scene.is_world else scene
     if not scene.fluids or not (scene.gravity and scene.gravity.enabled) or largest_shear(scene) <= FLOWS:
         return []
-    found = scene.fluid_set
+    found, freely = scene.fluid_set, max(shear_over_pressure(AMONG_BODIES, scene.dimensions))
     told = (
         f"on its lattice a fluid resists shear by up to {largest_shear(scene):.2g} of its pressure with this support "
-        f"({found.support / found.spacing:.3g} rest distances; {max(shear_over_pressure(AMONG_BODIES, scene.dimensions)):.2g} with "
-        f"support = {AMONG_BODIES * found.spacing:g}): "
+        f"({found.support / found.spacing:.3g} rest distances; {freely:.2g} with support = "
+        f"{AMONG_BODIES * found.spacing:g}): "
     )
     lines = [f"{above}: {told}it may stay above {below}, which is lighter" for above, below in _stacked(scene)]
     return lines + [f"{next(iter(scene.fluids))}: {told}bodies rise and sink in it too slowly"] * bool(bodies)

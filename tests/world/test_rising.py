@@ -5,14 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from test_archimedes import D, HOW, in_tank
+from test_archimedes import HOW, D, in_tank
 
 from softlab.app.driver import open_simulation
 from softlab.model.core.state import State
 from softlab.model.scene.scene import Scene
 
 G, WATER, LAYERS = 9.81, 1000.0, 6
-SETTLING, WATCHED = 60, 6  # steps of 1/60 s
+SETTLING, EARLY, LATE = 60, 6, 30  # steps of 1/60 s
 
 
 def submerged(density: float, substeps: int) -> Scene:
@@ -36,29 +36,30 @@ def settled(substeps: int) -> State:
     return state
 
 
-def acceleration(scene: Scene, start: State) -> float:
-    """Mean acceleration [m/s^2] of the cube over its first 0.1 s, 2 y / t^2."""
+def risen(scene: Scene, start: State, steps: int) -> float:
+    """Height [m] by which the cube has risen after so many steps."""
     block = scene.world_set.slices()["bodies"]
     with open_simulation(scene, **HOW) as simulation:
         simulation.load(replace(simulation.state(), position=start.position, velocity=start.velocity))
-        simulation.advance(WATCHED)
-        end, time = simulation.read("position"), WATCHED * scene.method.dt
-    return float(2 * (end[block, 1] - start.position[block, 1]).mean() / time**2)
+        simulation.advance(steps)
+        end = simulation.read("position")
+    return float((end[block, 1] - start.position[block, 1]).mean())
 
 
 @pytest.mark.rest
 @pytest.mark.parametrize("substeps", [4, 16])
 def test_a_cube_rises_and_sinks_as_its_density_says(substeps: int) -> None:
     """g (rho_w - rho) / (rho + C rho_w), C the added mass: 0.5 (sphere) to 0.9 (a cube between these walls). Of 500 kg/m^3
-    it gains 3.5 to 4.9 m/s^2; the method's own resistance takes up to a sixth of the lower bound off. 900 and 1100 go up and
-    down; of their difference, from which the error of the push at rest (5 %) drops out, as much."""
+    it gains 3.5 to 4.9 m/s^2 over the first 0.1 s, 2 y / t^2, less up to a sixth (3.2 and 3.6 measured; 2.2 where the lattice
+    of the usual support held it). Of 900 and 1100 it is further up and down after half a second than where that lattice
+    stopped it (a twentieth of a layer up): 0.7 to 0.8 and 0.15 to 0.24 of one measured."""
     start = settled(substeps)
-    found = {rho: acceleration(submerged(rho, substeps), start) for rho in (500.0, 900.0, 1100.0)}
 
-    def law(rho: float, added: float) -> float:
-        return G * (WATER - rho) / (rho + added * WATER)
+    def law(added: float) -> float:
+        return G * (WATER - 500.0) / (500.0 + added * WATER)
 
-    assert law(500.0, 0.9) * 5 / 6 < found[500.0] < law(500.0, 0.5), found
-    assert found[900.0] > 0 > found[1100.0], found
-    apart = [law(900.0, added) - law(1100.0, added) for added in (0.9, 0.5)]
-    assert apart[0] * 2 / 3 < found[900.0] - found[1100.0] < apart[1], found
+    light = submerged(500.0, substeps)
+    gained = 2 * risen(light, start, EARLY) / (EARLY * light.method.dt) ** 2
+    assert law(0.9) * 5 / 6 < gained < law(0.5), gained
+    heights = [risen(submerged(rho, substeps), start, LATE) for rho in (900.0, 1100.0)]
+    assert heights[0] > D / 3 and heights[1] < -D / 10, heights
