@@ -59,7 +59,7 @@ class _Search:
     def climb(self, budget: FluidBudget, best: float) -> Iterator[FluidBudget]:
         """Yield the runs of a scheme, up to the first that reaches the error.
 
-        Efforts at which water would not come to rest, or from which colliders throw it back, are left out.
+        Efforts at which water does not come to rest, or springs back from colliders, are left out.
         """
         for substeps, iterations in LADDER:
             wanted = replace(budget, substeps=substeps, iterations=iterations)
