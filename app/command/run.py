@@ -36,6 +36,7 @@ from softlab.model.core.stability.resolution import resolution_line
 from softlab.model.core.waiting import work
 from softlab.model.domains.launched import launched_ranks
 from softlab.model.fluid.foam import FoamPoints
+from softlab.model.fluid.shear import shear_lines
 from softlab.model.fluid.speeds import speed_lines
 from softlab.model.scene.resting import resting_notes
 from softlab.model.scene.scene import Scene
@@ -145,7 +146,7 @@ def run_scene(scene: Scene, request: Request, *, progress: bool = True) -> Resul
     """Run `scene` as requested. Raises SceneError, InputError, BackendUnavailable; a divergence is part of the
     result."""
     built = mesh_lines, rest_lines, body_lines, resting_notes, collider_lines
-    lines = *built, overlap_lines, limit_notes, damping_lines, speed_lines
+    lines = *built, overlap_lines, limit_notes, damping_lines, speed_lines, shear_lines
     with work("checking the scene"):
         notes = [line for told in lines for line in told(scene)]
         known = request.precision in PRECISIONS  # others are refused below

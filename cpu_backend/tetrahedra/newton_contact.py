@@ -11,8 +11,8 @@ from typing import Any
 
 from softlab.cpu_backend.contact.colliders import make_collide_mass
 from softlab.cpu_backend.core.compile import Compiler
+from softlab.model.contact.sheet_plan import FRICTION_IN_PLACE
 from softlab.model.formulas.elastic import newton
-from softlab.model.mass_spring.plan import FRICTION_IN_PLACE
 from softlab.model.scene.cloth import COLLIDER_KINDS
 
 

@@ -10,8 +10,8 @@ from softlab.gpu_backend.contact.colliders import make_collide
 from softlab.gpu_backend.core.compile import inlined
 from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.integers import COLLIDERS
+from softlab.model.contact.sheet_plan import FRICTION_IN_PLACE
 from softlab.model.formulas.elastic import newton, solving
-from softlab.model.mass_spring.plan import FRICTION_IN_PLACE
 
 
 @cache

@@ -31,6 +31,7 @@ class SolverFamily:
       better one is known than `frequency_bound` of model/core/integrators.py.
     - `limited_by_net`: True if that limit depends on the springs' largest frequency.
     - `note(scene)`: a line on the method's effect on a motion.
+    - `scheme_note(scene)`: what its scheme cannot do in this scene, or "".
     - `stored(scene, position, plastic)`: the energy [J] in springs or clusters, and of a cloth's springs also by kind.
     - `strain(scene, position, kind, plastic)`: the result of read("strain"), (springs,) or (entries,).
     - `spring_count(scene)`: the number of springs, or of what replaces them.
@@ -64,6 +65,7 @@ class SolverFamily:
     passes: Mapping[str, str]
     reference: str
     outputs: Callable[[Scene], tuple[Output, ...]] = of_springs
+    scheme_note: Callable[[Scene], str] = lambda scene: ""
     unknown: str | None = None
     reach: Callable[[Scene], Reach] | None = None
     apart: Callable[[Scene], Apart] | None = None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import hypot, inf
+from math import hypot, inf, sqrt
 
 from softlab.model.core.family import SolverFamily
 from softlab.model.core.outputs import STRAIN, Output
@@ -11,6 +11,7 @@ from softlab.model.fluid.halo import fluid_halo
 from softlab.model.fluid.measure import density_errors, pressures
 from softlab.model.fluid.parameters import fluid_record, highest_viscosity, speed_limit
 from softlab.model.fluid.plan import fluid_plan
+from softlab.model.fluid.speeds import expected_speeds
 from softlab.model.scene.cloth import COLLIDER_KINDS
 from softlab.model.scene.scene import Scene
 
@@ -18,6 +19,7 @@ PRESSURE = Output(
     "pressure", "(particles,)", "Pa", "pressure from the pairs of particles",
     lambda simulation: pressures(simulation.scene, simulation._download()[0], simulation._multipliers()),
 )  # fmt: skip
+SPRINGS = 0.09  # u h / (d sqrt(iterations)) above which the averaged scheme throws drops of the speed u back
 
 
 def shift_by_gravity(scene: Scene) -> float:
@@ -34,6 +36,35 @@ def comes_to_rest(scene: Scene) -> bool:
     return scene.method.scheme == "macklin" or shift_by_gravity(scene) <= RESTS
 
 
+def springs_back(scene: Scene) -> bool:
+    """True if a drop that meets a collider may get more than a tenth of its speed u back.
+
+    The iterations of `averaged` take back nothing; n of them in a substep make a medium whose sound travels at about
+    sqrt(n) d / h, and it springs back where u exceeds SPRINGS of that (measured: tests/public/test_splishsplash_103.py).
+    """
+    if scene.method.scheme != "averaged" or not scene.colliders:
+        return False
+    speed = max(speed for speed, _ in expected_speeds(scene).values())
+    h = scene.method.dt / scene.method.substeps
+    return speed * h > SPRINGS * scene.fluid_set.spacing * sqrt(scene.method.iterations)
+
+
+def scheme_notes(scene: Scene) -> list[str]:
+    """Return what the scheme cannot do in this scene: come to rest at its substep, or stop at colliders."""
+    scheme, notes = scene.method.scheme, []
+    if springs_back(scene):
+        notes.append(
+            f"colliders may throw drops back at more than a tenth of their speed with the scheme {scheme} at this effort; "
+            "use more substeps or iterations, or macklin"
+        )
+    if not comes_to_rest(scene):
+        notes.append(
+            f"water does not come to rest with the scheme {scheme} at this substep: gravity moves a particle by "
+            f"{shift_by_gravity(scene):.2g} rest distances in one, more than {RESTS:g}; use more substeps or macklin"
+        )
+    return notes
+
+
 def fluid_note(scene: Scene) -> str:
     """Return a line on the method's effect on a motion, and on its limits."""
     slowest = min(speed_limit(scene, part) for part in scene.fluids.values())
@@ -47,14 +78,9 @@ def fluid_note(scene: Scene) -> str:
         most = highest_viscosity(scene, part)
         if part.viscosity > most:
             told += f"; of {name}.viscosity only {most:.3g} Pa s act at this substep"
-    scheme = scene.method.scheme
-    if scheme == "averaged":
+    if scene.method.scheme == "averaged":
         told += "; the averaged scheme lets a fluid sink together"
-    if not comes_to_rest(scene):
-        told += (
-            f"; water does not come to rest with the scheme {scheme} at this substep: gravity moves a particle by "
-            f"{shift_by_gravity(scene):.2g} rest distances in one, more than {RESTS:g}; use more substeps or macklin"
-        )
+    told = "; ".join([told, *scheme_notes(scene)])
     for name, part in scene.fluids.items():
         if part.surface_tension > 0 and part.cohesion == 0:
             told += f"; {name}.surface_tension without cohesion drives its surface apart"
@@ -73,6 +99,7 @@ FLUID = SolverFamily(
     limit=lambda scene, frequency: inf,
     limited_by_net=False,
     note=fluid_note,
+    scheme_note=lambda scene: "; ".join(scheme_notes(scene)),
     stored=lambda scene, position, plastic: (0.0, {}),
     strain=lambda scene, position, kind, plastic: density_errors(scene, position),
     spring_count=lambda scene: 0,

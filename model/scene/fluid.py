@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 from softlab.model.scene.parts import ZERO, Count, NotNegative, Number, Part, Positive, Vector
 
 SUPPORT = 1 / 0.55  # rest distances, by default
+AMONG_BODIES = 2.0  # rest distances, by default with bodies: a lattice that hardly resists shear (model/fluid/shear.py)
 NARROWEST, WIDEST = 1.2, 4.0  # supports in rest distances: 6 and 250 neighbours on the lattice
 WIDER = 1.001  # a cell's edge over the support: particles that rounding brings within it lie in an adjacent cell
 SPEED_SHARE = 0.5  # supports that a particle moves in a substep, at most
@@ -42,7 +43,7 @@ class Fluid(Part):
     capacity: Count | None = None  # largest number of particles, including inactive ones; by default the initial number
     blocks: tuple[Block, ...] = ()  # further blocks, [{ origin = [0.5, 0.0, 0.0], size = [0.2, 0.2, 0.2] }, ...]
     rest_distance: Positive = 0.05  # m, of the lattice that has its density
-    support: Positive | None = None  # m, radius within which particles interact; by default rest_distance / 0.55
+    support: Positive | None = None  # m, radius of interaction; by default rest_distance / 0.55, 2 of them among bodies
     density: Positive = 1000.0  # kg/m^3
     velocity: Vector = ZERO  # m/s, at the start
     vortices: NotNegative = 0.0  # m/s, added to it: Taylor and Green's vortices, in a domain that repeats along x and y

@@ -15,6 +15,7 @@ from softlab.model.geometry.arithmetic.functions import power
 from softlab.model.geometry.arithmetic.ordered import mean
 from softlab.model.scene.bodies import BODY_KINDS
 from softlab.model.scene.cloth import COLLIDER_KINDS
+from softlab.model.scene.fluid import AMONG_BODIES
 from softlab.model.scene.members import SUBSTEPS
 from softlab.model.scene.scene_parts import SceneParts
 from softlab.model.scene.tetrahedra import TETRAHEDRAL_KINDS
@@ -60,10 +61,11 @@ class _Size:
 
 
 def take_resting_defaults(scene: SceneParts) -> None:
-    """Set the method's substeps and the colliders' thicknesses that the scene does not state.
+    """Set the method's substeps, the colliders' thicknesses and the supports of fluids that the scene does not state.
 
     In a world each member chooses its own thicknesses. Raises SceneError, InputError (a body's mesh).
     """
+    _take_supports(scene)
     untold = {
         name: part for name, part in scene.all_of(*COLLIDER_KINDS).items() if "thickness" not in part.model_fields_set
     }
@@ -77,6 +79,14 @@ def take_resting_defaults(scene: SceneParts) -> None:
     if not scene.all_of(*BODY_KINDS, *TETRAHEDRAL_KINDS) or scene.all_of("fluid"):
         return
     scene.derive(scene.name_of("method"), substeps=min(max(_needed(scene), WITH_SUBSTEPS[method.solver]), MAX_SUBSTEPS))
+
+
+def _take_supports(scene: SceneParts) -> None:
+    """Set the support of fluids among bodies, if none is stated, to one at which bodies rise and sink freely."""
+    fluids = scene.all_of("fluid")
+    if scene.all_of(*BODY_KINDS, *TETRAHEDRAL_KINDS) and all(part.support is None for part in fluids.values()):
+        for name, part in fluids.items():
+            scene.derive(name, support=AMONG_BODIES * part.rest_distance)
 
 
 def resting_notes(scene: SceneParts) -> list[str]:

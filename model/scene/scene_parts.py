@@ -186,7 +186,10 @@ class SceneParts:
         particles; empty for any other scene. Raises SceneError."""
         if not self.is_world:
             return {}
-        tables = member_tables(self.kinds, self.as_dict(), self.method)
+        tables = self.as_dict()
+        for name, part in self.all_of("fluid").items():
+            tables[name]["support"] = part.support  # among bodies derived, which its member has none of
+        tables = member_tables(self.kinds, tables, self.method)
         return {name: type(self)(own, self.name) for name, own in tables.items()}  # type: ignore[call-arg]
 
     @cached_property

@@ -34,7 +34,7 @@ from softlab.bench.store.results import measures
 from softlab.bench.store.versions import code_version
 from softlab.model.core.errors import Diverged, SceneError, SoftlabError
 from softlab.model.core.simulation import PRECISIONS
-from softlab.model.fluid.family import comes_to_rest
+from softlab.model.fluid.family import comes_to_rest, springs_back
 from softlab.model.fluid.measure import compression
 from softlab.model.scene.scene import Scene
 
@@ -59,11 +59,12 @@ class _Search:
     def climb(self, budget: FluidBudget, best: float) -> Iterator[FluidBudget]:
         """Yield the runs of a scheme, up to the first that reaches the error.
 
-        Efforts at which water would not come to rest are left out.
+        Efforts at which water does not come to rest, or springs back from colliders, are left out.
         """
         for substeps, iterations in LADDER:
             wanted = replace(budget, substeps=substeps, iterations=iterations)
-            if not comes_to_rest(self.scene.replace(wanted.changes)):
+            scene = self.scene.replace(wanted.changes)
+            if springs_back(scene) or not comes_to_rest(scene):
                 continue
             one = self.run(wanted)
             yield one

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from math import pi
 
+from softlab.model.core.families import family_of
 from softlab.model.scene.scene import Scene
 
 RESTS = 0.03  # rest distances by which gravity moves a particle in a substep, up to which every scheme comes to rest
@@ -195,6 +196,7 @@ LIMITS: tuple[Limit, ...] = (
         "keeps its lattice without weight; with it water comes to rest where gravity moves a particle by at most "
         f"{RESTS:g} rest distances in a substep (g h^2 / d); a run notes longer ones, and advise leaves them out",
         "docs/limits.md, fluids at rest; model/fluid/family.py, comes_to_rest",
+        note=lambda scene: family_of(scene).scheme_note(scene),
     ),
 )  # fmt: skip
 

@@ -1,0 +1,90 @@
+"""Shear modulus of the lattice on which a fluid starts, and a run's notes on what that resistance holds in place.
+
+A uniform pressure is one multiplier for all constraints C, so that a lattice under pressure has the energy of
+sum k(r), k(r) = (1 - r / support)^3, over its pairs. Its second derivative by a shear that keeps the volume is the shear
+modulus, its first by the volume minus the pressure: the ratio of the two depends on support / rest_distance alone. A
+fluid has 0. A lattice holds denser fluid above a lighter one, and a body that would rise, as far as its modulus and the
+strain at which it yields allow, however fine or short the substeps, whatever the viscosity.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from itertools import product
+from math import ceil
+
+import numpy as np
+
+from softlab.model.geometry.arithmetic.ordered import norm, total
+from softlab.model.scene.fluid import AMONG_BODIES
+from softlab.model.scene.scene import Scene
+
+FLOWS = 0.05  # of the pressure: largest modulus at which denser fluid sinks through lighter (tests/fluid/test_fluid_shear.py)
+
+
+@cache
+def shear_over_pressure(across: float, axes: int) -> tuple[float, float]:
+    """Return the two shear moduli of a cubic lattice over its pressure, of a shear along its axes and along their diagonals.
+
+    `across`: support over rest distance. With F = diag(exp(g/2), exp(-g/2), 1), d(r^2)/dg = x^2 - y^2 and
+    d^2(r^2)/dg^2 = x^2 + y^2 at g = 0; along the diagonals 2 x y takes the place of x^2 - y^2. Negative: the lattice is
+    unstable. All directions of shear lie between the two.
+    """
+    reach = ceil(across)
+    places = np.array(list(product(range(-reach, reach + 1), repeat=axes)), np.float64)
+    r = norm(places)
+    places, r = places[(r > 0) & (r < across)], r[(r > 0) & (r < across)]
+    near = 1 - r / across
+    slope, curvature = -3 * near**2 / across, 6 * near / across**2
+    x, y = places[:, 0], places[:, 1]
+    pressure = -total(slope * r) / axes
+
+    def modulus(first: np.ndarray) -> float:
+        second = x * x + y * y
+        bent = slope * (second / (2 * r) - first**2 / (4 * r**3)) + curvature * first**2 / (4 * r * r)
+        return float(total(bent) / pressure)
+
+    return modulus(x * x - y * y), modulus(2 * x * y)
+
+
+def largest_shear(scene: Scene) -> float:
+    """Return the larger shear modulus over pressure of a scene's fluids."""
+    found = scene.fluid_set
+    return max(shear_over_pressure(found.support / found.spacing, scene.dimensions))
+
+
+def shear_lines(scene: Scene) -> list[str]:
+    """Return notes on denser fluid that starts above a lighter one, and on bodies in a fluid, where its lattice resists."""
+    bodies = {"bodies", "tetrahedra"} & scene.members.keys() if scene.is_world else set()
+    scene = scene.members.get("fluid", scene) if scene.is_world else scene
+    if not scene.fluids or not (scene.gravity and scene.gravity.enabled) or largest_shear(scene) <= FLOWS:
+        return []
+    found, freely = scene.fluid_set, max(shear_over_pressure(AMONG_BODIES, scene.dimensions))
+    told = (
+        f"on its lattice a fluid resists shear by up to {largest_shear(scene):.2g} of its pressure with this support "
+        f"({found.support / found.spacing:.3g} rest distances; {freely:.2g} with support = "
+        f"{AMONG_BODIES * found.spacing:g}): "
+    )
+    lines = [f"{above}: {told}it may stay above {below}, which is lighter" for above, below in _stacked(scene)]
+    return lines + [f"{next(iter(scene.fluids))}: {told}bodies rise and sink in it too slowly"] * bool(bodies)
+
+
+def _stacked(scene: Scene) -> list[tuple[str, str]]:
+    """Return the pairs of fluids (above, below) of which the first is denser and starts on top of the second."""
+    found, names = scene.fluid_set, list(scene.fluids)
+    there = found.there(found.position)
+    boxes = {}
+    for number, name in enumerate(names):
+        own = found.position[there & (found.fluid == number)]
+        if len(own):
+            boxes[name] = own.min(axis=0), own.max(axis=0)
+
+    def on_top(above: str, below: str) -> bool:
+        (low, high), (other_low, other_high) = boxes[above], boxes[below]
+        level = [axis for axis in range(scene.dimensions) if axis != 1]
+        beside = any(low[axis] > other_high[axis] or high[axis] < other_low[axis] for axis in level)
+        return not beside and bool(low[1] > other_high[1])
+
+    density = {name: part.density * part.buoyancy for name, part in scene.fluids.items()}
+    pairs = [(above, below) for above in boxes for below in boxes]
+    return [(above, below) for above, below in pairs if density[above] > density[below] and on_top(above, below)]
