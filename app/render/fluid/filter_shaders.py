@@ -7,6 +7,8 @@ from __future__ import annotations
 
 MOST_PIXELS = 96.0  # that filters look to each side, at most
 TAPS = 12  # of a bell, to each side
+LEVEL = 0.42  # of the bell over what is covered, where the outline is; 0.5 at a straight edge
+STEEPNESS = 0.39  # of that bell across a straight edge at the level, times its width
 PAIRS = 32  # of pixels that a pass of the narrow-range filter reads along its axis
 
 
@@ -33,6 +35,75 @@ void main() {{
         weight += share;
     }}
     sum /= max(weight, 1e-9);
+}}
+"""
+
+# The outline of what is covered, in cells of some pixels: first coverage, and times it depth and its square, all as means ...
+GATHER_FRAGMENT = """#version 330 core
+uniform sampler2D depth;
+uniform int cell;           // pixels
+out vec4 sum;
+void main() {
+    ivec2 first = ivec2(gl_FragCoord.xy) * cell, last = textureSize(depth, 0) - 1;
+    sum = vec4(0.0);
+    for (int i = 0; i < cell; i++)
+        for (int j = 0; j < cell; j++) {
+            float there = texelFetch(depth, min(first + ivec2(i, j), last), 0).r;
+            sum += vec4(sign(there), there, there * there, 0.0);
+        }
+    sum /= float(cell * cell);
+}
+"""
+
+# ... then a bell over them, along one axis and along the other ...
+BELL_FRAGMENT = """#version 330 core
+uniform sampler2D cells;
+uniform ivec2 way;
+uniform ivec2 last;         // cell
+uniform float wide;         // cells: standard deviation
+out vec4 sum;
+void main() {
+    int taps = int(ceil(2.0 * wide));
+    float weight = 0.0;
+    sum = vec4(0.0);
+    for (int k = -taps; k <= taps; k++) {
+        float share = exp(-0.5 * float(k * k) / (wide * wide));
+        sum += share * texelFetch(cells, clamp(ivec2(gl_FragCoord.xy) + k * way, ivec2(0), last), 0);
+        weight += share;
+    }
+    sum /= weight;
+}
+"""
+
+# ... and where that of coverage is above a level, there is fluid, at the mean depth of what is covered about, so that gaps
+# between the outermost particles close; not between what is one behind another. What particles cover stays covered.
+OUTLINE_FRAGMENT = f"""#version 330 core
+uniform sampler2D depth;
+uniform sampler2D cells;
+uniform int cell;
+uniform ivec2 last;
+uniform float wide;         // cells
+uniform float apart;        // m: standard deviation of depth of what is too far behind one another
+out vec2 outline;           // depth, coverage: it fades within a pixel
+vec3 bell(ivec2 at) {{ return texelFetch(cells, clamp(at, ivec2(0), last), 0).rgb; }}
+void main() {{
+    ivec2 pixel = ivec2(gl_FragCoord.xy), end = textureSize(depth, 0) - 1;
+    vec2 at = gl_FragCoord.xy / float(cell) - 0.5, part = fract(at);
+    ivec2 low = ivec2(floor(at));
+    vec3 sum = mix(
+        mix(bell(low), bell(low + ivec2(1, 0)), part.x), mix(bell(low + ivec2(0, 1)), bell(low + 1), part.x), part.y
+    );
+    sum.gb /= max(sum.r, 1e-9);
+    float here = texelFetch(depth, pixel, 0).r, spread = sqrt(max(sum.b - sum.g * sum.g, 0.0));
+    float level = {LEVEL} * max(1.0, spread / apart);
+    float cover = clamp((sum.r - level) * wide * float(cell) / {STEEPNESS} + 0.5, 0.0, 1.0), near = 0.0;
+    if (here > 0.0 && cover < 1.0)
+        for (int i = -1; i <= 1; i++)
+            for (int j = -1; j <= 1; j++) {{
+                float there = texelFetch(depth, clamp(pixel + ivec2(i, j), ivec2(0), end), 0).r;
+                near += sign(there) / float(4 << (abs(i) + abs(j)));
+            }}
+    outline = vec2(here > 0.0 ? here : cover > 0.0 ? sum.g : 0.0, max(cover, near));
 }}
 """
 
