@@ -9,8 +9,9 @@ FRAMES = BEHIND_DEPTH  # each picture but this one has a frame buffer
 
 
 class FluidPictures:
-    """`resize`, `begin(which)` to draw into one, `bind(name=which)` to read from, `screen()` to draw over all its pixels;
-    `delete()` frees them. Needs a current OpenGL 3.3 context. Raises BackendUnavailable where the driver has none of floats.
+    """`resize`, `begin(which)` or `onto(which)` to draw into one, `bind(name=which)` to read from, `screen()` to draw over
+    all its pixels; `delete()` frees them. Needs a current OpenGL 3.3 context. Raises BackendUnavailable where the driver has
+    none of floats.
     """
 
     def __init__(self) -> None:
@@ -33,8 +34,9 @@ class FluidPictures:
         if self.size == (width, height):
             return
         self.size = (width, height)
-        red, four, eight = (gl.GL_R32F, gl.GL_RED), (gl.GL_RGBA32F, gl.GL_RGBA), (gl.GL_RGBA8, gl.GL_RGBA)
-        for picture, (inside, outside) in zip(self._pictures, (red, red, four, four, four, eight), strict=False):
+        red, two = (gl.GL_R32F, gl.GL_RED), (gl.GL_RG32F, gl.GL_RG)
+        four, eight = (gl.GL_RGBA32F, gl.GL_RGBA), (gl.GL_RGBA8, gl.GL_RGBA)
+        for picture, (inside, outside) in zip(self._pictures, (red, red, four, four, two, eight), strict=False):
             self._picture(picture, inside, outside, gl.GL_FLOAT)
         self._picture(self._pictures[BEHIND_DEPTH], gl.GL_DEPTH_COMPONENT24, gl.GL_DEPTH_COMPONENT, gl.GL_UNSIGNED_INT)
         gl.glBindRenderbuffer(gl.GL_RENDERBUFFER, self._store)
@@ -67,12 +69,18 @@ class FluidPictures:
             gl.glTexParameteri(gl.GL_TEXTURE_2D, name, gl.GL_CLAMP_TO_EDGE)
         gl.glBindTexture(gl.GL_TEXTURE_2D, 0)
 
-    def begin(self, which: int, size: tuple[int, int] | None = None) -> None:
-        """Draw into a picture, or into its first `size` pixels, from now on, on nothing."""
+    def onto(self, which: int, size: tuple[int, int] | None = None) -> None:
+        """Draw into a picture, or its first `size` pixels, from now on."""
         from pyglet import gl
 
         gl.glBindFramebuffer(gl.GL_FRAMEBUFFER, self._frames[which])
         gl.glViewport(0, 0, *(size or self.size))
+
+    def begin(self, which: int) -> None:
+        """Draw into a picture from now on, on nothing."""
+        from pyglet import gl
+
+        self.onto(which)
         gl.glClearColor(0.0, 0.0, 0.0, 0.0)
         gl.glClear(gl.GL_COLOR_BUFFER_BIT | (gl.GL_DEPTH_BUFFER_BIT if which == DEPTH else 0))
 

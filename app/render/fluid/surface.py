@@ -49,7 +49,7 @@ STEPS: dict[str, list[tuple[str, tuple[int, int] | None, dict[str, float]]]] = {
     "curvature-flow": [("curvature-flow", None, {"range": RANGE})] * 60,
     "none": [],
 }
-ROUND, FINEST = 0.7, 3.0  # the bell that rounds outlines: its standard deviation in radii, at least in cells of pixels
+ROUND, FINEST = 0.7, 2.0  # the bell that rounds outlines: its standard deviation in radii, at least in cells of pixels
 APART = 4.0  # radii: what is so far behind one another (standard deviation) does not close gaps
 SHARE = 0.6  # of a ray's way through a particle: balls of half a spacing and more overlap
 ZENITH, HORIZON, FLOOR = (0.30, 0.50, 0.78), (0.88, 0.92, 0.96), (0.55, 0.60, 0.63)
@@ -209,7 +209,7 @@ class FluidSurface:
         """Run a program for every pixel of the picture `goal`, or its first `size`; it reads `pictures` by the names of its
         samplers."""
         program = self._programs[name]
-        self._pictures.begin(goal, size)
+        self._pictures.onto(goal, size)
         program.use()
         for unit, sampler in enumerate(pictures):
             program[sampler] = unit
@@ -226,7 +226,7 @@ class FluidSurface:
         size = -(-camera.width // cell), -(-camera.height // cell)
         wide, last = max(pixels / cell, 0.5), (size[0] - 1, size[1] - 1)
         self._draw("gather", NORMALS, {"depth": DEPTH}, size, cell=cell)
-        for source, goal, way in ((NORMALS, OUTLINE, (1, 0)), (OUTLINE, NORMALS, (0, 1))):
+        for source, goal, way in ((NORMALS, THICKNESS, (1, 0)), (THICKNESS, NORMALS, (0, 1))):
             self._draw("bell", goal, {"cells": source}, size, way=way, last=last, wide=wide)
         lengths = {"wide": wide, "apart": APART * self._radius}
         self._draw("outline", OUTLINE, {"depth": DEPTH, "cells": NORMALS}, cell=cell, last=last, **lengths)
