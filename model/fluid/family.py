@@ -75,5 +75,5 @@ FLUID = SolverFamily(
     passes={"cpu": "softlab.app.plan.fluid:fluid_on_cpu", "gpu": "softlab.app.plan.fluid_gpu:fluid_on_gpu"},
     reference="softlab.bench.reference.fluid",
     halo=fluid_halo,
-    unknown="no converged motion of a fluid's particles is known; its density error is told instead",
+    unknown="a fluid's particles have no converged reference; the density error is reported instead",
 )

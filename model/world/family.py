@@ -96,5 +96,5 @@ WORLD = SolverFamily(
     solvers={"cpu": "softlab.cpu_backend.world.solver:World", "gpu": "softlab.gpu_backend.world.solver:World"},
     passes={"cpu": "softlab.app.plan.world:world_on_cpu", "gpu": "softlab.app.plan.world:world_on_gpu"},
     reference="softlab.bench.reference.world",
-    unknown="no converged motion of a world is known: its members' materials differ",
+    unknown="a world of several families has no converged reference",
 )
