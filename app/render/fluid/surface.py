@@ -199,7 +199,7 @@ class FluidSurface:
 
     def _blur(self, camera: Camera3D) -> None:
         """Blur the thickness, by way of the picture of normals."""
-        lengths = {"reach": BLUR * self._radius, "focal": camera.focal}
+        lengths: dict[str, Any] = {"reach": BLUR * self._radius, "focal": camera.focal}
         for source, goal, way in ((THICKNESS, NORMALS, (1, 0)), (NORMALS, THICKNESS, (0, 1))):
             self._draw("blur", goal, {"thickness": source, "depth": self._result}, way=way, **lengths)
 
@@ -228,7 +228,7 @@ class FluidSurface:
         self._draw("gather", NORMALS, {"depth": DEPTH}, size, cell=cell)
         for source, goal, way in ((NORMALS, THICKNESS, (1, 0)), (THICKNESS, NORMALS, (0, 1))):
             self._draw("bell", goal, {"cells": source}, size, way=way, last=last, wide=wide)
-        lengths = {"wide": wide, "apart": APART * self._radius}
+        lengths: dict[str, Any] = {"wide": wide, "apart": APART * self._radius}
         self._draw("outline", OUTLINE, {"depth": DEPTH, "cells": NORMALS}, cell=cell, last=last, **lengths)
 
     def _filter(self, camera: Camera3D) -> None:
