@@ -165,12 +165,8 @@ class FluidSurface:
         as they were."""
         from pyglet import gl
 
-        bound, box, on = (
-            gl.GLint(),
-            (gl.GLint * 4)(),
-            [gl.glIsEnabled(what) for what in (gl.GL_DEPTH_TEST, gl.GL_BLEND)],
-        )
-        writes = gl.GLboolean()
+        bound, box, writes = gl.GLint(), (gl.GLint * 4)(), gl.GLboolean()
+        on = [gl.glIsEnabled(what) for what in (gl.GL_DEPTH_TEST, gl.GL_BLEND)]
         gl.glGetIntegerv(gl.GL_DRAW_FRAMEBUFFER_BINDING, bound)
         gl.glGetIntegerv(gl.GL_VIEWPORT, box)
         gl.glGetBooleanv(gl.GL_DEPTH_WRITEMASK, writes)
@@ -223,13 +219,13 @@ class FluidSurface:
         """Close the gaps between the outermost particles: the depth there, and how much of a pixel is covered."""
         pixels = ROUND * self._radius * camera.scale
         cell = max(int(pixels / FINEST), 1)
-        size = -(-camera.width // cell), -(-camera.height // cell)
-        wide, last = max(pixels / cell, 0.5), (size[0] - 1, size[1] - 1)
+        size, wide = (-(-camera.width // cell), -(-camera.height // cell)), max(pixels / cell, 0.5)
+        last = size[0] - 1, size[1] - 1
         self._draw("gather", NORMALS, {"depth": DEPTH}, size, cell=cell)
         for source, goal, way in ((NORMALS, THICKNESS, (1, 0)), (THICKNESS, NORMALS, (0, 1))):
             self._draw("bell", goal, {"cells": source}, size, way=way, last=last, wide=wide)
-        lengths: dict[str, Any] = {"wide": wide, "apart": APART * self._radius}
-        self._draw("outline", OUTLINE, {"depth": DEPTH, "cells": NORMALS}, cell=cell, last=last, **lengths)
+        how: dict[str, Any] = {"cell": cell, "last": last, "wide": wide, "apart": APART * self._radius}
+        self._draw("outline", OUTLINE, {"depth": DEPTH, "cells": NORMALS}, **how)
 
     def _filter(self, camera: Camera3D) -> None:
         """Smooth the depth, back and forth between the first two pictures; `_result` is the last one."""
