@@ -97,7 +97,7 @@ def make_film(console: Console, store: Path, path: Path, *, quick: bool, voice: 
 def whole_lab(console: Console, *, quick: bool, store_path: Path, command: str) -> None:
     """Run the whole lab and print a table of the files.
 
-    The parts are doctor, sweep, accuracy, stability, hard cases (unless quick), figures and lab book. What the machine
+    The parts are doctor, kernels, sweep, accuracy, stability, hard cases (unless quick), figures, lab book. What the machine
     lacks is skipped with its reason. Raises InputError (the store, the folders).
     """
     from softlab.app.command.doctor import examine
@@ -158,6 +158,7 @@ def _measurements(console: Console, store: Any, quick: bool, command: str) -> di
     from softlab.bench.experiments.tetrahedra import run_tetrahedra
     from softlab.bench.experiments.tetrahedral.meshes import run_meshes
     from softlab.bench.experiments.throughput import run_throughput
+    from softlab.bench.measure.compile_ahead import gathering
     from softlab.bench.measure.tables import print_sweep
     from softlab.bench.stress.experiment import run_hard
     from softlab.bench.stress.told import print_hard
@@ -189,7 +190,15 @@ def _measurements(console: Console, store: Any, quick: bool, command: str) -> di
         for name in ABLATED:
             _told(console, ablate(store, load_scene(name), command=command), print_ablation)
 
+    def kernels() -> None:
+        with gathering(progress=True):
+            for run in (run_sweep, run_accuracy, run_stability):
+                summary: Any = run(store, quick=quick, progress=False, command=command)
+                if summary.interrupted:
+                    raise KeyboardInterrupt
+
     parts: dict[str, Callable[[], Any]] = {
+        "kernels: compiling what is measured": kernels,
         "sweep: time per step": told(run_sweep, print_sweep, quick=quick),
         "accuracy: speed against error": told(run_accuracy, quick=quick),
         "findings: the small experiments": findings,
@@ -197,7 +206,7 @@ def _measurements(console: Console, store: Any, quick: bool, command: str) -> di
         "hard cases: what each integrator makes of them": told(run_hard, print_hard, pictures=False),
         "what the scenes need": needs,
     }
-    wanted = [name for name in parts if not quick or name.startswith(("sweep", "accuracy", "stability"))]
+    wanted = [name for name in parts if not quick or name.startswith(("kernels", "sweep", "accuracy", "stability"))]
     return {name: parts[name] for name in wanted}
 
 

@@ -28,8 +28,8 @@ out = Output(highlight=False)
 PLAINER = {  # messages of pydantic or typer about an argument, and plainer ones
     "Option '--record' requires 2 arguments.": "--record needs two words: --record every=N FILE.npz",
     "Missing argument 'SCENE'.": "SCENE is missing: give a name that `softlab scenes` lists, or a .toml file",
-    "Missing argument": "an argument is missing:",
-    "Got unexpected extra argument(s)": "too many arguments, or an option without its value:",
+    "Missing argument": "missing argument:",
+    "Got unexpected extra argument(s)": "unexpected argument, or an option that lacks its value:",
     "Input should be a valid integer, unable to parse string as an integer": "must be a whole number",
     "Input should be a valid number, unable to parse string as a number": "must be a number",
 }

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from softlab.app.command.foaming import FRAME, frame_steps
 from softlab.app.output.offscreen import MAX_SIZE, MIN_SIZE, Fitted, OffscreenRenderer
-from softlab.app.output.video import Picture, true_rate
+from softlab.app.output.video import CLIP, Picture, true_rate
 from softlab.model.core.errors import SceneError
 from softlab.model.core.simulation import Simulation
 from softlab.model.scene.scene import Scene
@@ -45,8 +47,10 @@ def parse_camera(scene: Scene, text: str | None) -> Scene:
         raise SceneError("--camera", text, f"{error.field.partition('.')[2]} {error.allowed}") from None
 
 
-def check_rate(fps: float) -> None:
-    """Raise SceneError for a rate that no clip can have."""
+def check_rate(fps: float, path: Path | None) -> None:
+    """Raise SceneError for a rate that no clip can have, or of a picture."""
+    if path is None or path.suffix.lower() != CLIP:
+        raise SceneError("--fps", fps, f"applies to a clip; add --render FILE{CLIP}")
     if not 1 <= fps <= MAX_RATE:
         raise SceneError("--fps", fps, f"must be 1 to {MAX_RATE:g} frames per second")
 

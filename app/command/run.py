@@ -120,7 +120,7 @@ def check_targets(scene: Scene, request: Request, steps: int, notes: list[str]) 
         raise InputError(f"{unused[0]}: applies to a picture or a clip; add --render FILE.png or FILE.mp4")
     request.picture()
     if request.fps is not None:
-        check_rate(request.fps)
+        check_rate(request.fps, request.render)
     check_asked(request.backend, request.gpus, request.ranks, request.exchange_every, request.link)
     if request.gpus > 1:
         check_cut(scene, request.gpus, request.exchange_every, request.link, "--gpus")

@@ -69,7 +69,7 @@ def print_report(console: Console, report: dict[str, Any], written: list[Path], 
         table.add_row(label, f"{number(value)} {unit}{more}".rstrip())
     if report["error_reason"]:
         label = "error" if report["error"] is None else ""
-        table.add_row(label, ("not known: " if report["error"] is None else "") + escape(report["error_reason"]))
+        table.add_row(label, ("not available: " if report["error"] is None else "") + escape(report["error_reason"]))
     console.print(table)
     if report["method"].endswith(" lab") and report["error"]:
         console.print(

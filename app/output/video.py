@@ -248,7 +248,7 @@ def _progress_bar(name: str, total: int) -> tuple[Any, Any]:
 def check_render(path: Path | str) -> Path:
     """Return `path`, if `render` could write it; raises InputError. To be called before the work whose picture it
     is."""
-    return check_target(path, (FRAME, CLIP))
+    return check_target(path, (FRAME, CLIP), "a picture or a clip")
 
 
 def render(

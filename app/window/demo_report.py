@@ -35,7 +35,7 @@ def numbers_text(demo: Demo, frame_seconds: float, draw_seconds: float, way: str
     if demo.compiling is not None:
         return (
             f"compiling this scene: {demo.compiling:.0f} s so far\n"
-            "the result is cached for the next run; Escape closes the window"
+            "the result is cached for the next run; Escape closes the window, most other keys wait"
         )
     world, scene = demo.world, demo.world.scene
     threads = (

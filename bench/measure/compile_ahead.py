@@ -10,14 +10,15 @@ import hashlib
 import json
 import multiprocessing
 import signal
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 from softlab.bench.measure.gpu import gpu_simulated
 from softlab.bench.measure.progress import progress_bar
+from softlab.bench.measure.share import Alone, sharing
 from softlab.cpu_backend.core.threads import core_count
 from softlab.model.core.errors import SoftlabError
 from softlab.model.core.files import replacing
@@ -28,6 +29,30 @@ MAX_WORKERS = 12
 MAX_PARTICLES = 300_000  # of a case that is opened only to compile it
 KNOWN = "ahead.json"  # beside the machine code: the kinds that were compiled
 Kind = tuple[str, ...]
+_gathered: list[list[Any]] = []  # cases of the `gathering` under way
+
+
+class _Nothing(Alone):
+    """The share of a process that plans experiments and measures none of them."""
+
+    @contextmanager
+    def take(self, name: str) -> Iterator[bool]:
+        yield False
+
+
+@contextmanager
+def gathering(progress: bool) -> Iterator[None]:
+    """Within it, experiments measure nothing; at its end the kernels that they lack are compiled by one pool of processes.
+
+    A pool for each experiment would import numba and CUDA anew in every process, and wait for its slowest kernel.
+    """
+    _gathered.append([])
+    try:
+        with sharing(_Nothing()):
+            yield
+    finally:
+        cases = _gathered.pop()
+    compile_ahead(cases, progress)
 
 
 def kind_of(case: Any) -> Kind:
@@ -51,6 +76,9 @@ def compile_case(case: Any) -> None:
 def compile_ahead(cases: Iterable[Any], progress: bool, workers: int | None = None) -> int:
     """Compile one case of each kind that this machine has not compiled yet. Returns the number of kinds compiled: 0 where
     that would not pay (one core, few kinds, no place for machine code, the CUDA simulator)."""
+    if _gathered:
+        _gathered[-1].extend(cases)
+        return 0
     place, workers = folder(), min(core_count(), MAX_WORKERS) if workers is None else workers
     if place is None or workers < 2 or gpu_simulated():
         return 0

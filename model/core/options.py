@@ -55,7 +55,9 @@ def check_live(scene: Scene, live: Iterable[str], path: str, value: Any) -> None
     if "taps" in live:
         allowed += [f"{name}.speed" for name in scene.emitters]
     if path not in allowed:
-        raise SceneError(path, value, f"not live; live here: {', '.join(sorted(allowed)) or 'nothing'}")
+        raise SceneError(
+            path, value, f"not live; live here: {', '.join(sorted(allowed)) or 'nothing'}; others need a new simulation"
+        )
     part = path.partition(".")[0]
     if part in ("springs", *CONSTRAINT_KINDS, "wind") and part not in scene.parts:
         raise SceneError(path, value, "the scene has no such part, so no code for it was compiled")

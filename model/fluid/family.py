@@ -108,5 +108,5 @@ FLUID = SolverFamily(
     reference="softlab.bench.reference.fluid",
     outputs=lambda scene: (STRAIN, PRESSURE),
     halo=fluid_halo,
-    unknown="no converged motion of a fluid's particles is known; its density error is told instead",
+    unknown="a fluid's particles have no converged reference; the density error is reported instead",
 )

@@ -117,7 +117,7 @@ def scene_error(part: str, error: ValidationError, kind: type[Part]) -> SceneErr
         return _count_error(part, complaints, first)
     if first["type"] == "missing":
         note = notes_of(_kind_within(kind, first["loc"][:-1])).get(location[-1])
-        return SceneError(".".join([part, *location]), None, f"must be given{f': {note}' if note else ''}")
+        return SceneError(".".join([part, *location]), None, f"must be given{f' ({note})' if note else ''}")
     if first["type"] == "extra_forbidden":
         known = list(_kind_within(kind, first["loc"][:-1]).model_fields)
         near = suggestion(location[-1], known)

@@ -40,8 +40,8 @@ WINDOWS = replace(
     },
     reference="softlab.bench.reference.shape_matching",
     reach=None,
-    unknown="clusters have no converged reference: they are another material than springs; --set method.solver=mass-spring "
-    "asks about the springs, softlab bar tells how the two differ",
+    unknown="clusters are another material than springs and have no converged reference; --set method.solver=mass-spring "
+    "solves the springs, softlab bar compares the two",
 )
 
 BODIES = replace(
@@ -59,6 +59,6 @@ BODIES = replace(
     reach=None,
     outputs=of_bodies,
     apart=bodies_apart,
-    unknown="no error is available for shape-matching bodies: clusters are their material and have no converged reference; "
-    "softlab bar compares that material with closed forms, softlab throughput times bodies",
+    unknown="shape-matching bodies have no converged reference: clusters are their material; softlab bar compares it with "
+    "closed forms, softlab throughput measures its speed",
 )

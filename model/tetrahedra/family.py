@@ -80,5 +80,5 @@ TETRAHEDRA = SolverFamily(
     reference="softlab.bench.reference.tetrahedra",
     apart=tetrahedra_apart,
     partitions=tetrahedra_partitions,
-    unknown="no converged motion of tetrahedra is known; softlab tetrahedra tells how far a bar is from rest",
+    unknown="tetrahedra have no converged reference; softlab tetrahedra measures how far a bar is from rest",
 )

@@ -99,5 +99,5 @@ WORLD = SolverFamily(
     passes={"cpu": "softlab.app.plan.world:world_on_cpu", "gpu": "softlab.app.plan.world:world_on_gpu"},
     reference="softlab.bench.reference.world",
     outputs=lambda scene: of_bodies(scene) if scene.bodies else of_springs(scene),
-    unknown="no converged motion of a world is known: its members' materials differ",
+    unknown="a world of several families has no converged reference",
 )

@@ -77,6 +77,5 @@ MESH = replace(
     passes={"cpu": "softlab.app.plan.mesh:mesh_on_cpu", "gpu": "softlab.app.plan.mesh:mesh_on_gpu"},
     reference="softlab.bench.reference.xpbd_mesh",
     reach=None,
-    unknown="a mesh has no converged reference: those of grids and cloths are made for rows and columns of springs; a "
-    "[cloth] is such a sheet",
+    unknown="a mesh has no converged reference; grids and cloths of rows and columns have one, and a [cloth] is such a sheet",
 )

@@ -58,7 +58,7 @@ def test_bad_options_are_refused(tmp_path: Path) -> None:
             parse_camera(SCENE, text)
     for rate in (0.0, -1.0, 1e3, float("nan")):
         with pytest.raises(SceneError, match="--fps"):
-            check_rate(rate)
+            check_rate(rate, Path("clip.mp4"))
     for changes in ({"size": "64x48"}, {"fps": 30.0}, {"hud": False}):
         with pytest.raises(InputError, match="add --render"):
             run_scene(SCENE, Request(steps=1, **changes))

@@ -111,6 +111,32 @@ def test_a_silhouette_does_not_bleed(filtered: str, most: float) -> None:
     assert np.abs(smooth - rough).max() < most  # m: what lies in front is 1.5 m before the wall
 
 
+def test_the_outline_of_a_row_of_particles_is_a_line() -> None:
+    """Balls 0.16 m apart with a radius of 0.09 m leave scallops of 5 pixels; the edge is level within a pixel."""
+    camera, along = Camera3D(SIDE, SIDE, distance=3.0, yaw=0.0, pitch=0.0), np.arange(-12, 13) * 0.16
+    wall = np.stack(np.meshgrid(along, [0.0, -0.12, -0.24], [0.0]), axis=-1).reshape(-1, 3)
+    image = seen(wall, 0.09, "narrow-range", camera)
+    top = np.argmax(image[:, 40:-40, 3] > 0, axis=0)
+    scallop = (0.09 - np.sqrt(0.09**2 - 0.08**2)) * camera.scale
+    assert scallop > 4.5 and np.ptp(top) <= 1
+
+
+def test_drops_holes_and_gaps_in_depth_stay() -> None:
+    """A ball alone covers its disc; a hole of five radii stays open; what is far behind one another is not joined."""
+    camera, radius = Camera3D(SIDE, SIDE, distance=3.0, yaw=0.0, pitch=0.0), 0.08
+    area = np.pi * (radius * camera.scale) ** 2
+    assert np.count_nonzero(seen(np.zeros((1, 3)), radius, "none", camera)[..., 3]) == pytest.approx(area, rel=0.02)
+    along = np.arange(-12, 13) * 0.08
+    sheet = np.stack(np.meshgrid(along, along, [0.0]), axis=-1).reshape(-1, 3)
+    holed = sheet[np.linalg.norm(sheet, axis=1) > 3.5 * radius]
+    assert seen(holed, radius, "narrow-range", camera)[SIDE // 2, SIDE // 2, 3] == 0.0
+    side = SIDE // 2
+    for behind, joined in ((0.0, True), (1.5, False)):  # two sheets with a gap of 0.75 radii between them
+        halves = [sheet[sheet[:, 0] < -0.04] - (0.03, 0, 0), sheet[sheet[:, 0] > 0.04] + (0.03, 0, -behind)]
+        image = seen(np.concatenate(halves), radius, "none", camera)[side, side - 8 : side + 8, 3]
+        assert image.all() == joined
+
+
 def test_particles_at_a_surface_are_flat() -> None:
     along = np.arange(8) * 0.1
     block = np.stack(np.meshgrid(along, along, along, indexing="ij"), axis=-1).reshape(-1, 3)

@@ -177,7 +177,7 @@ def test_the_command_refuses_in_a_line_and_writes_nothing(command, tmp_path):
         ("cook blob body.npz --voxels 900000", "of memory"),
         ("cook blob body.npz --density -3", "density = -3.0"),
         ("cook blob body.npz --scale x", "must be a number"),
-        ("cook blob", "an argument is missing: 'BODY.npz'"),
+        ("cook blob", "missing argument: 'BODY.npz'"),
     ):
         status, out, err = command(line)
         assert status == 2 and out == "" and words in err and len(err.splitlines()) == 1, (line, err)

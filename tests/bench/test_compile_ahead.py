@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,6 +14,8 @@ import pytest
 
 from softlab.bench.experiments.stability.experiment import QUICK, cases
 from softlab.bench.measure import compile_ahead as ahead
+from softlab.bench.measure.experiment import Summary, resume
+from softlab.bench.store.database import Store
 from softlab.model.core.errors import SceneError
 from softlab.model.scene.scene import Scene, load_scene
 
@@ -69,6 +71,32 @@ def test_each_kind_is_compiled_once_elsewhere_and_known_afterwards(place: Path, 
     assert ahead.compile_ahead(fakes(found), False, workers=2) == 0
     changed = [replace(fake, sources="other") for fake in fakes(found)]
     assert ahead.compile_ahead(changed, False, workers=2) == 4
+
+
+def test_experiments_that_are_gathered_measure_nothing_and_share_a_pool(
+    place: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two experiments with half of their kernels in common: one pool, each kind once, and none when they are measured."""
+    pools: list[list[str]] = []
+    monkeypatch.setattr(ahead, "core_count", lambda: 2)
+    monkeypatch.setattr(ahead, "_compiled", lambda missing, *_: pools.append(list(missing)) or list(missing))
+    measured: list[Fake] = []
+    every = fakes(tmp_path)
+
+    def measure(group: Sequence[Any], tell: Any) -> None:
+        measured.extend(group)
+
+    with Store(tmp_path / "store.sqlite") as store:
+
+        def run(cases: list[Fake]) -> Summary:
+            how: dict[str, Any] = {"progress": False, "command": "test"}
+            return resume(store, Summary.begun(store, "test"), [cases], lambda case: False, measure, **how)
+
+        with ahead.gathering(False):
+            assert run(every[:6]).measured == run(every[2:]).measured == 0
+        assert not measured and [len(pool) for pool in pools] == [4]
+        run(every)
+        assert measured == every and len(pools) == 1
 
 
 def test_what_cannot_be_opened_is_left_to_the_measurement(place: Path, tmp_path: Path) -> None:

@@ -215,7 +215,7 @@ BAD = [
     ("busy", "--scene gas", ["--scene", "lab-grid", "soft-pile"]),
     ("throughput", "--precision half", ["--precision", "float32"]),
     ("throughput", "--backend tpu", ["--backend"]),
-    ("throughput", "5", ["too many arguments"]),
+    ("throughput", "5", ["unexpected argument"]),
     ("projections", "--precision half", ["--precision", "float32"]),
     ("demo lab-grid", "cloth-hanging", ["SCENE", "lab-grid", "masses in a plane"]),
     ("demo lab-grid", "lab-gird", ["unknown scene"]),

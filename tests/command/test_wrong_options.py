@@ -15,7 +15,7 @@ RUN = "run lab-grid --steps 0 --no-judge"
     ("words", "told"),
     [
         ("run", "SCENE is missing: give a name that `softlab scenes` lists, or a .toml file"),
-        ("run lab-grid extra", "too many arguments, or an option without its value: (extra)"),
+        ("run lab-grid extra", "unexpected argument, or an option that lacks its value: (extra)"),
         ("run lab-grid --steps banana", "--steps = 'banana': must be a whole number"),
         ("run lab-grid --steps=1e3", "--steps = '1e3': must be a whole number"),
         ("run lab-grid --time soon", "--time = 'soon': must be a number"),
@@ -31,6 +31,8 @@ RUN = "run lab-grid --steps 0 --no-judge"
         ),
         ("run rope --render x.png --camera 0,90", "--camera = '0,90': pitch must be at most 89"),
         ("run rope --render x.png --camera 1,2,0", "--camera = '1,2,0': size must be greater than 0"),
+        (f"{RUN} --render x.png --fps 30", "--fps = 30.0: applies to a clip; add --render FILE.mp4"),
+        (f"{RUN} --render x.jpeg", "the name of a picture or a clip must end in .png or .mp4"),
         (f"{RUN} --look skin", "--look skin: applies to tetrahedral bodies and fluids; leave it out"),
         ("run fem-drop --look skin", "--look skin: applies to a picture or a clip; add --render FILE.png"),
         (f"{RUN} --render x.mp4", "a run of 0 steps has no clip; pass --steps N or --time SECONDS"),

@@ -224,7 +224,7 @@ def test_any_mapping(data):
     [
         ([{"": None}], "fluid.blocks.0.: unknown key; known: origin, size"),
         ([{"origin": [0, 0, 0], "siz": [1, 1, 1]}], "fluid.blocks.0.siz = [1, 1, 1]: unknown key (did you mean size?)"),
-        ([{"origin": [0, 0, 0]}], "fluid.blocks.0.size: must be given: m, along x, y and z"),
+        ([{"origin": [0, 0, 0]}], "fluid.blocks.0.size: must be given (m, along x, y and z)"),
         ({"size": 1}, "fluid.blocks = {'size': 1}: must be a list of tables"),
     ],
 )

@@ -180,7 +180,7 @@ def test_the_step_size_must_hold_without_the_pins() -> None:
     ("tables", "said"),
     [
         (GRID | {"release": {"time": 0.0}}, "release.time = 0.0: must be greater than 0"),
-        (GRID | {"release": {}}, "release.time: must be given: s"),
+        (GRID | {"release": {}}, "release.time: must be given (s)"),
         (GRID | {"release": {"time": 1.0, "pins": "bottom"}}, "release.pins = 'bottom': names no pin of grid"),
         (GRID | {"release": {"time": 1.0, "pins": [[0, 9]]}}, "release.pins = [0, 9]: lies outside the sheet"),
         (GRID | {"release": {"time": 1.0, "body": "gird"}}, "must be one of grid (did you mean grid?)"),

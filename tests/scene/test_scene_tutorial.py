@@ -58,7 +58,7 @@ def test_each_scene_runs(name: str, folder: Path) -> None:
 def test_each_command_is_understood(line: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """With its options, but no steps and nothing drawn."""
     words = shlex.split(line)
-    for option in ("--render", "--time", "--camera", "--look"):  # a run of no steps has no clip
+    for option in ("--render", "--time", "--camera", "--size", "--fps", "--look"):  # a run of no steps has no clip
         if option in words:
             place = words.index(option)
             del words[place : place + 2]

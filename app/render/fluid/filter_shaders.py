@@ -6,7 +6,10 @@ Depth is the distance from the eye along the line of view [m], in 32-bit float; 
 from __future__ import annotations
 
 MOST_PIXELS = 96.0  # that filters look to each side, at most
-TAPS = 12  # of a bell, to each side
+TAPS = 8  # of a bell, to each side
+LEVEL = 0.42  # of the bell over what is covered, where the outline is; 0.5 at a straight edge
+STEEPNESS = 0.39  # of that bell across a straight edge at the level, times its width
+RIM = 1.33  # standard deviations that the edge of a slanted plane is behind the mean: of half a bell
 PAIRS = 32  # of pixels that a pass of the narrow-range filter reads along its axis
 
 
@@ -33,6 +36,81 @@ void main() {{
         weight += share;
     }}
     sum /= max(weight, 1e-9);
+}}
+"""
+
+# The outline of what is covered, in cells of some pixels: first means over every second of them, of coverage, of depth and
+# of its square where it is covered ...
+GATHER_FRAGMENT = """#version 330 core
+uniform sampler2D depth;
+uniform int cell;           // pixels
+out vec4 sum;
+void main() {
+    ivec2 first = ivec2(gl_FragCoord.xy) * cell, last = textureSize(depth, 0) - 1;
+    sum = vec4(0.0);
+    for (int i = 0; i < cell; i += 2)
+        for (int j = 0; j < cell; j += 2) {
+            float there = texelFetch(depth, min(first + ivec2(i, j), last), 0).r;
+            sum += vec4(sign(there), there, there * there, 1.0);
+        }
+    sum /= sum.a;
+}
+"""
+
+# ... then a bell over them, along one axis and along the other ...
+BELL_FRAGMENT = """#version 330 core
+uniform sampler2D cells;
+uniform ivec2 way;
+uniform ivec2 last;         // cell
+uniform float wide;         // cells: standard deviation
+out vec4 sum;
+vec4 at(int aside) { return texelFetch(cells, clamp(ivec2(gl_FragCoord.xy) + aside * way, ivec2(0), last), 0); }
+void main() {
+    float share = 1.0, less = exp(-0.5 / (wide * wide)), faster = less * less, weight = 1.0;
+    sum = at(0);
+    for (int k = 1; float(k) <= 2.0 * wide; k++, less *= faster) {
+        share *= less;  // exp(-k^2 / (2 wide^2))
+        sum += share * (at(k) + at(-k));
+        weight += 2.0 * share;
+    }
+    sum /= weight;
+}
+"""
+
+# ... and where that of coverage is above a level, there is fluid, as far away as the edge of what is covered about: gaps
+# close between the outermost particles, but not between what is one behind another. What particles cover stays covered.
+OUTLINE_FRAGMENT = f"""#version 330 core
+uniform sampler2D depth;
+uniform sampler2D cells;
+uniform int cell;
+uniform ivec2 last;
+uniform float wide;         // cells
+uniform float apart;        // m: standard deviation of depth of what is too far behind one another
+out vec2 outline;           // depth, coverage: it fades within a pixel
+vec3 bell(ivec2 at) {{ return texelFetch(cells, clamp(at, ivec2(0), last), 0).rgb; }}
+void main() {{
+    ivec2 pixel = ivec2(gl_FragCoord.xy), end = textureSize(depth, 0) - 1;
+    vec2 at = gl_FragCoord.xy / float(cell);
+    float about = texelFetch(cells, ivec2(at), 0).r, here = texelFetch(depth, pixel, 0).r;
+    outline = vec2(here, sign(here));
+    if (about <= 0.0 || (about > 0.99 && here > 0.0)) return;
+    at -= 0.5;
+    vec2 part = fract(at);
+    ivec2 low = ivec2(floor(at));
+    vec3 sum = mix(
+        mix(bell(low), bell(low + ivec2(1, 0)), part.x), mix(bell(low + ivec2(0, 1)), bell(low + 1), part.x), part.y
+    );
+    sum.gb /= max(sum.r, 1e-9);
+    float spread = sqrt(max(sum.b - sum.g * sum.g, 0.0));
+    float level = {LEVEL} * max(1.0, spread / apart);
+    float cover = clamp((sum.r - level) * wide * float(cell) / {STEEPNESS} + 0.5, 0.0, 1.0), near = 0.0;
+    if (here > 0.0 && cover < 1.0)
+        for (int i = -1; i <= 1; i++)
+            for (int j = -1; j <= 1; j++) {{
+                float there = texelFetch(depth, clamp(pixel + ivec2(i, j), ivec2(0), end), 0).r;
+                near += sign(there) / float(4 << (abs(i) + abs(j)));
+            }}
+    outline = vec2(here > 0.0 ? here : cover > 0.0 ? sum.g + {RIM} * spread : 0.0, max(cover, near));
 }}
 """
 

@@ -4,24 +4,24 @@ from __future__ import annotations
 
 from softlab.model.core.errors import BackendUnavailable
 
-DEPTH, OTHER_DEPTH, THICKNESS, NORMALS, BEHIND, BEHIND_DEPTH = range(
-    6
-)  # pictures; a frame buffer each but for the last
+DEPTH, OTHER_DEPTH, THICKNESS, NORMALS, OUTLINE, BEHIND, BEHIND_DEPTH = range(7)
+FRAMES = BEHIND_DEPTH  # each picture but this one has a frame buffer
 
 
 class FluidPictures:
-    """`resize`, `begin(which)` to draw into one, `bind(name=which)` to read from, `screen()` to draw over all its pixels;
-    `delete()` frees them. Needs a current OpenGL 3.3 context. Raises BackendUnavailable where the driver has none of floats.
+    """`resize`, `begin(which)` or `onto(which)` to draw into one, `bind(name=which)` to read from, `screen()` to draw over
+    all its pixels; `delete()` frees them. Needs a current OpenGL 3.3 context. Raises BackendUnavailable where the driver has
+    none of floats.
     """
 
     def __init__(self) -> None:
         from pyglet import gl
 
         self.size = (0, 0)
-        self._frames = (gl.GLuint * 5)()
-        gl.glGenFramebuffers(5, self._frames)
-        self._pictures = (gl.GLuint * 6)()
-        gl.glGenTextures(6, self._pictures)
+        self._frames = (gl.GLuint * FRAMES)()
+        gl.glGenFramebuffers(FRAMES, self._frames)
+        self._pictures = (gl.GLuint * (FRAMES + 1))()
+        gl.glGenTextures(FRAMES + 1, self._pictures)
         self._store = gl.GLuint()  # depth of the first frame buffer
         gl.glGenRenderbuffers(1, self._store)
         self._empty = gl.GLuint()
@@ -34,16 +34,19 @@ class FluidPictures:
         if self.size == (width, height):
             return
         self.size = (width, height)
-        red, four, eight = (gl.GL_R32F, gl.GL_RED), (gl.GL_RGBA32F, gl.GL_RGBA), (gl.GL_RGBA8, gl.GL_RGBA)
-        for picture, (inside, outside) in zip(self._pictures, (red, red, four, four, eight), strict=False):
+        red, two = (gl.GL_R32F, gl.GL_RED), (gl.GL_RG32F, gl.GL_RG)
+        four, eight = (gl.GL_RGBA32F, gl.GL_RGBA), (gl.GL_RGBA8, gl.GL_RGBA)
+        for picture, (inside, outside) in zip(self._pictures, (red, red, four, four, two, eight), strict=False):
             self._picture(picture, inside, outside, gl.GL_FLOAT)
-        self._picture(self._pictures[5], gl.GL_DEPTH_COMPONENT24, gl.GL_DEPTH_COMPONENT, gl.GL_UNSIGNED_INT)
+        self._picture(self._pictures[BEHIND_DEPTH], gl.GL_DEPTH_COMPONENT24, gl.GL_DEPTH_COMPONENT, gl.GL_UNSIGNED_INT)
         gl.glBindRenderbuffer(gl.GL_RENDERBUFFER, self._store)
         gl.glRenderbufferStorage(gl.GL_RENDERBUFFER, gl.GL_DEPTH_COMPONENT24, width, height)
         for frame, picture in zip(self._frames, self._pictures, strict=False):
             gl.glBindFramebuffer(gl.GL_FRAMEBUFFER, frame)
             gl.glFramebufferTexture2D(gl.GL_FRAMEBUFFER, gl.GL_COLOR_ATTACHMENT0, gl.GL_TEXTURE_2D, picture, 0)
-        gl.glFramebufferTexture2D(gl.GL_FRAMEBUFFER, gl.GL_DEPTH_ATTACHMENT, gl.GL_TEXTURE_2D, self._pictures[5], 0)
+        gl.glFramebufferTexture2D(
+            gl.GL_FRAMEBUFFER, gl.GL_DEPTH_ATTACHMENT, gl.GL_TEXTURE_2D, self._pictures[BEHIND_DEPTH], 0
+        )
         gl.glBindFramebuffer(gl.GL_FRAMEBUFFER, self._frames[0])
         gl.glFramebufferRenderbuffer(gl.GL_FRAMEBUFFER, gl.GL_DEPTH_ATTACHMENT, gl.GL_RENDERBUFFER, self._store)
         for frame in self._frames:
@@ -66,12 +69,18 @@ class FluidPictures:
             gl.glTexParameteri(gl.GL_TEXTURE_2D, name, gl.GL_CLAMP_TO_EDGE)
         gl.glBindTexture(gl.GL_TEXTURE_2D, 0)
 
+    def onto(self, which: int, size: tuple[int, int] | None = None) -> None:
+        """Draw into a picture, or its first `size` pixels, from now on."""
+        from pyglet import gl
+
+        gl.glBindFramebuffer(gl.GL_FRAMEBUFFER, self._frames[which])
+        gl.glViewport(0, 0, *(size or self.size))
+
     def begin(self, which: int) -> None:
         """Draw into a picture from now on, on nothing."""
         from pyglet import gl
 
-        gl.glBindFramebuffer(gl.GL_FRAMEBUFFER, self._frames[which])
-        gl.glViewport(0, 0, *self.size)
+        self.onto(which)
         gl.glClearColor(0.0, 0.0, 0.0, 0.0)
         gl.glClear(gl.GL_COLOR_BUFFER_BIT | (gl.GL_DEPTH_BUFFER_BIT if which == DEPTH else 0))
 
@@ -110,7 +119,7 @@ class FluidPictures:
         """Free them."""
         from pyglet import gl
 
-        gl.glDeleteFramebuffers(5, self._frames)
-        gl.glDeleteTextures(6, self._pictures)
+        gl.glDeleteFramebuffers(FRAMES, self._frames)
+        gl.glDeleteTextures(FRAMES + 1, self._pictures)
         gl.glDeleteRenderbuffers(1, self._store)
         gl.glDeleteVertexArrays(1, self._empty)

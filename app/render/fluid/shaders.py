@@ -148,6 +148,7 @@ SHADE_FRAGMENT = (
     + SOLID
     + """
 uniform sampler2D thickness;
+uniform sampler2D outline;  // depth, coverage
 uniform sampler2D behind;   // the picture without the fluid
 uniform mat3 axes;          // columns: right, up, back, in the world
 uniform vec3 key;           // unit vector toward the light, in the world
@@ -177,7 +178,8 @@ void main() {
     vec3 own = exp(-OPAQUE * inside.rgb / max(max(inside.r, max(inside.g, inside.b)), 1e-9));  // the colour that is left most
     through += SCATTER * bright * own * (1.0 - exp(-inside.rgb));  // part of what does not come through
     vec3 shown = mix(through, sky(mirrored), reflected) + 0.7 * sun;
-    pixel = vec4(mix(texelFetch(behind, p, 0).rgb, shown, clamp((solid() - far) / edge, 0.0, 1.0)), 1.0);
+    float cover = texelFetch(outline, p, 0).g * clamp((solid() - far) / edge, 0.0, 1.0);
+    pixel = vec4(mix(texelFetch(behind, p, 0).rgb, shown, cover), 1.0);
 }
 """.replace("OPAQUE", "2.0").replace("SCATTER", "0.95")
 )

@@ -4,9 +4,10 @@ W. van der Laan, S. Green, M. Sainz, "Screen Space Fluid Rendering with Curvatur
 
 1. depth: particles as balls or as ellipsoids (J. Yu, G. Turk, ACM TOG 32 (2013): model/geometry/anisotropy.py), the nearest
    point at each pixel, as distance along the line of view in 32-bit float;
-2. filter, on and on between two pictures: `narrow-range` (N. Truong, C. Yuksel 2018), or `curvature-flow`, or `none`;
-3. thickness: how long the line of sight is inside of particles, summed;
-4. shading: normals from differences of depth, what is behind seen through the fluid, reflected sky, sun.
+2. outline: where a bell over what is covered is above a level, so that it is a curve and not the edge of balls;
+3. filter, on and on between two pictures: `narrow-range` (N. Truong, C. Yuksel 2018), or `curvature-flow`, or `none`;
+4. thickness: how long the line of sight is inside of particles, summed;
+5. shading: normals from differences of depth, what is behind seen through the fluid, reflected sky, sun.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from softlab.app.render.fluid.pictures import (
     DEPTH,
     NORMALS,
     OTHER_DEPTH,
+    OUTLINE,
     THICKNESS,
     FluidPictures,
 )
@@ -37,11 +39,18 @@ BACK = 5  # where shaders look for the first row of an ellipsoid's inverse
 REACH, RANGE, BEYOND = 3.0, 2.0, 0.6  # of the filter, in radii: half width, range, how far behind what is far counts
 BLUR = 3.0  # radii: half width of that of thickness
 ALONG = ((1, 0), (0, 1))
-STEPS: dict[str, list[tuple[str, tuple[int, int] | None, float]]] = {  # program, axis, share of REACH
-    "narrow-range": [*((FILTERS[0], way, 0.5**turn) for turn in range(2) for way in ALONG), ("clean", None, 0.0)],
-    "curvature-flow": [("curvature-flow", None, 0.0)] * 60,
+_NARROW = {"range": RANGE, "behind": BEYOND}
+# Of each filter: its passes, as a program, an axis and lengths in radii.
+STEPS: dict[str, list[tuple[str, tuple[int, int] | None, dict[str, float]]]] = {
+    "narrow-range": [
+        *(("narrow-range", way, _NARROW | {"reach": REACH * 0.5**turn}) for turn in range(2) for way in ALONG),
+        ("clean", None, _NARROW),
+    ],
+    "curvature-flow": [("curvature-flow", None, {"range": RANGE})] * 60,
     "none": [],
 }
+ROUND, FINEST = 0.7, 2.0  # the bell that rounds outlines: its standard deviation in radii, at least in cells of pixels
+APART = 4.0  # radii: what is so far behind one another (standard deviation) does not close gaps
 SHARE = 0.6  # of a ray's way through a particle: balls of half a spacing and more overlap
 ZENITH, HORIZON, FLOOR = (0.30, 0.50, 0.78), (0.88, 0.92, 0.96), (0.55, 0.60, 0.63)
 WATER = (2.6, 1.05, 0.35)  # 1/m of red, green, blue: bluer than water is, whose metre is hardly seen
@@ -69,6 +78,9 @@ class FluidSurface:
             for name, vertex, fragment in (
                 ("depth", shaders.ELLIPSOID_VERTEX, shaders.DEPTH_FRAGMENT),
                 ("thickness", shaders.ELLIPSOID_VERTEX, shaders.THICKNESS_FRAGMENT.replace("SHARE", str(SHARE))),
+                ("gather", shaders.SCREEN_VERTEX, filter_shaders.GATHER_FRAGMENT),
+                ("bell", shaders.SCREEN_VERTEX, filter_shaders.BELL_FRAGMENT),
+                ("outline", shaders.SCREEN_VERTEX, filter_shaders.OUTLINE_FRAGMENT),
                 ("narrow-range", shaders.SCREEN_VERTEX, filter_shaders.NARROW_FRAGMENT),
                 ("clean", shaders.SCREEN_VERTEX, filter_shaders.CLEAN_FRAGMENT),
                 ("curvature-flow", shaders.SCREEN_VERTEX, filter_shaders.CURVATURE_FRAGMENT),
@@ -153,12 +165,8 @@ class FluidSurface:
         as they were."""
         from pyglet import gl
 
-        bound, box, on = (
-            gl.GLint(),
-            (gl.GLint * 4)(),
-            [gl.glIsEnabled(what) for what in (gl.GL_DEPTH_TEST, gl.GL_BLEND)],
-        )
-        writes = gl.GLboolean()
+        bound, box, writes = gl.GLint(), (gl.GLint * 4)(), gl.GLboolean()
+        on = [gl.glIsEnabled(what) for what in (gl.GL_DEPTH_TEST, gl.GL_BLEND)]
         gl.glGetIntegerv(gl.GL_DRAW_FRAMEBUFFER_BINDING, bound)
         gl.glGetIntegerv(gl.GL_VIEWPORT, box)
         gl.glGetBooleanv(gl.GL_DEPTH_WRITEMASK, writes)
@@ -170,6 +178,7 @@ class FluidSurface:
         self._pictures.begin(DEPTH)
         self._balls("depth", camera)
         gl.glDisable(gl.GL_DEPTH_TEST)
+        self._outline(camera)
         self._filter(camera)
         gl.glEnable(gl.GL_BLEND)
         gl.glBlendFunc(gl.GL_ONE, gl.GL_ONE)
@@ -185,35 +194,49 @@ class FluidSurface:
         gl.glViewport(*box)
 
     def _blur(self, camera: Camera3D) -> None:
-        """Thickness, by way of the picture of normals."""
-        program = self._programs["blur"]
+        """Blur the thickness, by way of the picture of normals."""
+        lengths: dict[str, Any] = {"reach": BLUR * self._radius, "focal": camera.focal}
         for source, goal, way in ((THICKNESS, NORMALS, (1, 0)), (NORMALS, THICKNESS, (0, 1))):
-            self._pictures.begin(goal)
-            program.use()
-            program["thickness"], program["depth"], program["way"] = 0, 1, way
-            program["reach"], program["focal"] = BLUR * self._radius, camera.focal
-            self._pictures.bind(thickness=source, depth=self._result)
-            self._pictures.screen()
-            program.stop()
+            self._draw("blur", goal, {"thickness": source, "depth": self._result}, way=way, **lengths)
+
+    def _draw(
+        self, name: str, goal: int, pictures: dict[str, int], size: tuple[int, int] | None = None, **values: Any
+    ) -> None:
+        """Run a program for every pixel of the picture `goal`, or its first `size`; it reads `pictures` by the names of its
+        samplers."""
+        program = self._programs[name]
+        self._pictures.onto(goal, size)
+        program.use()
+        for unit, sampler in enumerate(pictures):
+            program[sampler] = unit
+        for uniform, value in values.items():
+            program[uniform] = value
+        self._pictures.bind(**pictures)
+        self._pictures.screen()
+        program.stop()
+
+    def _outline(self, camera: Camera3D) -> None:
+        """Close the gaps between the outermost particles: the depth there, and how much of a pixel is covered."""
+        pixels = ROUND * self._radius * camera.scale
+        cell = max(int(pixels / FINEST), 1)
+        size, wide = (-(-camera.width // cell), -(-camera.height // cell)), max(pixels / cell, 0.5)
+        last = size[0] - 1, size[1] - 1
+        self._draw("gather", NORMALS, {"depth": DEPTH}, size, cell=cell)
+        for source, goal, way in ((NORMALS, THICKNESS, (1, 0)), (THICKNESS, NORMALS, (0, 1))):
+            self._draw("bell", goal, {"cells": source}, size, way=way, last=last, wide=wide)
+        how: dict[str, Any] = {"cell": cell, "last": last, "wide": wide, "apart": APART * self._radius}
+        self._draw("outline", OUTLINE, {"depth": DEPTH, "cells": NORMALS}, **how)
 
     def _filter(self, camera: Camera3D) -> None:
-        """Back and forth between the first two pictures; `_result`: where it ended."""
-        self._result, radius = DEPTH, self._radius
-        for name, way, share in STEPS[self.filtered]:
-            program = self._programs[name]
-            self._pictures.begin(DEPTH + OTHER_DEPTH - self._result)
-            program.use()
-            program["range"] = RANGE * radius
-            if name != "clean":
-                program["focal"] = camera.focal
-            if name == FILTERS[0]:
-                program["way"], program["reach"] = way, REACH * share * radius
-            if self.filtered == FILTERS[0]:
-                program["behind"] = BEYOND * radius
-            self._pictures.bind(depth=self._result)
-            self._pictures.screen()
-            program.stop()
-            self._result = DEPTH + OTHER_DEPTH - self._result
+        """Smooth the depth, back and forth between the first two pictures; `_result` is the last one."""
+        self._result = OUTLINE
+        for name, way, lengths in STEPS[self.filtered]:
+            goal = OTHER_DEPTH if self._result == DEPTH else DEPTH
+            values: dict[str, Any] = {uniform: length * self._radius for uniform, length in lengths.items()}
+            values |= {"way": way} if way else {}
+            values |= {"focal": camera.focal} if "focal" in self._programs[name].uniforms else {}
+            self._draw(name, goal, {"depth": self._result}, **values)
+            self._result = goal
 
     def normals(self, camera: Camera3D) -> np.ndarray:
         """(height, width, 4) float32, top row first: the normal in the camera's axes (right, up, back), and the depth [m]; 0
@@ -224,13 +247,7 @@ class FluidSurface:
         gl.glGetIntegerv(gl.GL_DRAW_FRAMEBUFFER_BINDING, bound)
         gl.glGetIntegerv(gl.GL_VIEWPORT, box)
         gl.glDisable(gl.GL_BLEND)
-        self._pictures.begin(NORMALS)
-        program = self._programs["normal"]
-        program.use()
-        self._place(program, camera)
-        self._pictures.bind(depth=self._result)
-        self._pictures.screen()
-        program.stop()
+        self._draw("normal", NORMALS, {"depth": self._result}, **self._place(camera))
         image = np.empty((camera.height, camera.width, 4), np.float32)
         gl.glReadPixels(
             0, 0, camera.width, camera.height, gl.GL_RGBA, gl.GL_FLOAT, image.ctypes.data_as(ctypes.c_void_p)
@@ -240,8 +257,8 @@ class FluidSurface:
         return image[::-1]
 
     @staticmethod
-    def _place(program: Any, camera: Camera3D) -> None:
-        program["focal"], program["middle"] = camera.focal, (camera.width / 2, camera.height / 2)
+    def _place(camera: Camera3D) -> dict[str, Any]:
+        return {"focal": camera.focal, "middle": (camera.width / 2, camera.height / 2)}
 
     def shade(self, camera: Camera3D, frame: int) -> None:
         """Draw the surface of the last `passes` into that frame buffer; drawing goes there afterwards."""
@@ -252,14 +269,18 @@ class FluidSurface:
         gl.glDisable(gl.GL_BLEND)
         program = self._programs["shade"]
         program.use()
-        self._place(program, camera)
-        for unit, name in enumerate(("depth", "thickness", "behind", "others")):
+        for name, value in self._place(camera).items():
+            program[name] = value
+        pictures = {
+            "depth": self._result, "thickness": THICKNESS, "behind": BEHIND, "others": BEHIND_DEPTH, "outline": OUTLINE
+        }  # fmt: skip
+        for unit, name in enumerate(pictures):
             program[name] = unit
         program["planes"] = (NEAREST * camera.distance, FARTHEST * camera.distance)
         program["axes"], program["key"] = tuple(camera.axes.ravel().tolist()), tuple(self._light.tolist())
         program["edge"] = EDGE * self._radius
         program["bend"], program["zenith"], program["horizon"], program["floor_colour"] = BEND, ZENITH, HORIZON, FLOOR
-        self._pictures.bind(depth=self._result, thickness=THICKNESS, behind=BEHIND, others=BEHIND_DEPTH)
+        self._pictures.bind(**pictures)
         self._pictures.screen()
         program.stop()
 

@@ -57,7 +57,7 @@ def judge_run(scene: Scene, state: State, diverged: Diverged | None = None) -> t
         short = state.time * BUDGET / cost
         return (
             None,
-            f"a converged reference would take about {cost:.0f} s; one for the first {short:.2g} s is made at once",
+            f"its converged reference would take about {cost:.0f} s; a run of at most {short:.2g} s (--time) has one",
         )
     reference, _, estimate = converged(scene, state.time, tolerance=1e-6, most_steps=int(4 * steps) + 64)
     error, _ = distance(state.position, reference, free, scene.grid.spacing)

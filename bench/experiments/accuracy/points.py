@@ -50,10 +50,10 @@ def labels_of(names: Iterable[str]) -> list[str]:
         mine = [label for label, scene in known.items() if name.lower() in (label.lower(), scene)]
         if not mine:
             raise SceneError(
-                "--scene", name, "accuracy has scenes of its own, those with converged references: "
-                f"{', '.join(f'{label} ({scene})' for label, scene in known.items())}; of other grids and cloths softlab run "
-                "and softlab advise tell the error; bodies have none: softlab bar holds their material against closed forms, "
-                "softlab throughput times them"
+                "--scene", name, "must be a scene with a converged reference: "
+                f"{', '.join(f'{label} ({scene})' for label, scene in known.items())}; for other grids and cloths, softlab "
+                "run and softlab advise report the error; for bodies, softlab bar compares the material with closed forms "
+                "and softlab throughput measures the time"
             )  # fmt: skip
         found += mine
     return list(dict.fromkeys(found))
