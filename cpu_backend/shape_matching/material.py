@@ -9,14 +9,14 @@ import numpy as np
 from softlab.cpu_backend.shape_matching.arrays import Couples, Damping, Rebound, RigidMotion, Shapes
 from softlab.cpu_backend.shape_matching.layout import SCATTERED, Layout
 from softlab.cpu_backend.shape_matching.shapes import ENTRIES
-from softlab.model.assets.clusters import Clusters
+from softlab.model.assets.clusters import Clusters, whole_clusters
 from softlab.model.formulas.shape_matching.couple import SPIN
 from softlab.model.formulas.shape_matching.deformation import SHAPE
 from softlab.model.formulas.shape_matching.pace import MOTION
 from softlab.model.scene.method import Method
 from softlab.model.shape_matching.cluster_tables import damping_factors, shape_table, shaping
 from softlab.model.shape_matching.rigid_motion import goal_slack
-from softlab.model.shape_matching.rigid_rebound import rebound_limits, whole_clusters
+from softlab.model.shape_matching.rigid_rebound import rebound_limits
 
 
 class ClusterMaterial:

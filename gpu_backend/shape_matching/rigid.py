@@ -20,13 +20,12 @@ from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.quads import AXES, ROWS, SIZE, load_quad, pack, store_quad
 from softlab.gpu_backend.shape_matching.damping import make_gather
 from softlab.gpu_backend.shape_matching.kernels import THREADS, TOGETHER, make_move
-from softlab.model.assets.clusters import Clusters
+from softlab.model.assets.clusters import Clusters, whole_clusters
 from softlab.model.contact.particle_parameters import H_ASLEEP, H_FASTEST
 from softlab.model.formulas import particle_contact
 from softlab.model.formulas.shape_matching import rebound, rigid
 from softlab.model.formulas.shape_matching.cluster import LANES
 from softlab.model.shape_matching.rigid_motion import goal_slack
-from softlab.model.shape_matching.rigid_rebound import whole_clusters
 
 
 @cache

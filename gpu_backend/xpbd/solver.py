@@ -25,7 +25,6 @@ from softlab.gpu_backend.core.launch import Graphs, can_capture
 from softlab.gpu_backend.core.quads import SIZE
 from softlab.gpu_backend.core.sheet import BLOCK, make_cloth_tools
 from softlab.gpu_backend.core.substeps import SubstepSimulation
-from softlab.gpu_backend.shape_matching.matching import Matching
 from softlab.gpu_backend.xpbd.choice import xpbd_kernel
 from softlab.gpu_backend.xpbd.constraints import compliant
 from softlab.gpu_backend.xpbd.kernels import (
@@ -83,15 +82,17 @@ class PositionBased(SubstepSimulation):
 
     # ------------------------------------------------------------------ arrays
 
+    def _make_matching(self) -> Any:
+        """Return what takes the place of constraints (gpu_backend/shape_matching/grid_solver.py), or None."""
+        return None
+
     def _allocate(self) -> None:
         scene = self.scene
         self._allocate_quads(collider_numbers(scene, self.real))
         self.scratch = self.new_array()
         inverse, mass = self.body.inverse_mass, scene.grid.mass  # their product may be 1 minus rounding
         self._weight = np.where(inverse == 1 / mass, 1.0, inverse * mass).astype(self.real)
-        self.matching: Matching | None = None
-        if scene.method.matches_shapes:
-            self.matching = Matching(scene, self.real, self.options.math, self._grid, self.stream)
+        self.matching = self._make_matching()
         self.contacts = None
         if scene.self_collision:
             self.contacts = Contacts(scene, self.body, self.real, self.options.math, self._weight, self.stream)

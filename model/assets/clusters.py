@@ -264,3 +264,12 @@ def _check(clusters: Clusters) -> None:
         raise InputError(f"coefficient {coefficients[wrong[0]]:g} at {int(wrong[0])}: must be in [0, 1]")
     if not (clusters.stiffness >= 0).all():
         raise InputError("cluster stiffnesses must be at least 0 (1/s^2), inf for rigid ones")
+
+
+def whole_clusters(clusters: Clusters) -> np.ndarray:
+    """Return which clusters are rigid, have at least two particles, and share none of them, (clusters,) bool."""
+    sizes, count = np.diff(clusters.offsets), clusters.count
+    found = np.isinf(clusters.stiffness) & (sizes > 1) & (np.bincount(clusters.owner, clusters.shares != 1, count) == 0)
+    if clusters.material is not None:  # no effect on flat ones
+        found &= ((clusters.material.linear == 0) & (clusters.material.creep == 0)) | clusters.flat
+    return np.asarray(found)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from softlab.model.assets.clusters import whole_clusters
 from softlab.model.core.parameters import rounded_record
 from softlab.model.scene.scene import Scene
 
@@ -122,4 +123,21 @@ def contact_parts(scene: Scene) -> frozenset[str]:
         found.add("sleeping")
     if part.restitution > 0:
         found.add("contact-restitution")
+    return frozenset(found)
+
+
+def rigid_parts(scene: Scene) -> frozenset[str]:
+    """Return the features of rigid bodies that need code.
+
+    `rigid-motion`: conserves their momenta (model/formulas/shape_matching/rigid.py); `rigid-rebound`: from colliders;
+    `rigid-bounce` and `contact-restitution`: from each other. They are needed without restitution, too: where only
+    single particles are stopped, their goals undo it.
+    """
+    if not whole_clusters(scene.body_set.alike.loose).any():
+        return frozenset()
+    found = {"rigid-motion"}
+    if scene.colliders:
+        found.add("rigid-rebound")
+    if scene.contact is not None:
+        found |= {"rigid-bounce", "contact-restitution"}
     return frozenset(found)

@@ -35,8 +35,7 @@ WINDOWS = replace(
     accepts=lambda scene: scene.method.matches_shapes and not (scene.bodies or scene.tetrahedra or scene.fluids),
     stored=_stored_in_windows,
     solvers={
-        "cpu": "softlab.cpu_backend.shape_matching.grid_solver:ShapeMatching",
-        "gpu": SHEET.solvers["gpu"],
+        backend: f"softlab.{backend}_backend.shape_matching.grid_solver:ShapeMatching" for backend in ("cpu", "gpu")
     },
     reference="softlab.bench.reference.shape_matching",
     reach=None,

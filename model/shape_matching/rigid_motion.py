@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from softlab.model.assets.clusters import Clusters
+from softlab.model.assets.clusters import Clusters, whole_clusters
 from softlab.model.formulas.shape_matching.cluster import LANES
 from softlab.model.geometry.arithmetic.ordered import norm
-from softlab.model.shape_matching.rigid_rebound import whole_clusters
 
 ROTATION = 4  # roundings of a body's size in a goal: of a rotation's row and of a rest offset's displacement
 

@@ -23,17 +23,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from softlab.model.assets.clusters import Clusters
-from softlab.model.scene.scene import Scene
-
-
-def whole_clusters(clusters: Clusters) -> np.ndarray:
-    """Return which clusters are rigid, have at least two particles, and share none of them, (clusters,) bool."""
-    sizes, count = np.diff(clusters.offsets), clusters.count
-    found = np.isinf(clusters.stiffness) & (sizes > 1) & (np.bincount(clusters.owner, clusters.shares != 1, count) == 0)
-    if clusters.material is not None:  # no effect on flat ones
-        found &= ((clusters.material.linear == 0) & (clusters.material.creep == 0)) | clusters.flat
-    return np.asarray(found)
+from softlab.model.assets.clusters import Clusters, whole_clusters
 
 
 def rebound_limits(clusters: Clusters) -> np.ndarray:
@@ -46,20 +36,3 @@ def rebound_limits(clusters: Clusters) -> np.ndarray:
     np.minimum.at(lightest, clusters.owner, clusters.masses)
     limits: np.ndarray = np.where(whole_clusters(clusters), clusters.cluster_mass / lightest, 0.0)
     return limits
-
-
-def rigid_parts(scene: Scene) -> frozenset[str]:
-    """Return the features of rigid bodies that need code.
-
-    `rigid-motion`: conserves their momenta (model/formulas/shape_matching/rigid.py); `rigid-rebound`: from colliders;
-    `rigid-bounce` and `contact-restitution`: from each other. They are needed without restitution, too: where only
-    single particles are stopped, their goals undo it.
-    """
-    if not whole_clusters(scene.body_set.alike.loose).any():
-        return frozenset()
-    found = {"rigid-motion"}
-    if scene.colliders:
-        found.add("rigid-rebound")
-    if scene.contact is not None:
-        found |= {"rigid-bounce", "contact-restitution"}
-    return frozenset(found)

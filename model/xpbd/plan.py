@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from softlab.model.contact.particle_parameters import contact_parts
+from softlab.model.contact.particle_parameters import contact_parts, rigid_parts
 from softlab.model.contact.sheet_plan import WIND, cloth_parts, own_stages
 from softlab.model.core.plan import Node, Plan, Stage
 from softlab.model.formulas import colliders, contact, distance, particle_contact
@@ -13,7 +13,6 @@ from softlab.model.formulas.shape_matching import grid as shape_matching
 from softlab.model.scene.cloth import SPRING_KINDS
 from softlab.model.scene.parts import Elastic
 from softlab.model.scene.scene import Scene
-from softlab.model.shape_matching.rigid_rebound import rigid_parts
 
 JACOBI = frozenset({"jacobi", "averaged-jacobi"})  # orderings: all constraints at one position
 BODIES_LOOKED_AT = 27  # particles of the cells around one, in a lattice

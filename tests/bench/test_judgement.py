@@ -12,8 +12,8 @@ from softlab.bench.experiments.accuracy import judge
 from softlab.bench.experiments.accuracy import judgement as j
 from softlab.bench.experiments.accuracy.equal_error import TARGETS, equal_error, fastest
 from softlab.bench.experiments.accuracy.points import AccuracyPoint, AccuracySummary, point
+from softlab.bench.experiments.growth import LOOKS, Growth, disturbance, growth_words, measure_growth
 from softlab.bench.reference.cache import Converged
-from softlab.bench.reference.growth import LOOKS, Growth, disturbance, growth_words, measure_growth
 from softlab.bench.reference.mass_spring import start
 from softlab.bench.store.results import Measure, configuration
 from softlab.model.core.build import build

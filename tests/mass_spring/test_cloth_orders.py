@@ -10,9 +10,9 @@ import pytest
 from cloth_solve import accelerations, cloth, each_solver, solve
 
 from softlab.bench.experiments.accuracy.judge import judge_run
+from softlab.bench.experiments.growth import growth_along, measure_growth
 from softlab.bench.reference import cache
 from softlab.bench.reference import mass_spring as reference
-from softlab.bench.reference.growth import growth_along, measure_growth
 from softlab.model.core.build import build
 from softlab.model.core.errors import Diverged, SceneError
 from softlab.model.core.families import stability_limit

@@ -38,7 +38,7 @@ SHARED = {
     },  # and in which order of colours
     "fluid.py": {"softlab.model.fluid.measure"},  # who is near to whom, by a k-d tree, which no solver asks
     "fluid_world.py": {
-        "softlab.model.fluid.fluid_set",
+        "softlab.model.geometry.particle_row",
         "softlab.model.scene.colliders.mesh_collider",
         "softlab.model.scene.colliders.distance_field",
     },

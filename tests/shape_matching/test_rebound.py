@@ -14,8 +14,9 @@ from bodies_scenes import BAR, bodies_scene, by_hand, clusters_of, end_state, me
 from rebound_scenes import BRICK, FLOOR, among_soft_ones, dropped
 
 from softlab.bench.reference import shape_matching as reference
+from softlab.model.assets.clusters import whole_clusters
 from softlab.model.scene.scene import Scene
-from softlab.model.shape_matching.rigid_rebound import rebound_limits, whole_clusters
+from softlab.model.shape_matching.rigid_rebound import rebound_limits
 from softlab.model.xpbd.plan import xpbd_parts, xpbd_plan
 
 G = 9.81

@@ -4,7 +4,7 @@ S1 (`lab-curtain`) and S2 (`lab-hammock`) run to 1.5 s. The damped net contracts
 and the distance to the reference is meaningful. The reference is RK4 at h and h/2 with Richardson extrapolation in
 NumPy float64 (bench/reference/), with an estimate of its own error; a point whose error is less than ten times that
 estimate is marked as not resolved. A second reference run, disturbed by 1e-9, gives the growth factor that is reported
-beside every error; above 1e3 the error is refused (bench/reference/growth.py). Runs that diverge are points with an
+beside every error; above 1e3 the error is refused (bench/experiments/growth.py). Runs that diverge are points with an
 infinite error and a reason, because where a method breaks is a result.
 
 S4 (`cloth-wind`), a cloth in wind, runs to 1.0 s, and S5 (`cloth-drop`), a cloth that falls on a ball, to 0.5 s; both
@@ -46,12 +46,12 @@ from softlab.bench.experiments.accuracy.points import (
 )
 from softlab.bench.experiments.accuracy.references import converged_for, growth_for, motion_of, references
 from softlab.bench.experiments.accuracy.solver_error import Iterated, solver_numbers
+from softlab.bench.experiments.growth import Growth
 from softlab.bench.measure.costs_timing import Effort
 from softlab.bench.measure.experiment import Tell, backends_here, chosen, keep, resume
 from softlab.bench.measure.samples import in_turns
 from softlab.bench.measure.timing import Subject, prepare_run
 from softlab.bench.reference import cache
-from softlab.bench.reference.growth import Growth
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import by_configuration, measures_of, timings
 from softlab.bench.store.schema import configuration_hash

@@ -1,6 +1,6 @@
 """Measures of the end state of one run: its error or the reason why there is none, and statistics.
 
-Where the motion is chaotic at that time (bench/reference/growth.py) the distance to the reference is refused: the error
+Where the motion is chaotic at that time (bench/experiments/growth.py) the distance to the reference is refused: the error
 is infinite, with a reason that begins with `REFUSED`. What can still be compared with the reference are statistics: the
 energy, the centre of mass, the largest strain and the momentum.
 """
@@ -12,8 +12,8 @@ import math
 import numpy as np
 
 from softlab.bench.experiments.accuracy.judge import distance
+from softlab.bench.experiments.growth import DISTURBANCE, Growth
 from softlab.bench.reference.cache import Converged
-from softlab.bench.reference.growth import DISTURBANCE, Growth
 from softlab.model.core.build import masses
 from softlab.model.core.energy import energies, spring_strain
 from softlab.model.core.errors import Diverged

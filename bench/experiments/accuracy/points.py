@@ -10,8 +10,8 @@ from typing import Any, Protocol, TypeVar
 from softlab.bench.experiments.accuracy import judgement
 from softlab.bench.experiments.accuracy.equal_error import Fastest, equal_error
 from softlab.bench.experiments.accuracy.methods import WRONG, efforts
+from softlab.bench.experiments.growth import growth_words
 from softlab.bench.measure.experiment import Summary
-from softlab.bench.reference.growth import growth_words
 from softlab.bench.store.method_name import name_of
 from softlab.bench.store.results import Timing
 from softlab.bench.store.schema import tables_by_kind

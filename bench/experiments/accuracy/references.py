@@ -27,9 +27,9 @@ from softlab.app.driver import open_simulation
 from softlab.bench.experiments.accuracy.judge import SECONDS_PER_EVALUATION, evaluation_seconds, fastest_rate
 from softlab.bench.experiments.accuracy.methods import newton, why_unknown
 from softlab.bench.experiments.accuracy.points import AT_REST
+from softlab.bench.experiments.growth import LOOKS, Growth, growth_along, kept_growth
 from softlab.bench.measure.experiment import source_hash
 from softlab.bench.reference import cache, rope
-from softlab.bench.reference.growth import LOOKS, Growth, growth_along, kept_growth
 from softlab.bench.reference.mass_spring import simulate, smooth, start
 from softlab.bench.reference.richardson import refine
 from softlab.bench.store.database import Store
@@ -167,7 +167,7 @@ def own_converged(scene: Scene, time: float, tolerance: float = cache.TOLERANCE)
 
 
 def own_growth(scene: Scene, time: float) -> Growth:
-    """Return the growth like bench.reference.growth.measure_growth, by this lab's own solver."""
+    """Return the growth like bench.experiments.growth.measure_growth, by this lab's own solver."""
     velocity, inverse_mass = start(scene)[1], build(scene).inverse_mass
 
     def path(position: np.ndarray, count: int) -> list[np.ndarray]:

@@ -1,7 +1,7 @@
 """`softlab ablate`: drop one part of a scene or make one setting cheaper at a time, and measure both sides.
 
 The error of every run is that against the full scene's converged reference, reported with the growth of a disturbance
-(bench/reference/growth.py). The verdict depends on the change, the distance to the full scene's own run at the same time:
+(bench/experiments/growth.py). The verdict depends on the change, the distance to the full scene's own run at the same time:
 if it is less than the full scene's own error, the effect of the part cannot be distinguished from the method's error,
 and the part is not needed at this step size. If the motion is chaotic by then there is no verdict, and statistics are
 shown instead.
@@ -49,12 +49,12 @@ from softlab.bench.experiments.advise.ablation_results import (
     tables_of,
 )
 from softlab.bench.experiments.advise.experiment import REFERENCE_SECONDS
+from softlab.bench.experiments.growth import Growth
 from softlab.bench.measure.experiment import Tell, backends_here, keep, resume
 from softlab.bench.measure.samples import in_turns
 from softlab.bench.measure.timing import Subject, prepare_run
 from softlab.bench.reference import cache
 from softlab.bench.reference.cache import Converged
-from softlab.bench.reference.growth import Growth
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import measures_of
 from softlab.bench.store.schema import configuration_hash

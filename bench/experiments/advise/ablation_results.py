@@ -15,9 +15,9 @@ from softlab.bench.experiments.accuracy.judgement import RESOLVED
 from softlab.bench.experiments.advise.ablation import ARITHMETIC, COARSER, FINER, FULL, INTEGRATOR, PART
 from softlab.bench.experiments.advise.advice import NOISE
 from softlab.bench.experiments.advise.search import FLOOR
+from softlab.bench.experiments.growth import MAX_GROWTH, growth_words
 from softlab.bench.measure.experiment import Summary
 from softlab.bench.reference.cache import TOLERANCE
-from softlab.bench.reference.growth import MAX_GROWTH, growth_words
 from softlab.bench.store.method_name import name_of
 from softlab.bench.store.results import Measure
 from softlab.bench.store.schema import tables_by_kind

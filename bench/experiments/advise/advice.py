@@ -7,7 +7,7 @@ from typing import Any
 
 from softlab.bench.experiments.accuracy.methods import changes
 from softlab.bench.experiments.accuracy.points import method_words
-from softlab.bench.reference.growth import DISTURBANCE, growth_words
+from softlab.bench.experiments.growth import DISTURBANCE, growth_words
 from softlab.model.scene.scene import Scene
 
 NOISE = 1.1  # times whose ratio is smaller are called equal

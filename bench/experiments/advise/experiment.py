@@ -28,11 +28,11 @@ from softlab.bench.experiments.accuracy.references import (
 )
 from softlab.bench.experiments.advise.advice import Advice
 from softlab.bench.experiments.advise.search import Kind, Search, Task, disturbed
+from softlab.bench.experiments.growth import MAX_GROWTH, Growth
 from softlab.bench.measure.experiment import backends_here
 from softlab.bench.measure.machine import enter_machine
 from softlab.bench.measure.progress import progress_bar
 from softlab.bench.reference import cache
-from softlab.bench.reference.growth import MAX_GROWTH, Growth
 from softlab.bench.store.database import Store
 from softlab.bench.store.versions import code_version
 from softlab.model.core.build import pinned_indices

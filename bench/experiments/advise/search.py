@@ -18,11 +18,11 @@ from softlab.bench.experiments.accuracy.methods import changes, order_of, sweeps
 from softlab.bench.experiments.accuracy.points import COPY, method_words
 from softlab.bench.experiments.advise.advice import Choice
 from softlab.bench.experiments.advise.bracket import TIGHT, Tried, next_steps
+from softlab.bench.experiments.growth import Growth
 from softlab.bench.measure.case_timing import ready
 from softlab.bench.measure.experiment import keep
 from softlab.bench.measure.samples import in_turns
 from softlab.bench.reference.cache import Converged
-from softlab.bench.reference.growth import Growth
 from softlab.bench.reference.mass_spring import start
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import Timing, measures, timings

@@ -13,8 +13,8 @@ from softlab.bench.experiments.accuracy.cases import cases, make_case
 from softlab.bench.experiments.accuracy.experiment import run_accuracy
 from softlab.bench.experiments.accuracy.judge import distance
 from softlab.bench.experiments.accuracy.references import LEFT, converged_for, growth_for, motion_of
+from softlab.bench.experiments.growth import measure_growth
 from softlab.bench.reference import cloth, implicit, mass_spring, rope, steps
-from softlab.bench.reference.growth import measure_growth
 from softlab.bench.store.database import Store
 from softlab.model.core.energy import energies
 from softlab.model.core.errors import SceneError

@@ -14,10 +14,10 @@ from softlab.bench.experiments.advise import ablation
 from softlab.bench.experiments.advise.ablate import ablate
 from softlab.bench.experiments.advise.ablation import COARSER, FINER
 from softlab.bench.experiments.advise.ablation_results import GAINS, NEEDED, NOT_NEEDED, UNTOLD
+from softlab.bench.experiments.growth import MAX_GROWTH
 from softlab.bench.measure import samples, timing
 from softlab.bench.measure.timing import Sample
 from softlab.bench.reference import cache
-from softlab.bench.reference.growth import MAX_GROWTH
 from softlab.bench.store.database import Store
 from softlab.labbook.claims.ablation import CLAIMS, typeset
 from softlab.model.core.errors import SceneError

@@ -11,8 +11,8 @@ from softlab.bench.experiments.accuracy.references import held_converged
 from softlab.bench.experiments.advise import ablation
 from softlab.bench.experiments.advise.ablation import COARSER, FINER, FULL, INTEGRATOR, PART, Ablation, ablations
 from softlab.bench.experiments.advise.ablation_results import GAINS, NEEDED, NOT_NEEDED, UNTOLD, Ablated, AblationRow
+from softlab.bench.experiments.growth import MAX_GROWTH
 from softlab.bench.reference import cache
-from softlab.bench.reference.growth import MAX_GROWTH
 from softlab.bench.reference.philox import random_directions
 from softlab.model.core.errors import SceneError
 from softlab.model.core.integrators import INTEGRATORS

@@ -25,10 +25,10 @@ from softlab.bench.experiments.advise import search as advise_search
 from softlab.bench.experiments.advise.advice import Advice, Choice
 from softlab.bench.experiments.advise.bracket import TIGHT, next_steps
 from softlab.bench.experiments.advise.experiment import advise
+from softlab.bench.experiments.growth import MAX_GROWTH, kept_growth, measure_growth
 from softlab.bench.measure import samples, timing
 from softlab.bench.measure.timing import Sample
 from softlab.bench.reference import cache
-from softlab.bench.reference.growth import MAX_GROWTH, kept_growth, measure_growth
 from softlab.bench.store.database import Store
 from softlab.model.core.errors import SceneError
 from softlab.model.core.integrators import INTEGRATORS
