@@ -218,4 +218,4 @@ def among(
     around = np.empty(len(kept), object)
     for at, n in enumerate(kept):
         around[at] = every[np.isin(every, corners[n]).any(axis=1)]
-    return Touching(*(a[kept] for a in (vertex, triangle, corners, weights, normal, held, length)), around)
+    return Touching(*[*(a[kept] for a in (vertex, triangle, corners, weights, normal, held, length)), around])
