@@ -29,7 +29,6 @@ from softlab.model.core.errors import Diverged, Incomplete, InputError, SceneErr
 from softlab.model.core.memory import available_bytes, require
 from softlab.model.core.options import PRECISIONS
 from softlab.model.core.simulation import Simulation, State
-from softlab.model.core.stability.damping import damping_lines
 from softlab.model.core.stability.divergence import MIN_INTERVAL
 from softlab.model.core.stability.laws import limit_notes
 from softlab.model.core.stability.resolution import resolution_line
@@ -41,6 +40,7 @@ from softlab.model.fluid.speeds import speed_lines
 from softlab.model.scene.resting import resting_notes
 from softlab.model.scene.scene import Scene
 from softlab.model.scene.sheets import mesh_lines, rest_lines
+from softlab.model.tetrahedra.damping_load import damping_lines
 
 WARM_UP_STEPS = 512  # on a real GPU: enough to capture every graph that a long run replays
 PROGRESS_SECONDS = 0.2  # interval of the progress bar

@@ -10,9 +10,12 @@ from softlab.app.window.frame_times import FrameTimes
 from softlab.app.window.looks import Looks
 from softlab.app.window.panes import Pane
 from softlab.app.window.shots import Shots
-from softlab.model.core.errors import Diverged
+from softlab.model.core.components import component
+from softlab.model.core.errors import BackendUnavailable, Diverged
 from softlab.model.core.simulation import State
 from softlab.model.scene.scene import Scene
+
+PANEL = "softlab.app.window.panel.panel:Panel"  # an optional component
 
 Judge = Callable[[Scene, State, Diverged | None], tuple[float | None, str | None]]
 
@@ -79,3 +82,37 @@ class Shown(Protocol):
     def close(self) -> bool: ...
     def world_at(self, x: float, y: float) -> int: ...
     def drop_place(self, x: float, y: float) -> tuple[float, float, float]: ...
+
+
+def panel_of(viewer: Shown) -> Any:
+    """Return the panel of a window, or what stands for it: closed, and A says what to install."""
+    try:
+        return component(PANEL, "the panel")(viewer)
+    except BackendUnavailable as missing:
+        return WithoutPanel(viewer, str(missing))
+
+
+class WithoutPanel:
+    """What a window asks of its panel (`Panel` of app/window/panel/panel.py), where there is none."""
+
+    open, width, takes_keys = False, 0, False
+
+    def __init__(self, viewer: Shown, missing: str):
+        self._viewer, self._missing = viewer, missing
+
+    def toggle(self) -> None:
+        self._viewer.demo.say(self._missing)
+
+    def _leave(self, *_: Any) -> bool:
+        """Take neither keys nor mouse."""
+        return False
+
+    key = text = moved = pressed = released = scrolled = _leave
+
+    def lay_out(self) -> None: ...
+
+    def draw(self) -> None: ...
+
+    def told(self) -> None: ...
+
+    def close(self) -> None: ...

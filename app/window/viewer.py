@@ -25,9 +25,8 @@ from softlab.app.window.looks import Looks
 from softlab.app.window.overlay import Overlay
 from softlab.app.window.panes import GAP, Pane, check_alike, panes
 from softlab.app.window.shots import Shots
-from softlab.app.window.shown import Judge
+from softlab.app.window.shown import Judge, panel_of
 from softlab.app.window.stillness import Stillness
-from softlab.app.window.without_panel import panel_of
 from softlab.model.scene.scene import Scene
 
 WIDTH, HEIGHT = 1200, 900

@@ -67,11 +67,11 @@ def test_a_shared_scene_needs_its_domains(tmp_path, part, backend, gpus, ranks):
 
 
 def test_a_window_without_its_panel_says_so(monkeypatch):
-    from softlab.app.window import without_panel
+    from softlab.app.window import shown
 
-    monkeypatch.setattr(without_panel, "PANEL", "softlab.app.window.no_panel:Panel")
+    monkeypatch.setattr(shown, "PANEL", "softlab.app.window.no_panel:Panel")
     said: list[str] = []
-    panel = without_panel.panel_of(SimpleNamespace(demo=SimpleNamespace(say=said.append)))
+    panel = shown.panel_of(SimpleNamespace(demo=SimpleNamespace(say=said.append)))
     panel.toggle()
     assert not panel.open and "softlab.app.window.no_panel" in said[0] and "pip install" in said[0]
     asked = ("toggle", "key", "text", "moved", "pressed", "released", "scrolled", "lay_out", "draw", "told", "close")

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from softlab.app.command.run import Request, run_scene
-from softlab.model.core.stability.damping import UNRESOLVED, damping_lines, damping_load
 from softlab.model.scene.scene import Scene, load_scene
+from softlab.model.tetrahedra.damping_load import UNRESOLVED, damping_lines, damping_load
 
 CATALOGUE = Path(__file__).parents[2] / "model" / "catalogue"
 BODIES = sorted(path.stem for path in CATALOGUE.glob("*.toml") if "tetrahedral_body" in path.read_text())

@@ -81,7 +81,7 @@ REMARKS: tuple[Remark, ...] = (
         "more than sweeps resolve holds up loads at rest: with tau h E / (rho e^2) over the iterations (e the mean edge) at "
         "1, 2, 3 and 5 the lowest tetrahedra of a ball (0.5 m, 3e5 Pa) on a floor keep 0.75, 0.7, 0.6 and 0.4 of their "
         "volume; a run says so above 5",
-        "measured; model/core/stability/damping.py",
+        "measured; model/tetrahedra/damping_load.py",
     ),
     Remark(
         "tetrahedra, xpbd with few substeps",
