@@ -21,8 +21,8 @@ from softlab.model.core.clock import START, Clock, clock_of
 from softlab.model.core.energy import energies
 from softlab.model.core.errors import Diverged, InputError, SceneError
 from softlab.model.core.families import family_of, stability_limit
+from softlab.model.core.family import OF_ALL, Output
 from softlab.model.core.options import PRECISIONS, Options, check_live
-from softlab.model.core.outputs import OF_ALL, Output
 from softlab.model.core.plan import Executor, Plan, StageRun
 from softlab.model.core.stability.divergence import DIVERGED_SIZE, check_interval
 from softlab.model.core.state import State, checked_arrays, checked_clusters, every_plastic

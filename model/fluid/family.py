@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from math import hypot, inf, sqrt
 
-from softlab.model.core.family import SolverFamily
-from softlab.model.core.outputs import STRAIN, Output
+from softlab.model.core.family import STRAIN, Output, SolverFamily
 from softlab.model.core.stability.laws import RESTS
 from softlab.model.fluid.halo import fluid_halo
 from softlab.model.fluid.measure import density_errors, pressures

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from softlab.model.core.outputs import Output
+from softlab.model.core.family import Output
 from softlab.model.core.state import every_plastic
 from softlab.model.scene.scene import Scene
 

@@ -9,7 +9,7 @@ import pytest
 
 from softlab.app.driver import open_simulation
 from softlab.model.core.errors import SceneError
-from softlab.model.core.outputs import Output
+from softlab.model.core.family import Output
 from softlab.model.fluid.family import FLUID
 from softlab.model.scene.scene import Scene
 

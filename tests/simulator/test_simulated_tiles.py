@@ -17,6 +17,7 @@ from numba.cuda.simulator import kernelapi
 
 import softlab.gpu_backend.mass_spring.cloth.launch as cloth_launch
 import softlab.gpu_backend.mass_spring.grid.tile_launch as tile_launch
+import softlab.gpu_backend.tetrahedra.resident_launch as resident_launch
 from softlab.app.driver import open_simulation
 from softlab.gpu_backend.core.tiling import owned, tile_count
 from softlab.gpu_backend.mass_spring.grid.choice import parsed_tile
@@ -122,7 +123,7 @@ def blocks_together(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 
     monkeypatch.setattr(simulator_kernel, "BlockManager", Together)
     monkeypatch.setattr(kernelapi.FakeCUDAShared, "array", array)
-    for module in (tile_launch, cloth_launch):
+    for module in (tile_launch, cloth_launch, resident_launch):
         monkeypatch.setattr(module, "device_limits", lambda: (64, 1 << 20))
     yield
 
