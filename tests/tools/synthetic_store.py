@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from softlab.bench.experiments.accuracy.experiment import STAGE
-from softlab.bench.experiments.accuracy.judgement import ERROR, GROWTH, HALF
+from softlab.bench.experiments.accuracy.judgement import ERROR, GROWTH, HALF, UNRESOLVED
 from softlab.bench.experiments.accuracy.points import COPY, COST
 from softlab.bench.experiments.findings import experiment as findings
 from softlab.bench.experiments.stability.experiment import analytic, chain
@@ -273,17 +273,17 @@ class Maker:
         for name, value in numbers.items():
             self.store.add_measure(self.run, description, "sources", name, value, "", "made up")
 
-    def point(self, scene_name, integrator, dt, error, cost, half, precision, backend) -> None:
+    def point(self, scene_name, integrator, dt, error, cost, half, precision, backend, **how) -> None:
         """One accuracy run."""
         scene = load_scene(scene_name).replace({"method.integrator": integrator, "method.dt": dt})
-        self.point_of(scene, error, cost, half, precision, backend)
+        self.point_of(scene, error, cost, half, precision, backend, **how)
 
-    def point_of(self, scene, error, cost, half=None, precision="float64", backend="cpu") -> None:
+    def point_of(self, scene, error, cost, half=None, precision="float64", backend="cpu", unresolved=None) -> None:
         """The same of any scene."""
         dt = scene.method.dt
         threads = self.record["cores"] if backend == "cpu" else None
         description = configuration(scene, backend=backend, threads=threads, precision=precision)
-        names = {ERROR: error, HALF: half, COST: cost, COPY: 2e-5, GROWTH: 0.09}
+        names = {ERROR: error, HALF: half, COST: cost, COPY: 2e-5, GROWTH: 0.09, UNRESOLVED: unresolved}
         for name, value in names.items():
             if value is not None:
                 self.store.add_measure(self.run, description, "sources", name, value, "", "made up")
