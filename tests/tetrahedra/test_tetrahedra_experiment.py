@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
 from math import nan
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -23,18 +26,22 @@ from softlab.bench.experiments.tetrahedra import (
     run_tetrahedra,
     settings,
 )
+from softlab.bench.experiments.tetrahedral import cantilever as cantilever_module
 from softlab.bench.experiments.tetrahedral.bars import Bar, bars
 from softlab.bench.experiments.tetrahedral.cantilever import (
     BLOCKS,
     bending_frequency,
     cantilever,
     continuum_sag,
+    exact_drop,
     exact_rest,
+    lacking,
     sag,
 )
 from softlab.bench.experiments.tetrahedral.decides import decisions, targets
 from softlab.bench.measure.costs_timing import SECONDS
 from softlab.bench.measure.experiment import described
+from softlab.bench.measure.machine import enter_machine
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import measures
 from softlab.labbook.claims.tetrahedra import CLAIMS
@@ -74,6 +81,57 @@ def store(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Store]:
             summary = run_tetrahedra(opened, quick=True, backends=["cpu"], precisions=["float64"], progress=False)
         assert summary.measured == 1
         yield opened
+
+
+def test_rows_and_references_outlast_an_interruption(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ctrl-C in the first Newton steps of the exact rest: the vibrations and the steps are stored; then before the times."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    for made in (exact_rest, exact_drop, cantilever_module._modes):
+        made.cache_clear()
+    assert lacking(1) == ["modes", "rest"]
+    steps: list[np.ndarray] = []
+    whole = cantilever_module.nonlinear_static
+
+    def interrupted(*arguments: Any, watch: Any, **options: Any) -> np.ndarray:
+        def stop(x: np.ndarray) -> None:
+            watch(x)
+            steps.append(x)
+            if len(steps) == 2:
+                raise KeyboardInterrupt
+
+        return whole(*arguments, watch=stop, **options)
+
+    said: list[str] = []
+    for name in ("drop", "settle"):  # motions of the solver, which are not at issue
+        monkeypatch.setattr(tetrahedra, name, lambda *_: 0.1)
+    monkeypatch.setattr(tetrahedra, "prepare", lambda subject, *_: subject)
+    with Store(tmp_path / "results.sqlite") as opened:
+        (group,) = groups(opened, ["cpu"], True, ["float64"], young=[1e6], solvers=["xpbd"])
+        group = replace(group, measure=partial(tetrahedra._bar, 1, 1e6, [cantilever(1, 1e6, "xpbd", 4, 1)],
+                                               group.descriptions[:1], tetrahedra.QUICK))  # fmt: skip
+        machine = enter_machine(opened)
+        run = opened.start_run(machine, "test")
+        monkeypatch.setattr(cantilever_module, "nonlinear_static", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            group.run(opened, run, said.append)
+        assert lacking(1) == ["rest"]
+
+        def noted(*arguments: Any, start: np.ndarray, **options: Any) -> np.ndarray:
+            steps.append(start)
+            return whole(*arguments, start=start, **options)
+
+        monkeypatch.setattr(cantilever_module, "nonlinear_static", noted)
+        monkeypatch.setattr(tetrahedra, "in_turn", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
+        with pytest.raises(KeyboardInterrupt):
+            group.run(opened, run, said.append)
+        np.testing.assert_array_equal(steps[2], steps[1])  # goes on where it was
+        assert lacking(1) == []
+        assert any("exact rest" in text for text in said) and any("vibrations" in text for text in said)
+        stored = {measure.name for measure in measures(opened)}
+        assert {tetrahedra.MOTION_ERROR, tetrahedra.SOLVER_ERROR, tetrahedra.MESH_ERROR} <= stored
+        assert not group.held(opened, machine)
+    for made in (exact_rest, exact_drop, cantilever_module._modes):
+        made.cache_clear()
 
 
 def test_both_errors_are_told_apart(store: Store) -> None:
