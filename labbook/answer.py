@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from itertools import groupby
 from math import isinf
 
-from softlab.bench.experiments.accuracy.methods import changes, fits
+from softlab.bench.experiments.accuracy.methods import admitted, changes
 from softlab.bench.experiments.accuracy.points import CLOTHS, SCENES, SIZES, SUSPECT_NOTE, method_words
 from softlab.labbook import words
 from softlab.labbook.tables import DASH, Table, table
@@ -128,10 +128,10 @@ def _scene(label: str) -> tuple[str, str]:
 
 def _admitted(labels: Mapping[str, object]) -> str:
     """Return which methods a scene admits, where these are not all; with a space after it."""
-    loaded = [label for label in labels if not fits(_resolved_scene(label), "rk4")]
-    if not loaded:
-        return ""
-    return f"{words.listed(loaded)}: only position-based solvers were admitted, since no other supports loads. "
+    told: dict[str, list[str]] = {}
+    for label in labels:
+        told.setdefault(admitted(_resolved_scene(label)), []).append(label)
+    return "".join(f"Admitted in {words.listed(mine)}: {text}. " for text, mine in told.items() if text)
 
 
 def _row(answer: Answer, marks: Mapping[Source, str]) -> list[str]:

@@ -4,18 +4,13 @@ from __future__ import annotations
 
 from softlab.bench.experiments.findings.determinism import DETERMINISM, RUNS
 from softlab.labbook import words
-from softlab.labbook.claims.claim import Claim, Claims, on_gpu
+from softlab.labbook.claims.claim import Claim, Claims, named, on, on_gpu
 from softlab.labbook.words import percent
 from softlab.plots.core.backends import on_backends
-from softlab.plots.core.data import Results, Source
+from softlab.plots.core.data import Results
 from softlab.plots.findings.points import Cost, costs, look_costs
 
 BOUND = 1.0  # per cent of the time: largest cost of the divergence check
-NAMES = {"cpu": "the CPU", "gpu": "the GPU"}
-
-
-def _where(source: Source, backend: str) -> str:
-    return NAMES[backend] if backend == "cpu" else on_gpu(source).removeprefix("On ")
 
 
 def looks_cost(results: Results) -> Claim:
@@ -26,7 +21,7 @@ def looks_cost(results: Results) -> Claim:
         share = numbers[backend] = worst.share or 0.0
         busy = busy or any(cost.suspect for cost in found)
         parts.append(
-            f"{percent(share)} of the time on {_where(source, backend)} (the most of {len(found)} grids: "
+            f"{percent(share)} of the time on the {named(source, backend)} (the most of {len(found)} grids: "
             f"{words.masses(worst.particles)}, {worst.precision}, every {words.count(worst.interval)} steps)"
         )
     if not parts:
@@ -62,7 +57,8 @@ def determinism_cost(results: Results) -> Claim:
                 "runs ended in other bits than the first" + _coloured(ways, numbers)
             )
     if "cpu" in of:
-        ways = _largest(of["cpu"][1])
+        cpu, found = of["cpu"]
+        ways = _largest(found)
         told = [
             f"{text} {_compared(ways[way])} it takes"
             for way, text in (
@@ -76,8 +72,8 @@ def determinism_cost(results: Results) -> Claim:
             supported = supported or all(cost.least > 1 or cost.most < 1 for cost in ways.values())
             size = words.masses(next(iter(ways.values())).particles)
             parts.append(
-                f"On the CPU the lab's order is fixed and each spring still evaluated once, its pull carried to the other "
-                f"end: {words.listed(told)} ({size}, float32)"
+                f"{on(cpu, 'cpu')} the lab's order is fixed and each spring still evaluated once, its pull carried to the "
+                f"other end: {words.listed(told)} ({size}, float32)"
             )
     if not parts:
         return Claim("What determinism costs was not measured.")

@@ -208,9 +208,12 @@ def test_backends_that_disagree_are_called_a_bug() -> None:
     made = hard_claims.compare_backends(same)
     assert made.supported and "same in all 2 combinations" in made.sentence
     made = hard_claims.compare_backends([*same, row("B6", "pass"), row("B6", "fail", "gpu")])
-    assert not made.supported and made.numbers == {"different": 1, "pairs": 3}
+    assert not made.supported and made.numbers == {"different": 1, "pairs": 3, "alone": 0}
     where = "turned upward, disturbed, lab, float64: pass on the cpu, fail on the gpu."
     assert f"CPU and GPU differ in 1, a bug of this lab: {where}" in made.sentence
+    made = hard_claims.compare_backends([*same, row("B6", "fail"), row("B7", "pass", "gpu")])
+    assert made.numbers == {"different": 0, "pairs": 2, "alone": 2}
+    assert "same in all 2 combinations" in made.sentence and made.sentence.endswith("2 more ran on one backend alone.")
 
 
 # ---------------------------------------------------------------------- thin air
