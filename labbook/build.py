@@ -70,7 +70,11 @@ MAIN = (
     "references",
 )
 OWN_PAGE = ("answer", "gpu-design")  # these begin on a new page
-NOT_PRINTED = ("hard-states", "fluids-phases", "tetrahedra-total")  # figures for those who run the hard cases, or tune a fluid
+NOT_PRINTED = (
+    "hard-states",
+    "fluids-phases",
+    "tetrahedra-total",
+)  # figures for those who run the hard cases, or tune a fluid
 OPTIONAL = (  # claims whose paragraph is only printed if they were measured
     "fluids-column", "fluids-fastest", "fluids-dam", "fluids-viscosity", "fluids-drop", "fluids-peers", "fluids-rate",
     "hard-tetrahedra",
