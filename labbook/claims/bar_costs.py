@@ -6,7 +6,7 @@ import re
 
 from softlab.bench.experiments.bar_costs import CLOSE, Cost
 from softlab.labbook import words
-from softlab.labbook.claims.claim import SUSPECT, Claim, Claims, machines_apart, where
+from softlab.labbook.claims.claim import SUSPECT, Claim, Claims, where
 from softlab.plots.core.backends import on_backends
 from softlab.plots.core.data import Results
 from softlab.plots.figures.bar_costs import on
@@ -19,8 +19,7 @@ def costs_of(results: Results) -> Claim:
     parts: list[str] = []
     numbers: dict[str, float] = {}
     busy = False
-    chosen = on_backends(results, on)
-    for backend, source, found in chosen:
+    for backend, source, found in on_backends(results, on):
         near: dict[str, Cost] = {}
         for cost in sorted((c for c in found if c.close), key=lambda c: c.frame):
             near.setdefault(cost.solver, cost)
@@ -40,8 +39,7 @@ def costs_of(results: Results) -> Claim:
         return Claim("What the bar costs by each method was not measured.")
     suspect = SUSPECT if busy else ""
     return Claim(
-        f"Where sag and frequency are within {words.percent(CLOSE)} of the rod's, a frame takes {'; '.join(parts)}"
-        f"{machines_apart(source for _, source, _ in chosen)}{suspect}.",
+        f"Where sag and frequency are within {words.percent(CLOSE)} of the rod's, a frame takes {'; '.join(parts)}{suspect}.",
         numbers, True,
     )  # fmt: skip
 

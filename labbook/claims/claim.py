@@ -71,11 +71,6 @@ def committed_of(sources: Iterable[Source], backend: str) -> str:
     return next((source.bracket for source in ran), "")
 
 
-def machines_apart(sources: Iterable[Source]) -> str:
-    """Return a warning for a sentence that has times of several machines, else an empty string."""
-    return " (two machines: their times do not compare)" if len({source.machine.key for source in sources}) > 1 else ""
-
-
 MARK = " (suspect)"  # for one of several in a sentence
 SUSPECT = " (from times that are marked as suspect)"
 

@@ -7,19 +7,7 @@ from __future__ import annotations
 
 from softlab.bench.peers.registry import label
 from softlab.labbook import words
-from softlab.labbook.claims.claim import (
-    MARK,
-    SUSPECT,
-    Claim,
-    Claims,
-    cpu_source,
-    machines_apart,
-    named,
-    on,
-    on_gpu,
-    trusted,
-    where,
-)
+from softlab.labbook.claims.claim import MARK, SUSPECT, Claim, Claims, cpu_source, named, on, on_gpu, trusted, where
 from softlab.labbook.words import masses, percent, times
 from softlab.plots.core.apart import apart, too_few
 from softlab.plots.core.backends import on_backends
@@ -176,8 +164,7 @@ def peers(results: Results) -> Claim:
     """Time of a step of the grid by peers over the lab's, at the largest size that most of them ran on each backend."""
     parts: list[str] = []
     numbers: dict[str, float] = {}
-    chosen = on_backends(results, square_ratios)
-    for backend, source, found in chosen:
+    for backend, source, found in on_backends(results, square_ratios):
         right = [one for one in found if not one.wrong]
         sizes = [one.particles for one in right]
         size = max(sizes, key=lambda n: (sizes.count(n), n), default=0)
@@ -195,8 +182,7 @@ def peers(results: Results) -> Claim:
             parts.append(f"on {where(backend, source)}, at {masses(size)}, {words.listed(told)}{suspect}")
     if not parts:
         return Claim("Nothing was timed beside the lab.")
-    two = machines_apart(source for _, source, _ in chosen)
-    return Claim(f"A step of the grid takes, over the lab's time, {'; '.join(parts)}{two}.", numbers, True)
+    return Claim(f"A step of the grid takes, over the lab's time, {'; '.join(parts)}.", numbers, True)
 
 
 CLAIMS: Claims = {

@@ -161,8 +161,7 @@ def _changes(share: float) -> str:
 def exact_cost(results: Results) -> Claim:
     """Time of a step in exact math over that in fast math, by backend, in float32 at the largest size."""
     parts, numbers, supported = [], {}, False
-    chosen = on_backends(results, exact_pairs)
-    for backend, source, pairs in chosen:
+    for backend, source, pairs in on_backends(results, exact_pairs):
         fast, exact = pairs[-1]
         ratio = exact.median / fast.median
         numbers[backend] = ratio

@@ -9,7 +9,7 @@ from softlab.bench.experiments.fluid_truth.laws import start_off
 from softlab.bench.experiments.fluid_truth.rows import Judged
 from softlab.bench.experiments.fluid_truth.scenes import COLUMN, DAM, DROP, TANK, VORTICES
 from softlab.labbook import words
-from softlab.labbook.claims.claim import SUSPECT, Claim, Claims, machines_apart, where
+from softlab.labbook.claims.claim import SUSPECT, Claim, Claims, where
 from softlab.plots.core.backends import on_backends
 from softlab.plots.core.data import Results, Source
 from softlab.plots.figures.fluids import phases, truth
@@ -220,8 +220,7 @@ def rate(results: Results) -> Claim:
     """Particle-iterations per second at the largest pool, and the stage that takes longest."""
     parts: list[str] = []
     numbers: dict[str, float] = {}
-    chosen = on_backends(results, phases.on)
-    for backend, source, found in chosen:
+    for backend, source, found in on_backends(results, phases.on):
         point = found[-1]
         most = max(point.phases, key=lambda phase: point.phases[phase])
         numbers[backend] = point.rate
@@ -231,8 +230,7 @@ def rate(results: Results) -> Claim:
         )
     if not parts:
         return Claim("How many particles of a fluid a second are stepped was not measured.")
-    two = machines_apart(source for _, source, _ in chosen)
-    return Claim(f"Two substeps of three iterations: {'; '.join(parts)}{two}.", numbers, True)
+    return Claim(f"Two substeps of three iterations: {'; '.join(parts)}.", numbers, True)
 
 
 def _rate(value: float) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from softlab.bench.measure.starts import COLD, WARM
 from softlab.labbook import words
-from softlab.labbook.claims.claim import Claim, Claims, machines_apart, on, trusted, where
+from softlab.labbook.claims.claim import Claim, Claims, on, trusted, where
 from softlab.labbook.words import masses, number, percent, seconds, times
 from softlab.plots.core.apart import apart, too_few
 from softlab.plots.core.backends import on_backends
@@ -105,16 +105,14 @@ def starts(results: Results) -> Claim:
     """Time to the first step, cold and warm, on each backend."""
     parts: list[str] = []
     numbers: dict[str, float] = {}
-    chosen = on_backends(results, _starts)
-    for backend, source, (cold, warm) in chosen:
+    for backend, source, (cold, warm) in on_backends(results, _starts):
         parts.append(
             f"{seconds(cold, 2)} the first time and {seconds(warm, 2)} from then on, on {where(backend, source)}"
         )
         numbers |= {f"{backend} cold": cold, f"{backend} warm": warm}
     if not parts:
         return Claim("How long a user waits for the first step was not measured.")
-    text = f"The whole process of one step of the lab grid, from the command to its end, takes {'; '.join(parts)}"
-    text += f"{machines_apart(source for _, source, _ in chosen)}."
+    text = f"The whole process of one step of the lab grid, from the command to its end, takes {'; '.join(parts)}."
     return Claim(text, numbers, True)
 
 

@@ -10,7 +10,7 @@ from softlab.bench.experiments.tetrahedral.decides import STIFF, Decision, decis
 from softlab.bench.experiments.tetrahedral.meshes import MESH, STEP, meshes, steps
 from softlab.bench.experiments.tetrahedral.promised import WITHIN
 from softlab.labbook import words
-from softlab.labbook.claims.claim import SUSPECT, Claim, Claims, machines_apart, where
+from softlab.labbook.claims.claim import SUSPECT, Claim, Claims, where
 from softlab.plots.core.backends import on_backends
 from softlab.plots.core.data import Results, Source, judgements
 from softlab.plots.figures.tetrahedra import middle
@@ -86,8 +86,7 @@ def budget(results: Results) -> Claim:
     """Time of a frame within ENOUGH in motion, by the fastest position-based setting and by the fastest other solver."""
     parts: list[str] = []
     numbers: dict[str, float] = {}
-    chosen = _of_one_mesh(results)
-    for backend, source, found in chosen:
+    for backend, source, found in _of_one_mesh(results):
         told = []
         for young in sorted({b.young for b in found}):
             able = [b for b in found if b.young == young and abs(b.motion_error) <= ENOUGH and not b.suspect]
@@ -109,7 +108,7 @@ def budget(results: Results) -> Claim:
         return Claim("What a small error of the solver costs was not measured.")
     return Claim(
         f"To be within {words.percent(ENOUGH)} of the way that it should have made half a vibration after it was let go, a "
-        f"position-based frame takes, {'; '.join(parts)}{_two(chosen)}.",
+        f"position-based frame takes, {'; '.join(parts)}.",
         numbers, True,
     )  # fmt: skip
 
@@ -129,8 +128,7 @@ def total(results: Results) -> Claim:
     parts: list[str] = []
     numbers: dict[str, float] = {}
     busy = False
-    chosen = on_backends(results, lambda source, backend: of_one_version(_all(source, backend)))
-    for backend, source, found in chosen:
+    for backend, source, found in on_backends(results, lambda s, backend: of_one_version(_all(s, backend))):
         told = []
         for young in sorted({b.young for b in found}):
             able = [b for b in found if b.young == young and b.total_error <= WHOLE and moves(b) and not b.wrong]
@@ -149,13 +147,9 @@ def total(results: Results) -> Claim:
         return Claim("No bar was measured that is near the continuum, mesh and solver together.")
     return Claim(
         "Mesh and solver together (the sum of their magnitudes at rest, against the continuum), the fastest frames within "
-        f"{words.percent(WHOLE)} are {'; '.join(parts)}{_two(chosen)}{SUSPECT if busy else ''}.",
+        f"{words.percent(WHOLE)} are {'; '.join(parts)}{SUSPECT if busy else ''}.",
         numbers, True,
     )  # fmt: skip
-
-
-def _two(chosen: list[tuple[str, Source, list[Bar]]]) -> str:
-    return machines_apart(source for _, source, _ in chosen)
 
 
 def decided(results: Results) -> Claim:
@@ -166,8 +160,7 @@ def decided(results: Results) -> Claim:
     parts: list[str] = []
     numbers: dict[str, float] = {}
     busy = False
-    chosen = on_backends(results, _all)
-    for backend, source, found in chosen:
+    for backend, source, found in on_backends(results, _all):
         stiff = [one for one in decisions(found) if one.young == STIFF and one.best is not None]
         largest = max((one.elements for one in stiff), key=lambda n: (_shared(stiff, n), n), default=0)
         told = []
@@ -193,7 +186,7 @@ def decided(results: Results) -> Claim:
     suspect = SUSPECT if busy else ""
     return Claim(
         f"At {_pascal(STIFF)} the fastest solver within {words.percent(WITHIN)} of the mesh's own answer takes, beside the "
-        f"cheapest position-based setting that gets so near: {'; '.join(parts)}{_two(chosen)}{suspect}.",
+        f"cheapest position-based setting that gets so near: {'; '.join(parts)}{suspect}.",
         numbers, True,
     )  # fmt: skip
 
