@@ -6,6 +6,7 @@ belongs to no curve. matplotlib is imported where it is used, with its object in
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -83,7 +84,7 @@ class Drawing:
     @property
     def _machines(self) -> str:
         """Warning that several machines are side by side, or nothing."""
-        several = len({source.machine.key for source in self.sources}) > 1
+        several = len({source.machine.key for source in self.sources}) > 1 and re.search(r"[Tt]ime|[Cc]ost", self.text)
         return " Several machines: a time of one does not compare with one of another." if several else ""
 
     @property
