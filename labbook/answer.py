@@ -1,91 +1,187 @@
-"""First page of the lab book: the fastest method at each error, scene by scene, from the available measurements."""
+"""First page of the lab book: the fastest method at each error, scene by scene, from the available measurements.
+
+Within the rule for ties (plots/core/apart.py) the more accurate run wins, and the faster one is named beside it.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import groupby
+from math import isinf
 
+from softlab.bench.experiments.accuracy.methods import admitted, changes
 from softlab.bench.experiments.accuracy.points import CLOTHS, SCENES, SIZES, SUSPECT_NOTE, method_words
 from softlab.labbook import words
 from softlab.labbook.tables import DASH, Table, table
 from softlab.labbook.words import number, seconds
-from softlab.model.scene.scene import load_scene
-from softlab.plots.core.accuracy_points import Point, points, reaching
+from softlab.model.core.families import stability_limit
+from softlab.model.scene.scene import Scene, load_scene
+from softlab.plots.core.accuracy_points import Point, points
+from softlab.plots.core.apart import SMALL, small
 from softlab.plots.core.data import Results, Source
 
-TARGETS = (1e-1, 1e-2, 1e-3)  # spacings
+TARGETS = (1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 1e-4)  # spacings
 # small grids first, then stiff ones and ones with contacts
 ORDER = ("S1-16", "S1", "S1-64", "S4", "S5", "S6-still", "S6")
-HEAD = ("Scene", "Masses", "Error", "Fastest method", "Step", "Precision", "Processor", "Time", "Breaks")
-TIME = HEAD.index("Time")
+HEAD = (
+    "Scene", "Masses", "Error at most", "Method", "Step", "Limit", "Processor", "Error", "One run", "Simulated second", "Tie"
+)  # fmt: skip
 Run = tuple[Point, Source]
 
 
+@dataclass(frozen=True)
+class Answer:
+    """The winner of a scene at some errors, and the faster runs within the rule for ties; or why there is no winner."""
+
+    label: str
+    targets: tuple[float, ...]
+    best: Run | None
+    ties: tuple[Run, ...] = ()
+    reason: str = ""
+
+
 def answer_tables(results: Results) -> list[Table]:
-    """Return one table with a row per scene and error: the fastest of all machines that timed it.
+    """Return one table with a row per scene and winner: the fastest of all machines that timed it.
 
     The reader's own machines and committed ones; empty if no accuracy runs were timed.
     """
-    answers: list[tuple[str, float, list[Run], Run | None]] = []
-    for label in ORDER:
-        runs = [
-            (point, source)
-            for source in results.everyone
-            for point in (*points(source, label), *points(source, label, "exact"))
-        ]
-        if any(point.seconds for point, _ in runs):
-            answers += [(label, target, runs, _fastest(runs, target)) for target in TARGETS]
-    used = dict.fromkeys(best[1] for *_, best in answers if best)
+    runs = {label: _runs(results, label) for label in ORDER}
+    runs = {label: found for label, found in runs.items() if any(point.seconds for point, _ in found)}
+    answers = [answer for label, found in runs.items() for answer in _answers(label, found)]
+    used = dict.fromkeys(source for answer in answers for _, source in _shown(answer))
     marks = {source: f" ({n})" if len(used) > 1 else "" for n, source in enumerate(used, 1)}
     rows = [
-        [*(_scene(label) if target == TARGETS[0] else ("", "")), *_row(runs, target, best, marks)]
-        for label, target, runs, best in answers
+        [*(_scene(label) if n == 0 else ("", "")), *_row(answer, marks)]
+        for label, mine in groupby(answers, key=lambda answer: answer.label)
+        for n, answer in enumerate(mine)
     ]
+    if not rows:
+        return []
     title = (
-        "The fastest way to an error (root mean square over the free masses, in spacings), as wall time of a simulated "
-        "second without the copy of the end state, and from which step size on the same method diverged in that scene. "
-        + _processors(marks)
+        "The fastest method within an error (root mean square over the free masses, in spacings; resolved by the reference). "
+        "One run: wall time from the start state to the end state on the host, with launch and copy; a simulated second: "
+        "without the copy. Limit: the largest stable step, as softlab plan prints it, over the row's step. Tie: faster by "
+        f"less than {words.percent(SMALL)}, with a larger error. {_admitted(runs)}softlab accuracy SCENE repeats a scene's "
+        f"rows. {_processors(marks)}"
     )
-    if any(row[TIME].endswith("?") for row in rows):
+    if any("?" in cell for row in rows for cell in row[-3:]):
         title += f". {SUSPECT_NOTE}"
-    return [table(title, HEAD, rows, left=1)] if rows else []
+    return [table(title, HEAD, rows, left=1)]
 
 
-def _fastest(runs: list[Run], target: float) -> Run | None:
-    """Return the run that reaches an error fastest, and its machine."""
-    able = reaching([point for point, _ in runs], target)
-    return next(run for run in runs if run[0] is able[0]) if able else None
+def _runs(results: Results, label: str) -> list[Run]:
+    """Return the runs of a scene in both maths, on every machine."""
+    return [
+        (point, source)
+        for source in results.everyone
+        for math in ("fast", "exact")
+        for point in points(source, label, math)
+    ]
+
+
+def _answers(label: str, runs: Sequence[Run]) -> list[Answer]:
+    """Return the answers of a scene; neighbouring errors with one winner are one answer."""
+    found: list[Answer] = []
+    for target in TARGETS:
+        best, ties = winner(runs, target)
+        answer = Answer(label, (target,), best, ties, "" if best else _unanswered([point for point, _ in runs], target))
+        if found and replace(found[-1], targets=(target,)) == answer:
+            found[-1] = replace(answer, targets=(*found[-1].targets, target))
+        else:
+            found.append(answer)
+    return found
+
+
+def winner(runs: Sequence[Run], target: float) -> tuple[Run | None, tuple[Run, ...]]:
+    """Return (the run that reaches an error fastest, those faster by less than the rule for ties, fastest first).
+
+    Of runs within the rule from the fastest, the one with the smallest error wins. One run of the whole interval counts,
+    with launch and copy.
+    """
+    able = [run for run in runs if run[0].run_seconds is not None and run[0].resolved and run[0].error <= target]
+    if not able:
+        return None, ()
+    able.sort(key=lambda run: run[0].run_seconds or 0.0)
+    fastest = able[0][0].run_seconds or 0.0
+    tied = [run for run in able if small((run[0].run_seconds or 0.0) / fastest)]
+    best = min(tied, key=lambda run: run[0].error)
+    return best, tuple(tied[: tied.index(best)])
+
+
+def _shown(answer: Answer) -> list[Run]:
+    """Return the runs that a row names."""
+    return [run for run in (answer.best, *answer.ties[:1]) if run]
+
+
+def _resolved_scene(label: str) -> Scene:
+    base, side = SIZES.get(label, (label, None))
+    scene = load_scene((SCENES | CLOTHS)[base])
+    return scene.replace({"grid.rows": side, "grid.columns": side}) if side else scene
 
 
 def _scene(label: str) -> tuple[str, str]:
     """Return e.g. (`Lab curtain (S1)`, `1024`)."""
-    base, side = SIZES.get(label, (label, None))
-    scene = load_scene((SCENES | CLOTHS)[base])
-    grid = scene.grid
-    masses = side * side if side else grid.particle_count
-    return f"{(scene.title or base).partition(' (')[0]} ({base})", words.count(masses)
+    scene, base = _resolved_scene(label), SIZES.get(label, (label, None))[0]
+    return f"{(scene.title or base).partition(' (')[0]} ({base})", words.count(scene.grid.particle_count)
 
 
-def _row(runs: list[Run], target: float, best: Run | None, marks: Mapping[Source, str]) -> list[str]:
+def _admitted(labels: Mapping[str, object]) -> str:
+    """Return which methods a scene admits, where these are not all; with a space after it."""
+    told: dict[str, list[str]] = {}
+    for label in labels:
+        told.setdefault(admitted(_resolved_scene(label)), []).append(label)
+    return "".join(f"Admitted in {words.listed(mine)}: {text}. " for text, mine in told.items() if text)
+
+
+def _row(answer: Answer, marks: Mapping[Source, str]) -> list[str]:
     """Return the cells of a row; `marks`: suffixes of the processors, by machine."""
-    found = [point for point, _ in runs]
-    if best is None:
-        return [number(target, 1), *_unanswered(found, target)]
-    point, source = best
-    exact = "" if point.math == "fast" else f", {point.math}"
+    within = ", ".join(number(target, 1) for target in answer.targets)
+    if answer.best is None:
+        return [within, answer.reason, *[DASH] * (len(HEAD) - 4)]
+    point, source = answer.best
     return [
-        number(target, 1), method_words(point.integrator, point.iterations), f"{1000 * point.dt:.3g}{words.SPACE}ms",
-        f"{point.precision}{exact}", point.backend.upper() + marks[source],
-        seconds(point.seconds or 0.0, 2) + point.mark, _breaks(found, point),
+        within, method_words(point.integrator, point.iterations), _milliseconds(point.dt), _limit(point),
+        _processor(point, source, marks), number(point.error, 2), seconds(point.run_seconds or 0.0, 2) + point.mark,
+        seconds(point.seconds or 0.0, 2) + point.mark, _tie(answer, marks),
     ]  # fmt: skip
 
 
-def _unanswered(found: list[Point], target: float) -> list[str]:
-    """Return the cells of a row without a time, which distinguish `not timed` from `not reached`."""
+def _milliseconds(dt: float) -> str:
+    return f"{1000 * dt:.3g}{words.SPACE}ms"
+
+
+def _processor(point: Point, source: Source, marks: Mapping[Source, str]) -> str:
+    exact = "" if point.math == "fast" else f", {point.math}"
+    return f"{point.backend.upper()}{marks[source]}, {point.precision}{exact}"
+
+
+def _limit(point: Point) -> str:
+    """Return the largest step at which the point's method is stable in any state, and how many times its step that is."""
+    method = changes(point.integrator, point.iterations or 1, point.substeps or 1) | {"method.dt": point.dt}
+    limit = stability_limit(_resolved_scene(point.scene).replace(method))
+    return "none" if isinf(limit) else f"{_milliseconds(limit)}, {number(limit / point.dt, 2)}{words.TIMES}"
+
+
+def _tie(answer: Answer, marks: Mapping[Source, str]) -> str:
+    """Return the fastest run that is not clearly faster than the winner, with its gain and its error."""
+    if not answer.ties or answer.best is None:
+        return DASH
+    point, source = answer.ties[0]
+    gain = 1 - (point.run_seconds or 0.0) / (answer.best[0].run_seconds or 1.0)
+    method = method_words(point.integrator, point.iterations)
+    told = f"{method}, {_milliseconds(point.dt)}, {_processor(point, source, marks)}"
+    return f"{told}: {words.percent(gain)} faster{point.mark}, error {number(point.error, 2)}"
+
+
+def _unanswered(found: Sequence[Point], target: float) -> str:
+    """Return why a scene has no winner at an error; `not timed` is not `not reached`."""
+    if any(p.error <= target and p.resolved for p in found):
+        return "reached, but not timed"
     if any(p.error <= target for p in found):
-        return ["reached, but not timed", *[DASH] * 5]
+        return "not resolved by the reference"
     nearest = min((p for p in found if not p.diverged and not p.refused), key=lambda p: p.error, default=None)
-    told = f"not reached; least {number(nearest.error, 2)}" if nearest else "not reached"
-    return [told, *[DASH] * 5]
+    return f"not reached; least {number(nearest.error, 2)}" if nearest else "not reached"
 
 
 def _processors(marks: Mapping[Source, str]) -> str:
@@ -98,14 +194,3 @@ def _processors(marks: Mapping[Source, str]) -> str:
         names = f"GPU {source.gpu}, CPU {source.processor}" if source.gpu else f"CPU {source.processor}"
         told.append(f"{mark.lstrip()} {names}{source.bracket}".lstrip())
     return "; ".join(told)
-
-
-def _breaks(found: list[Point], best: Point) -> str:
-    """Return the smallest step size at which the method diverged, or that it was stable at all that were tried."""
-    mine = [
-        p for p in found if (p.integrator, p.iterations, p.backend) == (best.integrator, best.iterations, best.backend)
-    ]
-    lost = [p.dt for p in mine if p.diverged]
-    if lost:
-        return f"at {1000 * min(lost):g}{words.SPACE}ms"
-    return f"not up to {1000 * max(p.dt for p in mine):g}{words.SPACE}ms"

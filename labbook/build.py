@@ -43,6 +43,7 @@ from softlab.labbook.claims import (
     throughput,
 )
 from softlab.labbook.facts import facts
+from softlab.labbook.machines import machines_apart
 from softlab.labbook.rungs import rung_tables
 from softlab.labbook.tables import Table, machine_table, region_tables, scene_table
 from softlab.model.core.errors import BackendUnavailable, InputError
@@ -70,7 +71,11 @@ MAIN = (
     "references",
 )
 OWN_PAGE = ("answer", "gpu-design")  # these begin on a new page
-NOT_PRINTED = ("hard-states", "fluids-phases")  # figures for those who run the hard cases, or tune a fluid
+NOT_PRINTED = (
+    "hard-states",
+    "fluids-phases",
+    "tetrahedra-total",
+)  # figures for those who run the hard cases, or tune a fluid
 OPTIONAL = (  # claims whose paragraph is only printed if they were measured
     "fluids-column", "fluids-fastest", "fluids-dam", "fluids-viscosity", "fluids-drop", "fluids-peers", "fluids-rate",
     "hard-tetrahedra",
@@ -163,12 +168,12 @@ def book_data(results: Results) -> dict[str, Any]:
 
 def told(results: Results, name: str) -> claim.Claim:
     """Return a claim of the results, or of the committed measurements if the featured ones lack its data. It is marked if
-    it would differ without measurements of older code."""
+    it has times of two machines, and if it would differ without measurements of older code."""
     made, found = _featured(results, name)
     current = without_older(found)
-    if made.numbers and current is not found and CLAIMS[name](current) != made:
-        return replace(made, sentence=f"{made.sentence} {OLDER}")
-    return made
+    older = made.numbers and current is not found and CLAIMS[name](current) != made
+    marks = [machines_apart(made.sentence, found), OLDER * bool(older)]
+    return replace(made, sentence=" ".join([made.sentence, *filter(None, marks)]))
 
 
 def _featured(results: Results, name: str) -> tuple[claim.Claim, Results]:

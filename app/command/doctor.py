@@ -31,6 +31,7 @@ def _versions() -> Finding:
 
 
 def _cpu() -> Finding:
+    from softlab.cpu_backend.core import subnormals
     from softlab.cpu_backend.core.processor import processor_name
     from softlab.cpu_backend.core.threads import core_count, thread_count, threading_layer, wait_policy
 
@@ -40,6 +41,7 @@ def _cpu() -> Finding:
         return Finding("cpu threads", False, str(error), f"export NUMBA_NUM_THREADS={4 * core_count()}")
     layer = threading_layer()
     text = f"{processor_name()}, {core_count()} cores; threading layer {layer}, wait policy {wait_policy()}"
+    text += f"; {subnormals.description()}"
     remedy = (
         "" if layer == "omp" else "the OpenMP layer is the fastest: install libgomp (Debian: apt-get install libgomp1)"
     )

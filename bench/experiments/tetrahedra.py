@@ -16,7 +16,7 @@ motion, all settings in turn.
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack
 from functools import partial
 from itertools import product
@@ -39,11 +39,13 @@ from softlab.bench.experiments.tetrahedral.cantilever import (
     continuum_sag,
     exact_drop,
     exact_rest,
+    lacking,
     sag,
+    setting_of,
 )
 from softlab.bench.experiments.tetrahedral.promised import promised
 from softlab.bench.measure.costs_timing import FULL, QUICK, RATIO, SECONDS, Effort, Measures, Record, in_turn
-from softlab.bench.measure.experiment import described
+from softlab.bench.measure.experiment import described, keep
 from softlab.bench.measure.items import Group, Items, cost_sources
 from softlab.bench.measure.timing import Subject, prepare
 from softlab.bench.store.database import Store
@@ -214,34 +216,61 @@ def open_braked(scene: Scene, backend: str, precision: str) -> Simulation:
 def _bar(
     across: int, young: float, scenes: Sequence[Scene], told: Sequence[dict[str, Any]], effort: Effort, record: Record
 ) -> list[Measures]:
-    exact, continuum = sag(scenes[0], exact_rest(across)), continuum_sag(young)
+    """Measure all settings of a bar. Errors are stored row by row, times when all rows have been sampled in turn."""
     found: list[Measures] = []
     with ExitStack() as stack:
         subjects: list[tuple[int, Subject]] = []
         for scene, one in zip(scenes, told, strict=True):
-            own: Measures = {
-                MESH_ERROR: (exact / continuum - 1, "", "of the exact rest over the continuum's"),
-                ELEMENTS: (float(len(scene.tetrahedra_set.tetrahedra)), "", None),
-            }
-            found.append(own)
+            method = scene.method
+            name = f"{setting_of(method.model_dump())} {method.substeps} x {method.iterations}"
             simulation = stack.enter_context(open_simulation(let_go(scene), one["backend"], precision=one["precision"]))
-            try:
-                moved, right = drop(simulation, across, young, LONGEST), exact_drop(across, young)[1]
-            except (TooLong, SoftlabError) as reason:
-                own |= {name: (None, "", str(reason)) for name in (SAG, SOLVER_ERROR, MOTION_ERROR, SECONDS, RATIO)}
-                continue
-            own[MOTION_ERROR] = (
-                moved / right - 1, "", "over the modes of the mesh, half a period after it was let go"
-            )  # fmt: skip
-            try:
-                with open_braked(scene, one["backend"], one["precision"]) as braked:
-                    hung = settle(braked, across, young, LONGEST)
-                own |= {SAG: (hung, "m", None), SOLVER_ERROR: (hung / exact - 1, "", "over the exact rest of the mesh")}
-            except (TooLong, SoftlabError) as reason:
-                own |= {name: (None, "", str(reason)) for name in (SAG, SOLVER_ERROR)}
-            subject = prepare(Subject(simulation, one, start=simulation.state()), effort.seconds, effort.most)
-            subjects.append((len(found) - 1, subject))
+            own, moves = _errors(simulation, scene, one, (across, young), partial(_tell_row, record, name))
+            errors = {
+                what: value for what, value in own.items() if what not in (SECONDS, RATIO)
+            }  # these tell of the end
+            keep(record.store, record.run, one, record.sources, errors)
+            found.append(own)
+            if moves:
+                record.tell(f"{name}, warming up")
+                subject = prepare(Subject(simulation, one, start=simulation.state()), effort.seconds, effort.most)
+                subjects.append((len(found) - 1, subject))
+        record.tell("timing all settings in turn")
         timed = in_turn(record, [subject for _, subject in subjects], effort.repeats) if subjects else []
     for (number, _), numbers in zip(subjects, timed, strict=True):
         found[number] |= numbers
     return found
+
+
+def _tell_row(record: Record, name: str, text: str) -> None:
+    record.tell(f"{name}, {text}")
+
+
+def _errors(
+    simulation: Simulation, scene: Scene, one: dict[str, Any], bar: tuple[int, float], tell: Callable[[str], None]
+) -> tuple[Measures, bool]:
+    """Return the errors of one setting, and True if its free motion could be followed.
+
+    `simulation`: the scene without a brake, left in that motion; `one`: its description; `bar`: voxels across, and Young's
+    modulus [Pa]. References are made when they are first needed.
+    """
+    own: Measures = {ELEMENTS: (float(len(scene.tetrahedra_set.tetrahedra)), "", None)}
+    tell("motion, after the vibrations of the mesh (once)" if "modes" in lacking(bar[0]) else "motion")
+    try:
+        right = exact_drop(*bar)[1]
+        own[MOTION_ERROR] = (
+            drop(simulation, *bar, LONGEST) / right - 1, "", "over the modes of the mesh, half a period after it was let go"
+        )  # fmt: skip
+    except (TooLong, SoftlabError) as reason:
+        own |= {name: (None, "", str(reason)) for name in (SAG, SOLVER_ERROR, MOTION_ERROR, SECONDS, RATIO)}
+    tell("rest, after the exact rest of the mesh (once)" if "rest" in lacking(bar[0]) else "rest")
+    exact = sag(scene, exact_rest(bar[0]))
+    own[MESH_ERROR] = (exact / continuum_sag(bar[1]) - 1, "", "of the exact rest over the continuum's")
+    if SECONDS in own:
+        return own, False
+    try:
+        with open_braked(scene, one["backend"], one["precision"]) as braked:
+            hung = settle(braked, *bar, LONGEST)
+        own |= {SAG: (hung, "m", None), SOLVER_ERROR: (hung / exact - 1, "", "over the exact rest of the mesh")}
+    except (TooLong, SoftlabError) as reason:
+        own |= {name: (None, "", str(reason)) for name in (SAG, SOLVER_ERROR)}
+    return own, True

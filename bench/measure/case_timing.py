@@ -208,7 +208,7 @@ class StepTimes:
         """Whether the store has all samples of the group."""
         return all(store.sample_count(c.description, machine, c.sources, FINDINGS) >= self.repeats for c in self.group)
 
-    def run(self, store: Store, run: str) -> None:
+    def run(self, store: Store, run: str, tell: Callable[[str], None]) -> None:
         """Sample the group into the store."""
         with ExitStack() as stack:
             subjects = [ready(stack, case, *((0.02, 0.5) if self.quick else (0.1, 3.0))) for case in self.group]

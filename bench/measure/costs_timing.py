@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import statistics
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -41,11 +41,12 @@ class Way:
 
 @dataclass(frozen=True)
 class Record:
-    """Where samples go: a run of a store, under the hash of the sources."""
+    """Where samples go: a run of a store, under the hash of the sources. `tell(text)`: what is being done."""
 
     store: Store
     run: str
     sources: str
+    tell: Callable[[str], None] = lambda text: None
 
     def way(self, description: dict[str, Any]) -> Way:
         return Way(description, self.sources)

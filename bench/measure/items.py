@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -17,12 +18,12 @@ COSTS_VERSION = 1  # part of the resume key of every cost: raise it when how the
 
 
 class Item(Protocol):
-    """What is measured at one go; `worth`: its share of the bar."""
+    """What is measured at one go; `worth`: its share of the bar. `tell(text)`: what of it is being done."""
 
     @property
     def worth(self) -> int: ...
     def held(self, store: Store, machine: str) -> bool: ...
-    def run(self, store: Store, run: str) -> None: ...
+    def run(self, store: Store, run: str, tell: Callable[[str], None]) -> None: ...
 
 
 @dataclass(frozen=True)
@@ -56,7 +57,7 @@ class Items:
         def measure(group: Sequence[Item], tell: Tell) -> None:
             for item in group:
                 tell(f"{self.doing}{item}", 0)
-                item.run(store, summary.run)
+                item.run(store, summary.run, partial(_within, tell, f"{self.doing}{item}"))
                 summary.measured += 1
                 tell(f"{self.doing}{item}", item.worth)
 
@@ -64,6 +65,10 @@ class Items:
             store, summary, [[item] for item in items], lambda item: item.held(store, summary.machine), measure,
             progress=progress, command=command or self.command, worth=lambda item: item.worth,
         )  # fmt: skip
+
+
+def _within(tell: Tell, name: str, text: str) -> None:
+    tell(f"{name}: {text}", 0)
 
 
 @dataclass(frozen=True)
@@ -82,7 +87,7 @@ class Experiment:
     def held(self, store: Store, machine: str) -> bool:
         return store.has_measure(self.description, machine, self.sources, self.name)
 
-    def run(self, store: Store, run: str) -> None:
+    def run(self, store: Store, run: str, tell: Callable[[str], None]) -> None:
         """Measure it, and put its numbers into the store, all or none."""
         keep(store, run, self.description, self.sources, self.measure())
 
@@ -104,8 +109,8 @@ class Group:
     def held(self, store: Store, machine: str) -> bool:
         return store.has_measure(self.descriptions[-1], machine, self.sources, RATIO)
 
-    def run(self, store: Store, run: str) -> None:
-        found = self.measure(Record(store, run, self.sources))
+    def run(self, store: Store, run: str, tell: Callable[[str], None]) -> None:
+        found = self.measure(Record(store, run, self.sources, tell))
         with store.transaction():
             for description, numbers in zip(self.descriptions, found, strict=True):
                 keep(store, run, description, self.sources, numbers)

@@ -3,7 +3,8 @@
 - Compiling and warming up come first and are reported apart.
 - Every repeat starts from the same state, loaded outside the timed region; the device is waited for inside it.
 - What is compared is interleaved (A B A B ...), so that a slow minute of the machine hits all alike.
-- A sample is as many steps as fill a given time; raw repeats are kept, never only their mean.
+- A sample is as many steps as fill a given time, or (where an error belongs to the time) whole runs of the interval over
+  which the error is judged, each from the start; raw repeats are kept, never only their mean.
 - What looks wrong is marked with the reason, not dropped: a sample under 1 ms, other programs on the cores it used, a
   state that is not finite or incomplete (contacts lost, elements inverted or caught). (A spread over 10 % is seen when the
   repeats are summed up, in bench/store/results.py.)
@@ -99,7 +100,8 @@ class Neighbours:
 class Subject:
     """One opened simulation that is timed, with or without drawing. `name` is the caller's.
 
-    `steps` a sample and the `wanted_seconds` of one are set by `choose_steps`.
+    `steps` a sample and the `wanted_seconds` of one are set by `choose_steps`. `run_steps`: steps of a whole run, if a
+    sample is whole runs (`prepare_runs`), else 0.
     `host_threads`: threads of this process that stepping keeps busy.
     """
 
@@ -107,6 +109,7 @@ class Subject:
     name: Any = None
     renderer: Renderer | None = None
     steps: int = 0
+    run_steps: int = 0
     wanted_seconds: float = 0.0
     seconds_per_step: float = math.nan
     restore_seconds: float = 0.0
@@ -151,10 +154,12 @@ class Subject:
 
     def _timed(self) -> tuple[float, str | None]:
         """(seconds of `steps` steps from the start, what is wrong with the state they led to)."""
-        self.restore()
-        begin = time.perf_counter()
+        begin = seconds = 0.0
         try:
-            seconds = self.run(self.steps)
+            for _ in range(self.steps // self.run_steps if self.run_steps else 1):
+                self.restore()
+                begin = time.perf_counter()
+                seconds += self.run(self.run_steps or self.steps)
             self.simulation.check(keep=False)
         except Diverged as error:
             return time.perf_counter() - begin, f"state not finite: {error}"
@@ -235,14 +240,17 @@ def prepare(subject: Subject, seconds: float, most_seconds: float) -> Subject:
     return subject
 
 
-def prepare_run(subject: Subject, steps: int, seconds: float, most_seconds: float) -> Subject:
-    """As `prepare`, a subject that has run so many `steps`: over its limit, where a longer run might break, a sample has
-    these."""
+def prepare_runs(subject: Subject, steps: int, seconds: float) -> Subject:
+    """Return the subject, warmed up, with samples of whole runs of `steps` steps: as many as fill `seconds` [s], or one.
+
+    Times and errors are then of the same interval. Raises Diverged.
+    """
     warm_up(subject)
-    if subject.simulation.scene.method.dt > subject.simulation.limit:
-        subject.steps = steps
-    else:
-        choose_steps(subject, seconds, most_seconds)
+    subject.restore()
+    once = subject.run(steps)
+    subject.seconds_per_step, subject.run_steps = once / steps, steps
+    subject.wanted_seconds = seconds
+    subject.steps = steps * math.ceil(seconds / max(once, 1e-6))
     return subject
 
 

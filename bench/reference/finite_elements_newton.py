@@ -42,9 +42,11 @@ def minimise(
     start: np.ndarray,
     fixed: np.ndarray,
     enough: float,
+    watch: Callable[[np.ndarray], None] | None = None,
 ) -> np.ndarray:
     """Return the minimum (n, 3) from `start` (n, 3), with a force [N] on free coordinates of norm at most `enough`.
 
+    `watch(x)` is called after each Newton step.
     `stiffness(x, positive)`: (3 n, 3 n), projected only where the exact one gives an ascent direction. Raises
     RuntimeError if it fails.
     """
@@ -74,6 +76,8 @@ def minimise(
             if share < 1e-12:
                 raise RuntimeError(f"Newton's method: no way down, {np.linalg.norm(pull):.2e} N left of {enough:.2e} N")
         x, here, pull = trial, there, left
+        if watch:
+            watch(x)
     raise RuntimeError(f"Newton's method: {np.linalg.norm(pull):.2e} N left of {enough:.2e} N after {MOST} steps")
 
 
@@ -97,11 +101,12 @@ def nonlinear_static(
     load_steps: int = 1,
     start: np.ndarray | None = None,
     enough: float = ENOUGH,
+    watch: Callable[[np.ndarray], None] | None = None,
 ) -> np.ndarray:
     """Return positions (n, 3) [m] in equilibrium under `force` (n, 3) [N] and `gravity` [m/s^2] on lumped masses.
 
     From `start` (default: rest), with `fixed` vertices fixed. Residual forces are at most `enough` of the load, or the
-    rounding of float64.
+    rounding of float64. `watch`: as `minimise` calls it.
     """
     body = Body.of(position, tetrahedra, material, young, poisson)
     load = np.zeros_like(body.rest) if force is None else np.array(force, dtype=np.float64)
@@ -120,7 +125,7 @@ def nonlinear_static(
             return body.force(at) + part
 
         near = max((enough if number == load_steps else 1e-3) * size, floor)
-        x = minimise(potential, total, body.stiffness, x, fixed, near)
+        x = minimise(potential, total, body.stiffness, x, fixed, near, watch)
     return x
 
 

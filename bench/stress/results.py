@@ -79,7 +79,7 @@ class HardRow:
     """Result of one case by one method (`integrator`: its name), backend and precision.
 
     `dt` [s]: step size of the run; `verdict`: one of CODES; `diagnosis`: its reason, empty for a plain pass; `checks`:
-    the decisive one first; `shape`: of runs that are drawn.
+    the decisive one first; `shape`: of runs that are drawn; `configuration`: the store's key of the run.
     """
 
     case: str
@@ -91,6 +91,7 @@ class HardRow:
     diagnosis: str
     checks: tuple[Told, ...]
     shape: Shape | None = None
+    configuration: str = ""
 
     @property
     def title(self) -> str:
@@ -173,6 +174,7 @@ def _row(found: list[Measure]) -> HardRow | None:
         diagnosis=newest.reason or "",
         checks=tuple(told),
         shape=Shape([[tuple(place) for place in line] for line in json.loads(shape)], bodies) if shape else None,
+        configuration=newest.configuration,
     )
 
 

@@ -47,7 +47,7 @@ class _RowPipeline(LinkedPipeline):
 
 
 # How functions are compiled, which is not part of their own content: pipelines and libraries.
-_HOW = source_digest(Path(__file__), Path(__file__).with_name("region.py"))
+_HOW = source_digest(*(Path(__file__).with_name(f"{name}.py") for name in ("compile", "region", "subnormals")))
 _shared: dict[str, Any] = {}  # functions that kernels call, by their content
 
 

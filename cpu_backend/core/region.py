@@ -19,6 +19,8 @@ from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler as NumbaCompiler
 from numba.extending import intrinsic
 
+from softlab.cpu_backend.core.subnormals import FLUSH, flush_subnormals, write_register
+
 _built_in: Any = intrinsic  # typed by numba when they are compiled
 _ENTRY = ir.FunctionType(ir.VoidType(), [ir.IntType(8).as_pointer(), ir.IntType(64)])  # packed arguments, member
 
@@ -89,6 +91,7 @@ def packed(typing_context, body, first, members, given):
     """Return the addresses of a kernel's body and its arguments; the body takes (*first, member, members, *given)."""
     taken = (*first.types, types.int64, members, *given.types)
     place_of_member = len(first.types)
+    flushed = FLUSH and body.dispatcher.targetoptions.get("fastmath")
 
     def build(context, builder, signature, values):
         compiled = body.dispatcher.overloads[taken]
@@ -107,7 +110,10 @@ def packed(typing_context, body, first, members, given):
         arguments.insert(place_of_member, entry.args[1])
         function = context.declare_function(builder.module, compiled.fndesc)
         returned, expected = compiled.fndesc.restype, compiled.fndesc.argtypes
+        before = flush_subnormals(inner) if flushed else None
         context.call_conv.call_function(inner, function, returned, expected, arguments)  # bodies raise nothing
+        if flushed:
+            write_register(inner, before)
         inner.ret_void()
         addresses = [builder.ptrtoint(pointer, ir.IntType(64)) for pointer in (entry, memory)]
         return context.make_tuple(builder, signature.return_type, addresses)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from softlab.bench.experiments.accuracy.equal_error import equal_error as ways_to
+from softlab.bench.experiments.accuracy.methods import admitted
 from softlab.bench.experiments.accuracy.points import SIZES
 from softlab.labbook import words
 from softlab.labbook.claims.claim import MARK, Claim, Claims, named, on_gpu, suspicion
@@ -211,12 +212,16 @@ def _machines(source: Source) -> str:
 
 def rope(results: Results, target: float = 1e-1) -> Claim:
     """Speed of the GPU over that of the CPU at equal error on a stiff rope, which no GPU can process in parallel."""
-    masses = words.masses(load_scene("rope-stiff").grid.particle_count)
+    scene = load_scene("rope-stiff")
+    masses = words.masses(scene.grid.particle_count)
     for source in results.everyone:
         (row,) = ways_to(points(source, "S6"), [target])
         if row.speed_up is not None:
             told = _times_as_fast(row.speed_up) + suspicion([row.cpu, row.gpu], MARK)
-            text = f"On {_machines(source)}, at an error of {number(target, 1)} spacings in S6, a rope of {masses}, {told}."
+            text = (
+                f"On {_machines(source)}, at an error of {number(target, 1)} spacings in S6, a rope of {masses}, {told} "
+                f"(admitted: {admitted(scene)})."
+            )
             return Claim(text, {"ratio": row.speed_up}, True)
     return Claim("GPU and CPU were not compared on the stiff rope.")
 

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from softlab.bench.experiments.findings.determinism import DETERMINISM, RUNS
+from softlab.bench.experiments.findings.steady import LENGTH, LENGTH_DT, REST, STEADY
+from softlab.bench.measure.costs_timing import QUICKEST
+from softlab.bench.store.schema import tables_by_kind
 from softlab.labbook import words
-from softlab.labbook.claims.claim import Claim, Claims, on_gpu
-from softlab.labbook.words import percent
-from softlab.plots.core.backends import on_backends
+from softlab.labbook.claims.claim import Claim, Claims, named, on, on_gpu, where
+from softlab.labbook.words import number, percent
+from softlab.plots.core.apart import SMALL, small
+from softlab.plots.core.backends import BACKENDS, on_backends
 from softlab.plots.core.data import Results, Source
 from softlab.plots.findings.points import Cost, costs, look_costs
 
 BOUND = 1.0  # per cent of the time: largest cost of the divergence check
-NAMES = {"cpu": "the CPU", "gpu": "the GPU"}
-
-
-def _where(source: Source, backend: str) -> str:
-    return NAMES[backend] if backend == "cpu" else on_gpu(source).removeprefix("On ")
 
 
 def looks_cost(results: Results) -> Claim:
@@ -26,7 +27,7 @@ def looks_cost(results: Results) -> Claim:
         share = numbers[backend] = worst.share or 0.0
         busy = busy or any(cost.suspect for cost in found)
         parts.append(
-            f"{percent(share)} of the time on {_where(source, backend)} (the most of {len(found)} grids: "
+            f"{percent(share)} of the time on the {named(source, backend)} (the most of {len(found)} grids: "
             f"{words.masses(worst.particles)}, {worst.precision}, every {words.count(worst.interval)} steps)"
         )
     if not parts:
@@ -62,7 +63,8 @@ def determinism_cost(results: Results) -> Claim:
                 "runs ended in other bits than the first" + _coloured(ways, numbers)
             )
     if "cpu" in of:
-        ways = _largest(of["cpu"][1])
+        cpu, found = of["cpu"]
+        ways = _largest(found)
         told = [
             f"{text} {_compared(ways[way])} it takes"
             for way, text in (
@@ -76,8 +78,8 @@ def determinism_cost(results: Results) -> Claim:
             supported = supported or all(cost.least > 1 or cost.most < 1 for cost in ways.values())
             size = words.masses(next(iter(ways.values())).particles)
             parts.append(
-                f"On the CPU the lab's order is fixed and each spring still evaluated once, its pull carried to the other "
-                f"end: {words.listed(told)} ({size}, float32)"
+                f"{on(cpu, 'cpu')} the lab's order is fixed and each spring still evaluated once, its pull carried to the "
+                f"other end: {words.listed(told)} ({size}, float32)"
             )
     if not parts:
         return Claim("What determinism costs was not measured.")
@@ -104,4 +106,67 @@ def _coloured(ways: dict[str, Cost], numbers: dict[str, float]) -> str:
     return f"; in four colours, which repeats, it {_compared(ways['colours'])}"
 
 
-CLAIMS: Claims = {"looks-cost": looks_cost, "determinism-cost": determinism_cost}
+# ---------------------------------------------------------------------- state, step size and length of a run
+
+
+def _quickest(source: Source, finding: str, backend: str) -> list[tuple[dict[str, Any], float]]:
+    """Return (description, least time of a step [s]) of the configurations of a finding on a backend."""
+    return [
+        (m.description, m.value) for m in source.measures
+        if m.name == QUICKEST and m.value and m.backend == backend and m.description.get("finding") == finding
+    ]  # fmt: skip
+
+
+def steady(results: Results) -> Claim:
+    """Largest ratio of the costs of a step of S1 over step sizes and states."""
+    parts: list[str] = []
+    numbers: dict[str, float] = {}
+    for backend, source, found in on_backends(results, lambda source, backend: _quickest(source, STEADY, backend)):
+        times = [seconds for _, seconds in found]
+        numbers[backend] = max(times) / min(times) - 1
+        parts.append(f"{percent(numbers[backend])} on {where(backend, source)}")
+    if not parts:
+        return Claim("Whether the cost of a step depends on its size or on the state was not measured.")
+    flat = all(small(1 + share) for share in numbers.values())
+    verdict = "less than" if flat else "not everywhere less than"
+    text = (
+        f"Over all step sizes, in motion and at rest ({words.seconds(REST, 2)} from the start), the cost of a step of S1 in "
+        f"float32 differs by at most {words.listed(parts)}: {verdict} the {percent(SMALL)} that count as a difference."
+    )
+    return Claim(text, numbers, flat)
+
+
+def run_length(results: Results) -> Claim:
+    """Speed of the GPU over that of the CPU of one machine, by the length of the run, with launch and copy."""
+    parts: list[str] = []
+    numbers: dict[str, float] = {}
+    for source in results.everyone:
+        held = {backend: _quickest(source, LENGTH, backend) for backend in BACKENDS}
+        if not all(held.values()):
+            continue
+        times: dict[tuple[str, int, int], float] = {}
+        for backend, found in held.items():
+            for what, seconds in found:
+                rows = tables_by_kind(what["scene"])["grid"]["rows"]
+                times[backend, rows, what["steps"]] = seconds
+        for rows in sorted({rows for _, rows, _ in times}):
+            both = sorted(steps for backend, n, steps in times if (backend, n) == ("gpu", rows))
+            told = []
+            for steps in [steps for steps in both if ("cpu", rows, steps) in times]:
+                ratio = numbers[f"{rows} {steps}"] = times["cpu", rows, steps] / times["gpu", rows, steps]
+                told.append(f"{number(ratio, 2)} for {words.seconds(steps * LENGTH_DT, 2)}")
+            parts.append(f"at {words.masses(rows * rows)}, {words.listed(told)}")
+        text = (
+            f"{on_gpu(source)} over the {source.processor}, one run from the start state to the end state on the host is so "
+            f"many times as fast, by its simulated time: {'; '.join(parts)}."
+        )
+        return Claim(text, numbers, True)
+    return Claim("How the speed-up depends on the length of a run was not measured.")
+
+
+CLAIMS: Claims = {
+    "looks-cost": looks_cost,
+    "determinism-cost": determinism_cost,
+    "cost-steady": steady,
+    "run-length": run_length,
+}

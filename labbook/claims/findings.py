@@ -14,7 +14,7 @@ import numpy as np
 from softlab.bench.experiments.findings.experiment import AWAY, DAMPERS, DAMPING, DISSIPATION, FLOOR, oscillator
 from softlab.labbook import words
 from softlab.labbook.claims.accuracy import NEAR, SCENE, found_points
-from softlab.labbook.claims.claim import Claim, Claims, on_gpu
+from softlab.labbook.claims.claim import Claim, Claims, named
 from softlab.labbook.words import number, percent, seconds
 from softlab.model.core.integrators import INTEGRATORS, amplification_matrix
 from softlab.plots.core.accuracy_points import observed_order
@@ -165,7 +165,7 @@ def exact_cost(results: Results) -> Claim:
         fast, exact = pairs[-1]
         ratio = exact.median / fast.median
         numbers[backend] = ratio
-        where = "the CPU" if backend == "cpu" else on_gpu(source).removeprefix("On ")
+        where = f"the {named(source, backend)}"
         if apart(exact, fast) > 0:
             supported = True
             parts.append(f"{words.times(ratio)} as long on {where} ({words.masses(fast.particles)})")

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from softlab.bench.stress.numbers import SLOW_DOWN
-from softlab.bench.stress.results import CODES, HardRow, disagreements, in_full, rounding_differences
+from softlab.bench.stress.results import CODES, VERDICT, HardRow, disagreements, in_full, rounding_differences
 from softlab.labbook import words
 from softlab.labbook.claims.claim import Claim, Claims, committed_of
 from softlab.labbook.words import count, number
 from softlab.plots.core.data import Results, Source
+from softlab.plots.core.older import older_items
 from softlab.plots.figures.hard import hard_rows
 
 NOT_RUN = "The hard cases were not run."
@@ -26,8 +27,17 @@ def told(row: HardRow, name: str) -> float | None:
     return next((check.value for check in row.checks if check.name == name), None)
 
 
-def count_verdicts(rows: Sequence[HardRow]) -> Claim:
-    """Number of these runs by verdict."""
+def older_verdicts(rows: Sequence[HardRow], sources: Sequence[Source]) -> str:
+    """Return a sentence on the verdicts of these `sources` whose kernels are not proved to be today's, or nothing."""
+    older = {
+        item.configuration for source in sources for item in older_items(source) if getattr(item, "name", "") == VERDICT
+    }
+    number_older = sum(row.configuration in older for row in rows)
+    return f" {count(number_older)} of {count(len(rows))} verdicts are of older sources." if number_older else ""
+
+
+def count_verdicts(rows: Sequence[HardRow], sources: Sequence[Source] = ()) -> Claim:
+    """Number of these runs by verdict; `sources`: of the rows."""
     if not rows:
         return Claim(NOT_RUN)
     counts = {verdict: sum(row.verdict == verdict for row in rows) for verdict in CODES}
@@ -46,6 +56,7 @@ def count_verdicts(rows: Sequence[HardRow]) -> Claim:
         text += f"{count(counts['fail'])} failed otherwise, which is a bug of this lab: {words.listed(bad)}."
     else:
         text += f"none failed{' otherwise' if counts['known'] else ''}."
+    text += older_verdicts(rows, sources)
     return Claim(text, {**{k: float(v) for k, v in counts.items()}, "runs": float(len(rows))}, not counts["fail"])
 
 
@@ -57,22 +68,32 @@ def compare_backends(rows: Sequence[HardRow], sources: Sequence[Source] = ()) ->
     if len(names) < 2:
         return Claim(f"They were run on the {names[0].upper()} alone, so the backends are not compared here.")
     different, rounded = disagreements(rows, in_full), rounding_differences(rows, in_full)
-    pairs = len({(row.case, row.integrator, row.precision) for row in rows})
+    combinations: dict[tuple[str, str, str], set[str]] = {}
+    for row in rows:
+        combinations.setdefault((row.case, row.integrator, row.precision), set()).add(row.backend)
+    pairs = sum(len(backends) == len(names) for backends in combinations.values())
+    alone = len(combinations) - pairs
+    if not pairs:
+        return Claim("No combination of case, method and precision was run on both backends.")
     both = " and ".join(f"{name.upper()}{committed_of(sources, name)}" for name in names)
     if not different:
         text = (
-            f"The verdicts of {both} are the same in {'all ' if not rounded else ''}{count(pairs - len(rounded))} "
-            "combinations of case, method and precision."
+            f"The verdicts of {both} are the same in {f'{count(pairs - len(rounded))} of' if rounded else 'all'} "
+            f"{count(pairs)} combinations of case, method and precision that ran on both."
         )
         if rounded:
             text += (
-                f" In {count(len(rounded))} more a failure that the method implies shows on one of them alone, because fast "
+                f" In {count(len(rounded))} a failure that the method implies shows on one of them alone, because fast "
                 f"math rounds differently there ({'; '.join(each.rpartition(': ')[0] for each in rounded)})."
             )
     else:
-        text = f"Of {count(pairs)} combinations, {both} differ in {count(len(different))}, a bug of this lab: "
-        text += f"{'; '.join(different)}."
-    return Claim(text, {"different": float(len(different)), "pairs": float(pairs)}, not different)
+        text = f"Of {count(pairs)} combinations that ran on both, {both} differ in {count(len(different))}, "
+        text += f"a bug of this lab: {'; '.join(different)}."
+    if alone:
+        text += f" {count(alone)} more ran on one backend alone."
+    return Claim(
+        text, {"different": float(len(different)), "pairs": float(pairs), "alone": float(alone)}, not different
+    )
 
 
 def known(results: Results) -> Claim:
@@ -145,7 +166,7 @@ def denormal(results: Results) -> Claim:
 
 
 CLAIMS: Claims = {
-    "hard-verdicts": lambda results: count_verdicts(found_rows(results)),
+    "hard-verdicts": lambda results: count_verdicts(*hard_rows(results)),
     "hard-backends": lambda results: compare_backends(*hard_rows(results)),
     "hard-known": known,
     "hard-far": far,

@@ -75,8 +75,8 @@ def _material(tables: dict[str, Any]) -> dict[str, Any]:
 
 
 def reaching(candidates: Sequence[Point], error: float) -> list[Point]:
-    """Return the timed points with at most `error` spacings of error, cheapest first."""
-    found = [p for p in candidates if p.seconds is not None and p.error <= error]
+    """Return the timed points with a resolved error of at most `error` spacings, cheapest first."""
+    found = [p for p in candidates if p.seconds is not None and p.error <= error and p.resolved]
     return sorted(found, key=lambda p: p.seconds or 0.0)
 
 

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from softlab.bench.experiments import projections, throughput
+from softlab.bench.experiments.accuracy.experiment import OLDER_STAGE
 from softlab.bench.experiments.accuracy.experiment import STAGE as ACCURACY_STAGE
 from softlab.bench.experiments.scaling import experiment as scaling
 from softlab.bench.measure.case_timing import FINDINGS
@@ -25,6 +26,7 @@ from softlab.plots.core.data import Origin, Results, Run, Source
 from softlab.plots.core.older import older_peers, same_kernels, with_older
 
 SIMULATOR = "CUDA simulator"  # in a suspect mark: not a time of a GPU
+OTHER_INTERVAL = "timed over a longer interval than that of the error"  # a mark of an accuracy time
 STAGES = (ACCURACY_STAGE, ENERGY_STAGE, FINDINGS)
 RATES = tuple(
     (experiment.STEP, experiment.RATE, experiment.KERNEL) for experiment in (projections, throughput, scaling)
@@ -104,7 +106,7 @@ def _sources(store: Store, own: bool) -> list[Source]:
         scene, everything = _one_family(everything, descriptions)
         threading, everything = _one_threading(everything)
         of_stages = [[t for t in everything if t.chosen], [t for t in everything if not t.chosen]] + [
-            [t for t in timings(store, machine.key, stage) if not any(SIMULATOR in mark for mark in t.suspect)]
+            [t for t in _of_stage(store, machine.key, stage) if not any(SIMULATOR in mark for mark in t.suspect)]
             for stage in STAGES
         ]
         same = same_kernels(numbers)
@@ -125,6 +127,14 @@ def _sources(store: Store, own: bool) -> list[Source]:
             )  # fmt: skip
             result.append(with_older(source))
     return sorted(result, key=lambda source: source.runs[-1].started if source.runs else "", reverse=True)
+
+
+def _of_stage(store: Store, machine: str, stage: str) -> list[Timing]:
+    """Return the timings of a stage; of accuracy runs on a machine without whole runs the older ones, marked."""
+    found = timings(store, machine, stage)
+    if found or stage != ACCURACY_STAGE:
+        return found
+    return [replace(t, suspect=(*t.suspect, OTHER_INTERVAL)) for t in timings(store, machine, OLDER_STAGE)]
 
 
 def _is_told(description: dict[str, Any]) -> bool:

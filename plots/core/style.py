@@ -6,6 +6,7 @@ belongs to no curve. matplotlib is imported where it is used, with its object in
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -78,13 +79,19 @@ class Drawing:
     @property
     def caption(self) -> str:
         """Description, then machine, commit and date of every source."""
-        return " ".join([self.text.strip(), *(f"{line}." for line in self.provenance)])
+        return " ".join([f"{self.text.strip()}{self._machines}", *(f"{line}." for line in self.provenance)])
+
+    @property
+    def _machines(self) -> str:
+        """Warning that several machines are side by side, or nothing."""
+        several = len({source.machine.key for source in self.sources}) > 1 and re.search(r"[Tt]ime|[Cc]ost", self.text)
+        return " Several machines: a time of one does not compare with one of another." if several else ""
 
     @property
     def told(self) -> str:
         """Description, then the machines, for a book whose first page states commits and dates."""
         places = dict.fromkeys(f"{source.place}{f' {OLDER}' if source.older else ''}" for source in self.sources)
-        return f"{self.text.strip()} Measured on: {'; '.join(places)}." if places else self.text.strip()
+        return f"{self.text.strip()}{self._machines} Measured on: {'; '.join(places)}." if places else self.text.strip()
 
     @property
     def provenance(self) -> list[str]:

@@ -44,10 +44,13 @@ def draw(results: Results) -> Drawing | str:
         _panel(ax, table, low, high)
     axes[-1].set_xlabel("change at the end, root mean square, in spacings")
     _legend(figure)
+    small = any(row.change < LEAST for table in tables for row in table.rows)
+    clipped = f" Changes under {LEAST:g} are drawn there." if small else ""
     caption = (
         "How far the end of a run moves when one thing is left out of a scene, in float64 and exact math, against the "
         "method's own error at the scene's step size (grey line): what changes less is not needed there. At the right how "
         "many times as fast the run becomes, timed side by side with the full scene; diverged runs stand at the edge."
+        f"{clipped}"
     )
     return Drawing(figure, TITLE, caption, (source,))
 

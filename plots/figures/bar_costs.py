@@ -55,9 +55,17 @@ def draw(results: Results) -> Drawing | str:
     for backend, source, _ in chosen:
         axes[0].plot([], [], LINES[backend], color=GREY, label=name_of(backend, source))
     legend_below(figure, axes, columns=3)
+    errors = [
+        value
+        for _, _, found in chosen
+        for cost in found
+        for part in PARTS.values()
+        if (value := part(cost)) is not None
+    ]
+    clipped = f" Errors under {LEAST:g} are drawn there." if any(abs(value) < LEAST for value in errors) else ""
     counts = ", ".join(str(n) for n in sorted({cost.substeps for _, _, found in chosen for cost in found}))
     caption = (
         f"The bar by each method, {counts} substeps of a frame of 1/60 s along each line: how far it is off the "
-        f"closed form of a rod of its material. Black: {CLOSE:.0%}. float64, exact math."
+        f"closed form of a rod of its material. Black: {CLOSE:.0%}. float64, exact math.{clipped}"
     )
     return Drawing(figure, TITLE, caption, sources_of(chosen))

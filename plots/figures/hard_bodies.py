@@ -76,6 +76,6 @@ def draw(results: Results) -> Drawing | str:
     legend_below(figure, [ax])
     caption = (
         "Of each run, the judged number that comes nearest to its bound, over that; of one that must be more, the bound over "
-        "it. Right of the line is a failure. What is less than a ten-thousandth, or 0, stands at the left edge."
+        "it. Right of the line is a failure. Under 1e-4, or 0: at the left edge; over 10: at the right one."
     )
     return Drawing(figure, TITLE, caption, sources)

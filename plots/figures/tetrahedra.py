@@ -67,6 +67,7 @@ def draw(results: Results) -> Drawing | str:
         ax.set_title(f"E = {young:.0e} Pa, {backend.upper()}".replace("e+0", "e"), fontsize=8)
     for ax in rows[-1]:
         ax.set_xlabel("time of a frame / ms")
+    clipped = any(abs(error(bar)) < LEAST for bar in found for error in ERRORS.values())
     there = {kind_of(bar) for bar in found}
     for label, colour, marker in (look for kind, look in LOOKS.items() if kind in there):
         rows[0][0].plot([], [], color=colour, marker=marker, label=label)
@@ -77,6 +78,7 @@ def draw(results: Results) -> Drawing | str:
         "all bars should sag alike, against the time of a frame of 1/60 s. Above: how far it hangs at rest from its exact "
         "rest on the same mesh, over its sag. Below: the way that its tip has made half a vibration after it was let go, "
         "from the exact one. Solid: float64, dotted: float32. Dashed: how far that exact rest is from the continuum's."
+        f"{f' Errors under {LEAST:g} are drawn there.' if clipped else ''}"
     )
     return Drawing(figure, TITLE, caption, (source,))
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
-from softlab.bench.experiments.tetrahedral.bars import Bar, bars
+from softlab.bench.experiments.tetrahedral.bars import Bar, bars, of_one_version
 from softlab.bench.experiments.tetrahedral.cantilever import SECOND
 from softlab.bench.experiments.tetrahedral.decides import positional
 from softlab.bench.experiments.tetrahedral.promised import WITHIN
@@ -56,9 +56,14 @@ def draw(results: Results) -> Drawing | str:
     count = -(-len(panels) // ACROSS)
     figure, rows = new_grid(count, min(ACROSS, len(panels)), 1.0 + 1.15 * count)
     every = [ax for axes in rows for ax in axes]
+    usual = {b.version for _, _, mine in chosen for b in of_one_version(mine)}
+    other = False
     for ax, (size, young) in zip(every, panels, strict=False):
-        _panel(ax, [b for b in found if (b.elements, b.young) == (size, young)])
-        ax.set_title(f"{size} tetrahedra, E = {young:.0e} Pa".replace("e+0", "e"), fontsize=8)
+        mine = [b for b in found if (b.elements, b.young) == (size, young)]
+        mark = "*" if any(b.version not in usual for b in mine) else ""
+        other = other or bool(mark)
+        _panel(ax, mine)
+        ax.set_title(f"{size} tetrahedra, E = {young:.0e} Pa{mark}".replace("e+0", "e"), fontsize=8)
     for ax in every[len(panels) :]:
         ax.set_axis_off()
     for axes in rows:
@@ -76,6 +81,8 @@ def draw(results: Results) -> Drawing | str:
         "The clamped bar let go from its unloaded shape: how far the way of its tip after half a vibration is off the modes "
         "of the same mesh, against the time of a frame of 1/60 s; of each solver the settings that no other of it is both "
         f"quicker and nearer than, in either precision. Black: {WITHIN:.0%}."
+        f"{f' Errors under {LEAST:g} are drawn there.' if any(abs(b.motion_error) < LEAST for b in found) else ''}"
+        f"{' *: with times of another version of the kernels than the other panels.' if other else ''}"
     )
     return Drawing(figure, TITLE, caption, sources_of(chosen))
 

@@ -5,8 +5,11 @@ from __future__ import annotations
 from math import log10
 from typing import Any
 
-from softlab.bench.experiments.accuracy.points import pareto_front
+from softlab.bench.experiments.accuracy.methods import admitted
+from softlab.bench.experiments.accuracy.points import CLOTHS, pareto_front
+from softlab.bench.experiments.accuracy.points import SCENES as GRIDS
 from softlab.model.core.simulation import PRECISIONS
+from softlab.model.scene.scene import load_scene
 from softlab.plots.core.accuracy_points import Point, points
 from softlab.plots.core.colours import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILLION
 from softlab.plots.core.data import Results, Source
@@ -14,6 +17,7 @@ from softlab.plots.core.style import Drawing, legend_below, new_grid
 
 TITLE = "Speed against error"
 BROWN, PINK, VIOLET = "#7A5230", "#B0305C", "#5E3C99"
+NAMES = GRIDS | CLOTHS  # label -> scene
 SCENES = ("S1", "S2", "S4", "S5", "S6", "S6-still")
 PREFERRED = (
     "S1",
@@ -79,6 +83,7 @@ def draw(results: Results) -> Drawing | str:
         f"methods: {', '.join(_families([p for scene in rows for p in timed[scene]]))}. Grey: the Pareto front, its step "
         "sizes in ms. Hollow: below what the reference resolves. At the right edge: runs that diverged, or are off by over "
         f"{LOST:g} spacings. Bars: least to greatest repeat."
+        + "".join(f" {scene}: {text}." for scene in rows if (text := admitted(load_scene(NAMES[scene]))))
         + (" Pale: the time is suspect." if any(p.suspect for scene in rows for p in timed[scene]) else "")
     )
     return Drawing(figure, TITLE, caption, (source,))

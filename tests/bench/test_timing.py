@@ -20,6 +20,7 @@ from softlab.bench.measure.timing import (
     Subject,
     choose_steps,
     interleaved,
+    prepare_runs,
     warm_up,
 )
 from softlab.model.scene.scene import Scene
@@ -230,6 +231,29 @@ def test_a_sample_far_too_short_is_taken_again_longer(monkeypatch: pytest.Monkey
     monkeypatch.setattr(timing.time, "perf_counter", lambda: clock[0])
     subject = Subject(Late(clock), steps=20, wanted_seconds=1.0)  # type: ignore[arg-type]
     assert subject.sample(Quiet()) == Sample(pytest.approx(1.0), 100, None)
+
+
+def test_a_sample_is_whole_runs_from_the_start(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of 20 steps of 10 ms each, where a second is wanted: five runs. Rewinding costs 7 steps each, outside the clock."""
+    clock, rewound = [0.0], []
+    monkeypatch.setattr(timing.time, "perf_counter", lambda: clock[0])
+    device = Late(clock)
+    monkeypatch.setattr(device, "rewind", lambda: (rewound.append(device.asked), device.reset())[0], raising=False)
+    subject = prepare_runs(Subject(device), 20, 1.0)  # type: ignore[arg-type]
+    assert (subject.steps, subject.run_steps) == (100, 20)
+    rewound.clear()
+    assert subject.sample(Quiet()) == Sample(pytest.approx(1.0), 100, None)
+    assert len(rewound) == 5 and not any(rewound)
+
+
+@pytest.mark.parametrize("dt", [0.02, 0.005])
+def test_a_whole_run_ends_at_the_time_of_the_error(dt: float) -> None:
+    with opened(math="exact") as simulation:
+        steps = round(0.1 / dt)
+        subject = prepare_runs(Subject(simulation), steps, 1e-3)
+        assert subject.steps % steps == 0
+        subject.sample(Quiet())
+        assert simulation.step == steps
 
 
 def test_the_machine_is_named_by_its_hardware_and_versions() -> None:

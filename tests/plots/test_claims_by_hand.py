@@ -15,6 +15,7 @@ from synthetic_store import (
     WATTS,
     Maker,
     cpu_seconds,
+    cpu_store,
     gpu_seconds,
     gpu_store,
     kernel_seconds,
@@ -208,9 +209,23 @@ def test_backends_that_disagree_are_called_a_bug() -> None:
     made = hard_claims.compare_backends(same)
     assert made.supported and "same in all 2 combinations" in made.sentence
     made = hard_claims.compare_backends([*same, row("B6", "pass"), row("B6", "fail", "gpu")])
-    assert not made.supported and made.numbers == {"different": 1, "pairs": 3}
+    assert not made.supported and made.numbers == {"different": 1, "pairs": 3, "alone": 0}
     where = "turned upward, disturbed, lab, float64: pass on the cpu, fail on the gpu."
     assert f"CPU and GPU differ in 1, a bug of this lab: {where}" in made.sentence
+    made = hard_claims.compare_backends([*same, row("B6", "fail"), row("B7", "pass", "gpu")])
+    assert made.numbers == {"different": 0, "pairs": 2, "alone": 2}
+    assert "same in all 2 combinations" in made.sentence and made.sentence.endswith("2 more ran on one backend alone.")
+
+
+def test_cost_and_speed_up_by_state_and_length() -> None:
+    """4 % between motion and rest; 15 steps of 10 us against 1 ms and 15 steps of 1 us: 0.15 / 1.015; 15 000: 150 / 16."""
+    results = load(gpu_store())
+    made = CLAIMS["cost-steady"](results)
+    assert made.supported and made.numbers == pytest.approx({"cpu": 0.04, "gpu": 0.04})
+    made = CLAIMS["run-length"](results)
+    assert made.numbers["32 15"] == pytest.approx(0.15 / 1.015) and made.numbers["32 15000"] == pytest.approx(150 / 16)
+    assert "0.15 for 150" in made.sentence and "9.4 for 150" in made.sentence
+    assert not CLAIMS["run-length"](load(cpu_store())).supported
 
 
 # ---------------------------------------------------------------------- thin air

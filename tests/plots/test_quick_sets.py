@@ -160,9 +160,9 @@ def test_rows_of_several_machines_are_marked_by_numbers(tmp_path: Path) -> None:
     export(other, tmp_path / "gpu.csv")
     (table,) = answer_tables(load(mine, [tmp_path / "gpu.csv"]))
     marks = {row[6] for row in table["rows"] if row[6] != "\N{EN DASH}"}
-    assert marks == {"GPU (1)", "CPU (2)"} and "(1) GPU Made-up GPU" in table["title"]
+    assert marks == {"GPU (1), float64", "CPU (2), float64"} and "(1) GPU Made-up GPU" in table["title"]
     (alone,) = answer_tables(load(mine))
-    assert {row[6] for row in alone["rows"]} == {"CPU"}
+    assert {row[6] for row in alone["rows"]} == {"CPU, float64"}
 
 
 # ---------------------------------------------------------------------- what is held, and no more

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
 from math import nan
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -23,26 +26,31 @@ from softlab.bench.experiments.tetrahedra import (
     run_tetrahedra,
     settings,
 )
-from softlab.bench.experiments.tetrahedral.bars import Bar, bars
+from softlab.bench.experiments.tetrahedral import cantilever as cantilever_module
+from softlab.bench.experiments.tetrahedral.bars import Bar, bars, of_one_version
 from softlab.bench.experiments.tetrahedral.cantilever import (
     BLOCKS,
     bending_frequency,
     cantilever,
     continuum_sag,
+    exact_drop,
     exact_rest,
+    lacking,
     sag,
 )
 from softlab.bench.experiments.tetrahedral.decides import decisions, targets
 from softlab.bench.measure.costs_timing import SECONDS
 from softlab.bench.measure.experiment import described
+from softlab.bench.measure.machine import enter_machine
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import measures
 from softlab.labbook.claims.tetrahedra import CLAIMS
+from softlab.model.core.disk_cache import cache_folder
 from softlab.model.core.errors import SceneError, UnstableTimeStep
 from softlab.plots.core.read import load
 from softlab.plots.core.style import settings as drawing_settings
 from softlab.plots.figures import tetrahedra as figure
-from softlab.plots.figures import tetrahedra_decides
+from softlab.plots.figures import tetrahedra_decides, tetrahedra_total
 from softlab.plots.figures.tetrahedra_decides import frontier
 
 
@@ -76,6 +84,58 @@ def store(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Store]:
         yield opened
 
 
+def test_rows_and_references_outlast_an_interruption(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ctrl-C in the first Newton steps of the exact rest: the vibrations and the steps are stored; then before the times."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    cached = (cache_folder, exact_rest, exact_drop, cantilever_module._modes)
+    for made in cached:
+        made.cache_clear()
+    assert lacking(1) == ["modes", "rest"]
+    steps: list[np.ndarray] = []
+    whole = cantilever_module.nonlinear_static
+
+    def interrupted(*arguments: Any, watch: Any, **options: Any) -> np.ndarray:
+        def stop(x: np.ndarray) -> None:
+            watch(x)
+            steps.append(x)
+            if len(steps) == 2:
+                raise KeyboardInterrupt
+
+        return whole(*arguments, watch=stop, **options)
+
+    said: list[str] = []
+    for name in ("drop", "settle"):  # motions of the solver, which are not at issue
+        monkeypatch.setattr(tetrahedra, name, lambda *_: 0.1)
+    monkeypatch.setattr(tetrahedra, "prepare", lambda subject, *_: subject)
+    with Store(tmp_path / "results.sqlite") as opened:
+        (group,) = groups(opened, ["cpu"], True, ["float64"], young=[1e6], solvers=["xpbd"])
+        group = replace(group, measure=partial(tetrahedra._bar, 1, 1e6, [cantilever(1, 1e6, "xpbd", 4, 1)],
+                                               group.descriptions[:1], tetrahedra.QUICK))  # fmt: skip
+        machine = enter_machine(opened)
+        run = opened.start_run(machine, "test")
+        monkeypatch.setattr(cantilever_module, "nonlinear_static", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            group.run(opened, run, said.append)
+        assert lacking(1) == ["rest"]
+
+        def noted(*arguments: Any, start: np.ndarray, **options: Any) -> np.ndarray:
+            steps.append(start)
+            return whole(*arguments, start=start, **options)
+
+        monkeypatch.setattr(cantilever_module, "nonlinear_static", noted)
+        monkeypatch.setattr(tetrahedra, "in_turn", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
+        with pytest.raises(KeyboardInterrupt):
+            group.run(opened, run, said.append)
+        np.testing.assert_array_equal(steps[2], steps[1])  # goes on where it was
+        assert lacking(1) == []
+        assert any("exact rest" in text for text in said) and any("vibrations" in text for text in said)
+        stored = {measure.name for measure in measures(opened)}
+        assert {tetrahedra.MOTION_ERROR, tetrahedra.SOLVER_ERROR, tetrahedra.MESH_ERROR} <= stored
+        assert not group.held(opened, machine)
+    for made in cached:
+        made.cache_clear()
+
+
 def test_both_errors_are_told_apart(store: Store) -> None:
     found = {bar.solver: bar for bar in bars(measures(store))}
     assert found.keys() == {"xpbd", BLOCKS}
@@ -97,9 +157,9 @@ def test_quick_is_a_part_of_the_whole(monkeypatch: pytest.MonkeyPatch) -> None:
     assert set(settings(True)) < set(settings(False))
 
 
-def _made_up(path: Any) -> Store:
+def _made_up(path: Any, mesh: float = -1 / 3) -> Store:
     """A machine with a GPU on which a substep of position-based rows takes 1 ms and leaves 16 / substeps^2; other solvers
-    leave 0.001 in 2 ms; the mesh is a third too stiff."""
+    leave 0.001 in 2 ms; the mesh is a third too stiff, or off by `mesh`."""
     store = Store(path)
     store.add_machine("gpu", "Made-up machine; Made-up GPU", GPU_RECORD)
     run = store.start_run("gpu", "softlab tetrahedra", None)
@@ -112,7 +172,7 @@ def _made_up(path: Any) -> Store:
                 SAG: error,
                 SOLVER_ERROR: error,
                 MOTION_ERROR: -error,
-                MESH_ERROR: -1 / 3,
+                MESH_ERROR: mesh,
                 ELEMENTS: 400.0,
                 SECONDS: seconds,
             }
@@ -124,7 +184,7 @@ def _made_up(path: Any) -> Store:
 def test_what_is_claimed_and_drawn(tmp_path: Any) -> None:
     with _made_up(tmp_path / "gpu.sqlite") as made:
         results = load(made)
-    elsewhere = ("tetrahedra-cuts", "tetrahedra-stepping")  # test_tetrahedra_meshes.py
+    elsewhere = ("tetrahedra-cuts", "tetrahedra-stepping", "tetrahedra-total")  # test_tetrahedra_meshes.py, and below
     found = {name: claim(results) for name, claim in CLAIMS.items() if name not in elsewhere}
     assert all(claim.supported for claim in found.values())
     assert found["tetrahedra-usual"].numbers["1e+06"] == pytest.approx(2.0)
@@ -138,6 +198,30 @@ def test_what_is_claimed_and_drawn(tmp_path: Any) -> None:
     assert labels(drawing.figure) == LABELS["tetrahedra"]
     assert not isinstance(decides, str) and decides.sources
     assert labels(decides.figure) == LABELS["tetrahedra-decides"]
+
+
+def test_total_errors_do_not_cancel(tmp_path: Any) -> None:
+    """On a mesh that is a tenth too stiff 16 / substeps^2 is within 15 % from 17 substeps on (5 % of 0.9); there are 30, at
+    30 ms. A solver that is softer by as much as the mesh is stiffer is no nearer to the continuum."""
+    with _made_up(tmp_path / "gpu.sqlite", -0.1) as made:
+        results = load(made)
+    (source,) = results.sources
+    soft = next(b for b in bars(source.measures) if b.solver == "xpbd")
+    assert replace(soft, mesh_error=-0.5, solver_error=1.0).total_error == pytest.approx(1.0)
+    claim = CLAIMS["tetrahedra-total"](results)
+    assert claim.supported and "xpbd with 400 tetrahedra in 30.0" in claim.sentence
+    assert claim.numbers["gpu 1e+07"] == pytest.approx(0.03)
+    with drawing_settings():
+        drawing = tetrahedra_total.draw(results)
+    assert not isinstance(drawing, str) and labels(drawing.figure)[0] == ("time of a frame / ms", "mesh + solver")
+    assert "the sum of their magnitudes" in drawing.text
+
+
+def test_times_of_two_versions_do_not_compare(tmp_path: Any) -> None:
+    with _made_up(tmp_path / "gpu.sqlite", -0.1) as made:
+        found = bars(load(made).sources[0].measures)
+    other = [replace(bar, version="another") for bar in found[:3]]
+    assert of_one_version([*found, *other]) == found and of_one_version([]) == []
 
 
 def _bar(solver: str, substeps: int, seconds: float, rest: float, motion: float) -> Bar:

@@ -11,13 +11,15 @@ from pathlib import Path
 import numpy as np
 
 from softlab.bench.experiments.accuracy.experiment import STAGE
-from softlab.bench.experiments.accuracy.judgement import ERROR, GROWTH, HALF
+from softlab.bench.experiments.accuracy.judgement import ERROR, GROWTH, HALF, UNRESOLVED
 from softlab.bench.experiments.accuracy.points import COPY, COST
 from softlab.bench.experiments.findings import experiment as findings
+from softlab.bench.experiments.findings import steady
 from softlab.bench.experiments.stability.experiment import analytic, chain
 from softlab.bench.experiments.stability.points import EDGE, LIMIT, OUTCOME, STEP
 from softlab.bench.experiments.stability.runs import linear
 from softlab.bench.measure.case_timing import FINDINGS
+from softlab.bench.measure.costs_timing import QUICKEST
 from softlab.bench.peers.registry import OURS, PEERS
 from softlab.bench.peers.scenes import SCENES
 from softlab.bench.store.database import Store
@@ -239,6 +241,21 @@ class Maker:
                             self.run, description, "sources", 1000 * factor * seconds, 1000, stage=FINDINGS
                         )
 
+    def steady(self) -> None:
+        """Steps that cost 4 % more at rest; runs with 1 ms of launch and copy on the GPU, otherwise ten times as fast."""
+        curtain = load_scene("lab-curtain")
+        for backend, step in (("cpu", 1e-5), *([("gpu", 1e-6)] if self.record["gpu"] else [])):
+            told = {"precision": "float32"}
+            for dt, state in product(STEPS, ("start", "rest")):
+                scene = curtain.replace({"method.dt": dt})
+                description = findings.described(scene, backend, steady.STEADY, state=state, **told)
+                value = step * (1.04 if state == "rest" else 1.0)
+                self.store.add_measure(self.run, description, "sources", QUICKEST, value, "s", "made up")
+            for steps in steady.LENGTHS:
+                description = findings.described(curtain, backend, steady.LENGTH, steps=steps, **told)
+                value = step + (1e-3 / steps if backend == "gpu" else 0.0)
+                self.store.add_measure(self.run, description, "sources", QUICKEST, value, "s", "made up")
+
     def hard_bodies(self, failing: str = "") -> None:
         """Every hard case of bodies passes, at a tenth of its bound, but `failing`; a fifth of the spin is lost."""
         names = {
@@ -273,17 +290,17 @@ class Maker:
         for name, value in numbers.items():
             self.store.add_measure(self.run, description, "sources", name, value, "", "made up")
 
-    def point(self, scene_name, integrator, dt, error, cost, half, precision, backend) -> None:
+    def point(self, scene_name, integrator, dt, error, cost, half, precision, backend, **how) -> None:
         """One accuracy run."""
         scene = load_scene(scene_name).replace({"method.integrator": integrator, "method.dt": dt})
-        self.point_of(scene, error, cost, half, precision, backend)
+        self.point_of(scene, error, cost, half, precision, backend, **how)
 
-    def point_of(self, scene, error, cost, half=None, precision="float64", backend="cpu") -> None:
+    def point_of(self, scene, error, cost, half=None, precision="float64", backend="cpu", unresolved=None) -> None:
         """The same of any scene."""
         dt = scene.method.dt
         threads = self.record["cores"] if backend == "cpu" else None
         description = configuration(scene, backend=backend, threads=threads, precision=precision)
-        names = {ERROR: error, HALF: half, COST: cost, COPY: 2e-5, GROWTH: 0.09}
+        names = {ERROR: error, HALF: half, COST: cost, COPY: 2e-5, GROWTH: 0.09, UNRESOLVED: unresolved}
         for name, value in names.items():
             if value is not None:
                 self.store.add_measure(self.run, description, "sources", name, value, "", "made up")
@@ -302,6 +319,7 @@ def cpu_store(path: str | Path = ":memory:", **options) -> Store:
         maker.accuracy()
         maker.stability()
         maker.findings()
+        maker.steady()
     return store
 
 
@@ -316,4 +334,5 @@ def gpu_store(path: str | Path = ":memory:", **options) -> Store:
         maker.accuracy()
         maker.stability()
         maker.findings()
+        maker.steady()
     return store

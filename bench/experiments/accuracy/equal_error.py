@@ -17,7 +17,7 @@ class Timed(Protocol):
     """A run whose error and time were measured.
 
     `seconds`: wall time per simulated second, without copies between host and device; `copied`: the same with the copy
-    of the end state to the host. None where it was not measured.
+    of the end state to the host. None where it was not measured. `resolved`: the reference is accurate enough for the error.
     """
 
     @property
@@ -28,6 +28,8 @@ class Timed(Protocol):
     def seconds(self) -> float | None: ...
     @property
     def copied(self) -> float | None: ...
+    @property
+    def resolved(self) -> bool: ...
 
 
 Candidate = TypeVar("Candidate", bound=Timed)
@@ -71,12 +73,12 @@ def _ratio(cpu: float | None, gpu: float | None) -> float | None:
 
 
 def fastest(points: Iterable[Candidate], target: float, *, copied: bool = False) -> Candidate | None:
-    """Return the cheapest point with at most `target` spacings of error; None if no timed point has so small an error."""
+    """Return the cheapest point with a resolved error of at most `target` spacings; None if no timed point has one."""
 
     def cost(point: Candidate) -> float | None:
         return point.copied if copied else point.seconds
 
-    able = [p for p in points if p.error <= target and cost(p) is not None]
+    able = [p for p in points if p.error <= target and p.resolved and cost(p) is not None]
     return min(able, key=lambda p: cost(p) or 0.0, default=None)
 
 

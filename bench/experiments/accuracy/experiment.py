@@ -17,7 +17,9 @@ The hand-out's step is compared with Newton's law like all other methods, and on
 equation that it solves. Position-based solvers are run with several numbers of iterations. They have a second error, to
 their own scheme with converged iterations, and the residuals of a step (bench/experiments/accuracy/solver_error.py).
 
-Error and time of a configuration come from the same opened simulation; bench/measure/timing.py defines the times.
+Error and time of a configuration come from the same opened simulation and from the same interval: a sample is whole runs
+from the start to the time at which the error is judged, with their launches, rewound outside the clock
+(bench/measure/timing.py). Samples of the stage `OLDER_STAGE` are of another interval.
 Practice: Hairer and Wanner, "Solving ODEs II", IV.10; work-precision diagrams of SciML.
 """
 
@@ -47,10 +49,9 @@ from softlab.bench.experiments.accuracy.points import (
 from softlab.bench.experiments.accuracy.references import converged_for, growth_for, motion_of, references
 from softlab.bench.experiments.accuracy.solver_error import Iterated, solver_numbers
 from softlab.bench.experiments.growth import Growth
-from softlab.bench.measure.costs_timing import Effort
 from softlab.bench.measure.experiment import Tell, backends_here, chosen, keep, resume
 from softlab.bench.measure.samples import in_turns
-from softlab.bench.measure.timing import Subject, prepare_run
+from softlab.bench.measure.timing import Subject, prepare_runs
 from softlab.bench.reference import cache
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import by_configuration, measures_of, timings
@@ -60,9 +61,9 @@ from softlab.model.core.simulation import PRECISIONS, Simulation
 
 HALF_ACCELERATION = 2.0  # inertia factor of the equation that the hand-out's step converges to
 COPIES = 3  # copies of the state to the host; their median is stored
-STAGE = "accuracy"  # stage of the samples in the store, different from the sweep's
-QUICK = Effort(3, 0.015, 0.5)
-FULL = Effort(7, 0.1, 5.0)
+STAGE = "accuracy runs"  # stage of the samples in the store, different from the sweep's
+OLDER_STAGE = "accuracy"  # samples of runs that went on far beyond the time of the error
+QUICK_EFFORT, EFFORT = (3, 0.01), (7, 0.02)  # samples, and how long one takes at least [s]
 
 
 def run_accuracy(
@@ -88,7 +89,7 @@ def run_accuracy(
     Raises SceneError (an unknown name), BackendUnavailable (a requested backend is not available), InputError (the
     store).
     """
-    effort = QUICK if quick else FULL
+    repeats, seconds = QUICK_EFFORT if quick else EFFORT
     names = chosen(integrators, (*METHODS, *OF_CLOTHS), "--integrator", rows=True) if integrators else None
     accurate = chosen(precisions, list(PRECISIONS), "--precision") if precisions else None
     here, summary = backends_here(backends), AccuracySummary.begun(store, "accuracy")
@@ -101,10 +102,10 @@ def run_accuracy(
         key = case.description, summary.machine, case.sources
         wanted = (COST, GROWTH, SOLVER) if case.scene.method.position_based else (COST, GROWTH)
         told = all(store.has_measure(*key, name) for name in wanted)
-        return told and store.sample_count(*key, STAGE) >= effort.repeats
+        return told and store.sample_count(*key, STAGE) >= repeats
 
     def measure(group: Sequence[Case], tell: Tell) -> None:
-        _Group(store, summary, effort, tell).measure(group)
+        _Group(store, summary, repeats, seconds, tell).measure(group)
 
     how: dict[str, Any] = {"progress": progress, "command": command, "worth": lambda case: 2}
     resume(store, summary, list(groups.values()), held, measure, **how)
@@ -118,8 +119,9 @@ class _Group:
     turn.
     """
 
-    def __init__(self, store: Store, summary: AccuracySummary, effort: Effort, tell: Tell):
-        self.store, self.summary, self.effort, self.tell = store, summary, effort, tell
+    def __init__(self, store: Store, summary: AccuracySummary, repeats: int, seconds: float, tell: Tell):
+        self.store, self.summary, self.tell = store, summary, tell
+        self.repeats, self.seconds = repeats, seconds
         self.folder = references(store)
         self.iterated = Iterated(self.folder)
 
@@ -138,7 +140,7 @@ class _Group:
                 subject = Subject(stack.enter_context(case.open()), case)
                 broken = self._judge(subject, right, half, growth)
                 if broken is None:
-                    prepare_run(subject, case.steps, self.effort.seconds, self.effort.most)
+                    prepare_runs(subject, case.steps, self.seconds)
                 else:
                     subject.steps = max(1, broken.step - 1)  # the steps before the one that diverged
                 subjects.append(subject)
@@ -170,7 +172,7 @@ class _Group:
         return broken
 
     def _sample(self, subjects: Sequence[Subject]) -> None:
-        store, summary, repeats = self.store, self.summary, self.effort.repeats
+        store, summary, repeats = self.store, self.summary, self.repeats
         for subject, samples in in_turns(store, summary.run, STAGE, subjects, repeats):
             case = subject.name
             median = statistics.median(sample.seconds / (sample.steps * case.scene.method.dt) for sample in samples)

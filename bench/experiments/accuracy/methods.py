@@ -40,6 +40,11 @@ def fits(scene: Scene, name: str) -> bool:
     return name not in OF_CLOTHS or scene.cloth is not None
 
 
+def admitted(scene: Scene) -> str:
+    """Return which methods can step the scene's sheet, where these are not all, as words; else an empty string."""
+    return "" if fits(scene, METHODS[0]) else "only position-based solvers, since no other supports loads"
+
+
 def changes(name: str, iterations: int = 1, substeps: int = 1) -> dict[str, Any]:
     """Return the fields of a scene, by dotted path, that select this method, whatever solver the scene itself names."""
     if not position_based(name):

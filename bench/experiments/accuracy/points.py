@@ -125,6 +125,12 @@ class AccuracyPoint:
         return self.seconds + self.copy_seconds / end_of(self.scene)
 
     @property
+    def run_seconds(self) -> float | None:
+        """Time [s] of one run: from the start state on the device to the end state on the host, with launches and copy."""
+        copied = self.copied
+        return None if copied is None else copied * end_of(self.scene)
+
+    @property
     def mark(self) -> str:
         """Suffix of a suspect time."""
         return "?" if self.suspect else ""

@@ -52,7 +52,7 @@ from softlab.bench.experiments.advise.experiment import REFERENCE_SECONDS
 from softlab.bench.experiments.growth import Growth
 from softlab.bench.measure.experiment import Tell, backends_here, keep, resume
 from softlab.bench.measure.samples import in_turns
-from softlab.bench.measure.timing import Subject, prepare_run
+from softlab.bench.measure.timing import Subject, prepare_runs
 from softlab.bench.reference import cache
 from softlab.bench.reference.cache import Converged
 from softlab.bench.store.database import Store
@@ -66,7 +66,7 @@ from softlab.model.scene.scene import Scene
 
 VERSION = 1  # part of every resume key: raise it when the measurement changes
 STAGE = "ablate"  # stage of the samples in the store
-REPEATS, SAMPLE_SECONDS, MAX_SAMPLE = 9, 0.03, 1.0
+REPEATS, SAMPLE_SECONDS = 9, 0.03
 MAX_ROUNDS, DISTURBED = 3, 1.5  # rounds of samples, repeated while a median is above this multiple of the minimum
 FOR_STATISTICS = 1e-3  # spacings: for a chaotic motion, whose reference would take minutes to be more accurate
 RUN_SECONDS = 60.0  # longest estimated time of one run up to the time of judgement
@@ -216,7 +216,7 @@ class _Work:
                 tell(f"{variant.ablation.name}, {variant.case.backend}", 1)
                 subject = Subject(stack.enter_context(variant.case.open()), variant)
                 if self._judge(subject, right):
-                    subjects.append(prepare_run(subject, variant.steps, SAMPLE_SECONDS, MAX_SAMPLE))
+                    subjects.append(prepare_runs(subject, variant.steps, SAMPLE_SECONDS))
                 else:
                     self._add(variant, {SECONDS: (None, "s/s", "diverged")})
                     tell(f"{variant.ablation.name} diverged", 1)

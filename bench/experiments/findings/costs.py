@@ -37,10 +37,12 @@ NEVER = 2**62  # steps
 def groups(store: Store, backends: Sequence[str], quick: bool) -> list[Group]:
     """Return the groups of all costs; `quick`: no grid wider than QUICK_MOST, fewer and shorter samples."""
     from softlab.bench.experiments.findings.determinism import determinism
+    from softlab.bench.experiments.findings.steady import steady_groups
     from softlab.bench.measure.vertex_timing import vertex_groups  # imported late, because it loads the drawing code
 
     effort, most = (QUICK, QUICK_MOST) if quick else (FULL, None)
     found = [g for backend in backends for g in (*looks(backend, effort, most), *determinism(backend, effort, most))]
+    found += [group for backend in backends for group in steady_groups(backend, effort, quick)]
     return found + (vertex_groups(effort, most) if "gpu" in backends else [])
 
 

@@ -8,10 +8,12 @@ from math import nan
 
 from softlab.bench.experiments.tetrahedra import ELEMENTS, MESH_ERROR, MOTION_ERROR, SOLVER_ERROR, TETRAHEDRA
 from softlab.bench.experiments.tetrahedral.cantilever import setting_of
+from softlab.bench.keys.carried import is_older
 from softlab.bench.measure.costs_timing import SECONDS
 from softlab.bench.store.marks import is_wrong
 from softlab.bench.store.results import Measure, by_configuration
 from softlab.bench.store.schema import tables_by_kind
+from softlab.bench.store.versions import sources_of
 
 
 @dataclass(frozen=True)
@@ -20,7 +22,8 @@ class Bar:
 
     `elements` tetrahedra of `young` [Pa]; `seconds`: of a frame. Errors are relative: that of the solver at rest (NaN
     if it would have taken too long), that in motion, and that of the mesh. `suspect`: the time has a mark; `wrong`: the
-    mark says that the state was wrong or incomplete, so that the time does not compete.
+    mark says that the state was wrong or incomplete, so that the time does not compete. `version`: of the kernels, empty
+    where they are those of this code.
     """
 
     elements: int
@@ -36,6 +39,15 @@ class Bar:
     mesh_error: float
     suspect: bool
     wrong: bool = False
+    version: str = ""
+
+    @property
+    def total_error(self) -> float:
+        """Largest error of the sag at rest against the continuum: of the mesh and of the solver, |m| + (1 + m) |s|.
+
+        A mesh is too stiff, and a solver that has not converged too soft: their signed sum would cancel by chance.
+        """
+        return abs(self.mesh_error) + (1 + self.mesh_error) * abs(self.solver_error)
 
 
 def bars(held: Sequence[Measure]) -> list[Bar]:
@@ -55,8 +67,17 @@ def bars(held: Sequence[Measure]) -> list[Bar]:
                 description["precision"], value[SECONDS], value.get(SOLVER_ERROR, nan), value[MOTION_ERROR],
                 value[MESH_ERROR], "; " in (numbers[SECONDS].reason or ""),
                 is_wrong(numbers[SECONDS].reason),
+                sources_of(numbers[SECONDS]) if is_older(numbers[SECONDS], numbers[SECONDS].configuration) else "",
             )
         )  # fmt: skip
     return sorted(
         found, key=lambda b: (b.backend, b.precision, b.elements, b.young, b.solver, b.substeps * b.iterations)
     )
+
+
+def of_one_version(found: Sequence[Bar]) -> list[Bar]:
+    """Return the bars of one version of the kernels, whose times compare: the one with most meshes, then most bars."""
+    versions: dict[str, list[Bar]] = {}
+    for bar in found:
+        versions.setdefault(bar.version, []).append(bar)
+    return max(versions.values(), key=lambda mine: (len({bar.elements for bar in mine}), len(mine)), default=[])

@@ -2,15 +2,16 @@
 
 Both references are computed on the same mesh. Gravity grows with Young's modulus, so the rest state is the same for all
 moduli, and frequencies grow with the root of the modulus: both are computed once per mesh, and stored among the
-references of the user's cache.
+references of the user's cache, each as soon as it is made; a rest state that was interrupted is continued.
 """
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import cache
 from math import pi, sqrt
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,7 @@ import numpy as np
 from softlab.bench.reference.cache import kept_arrays, sources
 from softlab.bench.reference.finite_elements import mode_shapes
 from softlab.bench.reference.finite_elements_newton import nonlinear_static
-from softlab.model.core.disk_cache import cache_folder
+from softlab.model.core.disk_cache import cache_folder, write_arrays
 from softlab.model.scene.scene import Scene
 
 LENGTH, SIDE, DENSITY, POISSON = 1.0, 0.1, 1000.0, 0.3  # m, m, kg/m^3
@@ -87,15 +88,18 @@ def _bar(across: int) -> tuple[Scene, np.ndarray]:
     return scene, fixed
 
 
-def _kept(
-    what: str, across: int, shapes: dict[str, tuple[int, ...]], make: Callable[[], dict[str, np.ndarray]]
-) -> Mapping[str, np.ndarray]:
-    """Return arrays of a mesh from the user's cache, or make them."""
+def _file(what: str, across: int) -> Path:
+    """Return the file of a reference of a mesh in the user's cache."""
     found = _bar(across)[0].tetrahedra_set
     mesh = found.position.tobytes() + found.tetrahedra.tobytes() + found.masses.tobytes()
     told = f"{what} {across} {WEIGHT} {POISSON} {DENSITY} {REFERENCE} {MODES} ".encode()
     key = hashlib.sha256(told + mesh + sources()).hexdigest()[:16]
-    return kept_arrays(cache_folder("references") / f"cantilever-{key}.npz", shapes, make)
+    return cache_folder("references") / f"cantilever-{key}.npz"
+
+
+def lacking(across: int) -> list[str]:
+    """Return which references of a mesh the user's cache lacks, which have to be made: `modes`, `rest`."""
+    return [what for what in ("modes", "rest") if not _file(what, across).exists()]
 
 
 @cache
@@ -104,16 +108,20 @@ def exact_rest(across: int) -> np.ndarray:
     scene, fixed = _bar(across)
     found = scene.tetrahedra_set
 
+    shapes = {"position": found.position.shape}
+    begun = _file("rest begun", across)
+
     def make() -> dict[str, np.ndarray]:
         gravity = 0.0, -WEIGHT * REFERENCE, 0.0
-        return {
-            "position": nonlinear_static(
-                found.position, found.tetrahedra, REFERENCE, POISSON, fixed, "fixed-corotated", gravity=gravity,
-                density=DENSITY,
-            )
-        }  # fmt: skip
+        start = kept_arrays(begun, shapes, lambda: {"position": found.position})["position"]
+        position = nonlinear_static(
+            found.position, found.tetrahedra, REFERENCE, POISSON, fixed, "fixed-corotated", gravity=gravity, density=DENSITY,
+            start=start, watch=lambda x: write_arrays(begun, position=x),
+        )  # fmt: skip
+        begun.unlink(missing_ok=True)
+        return {"position": position}
 
-    return _kept("rest", across, {"position": found.position.shape}, make)["position"]
+    return kept_arrays(_file("rest", across), shapes, make)["position"]
 
 
 @cache
@@ -126,7 +134,8 @@ def _modes(across: int) -> tuple[np.ndarray, np.ndarray]:
         modes = mode_shapes(found.position, found.tetrahedra, REFERENCE, POISSON, DENSITY, fixed, MODES)
         return dict(zip(("frequency", "shapes"), modes, strict=True))
 
-    kept = _kept("modes", across, {"frequency": (MODES,), "shapes": (MODES, *found.position.shape)}, make)
+    shapes = {"frequency": (MODES,), "shapes": (MODES, *found.position.shape)}
+    kept = kept_arrays(_file("modes", across), shapes, make)
     return kept["frequency"], kept["shapes"]
 
 

@@ -28,8 +28,13 @@ AT_REST, IN_MOTION = "at rest", "in motion"
 def within(bar: Bar, where: str) -> bool:
     """True if a setting is within WITHIN of the mesh's exact result, `where` AT_REST or IN_MOTION."""
     if where == AT_REST:
-        return abs(bar.solver_error) <= WITHIN and bar.motion_error >= MOVES - 1
+        return abs(bar.solver_error) <= WITHIN and moves(bar)
     return abs(bar.motion_error) <= WITHIN
+
+
+def moves(bar: Bar) -> bool:
+    """True if a setting makes MOVES of the displacement in motion, so that its rest is none of a solver that stands still."""
+    return bar.motion_error >= MOVES - 1
 
 
 def positional(bar: Bar) -> bool:

@@ -131,6 +131,11 @@ def test_the_wide_grid():
     wide = accuracy.cases(["S1", "S2"], ["cpu"], wide=True)
     quick = accuracy.cases(["S1", "S2"], ["cpu"], precisions=["float32", "float64"])
     held = {str(case.description) for case in quick}
+    finer = [case for case in wide if case.scene.method.dt in accuracy_cases.STEP_SIZES[1::2]]
+    integrated = [case for case in quick if case.scene.method.solver == "mass-spring"]
+    assert {case.scene.method.dt for case in integrated} == set(accuracy_cases.STEP_SIZES[::2])
+    assert {case.precision for case in finer} == {"float32", "float64"}
+    wide = [case for case in wide if case not in finer]
     more = [case for case in wide if str(case.description) not in held and case.scene.method.solver == "mass-spring"]
     assert {c.label for c in quick} == {"S1", "S2"}
     assert {(c.label, c.math) for c in more} == {("S1", "exact"), ("S1-16", "fast"), ("S1-64", "fast")}

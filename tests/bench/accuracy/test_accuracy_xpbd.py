@@ -170,7 +170,7 @@ def test_the_grid_of_cases():
     assert ways == {(name, n) for name in methods.XPBD for n in accuracy_cases.ITERATIONS}
     assert {c.scene.method.name for c in quick} == {*INTEGRATORS, GAUSS_SEIDEL}
     assert {c.scene.method.iterations for c in quick} == {1, 4}
-    assert len(named) == len(accuracy_cases.XPBD_STEP_SIZES) * len(accuracy_cases.ITERATIONS)
+    assert len(named) == len(accuracy_cases.XPBD_STEP_SIZES[::2]) * len(accuracy_cases.ITERATIONS)
     assert len({str(c.description) for c in wide}) == len(wide)
     assert {str(c.description) for c in (*quick, *named)} <= {str(c.description) for c in wide}
     assert str(named[0]) == "S2 xpbd jacobi x 1 dt 0.01 float64 fast cpu"
