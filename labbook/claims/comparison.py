@@ -119,6 +119,23 @@ def overtakes_drawing(results: Results) -> Claim:
     return Claim(f"{text} the GPU's step is {times(last.ratio)} as fast as the CPU's{suspect}.", numbers, True)
 
 
+def crossing_drawing(results: Results) -> Claim:
+    """Size at which the GPU overtakes with graphics, interpolated between two sizes."""
+    source = results.first(lambda one: pairs(one, graphics=True))
+    found = pairs(source, graphics=True) if source else []
+    crossed = crossing(found)
+    if source is None or not found:
+        return Claim("Where the GPU overtakes with graphics was not measured.")
+    doubtful = sum(is_suspect(pair.cpu) or is_suspect(pair.gpu) for pair in found)
+    marked = f" ({words.count(doubtful)} of the {len(found)} sizes rest on suspect times)" if doubtful else ""
+    if crossed is None:
+        side = "GPU" if found[-1].ratio >= 1 else "CPU"
+        text = f"With graphics there is no crossing: the {side} is the faster at the largest size{marked}."
+        return Claim(text, {"crossing": 0.0, "ratio": found[-1].ratio}, False)
+    text = f"With graphics the CPU is the faster below about {masses(crossed, exact=False)}, the GPU above{marked}."
+    return Claim(text, {"crossing": crossed, "ratio": found[-1].ratio}, True)
+
+
 def shape(results: Results) -> Claim:
     """Cost of long, tall and odd grids over that of squares, on the CPU with 1x threads."""
     source = cpu_source(results)
@@ -190,6 +207,7 @@ CLAIMS: Claims = {
     "overtakes": overtakes,
     "drawing": drawing,
     "overtakes-drawing": overtakes_drawing,
+    "crossing-drawing": crossing_drawing,
     "shape": shape,
     "trust": trust,
 }

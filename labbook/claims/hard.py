@@ -57,7 +57,8 @@ def compare_backends(rows: Sequence[HardRow], sources: Sequence[Source] = ()) ->
     if len(names) < 2:
         return Claim(f"They were run on the {names[0].upper()} alone, so the backends are not compared here.")
     different, rounded = disagreements(rows, in_full), rounding_differences(rows, in_full)
-    pairs = len({(row.case, row.integrator, row.precision) for row in rows})
+    ran = [{(row.case, row.integrator, row.precision) for row in rows if row.backend == name} for name in names]
+    pairs = len(set.intersection(*ran))
     both = " and ".join(f"{name.upper()}{committed_of(sources, name)}" for name in names)
     if not different:
         text = (

@@ -19,9 +19,9 @@ from softlab.plots.core.colours import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE,
 from softlab.plots.core.data import Results, Source, is_suspect, is_wrong, sound
 
 WIDTH = 6.3  # inch: text width on A4
-HEIGHT = 3.0  # inch
+HEIGHT = 2.5  # inch
 MAX_PANELS = 3
-FOOTER_SIZE = 6  # point
+FOOTER_SIZE = 7  # point
 FOOTER_LINE = 1.3 * FOOTER_SIZE  # point
 LETTER = 0.54  # width of a letter over its size
 OLDER = "[older]"  # marks what uses measurements of older code
@@ -58,12 +58,13 @@ class Curve:
 
 
 THREADS = {
-    "1": Curve("1 thread", PURPLE, "v"),
+    "1": Curve("1 thread", BLACK, "v"),
     "1x": Curve("1x threads", BLUE, "o"),
     "2x": Curve("2x threads", ORANGE, "s"),
     "4x": Curve("4x threads", VERMILLION, "^"),
 }
 GPU = Curve("GPU", GREEN, "D")
+GPU_PLAIN = Curve("GPU, one thread per mass", PURPLE, "^")
 
 
 @dataclass(frozen=True)
