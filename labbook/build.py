@@ -46,7 +46,7 @@ from softlab.labbook.facts import facts
 from softlab.labbook.grid_tables import graphics_tables, thread_tables
 from softlab.labbook.listings import listings
 from softlab.labbook.rungs import rung_tables
-from softlab.labbook.tables import Table, machine_lines, region_tables, scene_table
+from softlab.labbook.tables import Table, machine_lines, region_tables, scene_line
 from softlab.model.core.errors import BackendUnavailable, InputError
 from softlab.model.core.files import check_target, replacing
 from softlab.plots.core.data import Origin, Results, Source, is_suspect
@@ -62,8 +62,9 @@ ENTRIES = ("gpu-design", "cpu-design", "performance")  # the three chapters of t
 MAIN = ("answer", *ENTRIES, "conclusions", "lab-step", "accuracy", "material", "fluids", "breaks")
 OWN_PAGE = ("answer", "gpu-design")  # these begin on a new page
 NOT_PRINTED = (  # figures that softlab figures draws for those who run their experiment
-    "ablation", "bar-clusters", "convergence", "findings-determinism", "fluids-phases", "hard-bodies", "hard-states",
-    "joules", "projections", "tetrahedra", "tetrahedra-mesh", "throughput",
+    "ablation", "bar-clusters", "convergence", "crossover", "findings-determinism", "fluids-phases", "hard-bodies",
+    "hard-states",
+    "joules", "projections", "roofline", "tetrahedra", "tetrahedra-mesh", "throughput",
 )  # fmt: skip
 PICTURES = FOLDER / "pictures"  # of six scenes, by docs/gallery.py
 OPTIONAL = (  # claims whose paragraph is only printed if they were measured
@@ -136,7 +137,6 @@ def write_book(
 def book_data(results: Results) -> dict[str, Any]:
     """Return everything that the template prints, except for the files of the figures."""
     claims = {name: told(results, name) for name in CLAIMS}
-    scene = scene_table(results)
     return {
         "title": TITLE,
         "subtitle": "The mass-spring grid on CPU threads and on CUDA: how fast, and how wrong",
@@ -152,10 +152,8 @@ def book_data(results: Results) -> dict[str, Any]:
         "claims": {name: made.sentence for name, made in claims.items()},
         "unmeasured": {name: claims[name].sentence for name in OPTIONAL if not claims[name].numbers},
         "measured": [name for name, made in claims.items() if made.numbers],
-        "tables": {
-            "scene": [scene] if scene else [],
-            **{name: _tables(made, results) for name, made in TABLES.items()},
-        },
+        "scene": scene_line(results),
+        "tables": {name: _tables(made, results) for name, made in TABLES.items()},
     }
 
 

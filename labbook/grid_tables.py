@@ -19,7 +19,9 @@ def graphics_tables(results: Results) -> list[Table]:
     source = results.first(pairs)
     if source is None:
         return []
-    plain, drawn = ({pair.gpu.particles: pair for pair in pairs(source, graphics=graphics)} for graphics in (False, True))
+    plain, drawn = (
+        {pair.gpu.particles: pair for pair in pairs(source, graphics=graphics)} for graphics in (False, True)
+    )
     rows = [
         [words.count(masses), *_cells(plain.get(masses)), *_cells(drawn.get(masses))]
         for masses in sorted(plain.keys() | drawn.keys())
@@ -63,7 +65,9 @@ def _threads(source: Source) -> Table | None:
         return None
     fewest = min(by_threads)
     sizes = sorted(set.intersection(*map(set, by_threads.values())))
-    sizes = [sizes[round(k * (len(sizes) - 1) / (COLUMNS - 1))] for k in range(COLUMNS)] if len(sizes) > COLUMNS else sizes
+    sizes = (
+        [sizes[round(k * (len(sizes) - 1) / (COLUMNS - 1))] for k in range(COLUMNS)] if len(sizes) > COLUMNS else sizes
+    )
     rows = [
         [str(threads), *(_speed_up(by_threads[fewest][size], mine[size], fewest, threads) for size in sizes)]
         for threads, mine in sorted(by_threads.items())

@@ -19,7 +19,7 @@ class Listing:
     ranges: tuple[tuple[str, str], ...]
 
     def text(self) -> str:
-        """Return the lines without their common indentation; a line with GAP stands for lines left out. Raises LookupError."""
+        """Return the lines, dedented, with GAP for lines that are left out. Raises LookupError."""
         lines = (ROOT / self.file).read_text(encoding="utf-8").splitlines()
         found: list[str] = []
         end = self._line(lines, f"def {self.function}(", 0)

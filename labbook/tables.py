@@ -19,6 +19,8 @@ UNITS = {
     "rows": "masses", "columns": "masses", "spacing": "m", "mass": "kg", "stiffness": "N/m", "rest_length": "m",
     "coefficient": "N s/m", "acceleration": "m/s\u00b2", "magnitude": "N", "dt": "s", "amplitude": "m",
 }  # fmt: skip
+
+
 def table(title: str, head: Sequence[str], rows: Sequence[Sequence[str]], left: int = 1) -> Table:
     """Return a table for the template; its first `left` columns are set flush left, the others flush right."""
     return {"title": title, "head": list(head), "rows": [list(row) for row in rows], "left": left}
@@ -43,19 +45,18 @@ def _machine(source: Source) -> str:
     return f"{source.place}{copies}: {code}{older and '; '}{older}."
 
 
-def scene_table(results: Results) -> Table | None:
-    """Return the constants of the scene that was swept."""
+def scene_line(results: Results) -> str:
+    """Return the constants of the scene that was swept, with their units; empty if there was no sweep."""
     source = next((s for s in results.featured if s.scene), None)
-    if source is None:
-        return None
-    rows = []
-    for part, fields in sorted(source.scene.items()):
-        if isinstance(fields, dict):
-            for name, value in sorted(fields.items()):
-                if name != "kind":
-                    shown = str(value).lower() if isinstance(value, bool) else str(value)
-                    rows.append([f"{part}.{name}", shown, UNITS.get(name, "")])
-    return table("Constants of the scene that was timed; its size varies", ["Field", "Value", "Unit"], rows, left=3)
+    told = []
+    for part, fields in sorted(source.scene.items()) if source else []:
+        for name, value in sorted(fields.items()) if isinstance(fields, dict) else []:
+            if name != "kind":
+                shown = str(value).lower() if isinstance(value, bool) else str(value)
+                told.append(
+                    f"{part}.{name} {shown}{words.SPACE}{UNITS[name]}" if name in UNITS else f"{part}.{name} {shown}"
+                )
+    return f"The scene of the sweep, whose size varies: {', '.join(told)}." if told else ""
 
 
 def region_tables(results: Results) -> list[Table]:

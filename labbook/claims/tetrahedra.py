@@ -7,7 +7,7 @@ from math import log10
 from softlab.bench.experiments.tetrahedral.bars import Bar, bars
 from softlab.bench.experiments.tetrahedral.cantilever import BLOCKS, SECOND
 from softlab.bench.experiments.tetrahedral.decides import STIFF, Decision, decisions
-from softlab.bench.experiments.tetrahedral.meshes import MESH, STEP, meshes, steps
+from softlab.bench.experiments.tetrahedral.meshes import MESH, meshes
 from softlab.bench.experiments.tetrahedral.promised import WITHIN
 from softlab.labbook import words
 from softlab.labbook.claims.claim import SUSPECT, Claim, Claims, where
@@ -189,22 +189,6 @@ def cuts(results: Results) -> Claim:
     )  # fmt: skip
 
 
-def stepping(results: Results) -> Claim:
-    """Damping of a vibration by implicit Euler, with any solver."""
-    found, _ = judgements(results, lambda measure: measure.description.get("finding") == STEP)
-    exact = [step for step in steps(found) if step.solver == "newton"]
-    if not exact:
-        return Claim("What a step takes from a bar's swing was not measured.")
-    off = max(abs(step.decay / step.law - 1) for step in exact)
-    longest = max(exact, key=lambda step: step.h)
-    return Claim(
-        f"A swing that nothing damps loses what implicit Euler takes, log(1 + w²h²)/(2h): by Newton's method to "
-        f"{words.number(off, 1)} of it, {words.number(longest.decay, 2)} of the amplitude a second in steps of "
-        f"{words.seconds(longest.h)}.",
-        {"off": off, "decay": longest.decay}, off < 1e-3,
-    )  # fmt: skip
-
-
 CLAIMS: Claims = {
     "tetrahedra-usual": usual,
     "tetrahedra-mesh": mesh,
@@ -212,5 +196,4 @@ CLAIMS: Claims = {
     "tetrahedra-decided": decided,
     "tetrahedra-creeping": creeping,
     "tetrahedra-cuts": cuts,
-    "tetrahedra-stepping": stepping,
 }

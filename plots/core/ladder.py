@@ -49,7 +49,7 @@ def backend_panels(
     chosen = on_backends(results, lambda source, backend: source.ladder(backend) and holds(source, backend))
     if not chosen:
         return None, []
-    figure, axes = new_figure(len(chosen), 3.0, share_y)
+    figure, axes = new_figure(len(chosen), 2.8, share_y)
     panels = [(ax, backend, source) for ax, (backend, source, _) in zip(axes, chosen, strict=True)]
     for ax, backend, source in panels:
         ax.set_title(title(source, backend), fontsize=8)

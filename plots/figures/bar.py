@@ -64,7 +64,7 @@ def draw(results: Results) -> Drawing | str:
     if not any(bar.solver in SOLVERS for bar in found):
         return MISSING
     found = first_backend(found)
-    figure = new_sheet(4.2)
+    figure = new_sheet(3.6)
     axes = figure.subplots(2, 2, sharex="col")
     for row, name in zip(axes, ROWS, strict=True):
         for solver, (label, colour, marker, line) in CURVES.items():

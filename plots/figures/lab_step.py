@@ -25,7 +25,7 @@ def draw(results: Results) -> Drawing | str:
     here = [scene for scene in SCENES if order_points(points(source, scene), "lab")]
     if not here:
         return "the hand-out's step was not among the accuracy runs in float64"
-    figure, rows = new_grid(-(-len(here) // ACROSS), min(ACROSS, len(here)), HEIGHT if len(here) <= ACROSS else 4.6)
+    figure, rows = new_grid(-(-len(here) // ACROSS), min(ACROSS, len(here)), HEIGHT if len(here) <= ACROSS else 3.9)
     axes = [ax for row in rows for ax in row]
     for ax in axes[len(here) :]:
         ax.remove()

@@ -20,7 +20,9 @@ from softlab.plots.core.style import (
 
 TITLE = "Time per step against size"
 PLAIN = "launch"  # the kernel with one thread per mass and a launch for every step
-PLAIN_TEXT = "GPU: the kernel that is chosen by default; one thread per mass: the plain design of the hand-out (launch). "
+PLAIN_TEXT = (
+    "GPU: the kernel that is chosen by default; one thread per mass: the plain design of the hand-out (launch). "
+)
 
 
 def draw(results: Results) -> Drawing | str:

@@ -42,7 +42,7 @@ DIGIT = {"markersize": 6.0, "markeredgewidth": 0.4}  # a number as a marker, leg
 LINES = {"cpu": "-", "gpu": "--"}
 NEAR = (0.4, 0.25)  # decades of error and of time: width and height of a label
 PALE = 0.35  # opacity of a marker whose time is suspect
-PANEL_HEIGHT = 1.5  # inch
+PANEL_HEIGHT = 1.3  # inch
 # spacings: a larger error is drawn as if the run had diverged, since the other points would share a corner otherwise
 LOST = 100.0
 EDGE = 3.0  # times the largest error that is not lost: place of diverged runs

@@ -52,7 +52,7 @@ def draw(results: Results) -> Drawing | str:
     if not chosen:
         return MISSING
     (_, _, found), *_ = chosen
-    figure, axes = new_grid(3, len(SCHEMES), 4.6)
+    figure, axes = new_grid(3, len(SCHEMES), 4.0)
     for column, scheme in enumerate(SCHEMES):
         speed, energy, box = (row[column] for row in axes)
         speed.set_title(scheme)
