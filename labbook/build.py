@@ -46,7 +46,7 @@ from softlab.labbook.facts import facts
 from softlab.labbook.grid_tables import graphics_tables, thread_tables
 from softlab.labbook.listings import listings
 from softlab.labbook.rungs import rung_tables
-from softlab.labbook.tables import Table, machine_lines, region_tables, scene_line
+from softlab.labbook.tables import Table, machine_lines, scene_line
 from softlab.model.core.errors import BackendUnavailable, InputError
 from softlab.model.core.files import check_target, replacing
 from softlab.plots.core.data import Origin, Results, Source, is_suspect
@@ -83,8 +83,7 @@ CLAIMS = {  # every sentence made from the measurements, by name
     for name, made in module.CLAIMS.items()
 }  # fmt: skip
 TABLES = {
-    "answer": answer_tables, "graphics": graphics_tables, "threads": thread_tables, "regions": region_tables,
-    "rungs": rung_tables,
+    "answer": answer_tables, "graphics": graphics_tables, "threads": thread_tables, "rungs": rung_tables,
 }  # fmt: skip
 TITLE = "Soft-body lab book"
 

@@ -8,7 +8,6 @@ from typing import Any
 
 from softlab.bench.store.machine_records import DISTURBED
 from softlab.labbook import words
-from softlab.labbook.words import number
 from softlab.plots.core.data import Results, Source
 
 Table = dict[str, Any]  # title, head: list of str, rows: list of list of str, left: number of columns that align left
@@ -57,27 +56,3 @@ def scene_line(results: Results) -> str:
                     f"{part}.{name} {shown}{words.SPACE}{UNITS[name]}" if name in UNITS else f"{part}.{name} {shown}"
                 )
     return f"The scene of the sweep, whose size varies: {', '.join(told)}." if told else ""
-
-
-def region_tables(results: Results) -> list[Table]:
-    """Return the cost of an empty parallel region by threads, with spinning and with sleeping idle threads."""
-    found = []
-    for source in results.featured:
-        policies = source.machine.record.get("region_policies") or {}
-        counts = sorted({int(n) for costs in policies.values() for n in costs})
-        if not counts:
-            continue
-        names = {"active": "spinning", "passive": "sleeping"}
-        rows = []
-        for count in counts:
-            here = [policies.get(policy, {}).get(str(count)) for policy in names]
-            rows.append([str(count), *(DASH if cost is None else number(1e6 * cost) for cost in here)])
-        head = ["Threads", *(f"{name} / \N{MICRO SIGN}s" for name in names.values())]
-        found.append(
-            table(
-                f"An empty parallel region, idle threads spinning or sleeping. {source.processor}{source.bracket}",
-                head,
-                rows,
-            )
-        )
-    return found

@@ -38,7 +38,7 @@ def rates(results: Results) -> Claim:
         if told:
             parts.append(f"on {where(backend, source)} {words.listed(told)}")
     if not parts:
-        return Claim("Projections were not timed at the size that is told of here.")
+        return Claim("Projections were not timed at this size.")
     size = f"{SIZE}{words.SPACE}{words.TIMES}{words.SPACE}{SIZE}"
     return Claim(
         f"With springs to four neighbours, {size} masses and 10 substeps of one iteration: {'; '.join(parts)}.",

@@ -166,9 +166,9 @@ def trust(results: Results) -> Claim:
     doubtful = sum(bool(timing.suspect) for timing in costs)
     accuracy = f", and of the {len(costs)} times of accuracy runs {doubtful or 'none'}" if costs else ""
     text = (
-        f"Of the {len(everything)} configurations timed for this book, {checked} were held against the reference, "
+        f"Of the {len(everything)} configurations timed for this book, {checked} were compared with the reference, "
         f"{wrong or 'none'} gave a wrong answer, and {suspect or 'none'} {'is' if suspect == 1 else 'are'} suspect"
-        f"{accuracy}; sentences rest on those only where they say so."
+        f"{accuracy}; sentences use those only where they say so."
     )
     left_out = sum(source.left_out for source in results.featured)
     if left_out:

@@ -47,10 +47,10 @@ def spin(results: Results) -> Claim:
     off = max(values[1] for values in found.values())
     last = list(found)[-1]
     text = (
-        f"A rigid body that turns once a second keeps of that, after {seconds(SECONDS[SPIN], 1)}, {words.listed(parts)} "
-        f"substeps a frame. That is what the method's own law says, to {number(off, 1)}, and what these rows are judged by; "
-        f"Newton's law keeps all of it, and with {_substeps(last)} substeps the body then is {number(found[last][2], 2)} "
-        "spacings from where that has it."
+        f"A rigid body that turns once a second keeps of its spin, after {seconds(SECONDS[SPIN], 1)}, {words.listed(parts)} "
+        f"substeps a frame. This agrees with the law of the method, by which these rows are judged, to {number(off, 1)}. "
+        f"Newton's law keeps all of it: with {_substeps(last)} substeps the body is {number(found[last][2], 2)} spacings "
+        "from where that law puts it."
     )
     numbers = {"off": off, "kept": found[last][0]}
     single = {case: values for case in found if (values := _values(_one(rows, case, "float32"), SPIN_KEPT, OFF_LAW))}
@@ -58,8 +58,8 @@ def spin(results: Results) -> Claim:
     if worst and single[worst][1] > FEW:
         numbers["float32"] = single[worst][0]
         text += (
-            f" In float32 {percent(single[worst][0])} is left with {_substeps(worst)} substeps: a rotation that is within "
-            "rounding of the nearest is not touched, and of a turn that small rounding is a part."
+            f" In float32 {percent(single[worst][0])} is left with {_substeps(worst)} substeps, because rounding is a part "
+            "of so small a turn."
         )
     return Claim(text, numbers, off < FEW)
 

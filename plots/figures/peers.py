@@ -78,7 +78,7 @@ def _draw(panels: Sequence[Panel], title: str, scenes: Sequence[str], squares: s
     caption = (
         f"Time of a step of other programs over the lab's own, same scene and step, {PRECISION}, {squares}, measured in "
         "turn in one process: medians, and bands from the least to the greatest of paired repeats. Above 1 the lab is "
-        "faster. Every state was first held against the lab's own in float64."
+        "faster. Every state was first compared with the lab's own in float64."
     )
     return Drawing(figure, title, caption, tuple(dict.fromkeys(source for _, source, _ in panels)))
 
