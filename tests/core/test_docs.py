@@ -29,6 +29,36 @@ def test_the_errors_in_the_example_are_as_told(capsys: pytest.CaptureFixture[str
     assert float(errors["velocity-verlet"]) > float(errors["rk4"])
 
 
+def test_the_page_names_what_read_and_set_know() -> None:
+    from softlab.model.core.options import LIVE_PATHS
+    from softlab.model.core.simulation import Simulation
+
+    read, live = re.findall(
+        r"^\| `(?:read|live)`.*?\n\n", (ROOT / "docs/python.md").read_text("utf-8"), re.DOTALL | re.MULTILINE
+    )
+    names = {
+        name for row in re.findall(r"^\| (`.*?`) \|", read, re.MULTILINE)[1:] for name in re.findall(r"`(\w+)`", row)
+    }
+    told = (Simulation.read.__doc__ or "").partition("name : str")[2].partition("into : array")[0]
+    assert names == set(re.findall(r"`(\w+)`", "".join(re.findall(r"^ +(`\w+`.*?) : ", told, re.MULTILINE))))
+    rows = {
+        name: re.findall(r"`(\w+\.\w+)`", paths)
+        for name, paths in re.findall(r"^\| `(\w+)` \| (.*) \|$", live, re.MULTILINE)
+    }
+    assert {name: tuple(paths) for name, paths in rows.items() if name != "live"} == LIVE_PATHS
+
+
+def test_files_that_the_documents_name_exist() -> None:
+    """Tests and modules that a page cites by their path."""
+    for document in (ROOT / "docs").rglob("*.md"):
+        if document.name != "changelog.md":
+            for path in re.findall(
+                r"[(`]((?:tests|model|bench|app|cpu_backend|gpu_backend|plots|labbook)/[\w/]+\.py)",
+                document.read_text("utf-8"),
+            ):
+                assert "NAME" in path or (ROOT / path).exists(), f"{document.name}: {path}"
+
+
 ITEM = re.compile(r"([-*+]|\d+\.) ")
 
 
