@@ -204,11 +204,11 @@ def rest(results: Results) -> Claim:
             few = f"{min(r.substeps for r in still)} to {max(r.substeps for r in still)} substeps"
             every = f"each of {len(mine)} numbers of substeps"
             kept = f"{every if len(still) == len(mine) else few} (rms speed at most {_share(numbers[who])})"
-        parts.append(f"{who} in {kept}")
+        parts.append(f"{who} with {kept}")
     text = (
         f"Water {DEPTH:g} m deep and without viscosity should stay at rest in its tank: gain no more energy than "
         f"{ENERGY_BOUND:g} g H, and be slower than {_share(SPEED_BOUND)} of √(g H) from {SETTLED} s on. On "
-        f"{where(backend, source)} it does with {words.listed(parts)}"
+        f"{where(backend, source)} it does by {words.listed(parts)}"
     )
     for other in (r for r in tanks if r.peer):
         numbers[other.who] = other.late

@@ -21,6 +21,7 @@ from softlab.plots.core.data import Results, Source, is_suspect, is_wrong, sound
 WIDTH = 6.3  # inch: text width on A4
 HEIGHT = 2.5  # inch
 MAX_PANELS = 3
+LONG_LABEL = 7.5  # point: size of an axis label that is longer than its panel
 FOOTER_SIZE = 7  # point
 FOOTER_LINE = 1.3 * FOOTER_SIZE  # point
 LETTER = 0.54  # width of a letter over its size

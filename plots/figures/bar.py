@@ -18,7 +18,7 @@ from softlab.bench.experiments.bar_rows import JELLY, Bar, first_backend, is_bar
 from softlab.bench.experiments.bar_strip import ACROSS, FREQUENCY, SAG
 from softlab.plots.core.colours import BLUE, GREEN, GREY, METHODS, ORANGE, PURPLE, SKY, VERMILLION
 from softlab.plots.core.data import Results, Source, judgements
-from softlab.plots.core.style import Drawing, legend_below, new_figure, new_sheet, plain_ticks
+from softlab.plots.core.style import LONG_LABEL, Drawing, legend_below, new_figure, new_sheet, plain_ticks
 
 TITLE = "Every method, one bar"
 CLUSTERS_TITLE = "A bar and the size of its clusters"
@@ -64,7 +64,7 @@ def draw(results: Results) -> Drawing | str:
     if not any(bar.solver in SOLVERS for bar in found):
         return MISSING
     found = first_backend(found)
-    figure = new_sheet(3.6)
+    figure = new_sheet(3.9)
     axes = figure.subplots(2, 2, sharex="col")
     for row, name in zip(axes, ROWS, strict=True):
         for solver, (label, colour, marker, line) in CURVES.items():
@@ -76,7 +76,7 @@ def draw(results: Results) -> Drawing | str:
                 how |= {"linewidth": 3.5, "markersize": 7.5}
             _curve(row[0], by_spacing, _fine, name, **how)
             _curve(row[1], by_substeps, _substeps, name, **how)
-        row[0].set_ylabel(ROWS[name])
+        row[0].set_ylabel(ROWS[name], fontsize=LONG_LABEL)
         for ax in row:
             ax.axhline(1, color=GREY, linewidth=0.7, zorder=1)
     axes[0][1].set_yscale("log")  # the other has a smaller range

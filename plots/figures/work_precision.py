@@ -10,7 +10,7 @@ from softlab.model.core.simulation import PRECISIONS
 from softlab.plots.core.accuracy_points import Point, points
 from softlab.plots.core.colours import BLACK, GREY, METHODS
 from softlab.plots.core.data import Results, Source
-from softlab.plots.core.style import Drawing, legend_below, new_grid
+from softlab.plots.core.style import LONG_LABEL, Drawing, legend_below, new_grid
 
 TITLE = "Work-precision diagram"
 SCENES = ("S1", "S2", "S4", "S5", "S6", "S6-still")
@@ -42,7 +42,7 @@ DIGIT = {"markersize": 6.0, "markeredgewidth": 0.4}  # a number as a marker, leg
 LINES = {"cpu": "-", "gpu": "--"}
 NEAR = (0.4, 0.25)  # decades of error and of time: width and height of a label
 PALE = 0.35  # opacity of a marker whose time is suspect
-PANEL_HEIGHT = 1.3  # inch
+PANEL_HEIGHT = 1.4  # inch
 # spacings: a larger error is drawn as if the run had diverged, since the other points would share a corner otherwise
 LOST = 100.0
 EDGE = 3.0  # times the largest error that is not lost: place of diverged runs
@@ -65,7 +65,7 @@ def draw(results: Results) -> Drawing | str:
     for across, scene in zip(axes, rows, strict=True):
         for ax, precision in zip(across, columns, strict=True):
             _draw_panel(ax, [p for p in timed[scene] if p.precision == precision], f"{scene}, {precision}")
-        across[0].set_ylabel("wall s / simulated s")
+        across[0].set_ylabel("wall s / simulated s", fontsize=LONG_LABEL)
     for ax in axes[-1]:
         ax.set_xlabel("error / grid spacing h")
     _add_line_keys(axes[0][0], [p for scene in rows for p in timed[scene]])
