@@ -9,6 +9,7 @@ from typing import Any
 from softlab.bench.store.machine_records import DISTURBED
 from softlab.labbook import words
 from softlab.plots.core.data import Results, Source
+from softlab.plots.core.style import OLDER
 
 Table = dict[str, Any]  # title, head: list of str, rows: list of list of str, left: number of columns that align left
 DASH = "\N{EN DASH}"
@@ -40,7 +41,7 @@ def _machine(source: Source) -> str:
     ]
     code = re.sub(rf"\b([0-9a-f]{{{SHORT}}})[0-9a-f]+\b", r"\1", f"{source.code}; measured {source.date}")
     copies = f" ({', '.join(limits)}{disturbed})" if limits else ""
-    older = re.sub(r" \(.*\)$", "", source.older)  # the commits stand before
+    older = re.sub(r" of its (\d+) numbers are older than this code.*", rf" of \1 numbers are {OLDER}", source.older)
     return f"{source.place}{copies}: {code}{older and '; '}{older}."
 
 

@@ -69,8 +69,8 @@ def springs(results: Results) -> Claim:
     )  # fmt: skip
     coarse = min(explicit, key=lambda b: b.fine)
     text = (
-        f"Mass-spring sags and swings as a chain of springs does, to {number(forces, 1)} of it; XPBD, with iterations to "
-        f"spare and {FINEST} substeps, to {number(positions, 1)}. With {coarse.fine} masses that is "
+        f"Mass-spring sags and swings as a chain of springs does, to {number(forces, 1)} of it; XPBD, with converged "
+        f"iterations and {FINEST} substeps, to {number(positions, 1)}. With {coarse.fine} masses that is "
         f"{percent((coarse.part(SAG) or 1) - 1)} more sag than a rod's."
     )
     if refused:
@@ -98,8 +98,8 @@ def iterations(results: Results) -> Claim:
         "converged": right.values[SAG] / chain_sag(right.fine) if right and SAG in right.values else 1.0,
     }  # fmt: skip
     text = (
-        f"With one iteration a substep XPBD sags by {words.times(numbers['few'])} what its springs say at "
-        f"{substeps_of(worst)} a frame, and with iterations to spare by {number(numbers['converged'], 3)} times; at "
+        f"With one iteration a substep, XPBD sags {words.times(numbers['few'])} as far as its springs should at "
+        f"{substeps_of(worst)} a frame, and with converged iterations {number(numbers['converged'], 3)} times; at "
         f"{FINEST} substeps one iteration leaves it {percent(_sag(few, FINEST) - 1)} too soft with {SOME_LINKS} masses, "
         f"and {percent(numbers['fine'] - 1)} with {finest.fine}"
     )

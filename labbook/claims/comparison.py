@@ -191,15 +191,14 @@ def peers(results: Results) -> Claim:
             numbers[f"{backend} {one.peer}"] = one.ratio
             same = one.low <= 1 <= one.high
             mark = MARK if one.suspect and not all(each.suspect for each in here) else ""
-            told.append(
-                f"{'as long, within measurement noise,' if same else times(one.ratio)} by {label(one.peer)}{mark}"
-            )
+            long = "as long, within measurement noise," if same else f"{times(one.ratio)} as long"
+            told.append(f"{long} with {label(one.peer)}{mark}")
         if told:
             suspect = SUSPECT if all(one.suspect for one in here) else ""
             parts.append(f"on {where(backend, source)}, at {masses(size)}, {words.listed(told)}{suspect}")
     if not parts:
         return Claim("Nothing was timed beside the lab.")
-    return Claim(f"A step of the grid takes, over the lab's time, {'; '.join(parts)}.", numbers, True)
+    return Claim(f"Compared with the lab, a step of the grid takes, {'; '.join(parts)}.", numbers, True)
 
 
 CLAIMS: Claims = {

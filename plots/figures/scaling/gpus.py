@@ -37,7 +37,7 @@ def draw(results: Results) -> Drawing | str:
     if not chosen:
         return "no sheet was timed on several GPUs (softlab sweep --gpus 2)"
     found: Sequence[ScalingPoint] = chosen[0][2]
-    figure, (faster, joules) = new_figure(2, 2.5, share_y=False)
+    figure, (faster, joules) = new_figure(2, 2.0, share_y=False)
     _draw_faster(faster, found)
     for gpus, colour in ((1, GREY), *((n, BLUE) for n in sorted({p.gpus for p in found} - {1}))):
         mine = [p for p in found if p.gpus == gpus and p.scene == "grid" and p.link in ("", "flags") and p.joules]
