@@ -26,7 +26,7 @@ TITLE_STIFFNESS = "Where each integrator breaks: stiffness"
 TITLE_DAMPING = "Where each integrator breaks: damping"
 COLOURS = ("#BFE3D6", SKY, YELLOW, ORANGE)  # of OUTCOMES
 WORDS = ("settles", "bounded, still moving", "grows", "diverged")
-HEIGHT = 3.1  # inch
+HEIGHT = 2.85  # inch
 SHOWN = (("cpu", "float64"), ("gpu", "float64"), ("cpu", "float32"), ("gpu", "float32"))  # in order of preference
 
 
