@@ -38,11 +38,11 @@ def draw(results: Results) -> Drawing | str:
             if curve:
                 draw_times(ax, curve, THREADS[word])
                 times += curve
-        for on_gpu, curve in ((source.ladder("gpu").get(PLAIN, []), GPU_PLAIN), (source.select("gpu"), GPU)):
+        for on_gpu, style in ((source.ladder("gpu").get(PLAIN, []), GPU_PLAIN), (source.select("gpu"), GPU)):
             if on_gpu:
-                draw_times(ax, on_gpu, curve)
+                draw_times(ax, on_gpu, style)
                 times += on_gpu
-                plain = plain or curve is GPU_PLAIN
+                plain = plain or style is GPU_PLAIN
         log_axes(ax)
     chosen[0][0].set_ylabel("time per step")
     time_ticks(chosen[0][0].yaxis)

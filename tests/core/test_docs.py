@@ -71,7 +71,7 @@ def blocks(text: str) -> list[list[str]]:
 
 def test_no_list_of_the_site_runs_together_with_the_paragraph_above_it() -> None:
     """Python-Markdown begins a list after a blank line or a heading, and nowhere else."""
-    for document in [ROOT / "README.md", *(ROOT / "docs").glob("*.md")]:
+    for document in [ROOT / "README.md", *(ROOT / "docs").rglob("*.md")]:
         for first, *more in blocks(document.read_text(encoding="utf-8")):
             if not ITEM.match(first.lstrip()) and not first.startswith(" "):
                 assert not [line for line in more if ITEM.match(line)], f"{document.name}: {first}"
@@ -80,13 +80,13 @@ def test_no_list_of_the_site_runs_together_with_the_paragraph_above_it() -> None
 def test_pages_ask_for_nothing_that_the_theme_would_fetch_from_elsewhere() -> None:
     """Diagrams of mermaid come by a script from another host."""
     assert "font: false" in (ROOT / "mkdocs.yml").read_text(encoding="utf-8")
-    for document in (ROOT / "docs").glob("*.md"):
+    for document in (ROOT / "docs").rglob("*.md"):
         text = document.read_text(encoding="utf-8")
         assert not re.findall(r"^\s*```\s*mermaid|<script|!\[[^\]]*\]\(https?:", text, re.MULTILINE), document.name
 
 
 def test_links_in_the_documents_lead_somewhere() -> None:
-    for document in [ROOT / "README.md", *(ROOT / "docs").glob("*.md")]:
+    for document in [ROOT / "README.md", *(ROOT / "docs").rglob("*.md")]:
         for target in re.findall(r"\]\(([^)#]+)\)", document.read_text(encoding="utf-8")):
             assert (document.parent / target).exists(), f"{document.name}: {target}"
 
@@ -117,5 +117,5 @@ def test_the_gallery_has_every_scene_and_its_picture() -> None:
 
 def test_every_page_of_the_site_is_in_its_menu() -> None:
     menu = (ROOT / "mkdocs.yml").read_text(encoding="utf-8").partition("nav:")[2]
-    pages = {path.name for path in (ROOT / "docs").glob("*.md")}
-    assert pages == set(re.findall(r": ([a-z-]+\.md)$", menu, re.MULTILINE))
+    pages = {path.relative_to(ROOT / "docs").as_posix() for path in (ROOT / "docs").rglob("*.md")}
+    assert pages == set(re.findall(r": ([a-z/-]+\.md)$", menu, re.MULTILINE))

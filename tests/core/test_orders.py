@@ -1,4 +1,4 @@
-"""Observed orders: the elastic pendulum (docs/method.md A6), and the manufactured solution on the whole grid (A7)."""
+"""Observed orders: the elastic pendulum (docs/method/cases.md A6), and the manufactured solution on the whole grid (A7)."""
 
 import numpy as np
 import pytest

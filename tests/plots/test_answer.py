@@ -66,7 +66,7 @@ def test_a_time_beside_other_programs_is_marked_wherever_it_is_told() -> None:
     store.connection.execute("UPDATE sample SET suspect = 'load: others'")
     results = load(store)
     (table,) = answer_tables(results)
-    assert table["rows"][0][7].endswith("?") and table["title"].endswith("?: suspect, see docs/method.md")
+    assert table["rows"][0][7].endswith("?") and table["title"].endswith("?: suspect, see docs/method/time.md")
     assert "(suspect)" in accuracy.fastest(results).sentence
     assert "accuracy runs 1;" in comparison.trust(results).sentence
     (one,) = points(results.sources[0])

@@ -258,8 +258,8 @@ def test_entries_name_what_the_hand_out_asks_for() -> None:
 
 
 def test_no_number_is_typed_by_hand() -> None:
-    """Digits in the entries: names of things (S1, float32, 1x), and the half of the hand-out's formula."""
-    names = r'#\w+\("[^"]*"\)|\bS[12456]\b|float(32|64)|\b[124]x\b|\$[^$]*\$|"\.\./template\.typ"'
+    """Digits in the entries: names of things (S1, rk4, float32, 1x), and the half of the hand-out's formula."""
+    names = r'#\w+\("[^"]*"\)|\bS[12456]\b|\brk4\b|float(32|64)|\b[124]x\b|\$[^$]*\$|"\.\./template\.typ"'
     for name in set(CHAPTERS) - {"references"}:  # the years and volumes of papers
         text = (FOLDER / "entries" / f"{name}.typ").read_text(encoding="utf-8")
         assert not re.findall(r"\d+", re.sub(names, "", text)), name
