@@ -21,7 +21,8 @@ from softlab.plots.core.data import Results, Source, is_suspect, is_wrong, sound
 WIDTH = 6.3  # inch: text width on A4
 HEIGHT = 2.5  # inch
 MAX_PANELS = 3
-LONG_LABEL = 7.5  # point: size of an axis label that is longer than its panel
+LONG_LABEL = 7.0  # point: size of an axis label that is long beside its panel
+LONG = 20  # letters
 FOOTER_SIZE = 7  # point
 FOOTER_LINE = 1.3 * FOOTER_SIZE  # point
 LETTER = 0.54  # width of a letter over its size
@@ -205,7 +206,7 @@ def log_axes(ax: Any, y_label: str | None = None, x_label: str = "masses") -> No
     ax.set_yscale("log")
     ax.set_xlabel(x_label)
     if y_label:
-        ax.set_ylabel(y_label)
+        ax.set_ylabel(y_label, fontsize=LONG_LABEL if len(y_label) > LONG else None)
 
 
 def plain_ticks(axis: Any) -> None:

@@ -10,7 +10,7 @@ from typing import Any
 from softlab.plots.core.accuracy_points import Point, order_points, points
 from softlab.plots.core.colours import GREY, VERMILLION
 from softlab.plots.core.data import Results
-from softlab.plots.core.style import HEIGHT, Drawing, legend_below, log_axes, new_grid
+from softlab.plots.core.style import HEIGHT, LONG_LABEL, Drawing, legend_below, log_axes, new_grid
 from softlab.plots.figures.work_precision import INTEGRATORS, SCENES, accurate_source
 
 ACROSS = 2  # panels per row
@@ -34,7 +34,7 @@ def draw(results: Results) -> Drawing | str:
         _draw_panel(ax, [p for p in points(source, scene) if p.integrator in INTEGRATORS])
         ax.set_title(scene)
     for ax in axes[::ACROSS]:
-        ax.set_ylabel("error / grid spacing h")
+        ax.set_ylabel("error / grid spacing h", fontsize=LONG_LABEL)
     legend_below(figure, axes, columns=3)
     caption = (
         "Error in float64 against step size: every integrator against the reference data of Newton's law, and the "

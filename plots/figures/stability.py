@@ -20,13 +20,13 @@ from softlab.bench.experiments.stability.runs import END, OUTCOMES
 from softlab.model.core.integrators import INTEGRATORS
 from softlab.plots.core.colours import BLACK, ORANGE, SKY, YELLOW
 from softlab.plots.core.data import Results, Source, judgements
-from softlab.plots.core.style import Drawing, new_sheet, plain_ticks
+from softlab.plots.core.style import LONG_LABEL, Drawing, new_sheet, plain_ticks
 
 TITLE_STIFFNESS = "Where each integrator breaks: stiffness"
 TITLE_DAMPING = "Where each integrator breaks: damping"
 COLOURS = ("#BFE3D6", SKY, YELLOW, ORANGE)  # of OUTCOMES
 WORDS = ("settles", "bounded, still moving", "grows", "diverged")
-HEIGHT = 2.85  # inch
+HEIGHT = 3.05  # inch
 SHOWN = (("cpu", "float64"), ("gpu", "float64"), ("cpu", "float32"), ("gpu", "float32"))  # in order of preference
 
 
@@ -82,7 +82,7 @@ def _draw(results: Results, axis: str) -> Drawing | str:
     for ax in axes.flat:
         ax.set_xlabel("step size / s" if ax in axes[-1] else " ")
     for row in axes:
-        row[0].set_ylabel("stiffness / (N/m)" if axis == "stiffness" else "damping / (N s/m)")
+        row[0].set_ylabel("stiffness / (N/m)" if axis == "stiffness" else "damping / (N s/m)", fontsize=LONG_LABEL)
     _legend(figure)
     title = TITLE_STIFFNESS if axis == "stiffness" else TITLE_DAMPING
     return Drawing(figure, title, _caption(pair, axis), sources)

@@ -23,7 +23,7 @@ def draw(results: Results) -> Drawing | str:
     if source is None:
         return "the floor of float32 was not measured"
     _, away = of_finding(results, AWAY)
-    figure, axes = new_figure(2, 2.0, share_y=False)
+    figure, axes = new_figure(2, 2.2, share_y=False)
     _draw_floor(axes[0], [row for row in floor if 0 < row.value < math.inf])
     _draw_away(axes[1], away)
     legend_below(figure, axes, columns=3)
