@@ -7,6 +7,7 @@ scenes, or of all (a few minutes), with `softlab run --render`.
 from __future__ import annotations
 
 import argparse
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -19,6 +20,7 @@ sys.path.insert(0, str(ROOT))
 from softlab.model.scene.reader import catalogue  # noqa: E402
 
 PAGE, PICTURES = ROOT / "docs" / "gallery.md", ROOT / "docs" / "images" / "gallery"
+BOOK = ROOT / "labbook" / "pictures"  # of the scenes that the lab book shows, which it comes with
 WIDTH, QUALITY = 640, 72  # pixels, of WebP
 SECONDS = 2.0  # simulated before a picture is drawn, where WHEN says nothing else
 WHEN = {
@@ -112,6 +114,8 @@ def draw(name: str) -> None:
             height = round(image.height * WIDTH / image.width)
             small = image.convert("RGB").resize((WIDTH, height), Image.Resampling.LANCZOS)
             small.save(PICTURES / f"{name}.webp", quality=QUALITY, method=6)
+    if (copy := BOOK / f"{name}.webp").exists():
+        shutil.copyfile(PICTURES / copy.name, copy)
 
 
 def main() -> None:

@@ -21,11 +21,15 @@ def on_startup(**_: Any) -> None:
         shutil.copytree(layer, target, ignore=shutil.ignore_patterns("__pycache__", "data"), dirs_exist_ok=True)
 
 
-def on_page_markdown(markdown: str, **_: Any) -> str:
-    """`[text](../app/window/grip.py)` -> `text` (or the path itself, where the text is no more than that)."""
+def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
+    """`[text](../app/window/grip.py)` -> `text` (or the path itself, where the text is no more than that); links to other
+    pages stay."""
+    folder = (ROOT / "docs" / page.file.src_uri).parent
 
     def named(link: re.Match[str]) -> str:
         text, path = link.group(1), link.group(2)
+        if (folder / ".." / path).resolve().is_relative_to(ROOT / "docs"):
+            return link.group(0)
         return text if path in text else f"{text} (`{path}`)"
 
     return re.sub(r"\[([^\]]+)\]\(\.\./([^)#]+)\)", named, markdown)

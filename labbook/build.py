@@ -43,9 +43,11 @@ from softlab.labbook.claims import (
     throughput,
 )
 from softlab.labbook.facts import facts
+from softlab.labbook.grid_tables import graphics_tables, thread_tables
+from softlab.labbook.listings import listings
 from softlab.labbook.machines import machines_apart
 from softlab.labbook.rungs import rung_tables
-from softlab.labbook.tables import Table, machine_table, region_tables, scene_table
+from softlab.labbook.tables import Table, machine_lines, scene_line
 from softlab.model.core.errors import BackendUnavailable, InputError
 from softlab.model.core.files import check_target, replacing
 from softlab.plots.core.data import Origin, Results, Source, is_suspect
@@ -53,35 +55,25 @@ from softlab.plots.core.files import without_footer
 from softlab.plots.core.older import without_older
 from softlab.plots.core.read import load
 from softlab.plots.core.style import OLDER
-from softlab.plots.draw import FigureFiles, draw_figures
+from softlab.plots.draw import FIGURES, FigureFiles, draw_figures
 
 FOLDER = Path(__file__).resolve().parent
 COMMITTED = FOLDER / "data"
 ENTRIES = ("gpu-design", "cpu-design", "performance")  # the three chapters of the hand-out, of 300 to 500 words each
-MAIN = (
-    "answer",
-    *ENTRIES,
-    "conclusions",
-    "lab-step",
-    "accuracy",
-    "material",
-    "fluids",
-    "ablation",
-    "breaks",
-    "references",
-)
+MAIN = ("answer", *ENTRIES, "conclusions", "lab-step", "accuracy", "material", "fluids", "breaks")
 OWN_PAGE = ("answer", "gpu-design")  # these begin on a new page
-NOT_PRINTED = (
+NOT_PRINTED = (  # figures that softlab figures draws for those who run their experiment
+    "ablation", "bar-clusters", "convergence", "crossover", "findings-determinism", "fluids-phases", "hard-bodies",
     "hard-states",
-    "fluids-phases",
-    "tetrahedra-total",
-)  # figures for those who run the hard cases, or tune a fluid
+    "joules", "projections", "roofline", "tetrahedra", "tetrahedra-mesh", "tetrahedra-total", "throughput",
+)  # fmt: skip
+PICTURES = FOLDER / "pictures"  # of six scenes, by docs/gallery.py
 OPTIONAL = (  # claims whose paragraph is only printed if they were measured
     "fluids-column", "fluids-fastest", "fluids-dam", "fluids-viscosity", "fluids-drop", "fluids-peers", "fluids-rate",
     "hard-tetrahedra",
 )  # fmt: skip
 FLUSHED = ("references",)  # these begin when every figure before them is placed
-APPENDIX = ("rungs", "threads", "gpus", "findings", "cloth", "bodies")
+APPENDIX = ("rungs", "threads", "gpus", "findings", "references")
 CHAPTERS = (*MAIN, *APPENDIX)
 CLAIMS = {  # every sentence made from the measurements, by name
     name: made
@@ -91,7 +83,9 @@ CLAIMS = {  # every sentence made from the measurements, by name
     )
     for name, made in module.CLAIMS.items()
 }  # fmt: skip
-TABLES = {"answer": answer_tables, "regions": region_tables, "rungs": rung_tables}
+TABLES = {
+    "answer": answer_tables, "graphics": graphics_tables, "threads": thread_tables, "rungs": rung_tables,
+}  # fmt: skip
 TITLE = "Soft-body lab book"
 
 
@@ -143,11 +137,10 @@ def write_book(
 def book_data(results: Results) -> dict[str, Any]:
     """Return everything that the template prints, except for the files of the figures."""
     claims = {name: told(results, name) for name in CLAIMS}
-    machines, scene = machine_table(results), scene_table(results)
     return {
         "title": TITLE,
         "subtitle": "The mass-spring grid on CPU threads and on CUDA: how fast, and how wrong",
-        "provenance": [f"{source.provenance}" for source in results.sources],
+        "machines": machine_lines(results),
         "changed": any("+" in source.code for source in results.sources),
         "notices": notices(results),
         "chapters": list(MAIN),
@@ -155,14 +148,12 @@ def book_data(results: Results) -> dict[str, Any]:
         "flushed": list(FLUSHED),
         "appendix": list(APPENDIX),
         "facts": facts(),
+        "listings": listings(),
         "claims": {name: made.sentence for name, made in claims.items()},
         "unmeasured": {name: claims[name].sentence for name in OPTIONAL if not claims[name].numbers},
         "measured": [name for name, made in claims.items() if made.numbers],
-        "tables": {
-            "machines": [machines] if machines else [],
-            "scene": [scene] if scene else [],
-            **{name: _tables(made, results) for name, made in TABLES.items()},
-        },
+        "scene": scene_line(results),
+        "tables": {name: _tables(made, results) for name, made in TABLES.items()},
     }
 
 
@@ -216,7 +207,7 @@ def notices(results: Results) -> list[str]:
     if any(source.older for source in results.sources):
         found.append(
             f"What rests on measurements whose kernels are not proved to be those of the code that made this book is marked "
-            f"{OLDER}; their numbers and commits are above."
+            f"{OLDER}; the last page names their commits."
         )
     for source in results.featured:
         if source.left_out:
@@ -252,6 +243,7 @@ def write_sources(
     """Write template, entries, figures and data.json into an empty folder for typst."""
     for name in ("labbook.typ", "template.typ"):
         shutil.copyfile(FOLDER / name, folder / name)
+    shutil.copytree(PICTURES, folder / "pictures")
     for name in ("entries", "figures"):
         (folder / name).mkdir()
     for name in CHAPTERS:
@@ -259,7 +251,8 @@ def write_sources(
     data = book_data(results)
     figures = folder / "figures"
     if drawn is None:
-        drawn = draw_figures(results, figures, footer=False, suffixes=("svg",), helped=helped)
+        names = [name for name in FIGURES if name not in NOT_PRINTED]
+        drawn = draw_figures(results, figures, footer=False, suffixes=("svg",), helped=helped, names=names)
     else:
         for path, height in ((figure.paths[0], figure.footer) for figure in drawn if figure.paths):
             text = without_footer(path.read_text(encoding="utf-8"), height)

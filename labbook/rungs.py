@@ -25,13 +25,13 @@ BELOW = {  # kernel -> backend, the kernel it is compared with
 }
 HEAD = (
     "Kernel",
-    "Held against",
+    "Compared with",
     "Masses",
     "Its step",
-    "The other's",
+    "The other's step",
     "Times as fast",
     "Fastest at",
-    "Least",
+    "Smallest",
     "Largest",
 )
 
@@ -86,8 +86,8 @@ def rung_tables(results: Results) -> list[Table]:
         machines.append(f"{backend.upper()}: {source.device(backend)}{source.bracket}" if source else "")
     marked = " Starred: from times that are marked as suspect." if any(made.suspect for made in found) else ""
     title = (
-        "Each kernel against the one whose cost it removes, float32, at the size where it gains most, and at "
-        f"how many of the sizes none is faster, of which the least and the largest. {'; '.join(machines)}.{marked}"
+        "Each kernel compared with the one whose cost it removes (float32), at the size where it gains most; and the number "
+        f"of sizes at which no kernel is faster, with the smallest and the largest of them. {'; '.join(machines)}.{marked}"
     )
     return [table(title, HEAD, [_row(made) for made in found], left=2)] if found else []
 

@@ -77,6 +77,12 @@ def bandwidth(value: float) -> str:
     return f"{number(value / 1e9)}{SPACE}GB/s"
 
 
+def operations(value: float) -> str:
+    """Return e.g. `535 G operations/s` or `57.3 T operations/s`."""
+    factor, unit = (1e12, "T") if value >= 1e12 else (1e9, "G")
+    return f"{number(value / factor)}{SPACE}{unit}{SPACE}operations/s"
+
+
 def listed(words: list[str]) -> str:
     """Return e.g. `a, b and c`."""
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}" if words else ""

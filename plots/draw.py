@@ -119,9 +119,10 @@ def draw_figures(
     footer: bool = True,
     suffixes: Sequence[str] = SUFFIXES,
     helped: bool = False,
+    names: Sequence[str] | None = None,
     tell: Tell = lambda name: None,
 ) -> list[FigureFiles]:
-    """Draw all figures whose data the results have into an existing folder.
+    """Draw all figures, or those of these `names`, whose data the results have into an existing folder.
 
     `footer`: print machine, commit and date on the figure itself; `suffixes`: the formats; `helped`: with a second
     process (for programs whose main module may be imported again); `tell` is called after each figure. A figure without
@@ -131,16 +132,17 @@ def draw_figures(
     folder = Path(out_dir)
     if not folder.is_dir():
         raise InputError(f"{folder}: no such folder; make it first, or give another path for the figures")
+    wanted = list(FIGURES if names is None else names)
     made: dict[str, FigureFiles] = {}
     gc.freeze()  # 100 000 measures stay in memory; scanning them for garbage takes as long as half of the figures
     try:
-        with settings(), Helper(results if helped else None, folder, footer, suffixes) as helper:
-            for name in reversed(FIGURES):  # from the end backwards, until it reaches the helper
+        with settings(), Helper(results if helped else None, wanted, folder, footer, suffixes) as helper:
+            for name in reversed(wanted):  # from the end backwards, until it reaches the helper
                 made[name] = helper.result(name) or _draw(results, name, folder, footer, suffixes)
                 tell(name)
     finally:
         gc.unfreeze()
-    return [made[name] for name in FIGURES]
+    return [made[name] for name in wanted]
 
 
 def _draw(results: Results, name: str, folder: Path, footer: bool, suffixes: Sequence[str]) -> FigureFiles:
@@ -160,8 +162,8 @@ def _draw(results: Results, name: str, folder: Path, footer: bool, suffixes: Seq
 class Helper:
     """Second process that draws figures from the first one on; a context manager. Without results there is no helper."""
 
-    def __init__(self, results: Results | None, *how: Any):
-        self.results, self.how = results, how
+    def __init__(self, results: Results | None, names: Sequence[str], *how: Any):
+        self.results, self.names, self.how = results, names, how
         self.begun: dict[str, Future[FigureFiles]] = {}
 
     def __enter__(self) -> Helper:
@@ -170,7 +172,7 @@ class Helper:
         with suppress(OSError, ImportError):  # on a machine without semaphores one process draws all
             context = multiprocessing.get_context("spawn")  # a fork would inherit locks of threads that it lacks
             self.pool = ProcessPoolExecutor(1, context, _begin_helping, (self.results,))
-            self.begun = {name: self.pool.submit(_help, name, *self.how) for name in FIGURES}
+            self.begun = {name: self.pool.submit(_help, name, *self.how) for name in self.names}
         return self
 
     def __exit__(self, *_: object) -> None:

@@ -73,7 +73,7 @@ def print_report(console: Console, report: dict[str, Any], written: list[Path], 
     console.print(table)
     if report["method"].endswith(" lab") and report["error"]:
         console.print(
-            "the step lab of the hand-out applies half of the acceleration (docs/method.md), so its error is large"
+            "the step lab of the hand-out applies half of the acceleration (docs/method/grids.md), so its error is large"
         )
     for path in written:
         console.print(f"wrote {path}", markup=False)

@@ -84,7 +84,7 @@ def print_fastest(console: Console, store: Store, machine: str) -> None:
         table.add_row(f"{height} x {width}", *(cells.get(head, "-") for head in heads))
     console.print(table)
     if any("?" in cell for cells in rows.values() for cell in cells.values()):
-        console.print("?: suspect, see docs/method.md")
+        console.print("?: suspect, see docs/method/time.md")
 
 
 def print_kernels(console: Console, store: Store, machine: str) -> None:
@@ -110,4 +110,4 @@ def print_kernels(console: Console, store: Store, machine: str) -> None:
             table.add_row(f"{shape[0]} x {shape[1]}", *(cells.get(name, "-") for name in names))
         console.print(table)
     if found:
-        console.print("*: the fastest" + (";  ?: suspect, see docs/method.md" if suspect else ""))
+        console.print("*: the fastest" + (";  ?: suspect, see docs/method/time.md" if suspect else ""))

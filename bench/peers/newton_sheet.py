@@ -3,7 +3,7 @@
 Its solvers semi-implicit Euler, XPBD and VBD get the lab's masses and springs and nothing else.
 
 - Semi-implicit Euler does the lab's own step: for a cloth as it is, for the hand-out's grid with doubled masses and half of
-  gravity (docs/method.md, Facts). The lab's bound applies.
+  gravity (docs/method/cases.md, Facts). The lab's bound applies.
 - XPBD and VBD approach implicit Euler's step of the same springs: more iterations, less error. XPBD adds up the full
   corrections of all springs of a mass at once, unweighted, so that it grows without bound with stiff springs or long steps.
   Both are compared with the lab's converged implicit Euler; their distance from it is reported with their time.

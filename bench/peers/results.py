@@ -149,7 +149,7 @@ def print_peers(console: Console, store: Store, machine: str) -> None:
     for peer, law in told.items():
         console.print(f"{peer}: held against {law}", highlight=False, soft_wrap=True)
     if any(r.suspect for r in found):
-        console.print("?: suspect, see docs/method.md;  wrong: the answer differs, so the time wins nothing")
+        console.print("?: suspect, see docs/method/time.md;  wrong: the answer differs, so the time wins nothing")
 
 
 def _print_table(console: Console, scene: str, backend: str, precision: str, mine: list[Ratio]) -> None:

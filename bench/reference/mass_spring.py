@@ -101,7 +101,7 @@ def simulate(
     Particles are in builder order. `position`, `velocity` (particles, dimensions): the start (None: the scene's own).
     `first_step`: the number of the first step, for forces and colliders that depend on time. `poke`: (particle, force
     on each axis [N]), constant over all steps. `integrator` replaces the scene's. `inertia` multiplies every mass
-    except in gravity: 2 gives the motion x'' = a/2 that the hand-out's step converges to (docs/method.md, fact 1).
+    except in gravity: 2 gives the motion x'' = a/2 that the hand-out's step converges to (docs/method/cases.md, fact 1).
     There is no check for divergence.
     """
     grid, dt = scene.grid, scene.method.dt

@@ -2,7 +2,7 @@
 
 Cases of the mass-spring grid and cloth have a scene in the catalogue under `hard/` and a law in laws.py, numbers.py,
 stiff.py, cloth.py or xpbd.py here. Cases of bodies are in body_cases.py, of tetrahedra in tetrahedral_cases.py, of
-fluids in fluid_cases.py. docs/method.md names the rows.
+fluids in fluid_cases.py. docs/method/cases.md names the rows.
 """
 
 from __future__ import annotations

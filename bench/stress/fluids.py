@@ -1,7 +1,7 @@
 """Laws of the hard cases of fluids, F1 to F9.
 
 bench/stress/trial.py defines what a law returns; bench/stress/fluid_cases.py has the scenes; model/fluid/plan.py has
-the stages of a step; docs/method.md names the rows.
+the stages of a step; docs/method/cases.md names the rows.
 """
 
 from __future__ import annotations

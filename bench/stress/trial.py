@@ -233,7 +233,7 @@ class Trial:
         return float(np.abs(force[~reference.pinned_mask(self.scene)]).max(initial=0.0))
 
     def rest_checks(self, state: State) -> list[Check]:
-        """Checks of rest (fact 4 of docs/method.md): slow, and without a residual force, whatever the shape.
+        """Checks of rest (fact 4 of docs/method/cases.md): slow, and without a residual force, whatever the shape.
 
         In float32 rounding ends the approach to rest. A coordinate of magnitude `size` has the ulp u, so forces have an
         error of 8 k u (four springs, two ends each). The hand-out's step stops moving when dt^2 a / 2 < u / 2, a force

@@ -32,7 +32,7 @@ def lab_newton(results: Results) -> Claim:
     mine = order_points(found_points(results), "lab")
     order = observed_order([(p.dt, p.error) for p in mine])
     if order is None:
-        return Claim("The hand-out's step was not held against Newton's law.")
+        return Claim("The hand-out's step was not compared with Newton's law.")
     coarse, fine = max(mine, key=lambda p: p.dt), min(mine, key=lambda p: p.dt)
     flat = abs(order) < NEAR
     text = (
@@ -48,7 +48,7 @@ def lab_half(results: Results) -> Claim:
     mine = [p for p in order_points(found_points(results), "lab") if p.half]
     order = observed_order([(p.dt, p.half or 0.0) for p in mine])
     if order is None:
-        return Claim("It was not held against the equation with half the acceleration.")
+        return Claim("It was not compared with the equation with half the acceleration.")
     fine = min(mine, key=lambda p: p.dt)
     first = abs(order - 1) < NEAR
     text = (

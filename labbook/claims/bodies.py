@@ -69,8 +69,8 @@ def springs(results: Results) -> Claim:
     )  # fmt: skip
     coarse = min(explicit, key=lambda b: b.fine)
     text = (
-        f"Mass-spring sags and swings as a chain of springs does, to {number(forces, 1)} of it; XPBD, with iterations to "
-        f"spare and {FINEST} substeps, to {number(positions, 1)}. With {coarse.fine} masses that is "
+        f"Mass-spring sags and swings as a chain of springs does, to {number(forces, 1)} of it; XPBD, with converged "
+        f"iterations and {FINEST} substeps, to {number(positions, 1)}. With {coarse.fine} masses that is "
         f"{percent((coarse.part(SAG) or 1) - 1)} more sag than a rod's."
     )
     if refused:
@@ -98,8 +98,8 @@ def iterations(results: Results) -> Claim:
         "converged": right.values[SAG] / chain_sag(right.fine) if right and SAG in right.values else 1.0,
     }  # fmt: skip
     text = (
-        f"With one iteration a substep XPBD sags by {words.times(numbers['few'])} what its springs say at "
-        f"{substeps_of(worst)} a frame, and with iterations to spare by {number(numbers['converged'], 3)} times; at "
+        f"With one iteration a substep, XPBD sags {words.times(numbers['few'])} as far as its springs should at "
+        f"{substeps_of(worst)} a frame, and with converged iterations {number(numbers['converged'], 3)} times; at "
         f"{FINEST} substeps one iteration leaves it {percent(_sag(few, FINEST) - 1)} too soft with {SOME_LINKS} masses, "
         f"and {percent(numbers['fine'] - 1)} with {finest.fine}"
     )
@@ -187,10 +187,8 @@ def losses(results: Results) -> Claim:
             told = "nothing" if numbers[solver] < 1e-9 else f"{number(numbers[solver], 2)} of it a second"
             parts.append(f"{name} takes {told}")
     if len(parts) < 3:
-        return Claim("What the solvers take from the bar's swing was not measured.")
-    text = (
-        f"Of the amplitude of a swing that nothing damps, at {FINEST} steps or substeps a frame, {words.listed(parts)}."
-    )
+        return Claim("The damping of the bar's swing by the solvers was not measured.")
+    text = f"Of the amplitude of an undamped swing, at {FINEST} steps or substeps a frame, {words.listed(parts)}."
     return Claim(text, numbers, numbers["mass-spring"] < 1e-9 < min(numbers["xpbd"], numbers["shape-matching"]))
 
 
@@ -209,26 +207,10 @@ def overlap(results: Results) -> Claim:
     stiffer = (by_size[-1].values[REACH] / by_size[0].values[REACH]) ** 2
     numbers = {f"{bar.size:g}": bar.part(FREQUENCY) or 0.0 for bar in by_size} | {"stiffer": stiffer}
     return Claim(
-        "A cluster stiffness is no material: drawn out evenly, the bar is as stiff as that times the mean square of the "
+        "A cluster stiffness is no material: in even stretch the bar is as stiff as that times the mean square of the "
         f"offsets in its clusters, {words.times(stiffer)} as much at an overlap of {number(by_size[-1].size, 2)} as at "
-        f"{number(by_size[0].size, 2)}. With that taken out, it swings at {words.listed(parts)} of a rod's frequency.",
+        f"{number(by_size[0].size, 2)}. After division by this, it swings at {words.listed(parts)} of a rod's frequency.",
         numbers, abs(numbers.get(f"{SOME_OVERLAP:g}", 0.0) - 1) < 0.05,
-    )  # fmt: skip
-
-
-def jelly_substeps(results: Results) -> Claim:
-    """Sag and frequency of the jelly bar against substeps."""
-    found = series(measured_bars(results), JELLY, lambda b: b.substeps, fine=SOME_LAYERS, size=SOME_OVERLAP)
-    found = [bar for bar in found if {SAG, FREQUENCY} <= set(bar.values)]
-    if len(found) < 2:
-        return Claim("A jelly bar was not measured at several numbers of substeps.")
-    few, many = found[0], found[-1]
-    numbers = {"few": few.part(SAG) or 0.0, "many": many.part(SAG) or 0.0, "decay": many.values[DECAY]}
-    return Claim(
-        f"The standing jelly bar is shortened by {number(numbers['few'])} times what a rod is at {substeps_of(few)} a frame, "
-        f"by {number(numbers['many'])} at {substeps_of(many)}; it swings at {percent(few.part(FREQUENCY) or 0.0)} and "
-        f"{percent(many.part(FREQUENCY) or 0.0)} of a rod's frequency.",
-        numbers, abs(numbers["many"] - 1) < abs(numbers["few"] - 1),
     )  # fmt: skip
 
 
@@ -241,13 +223,13 @@ def tetrahedra(results: Results) -> Claim:
     )
     rows, newton = finest["xpbd"], finest["newton"]
     if few is None or rows is None or newton is None or not {SAG, FREQUENCY} <= set(rows.values) & set(newton.values):
-        return Claim("A bar of tetrahedra was not held against the same rod.")
+        return Claim("A bar of tetrahedra was not compared with the same rod.")
     numbers = {
         "few": few.part(SAG) or 0.0, "rows": rows.part(SAG) or 0.0, "newton": newton.part(SAG) or 0.0,
         "frequency": newton.part(FREQUENCY) or 0.0,
     }  # fmt: skip
     text = (
-        f"A bar of tetrahedra is told nothing but Young's modulus and Poisson's ratio: {SOME_VOXELS} voxels long it hangs by "
+        f"A bar of tetrahedra takes only Young's modulus and Poisson's ratio: {SOME_VOXELS} voxels long it hangs by "
         f"{number(numbers['newton'], 4)} times a rod's sag by Newton's method, and by {number(numbers['few'])} and "
         f"{number(numbers['rows'], 4)} times with one position-based sweep at {substeps_of(few)} and at {FINEST}, and "
         f"swings at {percent(numbers['frequency'])} of a rod's frequency"
@@ -294,6 +276,5 @@ CLAIMS: Claims = {
     "bar-tetrahedra": tetrahedra,
     "bar-losses": losses,
     "bar-overlap": overlap,
-    "bar-jelly-substeps": jelly_substeps,
     "bar-backends": backends,
 }

@@ -25,8 +25,8 @@ def spin(results: Results) -> Claim:
     off = max(abs(bar.values[KEPT] - bar.values[SPIN_LAW]) for bar in found)
     parts = [f"{percent(bar.values[KEPT])} at {substeps_of(bar)} a frame" for bar in found]
     return Claim(
-        f"Of one turn a second a rigid body keeps, after {seconds(SECONDS[SPIN], 1)}, {words.listed(parts)}: by "
-        f"Newton's law it would keep all of it; this is what its own method's law says, to {number(off, 1)}.",
+        f"A rigid body that turns once a second keeps, after {seconds(SECONDS[SPIN], 1)}, {words.listed(parts)} of its spin. "
+        f"Newton's law keeps all of it; the loss agrees with the law of the method to {number(off, 1)}.",
         {"off": off, "kept": found[-1].values[KEPT]}, off < EQUAL,
     )  # fmt: skip
 
@@ -39,9 +39,8 @@ def flight(results: Results) -> Claim:
     off = max(bar.values[MOMENTUM] for bar in found)
     parts = [f"{percent(1 - bar.values[KEPT])} at {substeps_of(bar)} a frame" for bar in found]
     return Claim(
-        f"A soft body that is thrown spinning keeps its linear momentum to {number(off, 1)} of what gravity gives it; of its "
-        f"angular momentum it loses {words.listed(parts)} within {seconds(SECONDS[FLIGHT], 1)}, as "
-        "position-based solvers do.",
+        f"A soft body that is thrown spinning keeps its linear momentum to {number(off, 1)} of what gravity adds; it loses "
+        f"{words.listed(parts)} of its angular momentum within {seconds(SECONDS[FLIGHT], 1)}, as position-based solvers do.",
         {"momentum": off, "kept": found[-1].values[KEPT]}, off < EQUAL,
     )  # fmt: skip
 
@@ -54,8 +53,8 @@ def rest(results: Results) -> Claim:
     parts = [f"{number(bar.values[ENERGY], 1)} at {substeps_of(bar)} a frame" for bar in found]
     still = [bar for bar in found if bar.values[ENERGY] < STILL]
     text = (
-        f"The kinetic energy of a soft body that was dropped is, after {seconds(SECONDS[DROP], 2)}, {words.listed(parts)} of "
-        f"the drop's, where under {number(STILL, 1)} counts as rest"
+        f"A soft body that was dropped has, after {seconds(SECONDS[DROP], 2)}, a kinetic energy of {words.listed(parts)} of "
+        f"the drop's; less than {number(STILL, 1)} counts as rest"
     )
     if 0 < len(still) < len(found):
         text += ": nothing in that scene damps but friction and the step itself, and smaller steps damp less"

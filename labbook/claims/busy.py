@@ -31,8 +31,8 @@ def busy(results: Results) -> Claim:
     policies = words.listed(sorted({p.wait_policy for p in found}))
     scenes, threads = len({p.scene for p in found}), words.listed(sorted({str(p.threads) for p in found}))
     text = (
-        f"A step on {threads} threads takes, of what it takes on one in the same company, {words.listed(parts)}: the worst "
-        f"of {words.count(scenes)} scenes, wait policy {policies}."
+        f"Compared with one thread under the same load, a step on {threads} threads takes {words.listed(parts)} as long: the "
+        f"worst of {words.count(scenes)} scenes, wait policy {policies}."
     )
     supported = all(ratio <= LIMIT for kind, ratio in numbers.items() if kind != ALONE)
     return Claim(text, numbers, supported)

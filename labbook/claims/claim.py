@@ -107,7 +107,7 @@ def threads_at(results: Results, end: int) -> Claim:
     if source is None or not shared:
         return Claim("More threads than cores were not measured.")
     size = shared[end]
-    parts, numbers, supported = [], {}, True
+    parts, same, numbers, supported = [], [], {}, True
     for word, (both, suspect) in found.items():
         base, more = next(pair for pair in both if pair[0].particles == size)
         verdict = apart(more, base)
@@ -121,7 +121,9 @@ def threads_at(results: Results, end: int) -> Claim:
         elif too_few(more, base):
             parts.append(f"of {word} threads there are too few repeats to tell them from 1x{suspect}")
         else:
-            parts.append(f"{word} threads show no difference to 1x beyond measurement noise{suspect}")
+            same.append(word + suspect)
+    if same:
+        parts.append(f"{words.listed(same)} threads show no difference to 1x beyond measurement noise")
     text = f"{on(source, 'cpu')}, at {masses(size)}, {words.listed(parts)}."
     return Claim(text, numbers | {"masses": size}, supported)
 
@@ -191,7 +193,7 @@ def bandwidth_reached(source: Source | None, backend: str, word: str | None) -> 
         return Claim(f"How much of the {backend.upper()}'s copy bandwidth a step reaches was not measured.")
     told = f"{percent(share)} of the measured copy bandwidth"
     if doubted := disturbed(source):
-        told = "which is not held against the copy bandwidth, since other programs disturbed that"
+        told = "which is not compared with the copy bandwidth, because other programs disturbed that measurement"
     beyond = (
         "; more than all of it is possible where the grid stays in a cache, or where a pass over memory does several steps"
         if share > 1 and not doubted

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from softlab.bench.experiments.discretisation import BIAS, FINDING, RATIO, WAYS, exact_ratio
-from softlab.bench.experiments.projections import ProjectionPoint, beside_published
+from softlab.bench.experiments.projections import ProjectionPoint
 from softlab.labbook import words
 from softlab.labbook.claims.claim import Claim, Claims, where
 from softlab.plots.core.data import Results
@@ -38,7 +38,7 @@ def rates(results: Results) -> Claim:
         if told:
             parts.append(f"on {where(backend, source)} {words.listed(told)}")
     if not parts:
-        return Claim("Projections were not timed at the size that is told of here.")
+        return Claim("Projections were not timed at this size.")
     size = f"{SIZE}{words.SPACE}{words.TIMES}{words.SPACE}{SIZE}"
     return Claim(
         f"With springs to four neighbours, {size} masses and 10 substeps of one iteration: {'; '.join(parts)}.",
@@ -71,29 +71,6 @@ def per_projection(results: Results) -> Claim:
     )  # fmt: skip
 
 
-def published(results: Results) -> Claim:
-    """Times of published frames over the lab's, on each backend."""
-    parts: list[str] = []
-    told: dict[tuple[str, str], None] = {}
-    numbers: dict[str, float] = {}
-    for backend, source, found in panels(results):
-        pairs = beside_published(found)
-        ratios = [entry.seconds / point.step for entry, point in pairs]
-        told |= {(entry.source, entry.processor): None for entry, _ in pairs}
-        if ratios:
-            numbers |= {f"{backend} least": min(ratios), f"{backend} most": max(ratios)}
-            span = f"{words.number(min(ratios), 2)} to {words.times(max(ratios))}"
-            parts.append(f"{span} the time of a step on {where(backend, source)}")
-    if not parts:
-        return Claim("No published cloth was timed.")
-    of = words.listed([f"{source} (on a {processor})" for source, processor in told])
-    return Claim(
-        f"Frames of cloths as large, with as many iterations, were published: {of}. They took {words.listed(parts)}; what "
-        "else was computed in them is not known, so that this is an order of magnitude.",
-        numbers, True,
-    )  # fmt: skip
-
-
 def discretisation(results: Results) -> Claim:
     """Effect of cutting a sheet along one diagonal, or along alternating ones."""
     for source in results.everyone:
@@ -116,6 +93,5 @@ def discretisation(results: Results) -> Claim:
 CLAIMS: Claims = {
     "projection-rates": rates,
     "projection-orderings": per_projection,
-    "projection-published": published,
     "discretisation": discretisation,
 }

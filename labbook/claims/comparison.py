@@ -119,6 +119,23 @@ def overtakes_drawing(results: Results) -> Claim:
     return Claim(f"{text} the GPU's step is {times(last.ratio)} as fast as the CPU's{suspect}.", numbers, True)
 
 
+def crossing_drawing(results: Results) -> Claim:
+    """Size at which the GPU overtakes with graphics, interpolated between two sizes."""
+    source = results.first(lambda one: pairs(one, graphics=True))
+    found = pairs(source, graphics=True) if source else []
+    crossed = crossing(found)
+    if source is None or not found:
+        return Claim("Where the GPU overtakes with graphics was not measured.")
+    doubtful = sum(is_suspect(pair.cpu) or is_suspect(pair.gpu) for pair in found)
+    marked = f" ({words.count(doubtful)} of the {len(found)} sizes rest on suspect times)" if doubtful else ""
+    if crossed is None:
+        side = "GPU" if found[-1].ratio >= 1 else "CPU"
+        text = f"With graphics there is no crossing: the {side} is the faster at the largest size{marked}."
+        return Claim(text, {"crossing": 0.0, "ratio": found[-1].ratio}, False)
+    text = f"With graphics the CPU is the faster below about {masses(crossed, exact=False)}, the GPU above{marked}."
+    return Claim(text, {"crossing": crossed, "ratio": found[-1].ratio}, True)
+
+
 def shape(results: Results) -> Claim:
     """Cost of long, tall and odd grids over that of squares, on the CPU with 1x threads."""
     source = cpu_source(results)
@@ -149,9 +166,9 @@ def trust(results: Results) -> Claim:
     doubtful = sum(bool(timing.suspect) for timing in costs)
     accuracy = f", and of the {len(costs)} times of accuracy runs {doubtful or 'none'}" if costs else ""
     text = (
-        f"Of the {len(everything)} configurations timed for this book, {checked} were held against the reference, "
+        f"Of the {len(everything)} configurations timed for this book, {checked} were compared with the reference, "
         f"{wrong or 'none'} gave a wrong answer, and {suspect or 'none'} {'is' if suspect == 1 else 'are'} suspect"
-        f"{accuracy}; sentences rest on those only where they say so."
+        f"{accuracy}; sentences use those only where they say so."
     )
     left_out = sum(source.left_out for source in results.featured)
     if left_out:
@@ -174,15 +191,14 @@ def peers(results: Results) -> Claim:
             numbers[f"{backend} {one.peer}"] = one.ratio
             same = one.low <= 1 <= one.high
             mark = MARK if one.suspect and not all(each.suspect for each in here) else ""
-            told.append(
-                f"{'as long, within measurement noise,' if same else times(one.ratio)} by {label(one.peer)}{mark}"
-            )
+            long = "as long, within measurement noise," if same else f"{times(one.ratio)} as long"
+            told.append(f"{long} with {label(one.peer)}{mark}")
         if told:
             suspect = SUSPECT if all(one.suspect for one in here) else ""
             parts.append(f"on {where(backend, source)}, at {masses(size)}, {words.listed(told)}{suspect}")
     if not parts:
         return Claim("Nothing was timed beside the lab.")
-    return Claim(f"A step of the grid takes, over the lab's time, {'; '.join(parts)}.", numbers, True)
+    return Claim(f"Compared with the lab, a step of the grid takes, {'; '.join(parts)}.", numbers, True)
 
 
 CLAIMS: Claims = {
@@ -190,6 +206,7 @@ CLAIMS: Claims = {
     "overtakes": overtakes,
     "drawing": drawing,
     "overtakes-drawing": overtakes_drawing,
+    "crossing-drawing": crossing_drawing,
     "shape": shape,
     "trust": trust,
 }

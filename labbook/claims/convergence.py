@@ -49,13 +49,13 @@ def iterations_or_substeps(results: Results) -> Claim:
         f"{words.count(counts[0])} iteration{'s' if counts[0] > 1 else ''} a step, {number(some.error, 2)} with "
         f"{words.count(counts[-2])} and {number(many.error, 2)} with {words.count(counts[-1])}"
     )
-    text += ": more of them buy nothing there" if same else ""
+    text += ": more iterations gain nothing there" if same else ""
     numbers = {"few": few.error, "some": some.error, "many": many.error}
     if many.solver is not None and some.solver is not None:
         numbers |= {"solver some": some.solver, "solver many": many.solver}
         text += (
-            f" (what the iterations leave over falls from {number(some.solver, 2)} to {number(many.solver, 2)}; the rest is "
-            "the scheme's own error)"
+            f" (the error of the iterations falls from {number(some.solver, 2)} to {number(many.solver, 2)}; the rest is the "
+            "error of the scheme)"
         )
     order = observed_order([(p.dt, p.error) for p in mine if p.iterations == counts[-1] and p.resolved])
     if order is not None:
@@ -69,11 +69,11 @@ def wrong_ordering(results: Results) -> Claim:
     """Limit to which averaged Jacobi converges."""
     wrong, right = ([p for p in _ways(results, name) if not p.diverged and p.iterations] for name in (XPBD[2], XPBD[1]))
     if not wrong or not right:
-        return Claim("Averaged Jacobi was not held against Newton's law.")
+        return Claim("Averaged Jacobi was not compared with Newton's law.")
     n, dt = max(p.iterations or 0 for p in wrong), min(p.dt for p in wrong)
     pair = [next((p for p in found if (p.iterations, p.dt) == (n, dt)), None) for found in (wrong, right)]
     if pair[0] is None or pair[1] is None:
-        return Claim("Averaged Jacobi was not held against Newton's law.")
+        return Claim("Averaged Jacobi was not compared with Newton's law.")
     off, good = pair[0].error, pair[1].error
     text = (
         f"Jacobi that averages the displacements of a mass is {number(off, 2)} spacings off in {SCENE} at {seconds(dt, 2)} "
@@ -133,7 +133,7 @@ def against_integrators(results: Results, target: float = 1e-2) -> Claim:
                 parts.append(told + suspicion(ways, MARK))
                 break
     if not parts:
-        return Claim("Position-based ways were not timed beside integrators.")
+        return Claim("Position-based methods were not timed beside integrators.")
     text = f"To an error of {number(target, 1)} spacings, {words.listed(parts)}, each by its fastest configuration."
     return Claim(text, numbers, True)
 
@@ -168,8 +168,8 @@ def orderings(results: Results) -> Claim:
     if not parts:
         return Claim("The orderings were not timed to equal errors.")
     text = (
-        f"To the same error in {STIFF}, each by its fastest configuration, Jacobi is held against Gauss-Seidel in "
-        f"{colours()} colours: {words.listed(parts)}."
+        f"To the same error in {STIFF}, each by its fastest configuration and compared with Gauss-Seidel in {colours()} "
+        f"colours: {words.listed(parts)}."
     )
     return Claim(text, numbers, True)
 

@@ -31,12 +31,12 @@ def looks_cost(results: Results) -> Claim:
             f"{words.masses(worst.particles)}, {worst.precision}, every {words.count(worst.interval)} steps)"
         )
     if not parts:
-        return Claim("What looking for a diverged state costs was not measured.")
+        return Claim("The cost of detecting divergence was not measured.")
     cheap = 100 * max(numbers.values()) < BOUND
     verdict = f"under {BOUND:g}{words.SPACE}%" if cheap else f"not under {BOUND:g}{words.SPACE}% everywhere"
     if busy:  # steps that are slowed down by other programs make checks seem cheap
         verdict += ", but some of it was measured on a busy machine"
-    return Claim(f"A look costs at most {words.listed(parts)}: {verdict}.", numbers, cheap and not busy)
+    return Claim(f"A check costs at most {words.listed(parts)}: {verdict}.", numbers, cheap and not busy)
 
 
 def determinism_cost(results: Results) -> Claim:
@@ -58,15 +58,15 @@ def determinism_cost(results: Results) -> Claim:
             other, runs = sum(c.different or 0 for c in every), len(every) * (RUNS - 1)
             numbers["different"] = other
             parts.append(
-                f"{on_gpu(gpu)} a scatter with atomic additions {_compared(atomics)} the gather takes "
+                f"{on_gpu(gpu)} a scatter with atomic additions {_compared(atomics)} the gather "
                 f"({words.masses(atomics.particles)}, float32), and {words.count(other)} of {words.count(runs)} repeated "
-                "runs ended in other bits than the first" + _coloured(ways, numbers)
+                "runs gave other bits than the first" + _coloured(ways, numbers)
             )
     if "cpu" in of:
         cpu, found = of["cpu"]
         ways = _largest(found)
         told = [
-            f"{text} {_compared(ways[way])} it takes"
+            f"{text} {_compared(ways[way])} the lab's kernel"
             for way, text in (
                 ("colours", "a scatter in four colours"),
                 ("twice", "a gather that evaluates each spring twice"),
@@ -78,8 +78,8 @@ def determinism_cost(results: Results) -> Claim:
             supported = supported or all(cost.least > 1 or cost.most < 1 for cost in ways.values())
             size = words.masses(next(iter(ways.values())).particles)
             parts.append(
-                f"{on(cpu, 'cpu')} the lab's order is fixed and each spring still evaluated once, its pull carried to the "
-                f"other end: {words.listed(told)} ({size}, float32)"
+                f"{on(cpu, 'cpu')}, where the lab's kernel evaluates each spring once and in a fixed order, "
+                f"{words.listed(told)} ({size}, float32)"
             )
     if not parts:
         return Claim("What determinism costs was not measured.")
@@ -95,15 +95,15 @@ def _largest(found: list[Cost]) -> dict[str, Cost]:
 
 def _compared(cost: Cost) -> str:
     if cost.least <= 1 <= cost.most:
-        return "takes, within measurement noise, the time"
-    return f"takes {words.times(cost.ratio)} the time"
+        return "takes, within measurement noise, as long as"
+    return f"takes {words.times(cost.ratio)} as long as"
 
 
 def _coloured(ways: dict[str, Cost], numbers: dict[str, float]) -> str:
     if "colours" not in ways:
         return ""
     numbers["gpu colours"] = ways["colours"].ratio
-    return f"; in four colours, which repeats, it {_compared(ways['colours'])}"
+    return f"; in four colours, which repeats, it {_compared(ways['colours'])} the gather"
 
 
 # ---------------------------------------------------------------------- state, step size and length of a run

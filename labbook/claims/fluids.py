@@ -17,6 +17,11 @@ from softlab.plots.figures.fluids import rest as rest_figure
 
 # all must hold at once
 BOUNDS = {laws.MEAN: 0.01, laws.LARGEST: 0.03, laws.HEIGHT: 0.01, laws.SPEED: 0.01, laws.PRESSURE: 0.03}
+BOUND_WORDS = (
+    f"its density (within {100 * BOUNDS[laws.MEAN]:g} % on the mean, {100 * BOUNDS[laws.LARGEST]:g} % anywhere), its height "
+    f"({100 * BOUNDS[laws.HEIGHT]:g} %), rest ({100 * BOUNDS[laws.SPEED]:g} % of √(g H)) and the pressure of its weight "
+    f"({100 * BOUNDS[laws.PRESSURE]:g} %)"
+)
 FEWEST = (2, 3)  # substeps, iterations: those of particle libraries
 
 
@@ -37,7 +42,7 @@ def column(results: Results) -> Claim:
     """Efforts that preserve a column in all respects, and the height of the column with others."""
     held = _held(results, COLUMN)
     if held is None:
-        return Claim("How a column of water stands was not measured.")
+        return Claim("A standing column of water was not measured.")
     backend, source, found = held
     able = sorted((r for r in found if _all_at_once(r) and r.frame), key=lambda r: r.frame or 0.0)
     parts: list[str] = []
@@ -59,7 +64,7 @@ def column(results: Results) -> Claim:
         parts.append(
             f"with {few[0].effort}, as particle libraries have it, the column is {words.listed(told)} of its height"
         )
-    text = "A column should keep density (1 % on the mean, 3 % anywhere) and height, rest, and carry its weight, all at once"
+    text = f"A column should keep {BOUND_WORDS}, all at once"
     busy = SUSPECT if any(r.suspect for r in able[:1]) else ""
     return Claim(f"{text}: on {where(backend, source)}, {'; '.join(parts)}{busy}.", numbers, bool(able))
 
@@ -69,11 +74,11 @@ def fastest(results: Results) -> Claim:
     held = _held(results, COLUMN)
     able = [] if held is None else [r for r in held[2] if _all_at_once(r) and r.frame]
     if held is None or not able:
-        return Claim("What keeps a column of water as it is fastest was not measured.")
+        return Claim("The fastest setting for a standing column of water was not measured.")
     best = min(able, key=lambda r: r.frame or 0.0)
     text = (
-        f"A column keeps density, height, rest and weight fastest by {best.who}, {best.effort} substeps x iterations, on "
-        f"{where(held[0], held[1])}."
+        f"A column keeps {BOUND_WORDS} fastest with {best.who}, {best.effort} substeps x iterations, on "
+        f"{where(held[0], held[1])}{SUSPECT if best.suspect else ''}."
     )
     return Claim(text, {"frame": best.frame or 0.0}, True)
 
@@ -83,7 +88,7 @@ def dam(results: Results) -> Claim:
     held = _held(results, DAM)
     found = [] if held is None else [r for r in held[2] if not r.peer and laws.FRONT in r.numbers]
     if held is None or not found:
-        return Claim("The front of a dam that breaks was not measured.")
+        return Claim("The front of a breaking dam was not measured.")
     best = min(found, key=lambda r: r.numbers[laws.FRONT])
     later = min(found, key=lambda r: r.numbers[laws.FRONT_LATER])
     numbers = {"front": best.numbers[laws.FRONT], "later": later.numbers[laws.FRONT_LATER], "start": start_off()}
@@ -108,7 +113,7 @@ def viscosity(results: Results) -> Claim:
     """Numerical viscosity at the finest spacing, where the scene has none, and its fall with the spacing."""
     held = _held(results, VORTICES)
     if held is None:
-        return Claim("The viscosity that methods make by themselves was not measured.")
+        return Claim("The numerical viscosity was not measured.")
     parts: list[str] = []
     numbers: dict[str, float] = {}
     for who in dict.fromkeys(r.who for r in held[2]):
@@ -154,7 +159,7 @@ def peers(results: Results) -> Claim:
     held = _held(results, TANK)
     others = [] if held is None else [r for r in held[2] if r.peer and r.frame and laws.MEAN in r.numbers]
     if held is None or not others:
-        return Claim("Other programs were not held beside the lab's fluids.")
+        return Claim("Other fluid programs were not timed.")
     parts: list[str] = []
     numbers: dict[str, float] = {}
     for other in others:
@@ -184,7 +189,7 @@ def rest(results: Results) -> Claim:
     """Which schemes and substeps leave a still tank at rest, beside another program."""
     held = on_backends(results, rest_figure.on)
     if not held:
-        return Claim("How still water at rest stays was not measured.")
+        return Claim("Water at rest was not measured.")
     backend, source, found = held[0]
     tanks = [r for r in found if r.kind == STILL_TANK]
     numbers: dict[str, float] = {}
@@ -201,7 +206,7 @@ def rest(results: Results) -> Claim:
             kept = f"{every if len(still) == len(mine) else few} (rms speed at most {_share(numbers[who])})"
         parts.append(f"{who} with {kept}")
     text = (
-        f"Water {DEPTH:g} m deep and without viscosity should stay at rest in its tank: gain no energy over "
+        f"Water {DEPTH:g} m deep and without viscosity should stay at rest in its tank: gain no more energy than "
         f"{ENERGY_BOUND:g} g H, and be slower than {_share(SPEED_BOUND)} of √(g H) from {SETTLED} s on. On "
         f"{where(backend, source)} it does by {words.listed(parts)}"
     )
@@ -224,7 +229,7 @@ def rate(results: Results) -> Claim:
             f"{words.count(point.particles)} particles, searches included; the stage that takes most by itself is to {most}"
         )
     if not parts:
-        return Claim("How many particles of a fluid a second are stepped was not measured.")
+        return Claim("The rate of fluid particles was not measured.")
     return Claim(f"Two substeps of three iterations: {'; '.join(parts)}.", numbers, True)
 
 

@@ -57,10 +57,14 @@ def weak(results: Results) -> Claim:
         return Claim("A grid for each of several GPUs was not timed.")
     numbers = {f"{p.rows} {p.gpus}": value for p, value in told}
     parts = [
-        f"with {words.masses(masses(p) // p.gpus)} for each, each of {p.gpus} has {words.number(100 * rate)}{words.SPACE}%"
+        f"with {words.masses(masses(p) // p.gpus)} on each, each of {p.gpus} reaches {words.number(100 * rate)}{words.SPACE}%"
         for p, rate in told
     ]
-    return Claim(f"A grid each: {words.listed(parts)} of the rate of one alone.", numbers, min(numbers.values()) > 0.9)
+    return Claim(
+        f"With one grid per GPU (weak scaling), {words.listed(parts)} of the rate of one alone.",
+        numbers,
+        min(numbers.values()) > 0.9,
+    )
 
 
 def links(results: Results) -> Claim:
@@ -73,7 +77,8 @@ def links(results: Results) -> Claim:
     numbers = {f"nccl {p.rows} {p.gpus}": faster for p, faster, _ in ends}
     span = " to ".join(words.number(faster) for _, faster, _ in ends)
     return Claim(
-        f"With NCCL, where Python asks for each exchange, it is {span}{words.SPACE}times, from the smallest to the largest.",
+        f"If Python starts each exchange, by NCCL, the speed-up is {span}{words.SPACE}times, from the smallest grid to the "
+        "largest.",
         numbers,
         True,
     )
@@ -84,10 +89,10 @@ def bits(results: Results) -> Claim:
     _, found = _measured(results)
     off = [p.difference for p in found if p.gpus > 1 and p.difference is not None]
     if not off:
-        return Claim("No state of several GPUs was held against that of one.")
+        return Claim("No state of several GPUs was compared with that of one.")
     same = f"{words.things(sum(d == 0 for d in off), 'sheet')} of {len(off)}"
     numbers = {"compared": len(off), "largest": max(off)}
-    return Claim(f"In exact math {same} that were compared had one GPU's bits.", numbers, max(off) == 0)
+    return Claim(f"In exact math, {same} that were compared had the bits of one GPU.", numbers, max(off) == 0)
 
 
 def energy(results: Results) -> Claim:
@@ -115,9 +120,9 @@ def model(results: Results) -> Claim:
             off[p.link].append(by_model / faster - 1)
     usual, others = off.pop(USUAL, []), [value for values in off.values() for value in values]
     if not usual:
-        return Claim("The model of several GPUs was not held against any.")
+        return Claim("The model of several GPUs was not compared with any.")
     numbers = {"usual": max(map(abs, usual)), **({"others": max(map(abs, others))} if others else {})}
-    also = f", of the other ways by up to {words.percent(numbers['others'])}" if others else ""
+    also = f", for the other links by up to {words.percent(numbers['others'])}" if others else ""
     return Claim(f"The model of softlab scale is off by up to {words.percent(numbers['usual'])}{also}.", numbers, True)
 
 

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from softlab.bench.experiments.body_laws import SECONDS, SPIN
-from softlab.bench.stress.bodies import OFF_LAW, OFF_NEWTON, OUT_OF_SHAPE, PARTING, SPIN_KEPT
-from softlab.bench.stress.piles import BORNE, DEPTH, LOWERED, RATIO, SINKING
+from softlab.bench.stress.bodies import OFF_LAW, OFF_NEWTON, OUT_OF_SHAPE, SPIN_KEPT
 from softlab.bench.stress.results import HardRow
 from softlab.labbook import words
 from softlab.labbook.claims.claim import Claim, Claims
@@ -48,10 +47,10 @@ def spin(results: Results) -> Claim:
     off = max(values[1] for values in found.values())
     last = list(found)[-1]
     text = (
-        f"A rigid body that turns once a second keeps of that, after {seconds(SECONDS[SPIN], 1)}, {words.listed(parts)} "
-        f"substeps a frame. That is what the method's own law says, to {number(off, 1)}, and what these rows are judged by; "
-        f"Newton's law keeps all of it, and with {_substeps(last)} substeps the body then is {number(found[last][2], 2)} "
-        "spacings from where that has it."
+        f"A rigid body that turns once a second keeps of its spin, after {seconds(SECONDS[SPIN], 1)}, {words.listed(parts)} "
+        f"substeps a frame. This agrees with the law of the method, by which these rows are judged, to {number(off, 1)}. "
+        f"Newton's law keeps all of it: with {_substeps(last)} substeps the body is {number(found[last][2], 2)} spacings "
+        "from where that law puts it."
     )
     numbers = {"off": off, "kept": found[last][0]}
     single = {case: values for case in found if (values := _values(_one(rows, case, "float32"), SPIN_KEPT, OFF_LAW))}
@@ -59,8 +58,8 @@ def spin(results: Results) -> Claim:
     if worst and single[worst][1] > FEW:
         numbers["float32"] = single[worst][0]
         text += (
-            f" In float32 {percent(single[worst][0])} is left with {_substeps(worst)} substeps: a rotation that is within "
-            "rounding of the nearest is not touched, and of a turn that small rounding is a part."
+            f" In float32 {percent(single[worst][0])} is left with {_substeps(worst)} substeps, because rounding is a part "
+            "of so small a turn."
         )
     return Claim(text, numbers, off < FEW)
 
@@ -83,43 +82,9 @@ def shapes(results: Results) -> Claim:
     )  # fmt: skip
 
 
-def apart(results: Results) -> Claim:
-    """B17: speed at which bodies that begin inside each other separate."""
-    rows = [row for row in _rows(results) if row.case.startswith("B17") and told(row, PARTING) is not None]
-    if not rows:
-        return Claim("Bodies were not begun inside each other.")
-    fastest = max(told(row, PARTING) or 0.0 for row in rows)
-    return Claim(
-        f"Bodies that begin in each other part at {number(fastest, 2)} m/s at most, where twice the speed of separation is "
-        "allowed.",
-        {"fastest": fastest}, all(row.verdict == "pass" for row in rows),
-    )  # fmt: skip
-
-
-def load(results: Results) -> Claim:
-    """B18: sinking of a stack and of a brick under a heavy one, compared with the weight above."""
-    rows = _rows(results)
-    stack, borne = (
-        _values(_one(rows, "B18 stack"), SINKING, LOWERED),
-        _values(_one(rows, "B18 load"), BORNE, DEPTH, RATIO),
-    )
-    if not stack or not borne:
-        return Claim("What bodies sink into each other under load was not judged.")
-    (off, lowered), (wrong, depth, ratio) = stack, borne
-    return Claim(
-        f"In a stack of ten bricks every interface sinks by what the weight above it asks of one projection a substep, to "
-        f"{number(off, 1)} of a substep's fall, so that the top comes down by {percent(lowered)} of a brick; a brick on one "
-        f"of a part in {number(ratio, 3)} of its mass goes {percent(depth)} of the particles' distance into it, as predicted "
-        f"to {number(wrong, 1)} of that.",
-        {"stack": off, "load": wrong, "depth": depth}, max(off, wrong) < FEW,
-    )  # fmt: skip
-
-
 CLAIMS: Claims = {
     "hard-bodies": verdicts,
     "hard-body-backends": lambda results: compare_backends(*body_rows(results)),
     "hard-body-spin": spin,
     "hard-body-shapes": shapes,
-    "hard-body-apart": apart,
-    "hard-body-load": load,
 }

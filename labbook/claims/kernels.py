@@ -29,11 +29,11 @@ def choice(results: Results, backend: str) -> Claim:
     slower = [(mine.median / t.median, t) for mine, t in pairs if apart(mine, t) > 0]
     good = len(best) - len(slower)
     text = (
-        f"{on(source, backend)}, the kernel that is chosen by itself is the fastest, or not slower beyond measurement noise, "
+        f"{on(source, backend)}, the default kernel is the fastest, or not slower beyond measurement noise, "
         f"at {good} of the {len(best)} sizes"
     )
     if len(best) < timed:
-        text += f" at which it was timed beside the others undisturbed, of {timed}"
+        text += f" that were timed undisturbed, of {timed}"
     numbers: dict[str, float] = {"good": good, "sizes": len(best)}
     if slower:
         ratio, worst = max(slower, key=lambda found: found[0])
@@ -57,16 +57,13 @@ def roof(results: Results, backend: str) -> Claim:
     numbers = {"share": share, "masses": best.particles}
     more = "more" if share > 1 else "no more"
     text = (
-        f"{on(source, backend)}, of grids that outgrow the last cache the highest is {percent(share)} of one step per pass, "
-        f"by {best.kernel} at {masses(best.particles)}: {more} than any kernel could reach that does one step per pass from "
-        f"memory{suspect}"
+        f"{on(source, backend)}, the highest rate on grids beyond the last cache is {percent(share)} of that of one step per "
+        f"pass ({best.kernel}, {masses(best.particles)}): {more} than a kernel that does one step per pass from memory could "
+        f"reach{suspect}"
     )
     if found.arithmetic_share and found.rate:
         numbers["arithmetic"] = share / found.arithmetic_share
-        text += (
-            f". Of the measured {number(found.rate / 1e9)}{words.SPACE}G operations a second it uses "
-            f"{percent(share / found.arithmetic_share)}"
-        )
+        text += f". It uses {percent(share / found.arithmetic_share)} of the measured {words.operations(found.rate)}"
     return Claim(f"{text}.", numbers, True)
 
 

@@ -86,7 +86,7 @@ def over(results: Results) -> Claim:
     numbers["farthest"] = farthest.place.dt / farthest.place.limit
     text += (
         f"; the others stayed bounded, with step sizes up to {times(numbers['farthest'])} the limit "
-        f"({farthest.place.integrator}): near rest, the bound for any state leaves room."
+        f"({farthest.place.integrator}): near rest, a bound that holds in any state leaves a margin."
     )
     return Claim(text, numbers, True)
 

@@ -7,7 +7,7 @@ from math import log10
 from softlab.bench.experiments.tetrahedral.bars import Bar, bars, of_one_version
 from softlab.bench.experiments.tetrahedral.cantilever import BLOCKS, SECOND
 from softlab.bench.experiments.tetrahedral.decides import STIFF, Decision, decisions, moves
-from softlab.bench.experiments.tetrahedral.meshes import MESH, STEP, meshes, steps
+from softlab.bench.experiments.tetrahedral.meshes import MESH, meshes
 from softlab.bench.experiments.tetrahedral.promised import WITHIN
 from softlab.labbook import words
 from softlab.labbook.claims.claim import SUSPECT, Claim, Claims, where
@@ -60,7 +60,7 @@ def usual(results: Results) -> Claim:
             told = [f"{words.times(ratio)} as far at {_pascal(young)}" for young, ratio in mine.items()]
             return Claim(
                 f"With {USUAL[0]} substeps a frame and one sweep each, a bar of {_count(chosen[0][2])} sags "
-                f"{words.listed(told)} as it does at rest on the same mesh.",
+                f"{words.listed(told)} as the exact rest state of the same mesh.",
                 {f"{young:g}": ratio for young, ratio in mine.items()}, True,
             )  # fmt: skip
     return Claim("Bars of tetrahedra were not measured.")
@@ -75,8 +75,8 @@ def mesh(results: Results) -> Claim:
                 f"{words.percent(abs(error))} too little in {words.count(n)} tetrahedra" for n, error in off.items()
             ]
             return Claim(
-                f"That is the solver's error, and none of the mesh's: solved to the end, the bar sags {words.listed(told)}, "
-                "five to a voxel, since a linear tetrahedron cannot bend.",
+                f"That is the error of the solver, not of the mesh: solved to the end, the bar sags {words.listed(told)}, "
+                "five to a voxel, because a linear tetrahedron cannot bend.",
                 {str(n): error for n, error in off.items()}, True,
             )  # fmt: skip
     return Claim("What a coarse mesh costs was not measured.")
@@ -107,8 +107,8 @@ def budget(results: Results) -> Claim:
     if not parts:
         return Claim("What a small error of the solver costs was not measured.")
     return Claim(
-        f"To be within {words.percent(ENOUGH)} of the way that it should have made half a vibration after it was let go, a "
-        f"position-based frame takes, {'; '.join(parts)}.",
+        f"For a motion within {words.percent(ENOUGH)} of the exact one, half a vibration after release, a position-based "
+        f"frame takes, {'; '.join(parts)}.",
         numbers, True,
     )  # fmt: skip
 
@@ -207,9 +207,9 @@ def creeping(results: Results) -> Claim:
         if mine:
             told = [f"{words.percent(1 + b.motion_error)} at {_pascal(young)}" for young, b in mine.items()]
             return Claim(
-                f"Vertex block descent of {DESCENT[1]} sweeps a frame, with {_count(found)}, stands still where it should, "
-                "since each step begins where the last one ended; but half a vibration after it was let go it has made "
-                f"{words.listed(told)} of its way.",
+                f"Vertex block descent with {DESCENT[1]} sweeps a frame, with {_count(found)}, comes to rest in the right "
+                "place, because each step begins where the last one ended. Half a vibration after release, however, it has "
+                f"moved only {words.listed(told)} of the way.",
                 {f"{young:g}": b.motion_error for young, b in mine.items()}, True,
             )  # fmt: skip
     return Claim("Vertex block descent was not measured in motion.")
@@ -222,31 +222,15 @@ def cuts(results: Results) -> Claim:
     across = max((n for _, _, n in parts), default=0)
     ratios = sorted({ratio for cut, ratio, n in parts if n == across and (11 - cut, ratio, n) in parts})
     if not ratios:
-        return Claim("Five and six tetrahedra to a voxel were not held against each other.")
+        return Claim("Five and six tetrahedra to a voxel were not compared.")
     pairs = [(ratio, parts[5, ratio, across].part, parts[6, ratio, across].part) for ratio in ratios]
     told = [f"{words.percent(five)} and {words.percent(six)} at {ratio:g}" for ratio, five, six in pairs]
     numbers = {f"{cut} {ratio:g}": part for ratio, *both in pairs for cut, part in zip((5, 6), both, strict=True)}
     return Claim(
-        f"Cut into five and into six tetrahedra to a voxel, {across} voxels across, a bar that is solved to the end sags by "
-        f"{words.listed(told)} (Poisson's ratios) of what the continuum does: six lock where the material hardly gives in "
-        "volume.",
+        f"With five and with six tetrahedra to a voxel, {across} voxels across, a bar that is solved to the end reaches "
+        f"{words.listed(told)} (Poisson's ratios) of the continuum's sag: six lock where the material is nearly "
+        "incompressible.",
         numbers, all(five > six for _, five, six in pairs),
-    )  # fmt: skip
-
-
-def stepping(results: Results) -> Claim:
-    """Damping of a vibration by implicit Euler, with any solver."""
-    found, _ = judgements(results, lambda measure: measure.description.get("finding") == STEP)
-    exact = [step for step in steps(found) if step.solver == "newton"]
-    if not exact:
-        return Claim("What a step takes from a bar's swing was not measured.")
-    off = max(abs(step.decay / step.law - 1) for step in exact)
-    longest = max(exact, key=lambda step: step.h)
-    return Claim(
-        f"A swing that nothing damps loses what implicit Euler takes, log(1 + w²h²)/(2h): by Newton's method to "
-        f"{words.number(off, 1)} of it, {words.number(longest.decay, 2)} of the amplitude a second in steps of "
-        f"{words.seconds(longest.h)}.",
-        {"off": off, "decay": longest.decay}, off < 1e-3,
     )  # fmt: skip
 
 
@@ -258,5 +242,4 @@ CLAIMS: Claims = {
     "tetrahedra-decided": decided,
     "tetrahedra-creeping": creeping,
     "tetrahedra-cuts": cuts,
-    "tetrahedra-stepping": stepping,
 }

@@ -67,59 +67,8 @@ def _ratio(heap: ThroughputPoint, found: list[ThroughputPoint]) -> float | None:
     return free.rate / heap.rate if free else None
 
 
-def windows(results: Results) -> Claim:
-    """Cost of a wider cluster on a grid, which is less than its area because sums along rows are shared."""
-    parts: list[str] = []
-    numbers: dict[str, float] = {}
-    for backend, source, found in panels(results):
-        grids: dict[int, dict[int, float]] = {}
-        for point in found:
-            if point.kind == "grid":
-                grids.setdefault(point.particles, {})[point.region] = point.step
-        ratios = [by_region[4] / by_region[1] for by_region in grids.values() if {1, 4} <= set(by_region)]
-        if ratios:
-            numbers[f"{backend} most"] = max(ratios)
-            parts.append(f"at most {words.times(max(ratios))} as long on {where(backend, source)}")
-    if not parts:
-        return Claim("Clusters of different widths were not timed on a grid.")
-    area = (2 * 4 + 1) ** 2 / (2 * 1 + 1) ** 2
-    return Claim(
-        f"A window of 9{words.SPACE}{words.TIMES}{words.SPACE}9 masses in place of one of 3{words.SPACE}{words.TIMES}"
-        f"{words.SPACE}3, {words.number(area)} times the members, takes {words.listed(parts)}.",
-        numbers, all(value < area for value in numbers.values()),
-    )  # fmt: skip
-
-
-def cubes(results: Results) -> Claim:
-    """Cost of a wider cluster in a cube, which hardly depends on its width because of the sums along axes."""
-    parts: list[str] = []
-    numbers: dict[str, float] = {}
-    for backend, source, found in panels(results):
-        known: dict[int, dict[int, float]] = {}
-        for point in found:
-            if point.kind == "lattice":
-                known.setdefault(point.particles, {})[point.region] = point.step
-        both = {particles: steps for particles, steps in known.items() if {1, 4} <= set(steps)}
-        if both:
-            particles, steps = max(both.items())
-            numbers |= {f"{backend} ratio": steps[4] / steps[1], f"{backend} step": steps.get(2, steps[1])}
-            told = f"; {words.seconds(steps[2])} in windows of 125" if 2 in steps else ""
-            parts.append(
-                f"{words.times(steps[4] / steps[1])} on {where(backend, source)} ({words.count(particles)} particles{told})"
-            )
-    if not parts:
-        return Claim("Clusters of different widths were not timed in a cube.")
-    volume = (2 * 4 + 1) ** 3 / (2 * 1 + 1) ** 3
-    return Claim(
-        f"In a cube, windows of 729 masses in place of 27 take {words.listed(parts)} the time.",
-        numbers, all(value < volume for name, value in numbers.items() if name.endswith("ratio")),
-    )  # fmt: skip
-
-
 CLAIMS: Claims = {
     "throughput-heaps": heaps,
     "throughput-clusters": clusters,
     "throughput-contacts": contacts,
-    "throughput-windows": windows,
-    "throughput-cubes": cubes,
 }

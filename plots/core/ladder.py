@@ -9,7 +9,7 @@ from typing import Any
 from softlab.bench.measure.cases import LADDER
 from softlab.bench.store.results import Timing
 from softlab.plots.core.backends import name_of, on_backends
-from softlab.plots.core.colours import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILLION
+from softlab.plots.core.colours import BLACK, BLUE, BROWN, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILLION, VIOLET
 from softlab.plots.core.data import Results, Source, is_wrong
 from softlab.plots.core.style import Curve, new_figure
 
@@ -20,11 +20,11 @@ RUNGS = {
     "one-block": Curve("one-block", VERMILLION, "P"),
     "resident": Curve("resident", GREEN, "D"),
     "tiles": Curve("tiles", BLUE, "o"),
-    "fused": Curve("fused", ORANGE, "s"),
-    "tiled": Curve("tiled", BLUE, "o"),
-    "team": Curve("team", GREEN, "D"),
+    "fused": Curve("fused", SKY, "X"),
+    "tiled": Curve("tiled", VIOLET, "<"),
+    "team": Curve("team", BROWN, "*"),
 }
-OTHER = Curve("", SKY, "X")  # a kernel without a style of its own
+OTHER = Curve("", BLACK, "h")  # a kernel without a style of its own
 
 
 def rung(kernel: str) -> Curve:
@@ -49,7 +49,7 @@ def backend_panels(
     chosen = on_backends(results, lambda source, backend: source.ladder(backend) and holds(source, backend))
     if not chosen:
         return None, []
-    figure, axes = new_figure(len(chosen), 3.8, share_y)
+    figure, axes = new_figure(len(chosen), 2.8, share_y)
     panels = [(ax, backend, source) for ax, (backend, source, _) in zip(axes, chosen, strict=True)]
     for ax, backend, source in panels:
         ax.set_title(title(source, backend), fontsize=8)
@@ -95,6 +95,6 @@ def mark_switches(ax: Any, source: Source, backend: str) -> bool:
             for name, side, shift in ((left.kernel, "right", -2), (right.kernel, "left", 2)):
                 ax.annotate(
                     name, (where, 1), (shift, -2), xycoords=("data", "axes fraction"), textcoords="offset points",
-                    fontsize=6, color="#555555", ha=side, va="top", rotation=90,
+                    fontsize=7, color="#555555", ha=side, va="top", rotation=90,
                 )  # fmt: skip
     return len({t.kernel for t in found}) > 1

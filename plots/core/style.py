@@ -20,9 +20,11 @@ from softlab.plots.core.colours import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE,
 from softlab.plots.core.data import Results, Source, is_suspect, is_wrong, sound
 
 WIDTH = 6.3  # inch: text width on A4
-HEIGHT = 3.0  # inch
+HEIGHT = 2.5  # inch
 MAX_PANELS = 3
-FOOTER_SIZE = 6  # point
+LONG_LABEL = 7.0  # point: size of an axis label that is long beside its panel
+LONG = 20  # letters
+FOOTER_SIZE = 7  # point
 FOOTER_LINE = 1.3 * FOOTER_SIZE  # point
 LETTER = 0.54  # width of a letter over its size
 OLDER = "[older]"  # marks what uses measurements of older code
@@ -59,12 +61,13 @@ class Curve:
 
 
 THREADS = {
-    "1": Curve("1 thread", PURPLE, "v"),
+    "1": Curve("1 thread", BLACK, "v"),
     "1x": Curve("1x threads", BLUE, "o"),
     "2x": Curve("2x threads", ORANGE, "s"),
     "4x": Curve("4x threads", VERMILLION, "^"),
 }
 GPU = Curve("GPU", GREEN, "D")
+GPU_PLAIN = Curve("GPU, one thread per mass", PURPLE, "^")
 
 
 @dataclass(frozen=True)
@@ -210,7 +213,7 @@ def log_axes(ax: Any, y_label: str | None = None, x_label: str = "masses") -> No
     ax.set_yscale("log")
     ax.set_xlabel(x_label)
     if y_label:
-        ax.set_ylabel(y_label)
+        ax.set_ylabel(y_label, fontsize=LONG_LABEL if len(y_label) > LONG else None)
 
 
 def plain_ticks(axis: Any) -> None:

@@ -16,21 +16,21 @@ from softlab.bench.experiments.bar import (
 )
 from softlab.bench.experiments.bar_rows import JELLY, Bar, first_backend, is_bar, rows, series
 from softlab.bench.experiments.bar_strip import ACROSS, FREQUENCY, SAG
-from softlab.plots.core.colours import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILLION
+from softlab.plots.core.colours import BLUE, GREEN, GREY, METHODS, ORANGE, PURPLE, SKY, VERMILLION
 from softlab.plots.core.data import Results, Source, judgements
-from softlab.plots.core.style import Drawing, legend_below, new_figure, new_sheet, plain_ticks
+from softlab.plots.core.style import LONG_LABEL, Drawing, legend_below, new_figure, new_sheet, plain_ticks
 
 TITLE = "Every method, one bar"
 CLUSTERS_TITLE = "A bar and the size of its clusters"
 MISSING = "the bar was not measured (softlab bar)"
 CURVES = {  # solver -> label, colour, marker, line
-    "mass-spring": ("mass-spring", BLUE, "o", "-"),
-    "xpbd, converged": ("XPBD, converged", SKY, "v", "--"),
-    "xpbd": ("XPBD, 1 iteration", GREEN, "s", "-"),
-    "shape-matching": ("shape matching, windows of 3 x 3", ORANGE, "^", "-"),
-    JELLY: ("jelly bar", VERMILLION, "D", "-"),
-    "tetrahedra, xpbd": ("tetrahedra, XPBD, 1 iteration", PURPLE, "P", "-"),
-    "tetrahedra, newton": ("tetrahedra, Newton", BLACK, "x", "--"),
+    "mass-spring": ("mass-spring", METHODS["velocity-verlet"], "o", "-"),
+    "xpbd, converged": ("XPBD, converged", METHODS["xpbd"], "v", "--"),
+    "xpbd": ("XPBD, 1 iteration", METHODS["xpbd"], "s", "-"),
+    "shape-matching": ("shape matching, windows of 3 x 3", METHODS["shape-matching"], "^", "-"),
+    JELLY: ("shape matching, jelly bar", METHODS["shape-matching"], "D", "--"),
+    "tetrahedra, xpbd": ("tetrahedra, XPBD, 1 iteration", METHODS["xpbd"], "P", ":"),
+    "tetrahedra, newton": ("tetrahedra, newton", METHODS["newton"], "x", "--"),
 }
 # solver -> size, number along the bar
 SOME = {JELLY: (SOME_OVERLAP, SOME_LAYERS), **{name: (1.0, SOME_VOXELS) for name in TETRAHEDRA}}
@@ -64,7 +64,7 @@ def draw(results: Results) -> Drawing | str:
     if not any(bar.solver in SOLVERS for bar in found):
         return MISSING
     found = first_backend(found)
-    figure = new_sheet(5.2)
+    figure = new_sheet(3.9)
     axes = figure.subplots(2, 2, sharex="col")
     for row, name in zip(axes, ROWS, strict=True):
         for solver, (label, colour, marker, line) in CURVES.items():
@@ -76,7 +76,7 @@ def draw(results: Results) -> Drawing | str:
                 how |= {"linewidth": 3.5, "markersize": 7.5}
             _curve(row[0], by_spacing, _fine, name, **how)
             _curve(row[1], by_substeps, _substeps, name, **how)
-        row[0].set_ylabel(ROWS[name])
+        row[0].set_ylabel(ROWS[name], fontsize=LONG_LABEL)
         for ax in row:
             ax.axhline(1, color=GREY, linewidth=0.7, zorder=1)
     axes[0][1].set_yscale("log")  # the other has a smaller range

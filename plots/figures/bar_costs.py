@@ -33,7 +33,7 @@ def draw(results: Results) -> Drawing | str:
     chosen = on_backends(results, judged)
     if not chosen:
         return MISSING
-    figure, axes = new_figure(len(PARTS), 3.4, share_y=False)
+    figure, axes = new_figure(len(PARTS), 2.4, share_y=False)
     for ax, (name, part) in zip(axes, PARTS.items(), strict=True):
         for backend, _, found in chosen:
             for solver, (label, colour, marker, _) in CURVES.items():

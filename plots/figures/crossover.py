@@ -10,7 +10,7 @@ from softlab.bench.store.results import Timing
 from softlab.plots.core.apart import apart
 from softlab.plots.core.colours import BLACK, GREEN, GREY, PURPLE
 from softlab.plots.core.data import Results, Source, is_suspect, is_wrong, sound
-from softlab.plots.core.style import HEIGHT, Drawing, log_axes, new_figure, plain_ticks
+from softlab.plots.core.style import Drawing, log_axes, new_figure, plain_ticks
 
 TITLE = "Where the GPU overtakes"
 
@@ -73,7 +73,7 @@ def draw(results: Results) -> Drawing | str:
     source = results.first(pairs)
     if source is None:
         return "no machine in the data has timed both a GPU and a CPU at one size with one version of the code"
-    figure, (ax,) = new_figure(1, HEIGHT)
+    figure, (ax,) = new_figure(1, 2.1)
     for precision, colour, marker in (("float32", GREEN, "D"), ("float64", PURPLE, "P")):
         found = pairs(source, precision)
         if not found:

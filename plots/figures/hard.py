@@ -18,7 +18,7 @@ STATES_TITLE = "What the hard cases end in"
 VERDICTS_TITLE = "Verdicts of the hard cases"
 ACROSS = 6  # panels per row of the contact sheet
 PANEL = 1.2  # inch: height of a panel
-LINE = 0.15  # inch: height of a row of the verdict table
+LINE = 0.112  # inch: height of a row of the verdict table
 WIDEST = -3.2  # columns of the table for the titles of the cases
 POINT = 1e-12  # m: a smaller shape is drawn as a point
 PREFERRED = ("velocity-verlet", "lab", "xpbd gauss-seidel")  # methods whose end states are drawn
@@ -69,7 +69,7 @@ def draw_verdicts(results: Results) -> Drawing | str:
     ax.set_xlim(WIDEST, len(names))
     ax.set_ylim(len(lines), -0.1)
     for y, (case, _, _, cells) in enumerate(lines):
-        ax.text(-0.05, y + 0.5, IN_FULL.get(case, case), ha="right", va="center", fontsize=8)
+        ax.text(-0.05, y + 0.5, IN_FULL.get(case, case), ha="right", va="center", fontsize=7)
         for x, (verdict, text) in enumerate(cells):
             if not verdict:
                 continue
@@ -77,9 +77,9 @@ def draw_verdicts(results: Results) -> Drawing | str:
                     color=COLOURS[verdict], alpha=0.35, linewidth=0)  # fmt: skip
             for words, letters in SHORT.items():
                 text = text.replace(words, letters)
-            ax.text(x + 0.5, y + 0.5, text, ha="center", va="center", fontsize=7.5)
+            ax.text(x + 0.5, y + 0.5, text, ha="center", va="center", fontsize=7)
     for x, name in enumerate(names):
-        ax.text(x + 0.5, -0.15, name.replace(" ", "\n").replace("-", "-\n"), ha="center", va="bottom", fontsize=8)
+        ax.text(x + 0.5, -0.15, name.replace(" ", "\n").replace("-", "-\n"), ha="center", va="bottom", fontsize=7)
     ran = sorted({row.backend.upper() for row in rows})
     caption = (
         f"Verdicts on {' and '.join(ran)}, the worst over backends and precisions. Refused: with a diagnosis, before a step "

@@ -10,7 +10,7 @@ from typing import Any
 from softlab.plots.core.accuracy_points import Point, order_points, points
 from softlab.plots.core.colours import GREY, VERMILLION
 from softlab.plots.core.data import Results
-from softlab.plots.core.style import HEIGHT, Drawing, legend_below, log_axes, new_grid
+from softlab.plots.core.style import HEIGHT, LONG_LABEL, Drawing, legend_below, log_axes, new_grid
 from softlab.plots.figures.work_precision import INTEGRATORS, SCENES, accurate_source
 
 ACROSS = 2  # panels per row
@@ -25,7 +25,7 @@ def draw(results: Results) -> Drawing | str:
     here = [scene for scene in SCENES if order_points(points(source, scene), "lab")]
     if not here:
         return "the hand-out's step was not among the accuracy runs in float64"
-    figure, rows = new_grid(-(-len(here) // ACROSS), min(ACROSS, len(here)), HEIGHT if len(here) <= ACROSS else 6.0)
+    figure, rows = new_grid(-(-len(here) // ACROSS), min(ACROSS, len(here)), HEIGHT if len(here) <= ACROSS else 3.9)
     axes = [ax for row in rows for ax in row]
     for ax in axes[len(here) :]:
         ax.remove()
@@ -34,12 +34,12 @@ def draw(results: Results) -> Drawing | str:
         _draw_panel(ax, [p for p in points(source, scene) if p.integrator in INTEGRATORS])
         ax.set_title(scene)
     for ax in axes[::ACROSS]:
-        ax.set_ylabel("error / spacings")
+        ax.set_ylabel("error / grid spacing h", fontsize=LONG_LABEL)
     legend_below(figure, axes, columns=3)
     caption = (
-        "Error in float64 against step size: of every integrator against the solution of Newton's law, and of the "
-        "hand-out's step (lab) also against the solution of the equation with half the acceleration. Thin: slopes of "
-        "order 1, 2 and 4. Hollow: below what the reference resolves."
+        "Error in float64 against step size: every integrator against the reference data of Newton's law, and the "
+        "hand-out's step (lab) also against those of the equation with half the acceleration. Thin lines: slopes of order "
+        "1, 2 and 4. Hollow: not resolved by the reference data."
     )
     return Drawing(figure, TITLE, caption, (source,))
 

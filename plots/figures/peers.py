@@ -62,7 +62,7 @@ def _draw(panels: Sequence[Panel], title: str, scenes: Sequence[str], squares: s
     shown = [peer for peer in PEERS if set(scenes) & set(peer.scenes)]
     looks = dict(zip(dict.fromkeys(peer.label for peer in shown), cycle(LOOKS), strict=False))  # one line per name
     curves = {peer.name: Curve(peer.label, *looks[peer.label]) for peer in shown}
-    figure, axes = new_figure(len(panels), share_y=False)
+    figure, axes = new_figure(len(panels), 2.3, share_y=False)
     marks: set[str] = set()
     for ax, (words, _, found) in zip(axes, panels, strict=True):
         for name in dict.fromkeys(r.peer for r in found):
@@ -78,7 +78,7 @@ def _draw(panels: Sequence[Panel], title: str, scenes: Sequence[str], squares: s
     caption = (
         f"Time of a step of other programs over the lab's own, same scene and step, {PRECISION}, {squares}, measured in "
         "turn in one process: medians, and bands from the least to the greatest of paired repeats. Above 1 the lab is "
-        "faster. Every state was first held against the lab's own in float64."
+        "faster. Every state was first compared with the lab's own in float64."
     )
     return Drawing(figure, title, caption, tuple(dict.fromkeys(source for _, source, _ in panels)))
 

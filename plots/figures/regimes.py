@@ -50,10 +50,10 @@ def draw(results: Results) -> Drawing | str:
     _map(left, found)
     _ratios(right, found)
     caption = (
-        "Left: the method, step size and processor that reach an error fastest in the lab curtain (S1), by its masses; in "
-        f"brackets how many times as long the other processor's best takes. Grey: a lead under {SCATTER:g}. Right: CPU time "
-        "over GPU time, each by the cheapest run of that method with an error of at most 0.01 spacings; above 1 the GPU is "
-        "faster. Without the copy of the end state. ?: suspect."
+        "Left: the method, step size and processor that reach an error fastest in the lab curtain (S1), by its number of "
+        "masses. In brackets: the time of the other processor's fastest over this one. Grey: a lead under "
+        f"{SCATTER:g}. Right: CPU time over GPU time, each by that method's fastest run with an error of at most 0.01 h; "
+        "above 1 the GPU is faster. Without the copy of the end state. ?: the time is suspect."
     )
     return Drawing(figure, TITLE, caption, (source,))
 
@@ -72,12 +72,12 @@ def _map(ax: Any, found: dict[int, list[Point]]) -> None:
             told = [SHORT.get(best.integrator, best.integrator), f"{1000 * best.dt:g} ms", best.precision]
             told.append("GPU = CPU" if even else f"{name} ({lead:.2g}x)" if lead else f"{name} alone")
             told[-1] += "?" * any(one is not None and one.suspect for one in (way.cpu, way.gpu))
-            ax.text(column, row, "\n".join(told), ha="center", va="center", fontsize=6.5)
+            ax.text(column, row, "\n".join(told), ha="center", va="center", fontsize=7)
     ax.set_xlim(-0.5, len(wanted) - 0.5)
     ax.set_ylim(-0.5, len(found) - 0.5)
     ax.set_xticks(range(len(wanted)), [f"{target:g}" for target in wanted])
     ax.set_yticks(range(len(found)), [str(masses) for masses in found])
-    ax.set_xlabel("error / spacings")
+    ax.set_xlabel("error / grid spacing h")
     ax.set_ylabel("masses")
     ax.grid(visible=False)
 
@@ -102,4 +102,4 @@ def _ratios(ax: Any, found: dict[int, list[Point]], target: float = 1e-2) -> Non
     ax.set_xticks(list(found), [str(masses) for masses in found])
     ax.minorticks_off()
     plain_ticks(ax.yaxis)
-    ax.legend(fontsize=6.5)
+    ax.legend(fontsize=7)

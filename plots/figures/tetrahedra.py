@@ -8,18 +8,18 @@ from typing import Any
 from softlab.bench.experiments.tetrahedral.bars import Bar, bars
 from softlab.bench.experiments.tetrahedral.cantilever import BLOCKS, SECOND
 from softlab.plots.core.backends import on_backends
-from softlab.plots.core.colours import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILLION
+from softlab.plots.core.colours import GREY, METHODS
 from softlab.plots.core.data import Results, Source
 from softlab.plots.core.style import Drawing, legend_below, new_grid, plain_ticks
 
 TITLE = "Does E mean E?"
 LOOKS = {
-    "substeps": ("position-based, one sweep a substep", BLUE, "o"),
-    "iterations": ("position-based, several sweeps a substep", ORANGE, "s"),
-    BLOCKS: ("position-based, the shape as one block", PURPLE, "P"),
-    "vbd": ("vertex block descent", VERMILLION, "^"),
-    "newton": ("implicit Euler by Newton's method", GREEN, "D"),
-    SECOND: ("Newton's method, order 2", BLACK, "v"),
+    "substeps": ("position-based, one sweep a substep", METHODS["xpbd"], "o"),
+    "iterations": ("position-based, several sweeps a substep", METHODS["xpbd"], "s"),
+    BLOCKS: ("position-based, the shape as one block", METHODS["xpbd"], "P"),
+    "vbd": ("vertex block descent", METHODS["vertex block descent"], "^"),
+    "newton": ("newton", METHODS["newton"], "D"),
+    SECOND: ("newton of order 2", METHODS["newton of order 2"], "v"),
 }
 PRECISIONS = {"float64": "-", "float32": ":"}
 ERRORS: dict[str, Callable[[Bar], float]] = {

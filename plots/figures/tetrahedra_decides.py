@@ -11,13 +11,17 @@ from softlab.bench.experiments.tetrahedral.cantilever import SECOND
 from softlab.bench.experiments.tetrahedral.decides import positional
 from softlab.bench.experiments.tetrahedral.promised import WITHIN
 from softlab.plots.core.backends import name_of, on_backends, sources_of
-from softlab.plots.core.colours import BLACK, BLUE, GREEN, GREY, PURPLE, VERMILLION
+from softlab.plots.core.colours import BLACK, GREY, METHODS
 from softlab.plots.core.data import Results, Source
 from softlab.plots.core.style import Drawing, legend_below, new_grid, plain_ticks
 
 TITLE = "The error of the tip against the time of a frame"
-LOOKS = {"xpbd": ("position-based", BLUE, "o"), "vbd": ("vertex block descent", VERMILLION, "^"),
-         "newton": ("Newton's method", GREEN, "D"), SECOND: ("Newton's method, order 2", PURPLE, "v")}  # fmt: skip
+LOOKS = {
+    "xpbd": ("position-based", METHODS["xpbd"], "o"),
+    "vbd": ("vertex block descent", METHODS["vertex block descent"], "^"),
+    "newton": ("newton", METHODS["newton"], "D"),
+    SECOND: ("newton of order 2", METHODS["newton of order 2"], "v"),
+}
 LINES = {"cpu": "--", "gpu": "-"}
 LEAST = 1e-4  # lower end of the axis; smaller errors are drawn there
 SIZES = (400, 3200, 25600)

@@ -6,7 +6,7 @@ from typing import Any
 
 from softlab.bench.experiments.tetrahedral.cantilever import SECOND
 from softlab.bench.experiments.tetrahedral.meshes import MESH, STEP, Mesh, Step, meshes, steps
-from softlab.plots.core.colours import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILLION
+from softlab.plots.core.colours import BLACK, BLUE, GREY, METHODS, ORANGE, VERMILLION
 from softlab.plots.core.data import Results, judgements
 from softlab.plots.core.style import Drawing, legend_below, new_figure, plain_ticks
 
@@ -14,10 +14,10 @@ TITLE = "What meshes and steps do by themselves"
 MARKERS = {5: ("o", "-"), 6: ("s", ":")}
 RATIOS = {0.3: BLUE, 0.45: ORANGE, 0.499: VERMILLION}
 SOLVERS = {
-    "newton": ("Newton's method", GREEN, "D"),
-    SECOND: ("Newton's method, order 2", PURPLE, "v"),
-    "vbd": ("vertex block descent", VERMILLION, "^"),
-    "xpbd": ("position-based, one sweep", BLUE, "o"),
+    "newton": ("newton", METHODS["newton"], "D"),
+    SECOND: ("newton of order 2", METHODS["newton of order 2"], "v"),
+    "vbd": ("vertex block descent", METHODS["vertex block descent"], "^"),
+    "xpbd": ("position-based, one sweep", METHODS["xpbd"], "o"),
 }
 
 

@@ -11,11 +11,11 @@ from softlab.bench.experiments.accuracy.points import SCENES as GRIDS
 from softlab.model.core.simulation import PRECISIONS
 from softlab.model.scene.scene import load_scene
 from softlab.plots.core.accuracy_points import Point, points
-from softlab.plots.core.colours import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILLION
+from softlab.plots.core.colours import BLACK, GREY, METHODS
 from softlab.plots.core.data import Results, Source
-from softlab.plots.core.style import Drawing, legend_below, new_grid
+from softlab.plots.core.style import LONG_LABEL, Drawing, legend_below, new_grid
 
-TITLE = "Speed against error"
+TITLE = "Work-precision diagram"
 BROWN, PINK, VIOLET = "#7A5230", "#B0305C", "#5E3C99"
 NAMES = GRIDS | CLOTHS  # label -> scene
 SCENES = ("S1", "S2", "S4", "S5", "S6", "S6-still")
@@ -29,27 +29,25 @@ PREFERRED = (
 )  # smooth, stiff, with contacts, a stiff rope: MOST of those that were timed
 MOST = 4
 SHARE = 0.6  # of the methods of the machine that timed most
-EXPLICIT = BLUE  # colour of the family, where a figure has all methods
-INTEGRATORS = {  # colour, marker, where a figure has only these
-    "lab": (VERMILLION, "X"),
-    "semi-implicit-euler": (ORANGE, "s"),
-    "velocity-verlet": (BLUE, "o"),
-    "rk4": (GREEN, "D"),
-    "explicit-euler": (PURPLE, "v"),
-    "taylor": (SKY, "P"),
+INTEGRATORS = {  # colour, marker
+    name: (METHODS[name], marker)
+    for name, marker in {
+        "lab": "X", "semi-implicit-euler": "s", "velocity-verlet": "o", "rk4": "D", "explicit-euler": "v", "taylor": "P",
+    }.items()
+}  # fmt: skip
+IMPLICIT = {  # of cloths
+    name: (METHODS[name], marker) for name, marker in {"implicit-euler": "^", "implicit-euler-linear": "<"}.items()
 }
-IMPLICIT = {"implicit-euler": (VIOLET, "^"), "implicit-euler-linear": (VIOLET, "<")}  # the same, for cloths
-XPBD = {  # the same; in the speed diagram the markers are the iterations
-    "xpbd gauss-seidel": (BLACK, "o"),
-    "xpbd jacobi": (BROWN, "s"),
-    "xpbd averaged-jacobi": (PINK, "X"),
+XPBD = {  # in the work-precision diagram the markers are the iterations
+    name: (METHODS[name], marker)
+    for name, marker in {"xpbd gauss-seidel": "o", "xpbd jacobi": "s", "xpbd averaged-jacobi": "X"}.items()
 }
 DRAWN_XPBD = ("xpbd gauss-seidel", "xpbd jacobi")
 DIGIT = {"markersize": 6.0, "markeredgewidth": 0.4}  # a number as a marker, legible
 LINES = {"cpu": "-", "gpu": "--"}
 NEAR = (0.4, 0.25)  # decades of error and of time: width and height of a label
 PALE = 0.35  # opacity of a marker whose time is suspect
-PANEL_HEIGHT = 1.75  # inch
+PANEL_HEIGHT = 1.4  # inch
 # spacings: a larger error is drawn as if the run had diverged, since the other points would share a corner otherwise
 LOST = 100.0
 EDGE = 3.0  # times the largest error that is not lost: place of diverged runs
@@ -72,19 +70,21 @@ def draw(results: Results) -> Drawing | str:
     for across, scene in zip(axes, rows, strict=True):
         for ax, precision in zip(across, columns, strict=True):
             _draw_panel(ax, [p for p in timed[scene] if p.precision == precision], f"{scene}, {precision}")
-        across[0].set_ylabel("wall s / simulated s")
+        across[0].set_ylabel("wall s / simulated s", fontsize=LONG_LABEL)
     for ax in axes[-1]:
-        ax.set_xlabel("error / spacings")
+        ax.set_xlabel("error / grid spacing h")
     _add_line_keys(axes[0][0], [p for scene in rows for p in timed[scene]])
     legend_below(figure, [ax for across in axes for ax in across], columns=4)
+    shown = [p for scene in rows for p in timed[scene]]
+    positions = any(p.integrator in DRAWN_XPBD for p in shown)
     caption = (
-        "Cost of a simulated second against the error of its end state (root mean square over the free masses, in spacings, "
-        "against the converged reference), one line a method and processor, a marker a step size; a colour is a family of "
-        f"methods: {', '.join(_families([p for scene in rows for p in timed[scene]]))}. Grey: the Pareto front, its step "
-        "sizes in ms. Hollow: below what the reference resolves. At the right edge: runs that diverged, or are off by over "
-        f"{LOST:g} spacings. Bars: least to greatest repeat."
+        "Work-precision diagram: cost of a simulated second against the error of its end state (root mean square distance "
+        "of the free masses to the reference data, over the grid spacing h). A line is a method on one processor, a marker "
+        f"a step size{'; digits: iterations of the position-based methods' if positions else ''}. Grey band: the Pareto "
+        "front, its step sizes in ms. Hollow: not resolved by the reference data. Right edge: runs that diverged, or are "
+        f"off by more than {LOST:g} h. Bars: fastest to slowest repeat."
         + "".join(f" {scene}: {text}." for scene in rows if (text := admitted(load_scene(NAMES[scene]))))
-        + (" Pale: the time is suspect." if any(p.suspect for scene in rows for p in timed[scene]) else "")
+        + (" Pale: the time is suspect." if any(p.suspect for p in shown) else "")
     )
     return Drawing(figure, TITLE, caption, (source,))
 
@@ -148,26 +148,13 @@ def _draw_front(ax: Any, front: list[Point]) -> None:
         above = any(_near(p, other) for other in under)
         under += [] if above else [p]
         ax.annotate(f"{1000 * p.dt:.3g}", (p.error, p.seconds), (3, 3) if above else (-2, -8), textcoords="offset points",
-                    fontsize=6, color="#555555", ha="left" if above else "right")  # fmt: skip
+                    fontsize=7, color="#555555", ha="left" if above else "right")  # fmt: skip
 
 
 def _near(one: Point, other: Point) -> bool:
     """True if the labels of two points would overlap."""
     pairs = ((one.error, other.error), (one.seconds or 0.0, other.seconds or 0.0))
     return all(a > 0 < b and abs(log10(a / b)) < wide for (a, b), wide in zip(pairs, NEAR, strict=True))
-
-
-def _families(drawn: list[Point]) -> list[str]:
-    """Return the meaning of the colours that are drawn."""
-    names = {p.integrator for p in drawn}
-    positions = not names.isdisjoint(DRAWN_XPBD)
-    there = {
-        "explicit": not names.isdisjoint(INTEGRATORS.keys() - {"lab"}),
-        "implicit": not names.isdisjoint(IMPLICIT),
-        "position-based (the marker is the number of iterations)": positions,
-        "the hand-out's step (lab), which solves the equation with half the acceleration": "lab" in names,
-    }
-    return [name for name, drawn_here in there.items() if drawn_here]
 
 
 def _lost(p: Point) -> bool:
@@ -178,9 +165,7 @@ def _curves(found: list[Point]) -> list[tuple[str, int | None, str, str]]:
     """Return (method, iterations, colour, marker) of each curve of a panel; integrators have no iterations."""
     held = {p.integrator for p in found}
     curves: list[tuple[str, int | None, str, str]] = [
-        (name, None, colour if name == "lab" or name in IMPLICIT else EXPLICIT, marker)
-        for name, (colour, marker) in (INTEGRATORS | IMPLICIT).items()
-        if name in held
+        (name, None, colour, marker) for name, (colour, marker) in (INTEGRATORS | IMPLICIT).items() if name in held
     ]
     for name in DRAWN_XPBD:
         counts = sorted({p.iterations for p in found if p.integrator == name and p.iterations})

@@ -23,7 +23,7 @@ def draw(results: Results) -> Drawing | str:
     if source is None:
         return "the floor of float32 was not measured"
     _, away = of_finding(results, AWAY)
-    figure, axes = new_figure(2, 3.0, share_y=False)
+    figure, axes = new_figure(2, 2.2, share_y=False)
     _draw_floor(axes[0], [row for row in floor if 0 < row.value < math.inf])
     _draw_away(axes[1], away)
     legend_below(figure, axes, columns=3)
@@ -41,7 +41,7 @@ def _draw_floor(ax: Any, found: list[Row]) -> None:
         mine = [row for row in found if (row.scheme, row.precision) == (scheme, precision)]
         ax.plot([r.dt for r in mine], [r.value for r in mine], LINES[precision], marker=marker, color=colour,
                 label=f"{scheme}, {precision}")  # fmt: skip
-    log_axes(ax, "error / spacings", "step size / ms")
+    log_axes(ax, "error / grid spacing h", "step size / ms")
     steps = sorted({row.dt for row in found})[::2]
     ax.set_xticks(steps, [f"{1000 * dt:.2g}" for dt in steps])
     ax.set_xticks([], minor=True)

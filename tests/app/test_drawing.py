@@ -84,8 +84,8 @@ def test_the_footer_is_a_strip_above_the_same_figure(tmp_path: Path) -> None:
             root = ElementTree.fromstring(text)
             sizes[footer] = [float(value) for value in (root.get("viewBox") or "").split()]
             assert root.get("height") == f"{sizes[footer][3]:g}pt"
-            assert made.footer_height == pytest.approx(1.5 * 1.3 * 6)  # one line of 6 points, and half of one
-    assert sizes[True][1] == pytest.approx(11.7) and sizes[False][1] == 0
+            assert made.footer_height == pytest.approx(1.5 * 1.3 * 7)  # one line of 7 points, and half of one
+    assert sizes[True][1] == pytest.approx(13.65) and sizes[False][1] == 0
     assert sizes[True][2:] == pytest.approx(sizes[False][2:], abs=1e-3)
 
 

@@ -130,7 +130,7 @@ def test_what_the_claims_say(results):
     assert dissipation.supported
     assert "lab, semi-implicit-euler and velocity-verlet keep it to rounding" in dissipation.sentence
     cloth = CLAIMS["cloth-limit"](results)
-    assert cloth.numbers["taylor"] == pytest.approx(5.208e-6, rel=1e-3)  # docs/method.md, fact 3
+    assert cloth.numbers["taylor"] == pytest.approx(5.208e-6, rel=1e-3)  # docs/method/cases.md, fact 3
     assert cloth.numbers["better"] == pytest.approx(2.04e-3, rel=1e-3)
     assert cloth.numbers["ratio"] == pytest.approx(391, abs=1)
 

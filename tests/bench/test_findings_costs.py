@@ -256,7 +256,7 @@ def test_what_the_claims_say_of_a_gpu():
         )
     )
     assert told.supported and told.numbers == {"atomics": 2.0, "different": 7, "gpu colours": 1.05}
-    assert "7 of 9 repeated runs ended in other bits" in told.sentence
+    assert "7 of 9 repeated runs gave other bits" in told.sentence
     assert "within measurement noise" in told.sentence
     for share, cheap in ((0.004, True), (0.02, False)):
         look = ratios(1.0, **{SHARE: share, INTERVAL: 1024})

@@ -141,7 +141,7 @@ def test_a_disturbance_shrinks_or_grows_in_words():
 
 def test_growth_of_a_free_fall_and_of_chaos():
     """Masses without springs fall side by side: a disturbance stays as it is, to rounding (1e-16 of 20 m over 1e-9).
-    Undamped, 10 x 10 hung by two corners is chaotic by 4 s (docs/method.md, fact 5), and damped it is not."""
+    Undamped, 10 x 10 hung by two corners is chaotic by 4 s (docs/method/cases.md, fact 5), and damped it is not."""
     falling = Scene({"grid": {"rows": 3, "columns": 3}, "gravity": {}})
     assert measure_growth(falling, 1.0).factors == pytest.approx(np.ones(LOOKS), abs=1e-4)
     hammock = load_scene("lab-grid").replace({"grid.rows": 10, "grid.columns": 10})

@@ -30,7 +30,7 @@ from softlab.model.core.stability.limit import scene_frequency
 from softlab.model.scene.scene import load_scene
 
 N = 10
-CHAIN = sqrt(1000 * 4) * sin((2 * N - 1) * pi / (2 * (2 * N + 1)))  # 1/s: the closed form of docs/method.md A1
+CHAIN = sqrt(1000 * 4) * sin((2 * N - 1) * pi / (2 * (2 * N + 1)))  # 1/s: the closed form of docs/method/cases.md A1
 LIMITED = [(name, gamma) for name in INTEGRATORS for gamma in (0.0, 3.0) if INTEGRATORS[name].limit(CHAIN, gamma) > 0]
 
 

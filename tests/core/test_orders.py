@@ -1,4 +1,4 @@
-"""Observed orders: the elastic pendulum (docs/method.md A6), and the linear lattice, every mass and spring (A7)."""
+"""Observed orders: the elastic pendulum (docs/method/cases.md A6), and the linear lattice, every mass and spring (A7)."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Where each explicit step stops being stable: the table of docs/method.md A1, and runs on both sides of the limit."""
+"""Where each explicit step stops being stable: the table of docs/method/cases.md A1, and runs on both sides of the limit."""
 
 from math import inf, sin, sqrt
 
@@ -74,7 +74,7 @@ def test_limit_is_the_edge_of_every_slower_mode(name, w, gamma):
 
 
 def test_the_labs_own_limit_is_a_32nd_of_a_second():
-    """8000 dt^2 + 6 dt - 8 = 0 has the root 1/32 exactly (docs/method.md, fact 2): 3.125 times the default."""
+    """8000 dt^2 + 6 dt - 8 = 0 has the root 1/32 exactly (docs/method/cases.md, fact 2): 3.125 times the default."""
     assert stability_limit(load_scene("lab-grid")) == pytest.approx(0.03125, rel=1e-14)
     scene = load_scene("lab-grid").replace({"grid.rows": 4, "grid.columns": 4})
     open_simulation(scene.replace({"method.dt": 0.03125})).close()

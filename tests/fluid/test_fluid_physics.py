@@ -92,7 +92,7 @@ def dam(across: int, viscosity: float) -> Scene:
 
 def test_the_front_of_a_dam_that_breaks() -> None:
     """F2, shifted once in time, as the gate opens slowly: 6.4 % at the worst point, which is the first, 3.1 % on the mean:
-    the table's own first step is none that gravity makes (docs/method.md)."""
+    the table's own first step is none that gravity makes (docs/method/fluids.md)."""
     scene, a = dam(20, 0.5), 0.05715
     time, front = [0.0], [1.0]
     with open_simulation(scene, **HOW) as simulation:

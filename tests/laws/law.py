@@ -75,7 +75,7 @@ def of_rest(row: Row) -> Words:
 def without_energy(row: Row) -> str:
     """Why no energy can be asked for."""
     if row.solver == "pbd":
-        return "pbd has no stiffness: what it does to a stretch depends on iterations and dt (docs/method.md)"
+        return "pbd has no stiffness: what it does to a stretch depends on iterations and dt (docs/method/positions.md)"
     return ""
 
 

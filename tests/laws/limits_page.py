@@ -9,7 +9,8 @@ from pathlib import Path
 ROOT = Path(__file__).parents[2]
 sys.path[:0] = [folder for folder in (str(ROOT), str(ROOT / "tests" / "laws")) if folder not in sys.path]
 
-import fluids_at_rest  # noqa: E402  # tools of the tests, found by the line above
+import boundaries  # noqa: E402  # tools of the tests, found by the line above
+import fluids_at_rest  # noqa: E402
 from faults import FAULTS, Fault  # noqa: E402
 from lab import Lab  # noqa: E402
 from law import LAWS, Law, limit_of  # noqa: E402
@@ -21,11 +22,12 @@ from softlab.model.core.stability.laws import LIMITS  # noqa: E402
 PAGE = ROOT / "docs" / "limits.md"
 HEAD = """# Which laws each solver keeps
 
-Every solver of the lab is held against the laws of mechanics by the tests in `tests/laws`: a table of small scenes, one for
+Every solver of the lab is tested against the laws of mechanics by the tests in `tests/laws`: a table of small scenes, one for
 each family, solver, integrator, material and scheme, against one test body a law. This page is written from that table
 (`python -m tests.laws.limits_page`), and a test fails where it is out of date. *kept*: to rounding, or within the tolerance
 that the test derives, in float64 and float32. A number: the scheme cannot keep the law; its own law or bound stands below,
-with its source, and the test holds the solver to that. A letter: the law does not apply, for the reason below.
+with its source, and the test holds the solver to that. A letter: the law does not apply, for the reason below. What is not
+modelled, refused or not tested at all stands [at the end](#outside-these-limits).
 """
 FAULTY = "**fault**: the solver breaks the law today, and should not."
 
@@ -80,6 +82,7 @@ def page() -> str:
     lines += ["", "## Not applicable", "", *(f"- **{letter}**: {reason}." for reason, letter in reasons.items())]
     refused = [f"{one} {two}" for one, two in REFUSED]
     lines += ["", f"Combinations that a scene refuses, so that they have no row: {', '.join(refused)}."]
+    lines += ["", *boundaries.lines()]
     if faults:
         lines += ["", "## Faults", "", FAULTY, "", *(f"- **{number}**: {reason}." for reason, number in faults.items())]
     return "\n".join(lines) + "\n"

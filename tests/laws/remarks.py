@@ -15,9 +15,9 @@ class Remark:
     source: str
 
 
-TETRAHEDRA = "docs/method.md, tetrahedra"
-MEETING = "docs/method.md, tetrahedral bodies that meet"
-CONTACT = "docs/method.md, contact"
+TETRAHEDRA = "docs/method/tetrahedra.md, tetrahedra"
+MEETING = "docs/method/tetrahedra.md, tetrahedral bodies that meet"
+CONTACT = "docs/method/grids.md, contact"
 REMARKS: tuple[Remark, ...] = (
     Remark(
         "clusters of a grid",
@@ -30,7 +30,7 @@ REMARKS: tuple[Remark, ...] = (
         "rigid bodies that meet",
         "with restitution 0 those that meet flat do not part; those whose particles lie between each other's part "
         "at up to 0.02 of the speed at which they met",
-        "docs/method.md, restitution of particles: two bricks at 1 m/s",
+        "docs/method/grids.md, restitution of particles: two bricks at 1 m/s",
     ),
     Remark(
         "bodies of particles that rub",
@@ -41,7 +41,7 @@ REMARKS: tuple[Remark, ...] = (
     Remark(
         "tetrahedra, newton order 2",
         "a turn of w [1/s] loses up to 0.42 w^2 h of its spin a second; of order 1 and by vbd as implicit Euler, w^2 h",
-        "tests/public/test_newton_208.py; docs/method.md, second order in time",
+        "tests/public/test_newton_208.py; docs/method/tetrahedra.md, second order in time",
     ),
     Remark(
         "tetrahedra, newton and vbd: damping",
@@ -86,7 +86,7 @@ REMARKS: tuple[Remark, ...] = (
     Remark(
         "tetrahedra, xpbd with few substeps",
         "some may turn inside out on an impact; a run counts those that are so at its end, and exits with 1",
-        "app/outcome.py; docs/method.md, A10: bodies that are turned inside out find their shape again",
+        "app/outcome.py; docs/method/cases.md, A10: bodies that are turned inside out find their shape again",
     ),
     Remark(
         "tetrahedra, xpbd on a slope",

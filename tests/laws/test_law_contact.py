@@ -25,7 +25,7 @@ def test_friction_stays_in_coulombs_cone(row: Row, case: str, lab: Lab) -> None:
     the sum.
 
     Sticks: on a slope of 10 degrees with mu 0.25 > tan 10 = 0.176, where friction acts on velocities alone, a body
-    creeps by what gravity adds in a substep, g h sin a (docs/method.md, contact), while p_t <= mu p_n."""
+    creeps by what gravity adds in a substep, g h sin a (docs/method/grids.md, contact), while p_t <= mu p_n."""
     h, pull = row.h, GRAVITY / (2 if row.fall == "half" else 1)  # of which the hand-out's step integrates half
     n, time = STEPS * row.bare.method.substeps, STEPS * row.bare.method.dt
     if case == "slides":

@@ -58,7 +58,7 @@ STEPS = 8
 
 
 def wobble(row: Row) -> float:
-    """How much the reported energy of a scheme may rise above its start, of it, by its own law (docs/method.md,
+    """How much the reported energy of a scheme may rise above its start, of it, by its own law (docs/method/index.md,
     model/core/ integrators.py); w the fastest vibration of the sheet, from its bound. Semi-implicit Euler (and the
     hand-out's step, with masses twice as heavy) keeps E - h/2 v.grad U, within (1 -+ h w/2) E; velocity Verlet keeps
     kinetic + (1 - (h w/2)^2) potential; the amplification of explicit Euler is 1 + (h w)^2 a step, and that of

@@ -11,7 +11,7 @@ STEPS = 8
 
 
 def fallen(row: Row, steps: int) -> float:
-    """[m]: how far a scheme lets a point fall, in closed form (docs/method.md, A2). A step of semi-implicit Euler
+    """[m]: how far a scheme lets a point fall, in closed form (docs/method/cases.md, A2). A step of semi-implicit Euler
     adds g h to the velocity before it moves: g h^2 n(n+1)/2 in n substeps. The hand-out's step takes half of it.
     Explicit Euler moves first: g h^2 n(n-1)/2. Schemes of second order have g t^2/2 exactly."""
     h, n = row.h, steps * row.bare.method.substeps

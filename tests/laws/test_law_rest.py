@@ -66,7 +66,7 @@ def test_rest_stays_at_rest(row: Row, case: str, lab: Lab) -> None:
     What lies on a collider under gravity, with friction, has a weight that comes all at once: an undamped body goes
     down by twice its sag at most (a step load), and comes up no higher than it lay. Below the edges of a body that is
     r wide a sphere of radius R leaves a gap of r^2/(2 R), and on its slope r/R < mu friction holds it, but for g h
-    r/R of creep in each substep (docs/method.md, contact). Nothing goes into the collider."""
+    r/R of creep in each substep (docs/method/grids.md, contact). Nothing goes into the collider."""
     if case == "after sliding":
         stays_after_sliding(row, lab)
         return

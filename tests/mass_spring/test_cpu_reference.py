@@ -29,7 +29,7 @@ def allowed(scene: Scene, steps: int, precision: str) -> tuple[float, float]:
     """(position [m], velocity [m/s]) that rounding may differ by after `steps` steps.
 
     A step rounds p a few times by eps |p| (4 covers RK4's sums), a force by eps k |p| / m. Damped scenes contract
-    (docs/method.md, fact 5), so errors at most add: 4 n eps |p|. A force's rounding moves the velocity by dt w^2 eps |p|
+    (docs/method/, fact 5), so errors at most add: 4 n eps |p|. A force's rounding moves the velocity by dt w^2 eps |p|
     a step, and the hand-out's division of positions by dt by eps |p| / dt: both are under eps |p| (dt w^2 + 1 / dt).
     """
     size = max(scene.grid.rows, scene.grid.columns) * 1.5 * scene.grid.spacing
@@ -149,7 +149,7 @@ def converged_scenes():
     }
 
 
-# RMS error [m] over all masses at 1.5 s (docs/method.md C): scene, integrator -> {dt [s]: error};
+# RMS error [m] over all masses at 1.5 s (docs/method/cases.md C): scene, integrator -> {dt [s]: error};
 # `half`: against half the acceleration
 PUBLISHED = {
     ("lab-curtain", "lab"): {0.02: 0.2919, 0.01: 0.3052, 0.005: 0.3120, 0.0025: 0.3153},
@@ -178,7 +178,7 @@ def rms(position: np.ndarray, target: np.ndarray) -> float:
     [(scene, name, dt) for (scene, name), table in PUBLISHED.items() if "half" not in name for dt in table],
 )
 def test_published_errors_of_s1_and_s2(run, converged_scenes, scene_name, name, dt):
-    """docs/method.md C, the whole table: within 2 % in float64. lab is off by 0.3 m at any step size, and converges, at
+    """docs/method/cases.md C, the whole table: within 2 % in float64. lab is off by 0.3 m at any step size, and converges, at
     first order, to half the acceleration."""
     scene = load_scene(scene_name).replace({"method.integrator": name, "method.dt": dt})
     state = run(scene, round(1.5 / dt))
@@ -192,7 +192,7 @@ def test_published_errors_of_s1_and_s2(run, converged_scenes, scene_name, name, 
     ("scene_name", "dt"), [(scene, dt) for scene, table in EXPLICIT_DAMPER.items() for dt in table]
 )
 def test_published_errors_of_an_explicit_damper(converged_scenes, scene_name, dt):
-    """docs/method.md C: velocity Verlet with the damper taken explicitly, which only the reference has."""
+    """docs/method/cases.md C: velocity Verlet with the damper taken explicitly, which only the reference has."""
     scene = load_scene(scene_name).replace({"method.integrator": "velocity-verlet", "method.dt": dt})
     position, _ = reference.simulate(scene, round(1.5 / dt), integrator=reference.EXPLICIT_DAMPING_VERLET)
     printed = EXPLICIT_DAMPER[scene_name][dt]

@@ -2,7 +2,7 @@
 
 The tolerance of `fast`: a step's arithmetic commits a relative rounding of a few epsilon (fused and approximate
 operations: 2 ulp for the reciprocal root) in accelerations of at most a_max, so after n steps of dt a damped, hence
-contracting, motion (docs/method.md, fact 5) is off by at most about n * (epsilon * position scale), summed linearly.
+contracting, motion (docs/method/cases.md, fact 5) is off by at most about n * (epsilon * position scale), summed linearly.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Energy, momentum, rotation (docs/method.md A8), and the hand-out's step as semi-implicit Euler of doubled masses."""
+"""Energy, momentum, rotation (docs/method/cases.md A8), and the hand-out's step as semi-implicit Euler of doubled masses."""
 
 from math import sqrt
 

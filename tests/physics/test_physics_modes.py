@@ -1,4 +1,4 @@
-"""Normal modes of the pre-stretched lattice with all edges fixed (docs/method.md A5): closed-form frequencies."""
+"""Normal modes of the pre-stretched lattice with all edges fixed (docs/method/cases.md A5): closed-form frequencies."""
 
 from math import cos, pi, sin, sqrt
 

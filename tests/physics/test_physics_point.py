@@ -1,4 +1,4 @@
-"""One mass: free fall in closed form (docs/method.md A2), and the oscillator on one spring (A3)."""
+"""One mass: free fall in closed form (docs/method/cases.md A2), and the oscillator on one spring (A3)."""
 
 from math import acos, exp, sqrt
 

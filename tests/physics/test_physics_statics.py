@@ -1,4 +1,4 @@
-"""At rest: hanging chain, hanging grid, two-corner equilibrium (docs/method.md A4)."""
+"""At rest: hanging chain, hanging grid, two-corner equilibrium (docs/method/cases.md A4)."""
 
 from math import sqrt
 

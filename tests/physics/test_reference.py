@@ -115,7 +115,7 @@ def test_forces_are_minus_the_energys_gradient():
 
 
 PENDULUM = {"springs": {}, "gravity": {}, "method": {"integrator": "rk4", "dt": 1 / 400}}
-DOP853 = {  # docs/method.md A6: elastic pendulum from (0.6, -0.9) at rest, T = 1, by an order-8 integrator to 2e-14
+DOP853 = {  # docs/method/cases.md A6: elastic pendulum from (0.6, -0.9) at rest, T = 1, by an order-8 integrator to 2e-14
     (0.0, 1.0): (-0.596183852986, -0.898957849069),
     (0.03, 1.0): (-0.087108010821, -1.022365327709),
     (0.0, 2.0): (-0.305973032169, -0.894087872796),
@@ -142,7 +142,7 @@ def test_rk4_with_richardson_reaches_another_integrators_answer(damping, inertia
     ],
 )
 def test_control_values_of_the_accuracy_scenes(name, total, corner, middle):
-    """docs/method.md C, scenes S1 and S2 at 1.5 s: sum of positions, mass [31, 0], mass [16, 16]; to 8 digits."""
+    """docs/method/cases.md C, scenes S1 and S2 at 1.5 s: sum of positions, mass [31, 0], mass [16, 16]; to 8 digits."""
     position, _, estimate = reference.converged(load_scene(name), 1.5, tolerance=1e-8)
     assert estimate < 1e-8
     assert position.sum(axis=0) == pytest.approx(total, abs=1e-5)  # 1024 terms of 1e-8

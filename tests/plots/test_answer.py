@@ -43,7 +43,7 @@ def test_the_fastest_of_those_that_reach_the_error_and_its_limit() -> None:
     assert tenth["Error"] == "0.050" and tenth["Tie"] == DASH
     assert tenth["Simulated second"] == f"100{words.SPACE}µs"
     assert tenth["One run"] == f"170{words.SPACE}µs"  # 1.5 simulated seconds and the copy
-    assert tenth["Limit"] == f"31.2{words.SPACE}ms, 1.6{words.TIMES}"  # 1/32 s: docs/method.md
+    assert tenth["Limit"] == f"31.2{words.SPACE}ms, 1.6{words.TIMES}"  # 1/32 s: docs/method/index.md
     assert finer["Error at most"] == "0.03, 0.01" and finer["Method"] == "velocity-verlet"
     assert thousandth["Error at most"] == "0.003, 0.001" and thousandth["Method"] == "rk4"
     assert finest["Method"].startswith("not reached; least 5.0")
@@ -82,7 +82,7 @@ def test_a_time_beside_other_programs_is_marked_wherever_it_is_told() -> None:
     results = load(store)
     (table,) = answer_tables(results)
     assert table["rows"][0][HEAD.index("One run")].endswith("?") and table["title"].endswith(
-        "?: suspect, see docs/method.md"
+        "?: suspect, see docs/method/time.md"
     )
     assert "(suspect)" in accuracy.fastest(results).sentence
     assert "accuracy runs 1;" in comparison.trust(results).sentence

@@ -149,7 +149,7 @@ def test_captions_name_machine_and_commit(name: str, gpu: Store) -> None:
 def test_curves_of_the_first_figure(gpu: Store) -> None:
     with settings():
         drawing = time_per_step.draw(load(gpu))
-    assert labels(drawing) == {"1x threads", "2x threads", "4x threads", "GPU"}
+    assert labels(drawing) == {"1x threads", "2x threads", "4x threads", "GPU", "GPU, one thread per mass"}
 
 
 def test_committed_curves_are_grey_and_labelled(cpu: Store, gpu_csv: Path) -> None:

@@ -113,9 +113,8 @@ def test_what_is_told_drawn_and_claimed(made: Store) -> None:
     told = console.export_text()
     assert "0.020 (100)" in told and "by its law" in told and "…" not in told
     results = load(made)
-    cuts, stepping = (CLAIMS[name](results) for name in ("tetrahedra-cuts", "tetrahedra-stepping"))
+    cuts = CLAIMS["tetrahedra-cuts"](results)
     assert cuts.supported and cuts.numbers["6 0.499"] == 0.02 and "4 voxels across" in cuts.sentence
-    assert stepping.supported and stepping.numbers["off"] == 0
     with settings():
         drawing = tetrahedra_mesh.draw(results)
         assert not isinstance(drawing, str) and labels(drawing.figure) == LABELS["tetrahedra-mesh"]

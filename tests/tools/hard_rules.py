@@ -12,7 +12,7 @@ from softlab.model.scene.scene import Scene
 
 FORCE = 1e-9  # N, left on a free mass at rest, in float64
 PINS = {"top": np.s_[:1], "top-corners": np.s_[:1, [0, -1]], "none": np.s_[:0]}  # of (rows, columns)
-# The loosest bound that each judged number may have been held to, in float64: docs/method.md and the cases' own words.
+# The loosest bound that each judged number may have been held to, in float64: docs/method/cases.md and the cases' own words.
 BOUNDS: dict[str, tuple[str, float]] = {
     "overflow reported at step": ("<", 201),
     "limit named, from the stiff springs'": ("<", 1e-9),

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-STEP, MASSES, ERROR, COST = "step size / ms", "masses", "error / spacings", "wall s / simulated s"
+STEP, MASSES, ERROR, COST = "step size / ms", "masses", "error / grid spacing h", "wall s / simulated s"
 LIMITED = [("step size / s", "stiffness / (N/m)"), ("step size / s", ""), ("step size / s", "")]
 BAR = [
     ("", "sag / a rod's"),

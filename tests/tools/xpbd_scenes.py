@@ -36,7 +36,7 @@ GRID: dict[str, Any] = {
     "perturbation": {"amplitude": 0.05},
     "method": METHOD | {"dt": 0.02},
 }
-# Published errors after 1.5 s (docs/method.md, C): sheet, dt [s], iterations, RMS over all masses [m].
+# Published errors after 1.5 s (docs/method/cases.md, C): sheet, dt [s], iterations, RMS over all masses [m].
 PUBLISHED = [
     ("S1", 0.01, 1, 7.09e-2),
     ("S1", 0.01, 4, 4.69e-3),

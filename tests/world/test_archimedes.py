@@ -80,7 +80,7 @@ def test_a_block_floats_as_deep_as_it_weighs(density: float, near: float) -> Non
     """Archimedes: depth = height times the ratio of densities, on the mean of two seconds, after one. The water's level
     follows from its volume, which it keeps to a percent (the column of NUMERICS F1). Ice within 2 % of its height, a sixth of
     a rest distance; wood within a quarter of one: water at rest gives way to no less, and where in that range it stops is
-    left to rounding (docs/method.md, Among solids)."""
+    left to rounding (docs/method/fluids.md, Among solids)."""
     scene, depths = floating(density), []
     block, water = (scene.world_set.slices()[name] for name in ("bodies", "fluid"))
     free = TANK**2 - ACROSS**2

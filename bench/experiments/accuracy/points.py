@@ -26,7 +26,7 @@ END = 1.5  # s: end time of grids
 CLOTH_ENDS = {"S4": 1.0, "S5": 0.5, "S6": 1.0, "S6-still": 12.0}  # s: end times of cloths and ropes
 
 COST = "seconds_per_simulated_second"
-SUSPECT_NOTE = "?: suspect, see docs/method.md"
+SUSPECT_NOTE = "?: suspect, see docs/method/time.md"
 COPY = "copy_seconds"  # copy of the whole state from the device to the host
 MEASURED = {  # field of a point -> its measure
     "largest": judgement.LARGEST, "half": judgement.HALF, "growth": judgement.GROWTH, "energy": judgement.ENERGY,

@@ -82,7 +82,7 @@ AVERAGING = "M. Macklin and others, Unified particle physics for real-time appli
 LIMITS: tuple[Limit, ...] = (
     Limit(
         "half the acceleration", "fall", _integrates("lab"),
-        "y = -g dt^2 n(n+1)/4: half of g, at any step size", "docs/method.md, the hand-out's own step",
+        "y = -g dt^2 n(n+1)/4: half of g, at any step size", "docs/method/grids.md, the hand-out's own step",
         note=lambda scene: (
             "the step of the hand-out (lab) integrates half of the acceleration: masses fall half as far and swing 1.41 "
             "times as slowly, at any step size; semi-implicit-euler is the same step with all of it"
@@ -92,7 +92,7 @@ LIMITS: tuple[Limit, ...] = (
         "half a kick at rest", "rest",
         lambda scene: bool(scene.cloth) and _integrates("velocity-verlet")(scene),
         "what lies on a collider keeps its place, and reports the velocity g h/2 of its second half kick",
-        "docs/method.md, contact: colliders take from the half-step velocity", part=0.5,
+        "docs/method/grids.md, contact: colliders take from the half-step velocity", part=0.5,
     ),
     Limit(
         "weight of a rigid body", "rest", _has_rigid_body,
@@ -104,7 +104,7 @@ LIMITS: tuple[Limit, ...] = (
         "friction after the solve", "rest", lambda scene: bool(scene.tetrahedra) and scene.method.solver == "vbd",
         "what lies on a floor and is sheared goes on by h^2 times that, mu g h^2 M/m a substep at most, m the mass that lies "
         "there, M all of it",
-        "docs/method.md: descents move what sticks, and friction takes back the velocity",
+        "docs/method/tetrahedra.md: descents move what sticks, and friction takes back the velocity",
     ),
     Limit(
         "explicit Euler gains energy", "energy", _integrates("explicit-euler", "taylor"),
@@ -125,26 +125,26 @@ LIMITS: tuple[Limit, ...] = (
     Limit(
         "averaged corrections", "momentum", _averages,
         "loses up to the part 1 - 1/valence of what is exchanged: corrections of both ends are divided by different counts",
-        f"docs/method.md, orderings; {AVERAGING}", part=1.0,
+        f"docs/method/positions.md, orderings; {AVERAGING}", part=1.0,
         note=lambda scene: "averaged-jacobi loses momentum; jacobi and gauss-seidel keep it",
     ),
     Limit(
         "averaged corrections turn", "angular momentum", _averages,
-        "as its linear momentum, times the arm", "docs/method.md, orderings", part=1.0,
+        "as its linear momentum, times the arm", "docs/method/positions.md, orderings", part=1.0,
     ),
     Limit(
         "averaged forces", "force", lambda scene: _averages(scene) and scene.method.solver == "xpbd",
-        "a displacement of f/m over the number of constraints at a mass: another stiffness", "docs/method.md, orderings",
+        "a displacement of f/m over the number of constraints at a mass: another stiffness", "docs/method/, orderings",
         part=1.0,
     ),
     Limit(
         "averaged corrections gain", "energy", lambda scene: _averages(scene) and scene.method.solver == "xpbd",
-        "may double within ten steps: what it moves masses by is no gradient of an energy", "docs/method.md, orderings",
+        "may double within ten steps: what it moves masses by is no gradient of an energy", "docs/method/, orderings",
         part=1.0,
     ),
     Limit(
         "averaged corrections converge elsewhere", "limit", lambda scene: _averages(scene) and scene.method.solver == "xpbd",
-        "to another stiffness, so that part of the first residual stays", "docs/method.md, orderings", part=1.0,
+        "to another stiffness, so that part of the first residual stays", "docs/method/positions.md, orderings", part=1.0,
     ),
     Limit(
         "linear goals", "force", _is_linear,

@@ -22,7 +22,7 @@ from softlab.bench.experiments.fluid_truth.scenes import SCHEMES
 from softlab.plots.core.backends import on_backends, sources_of
 from softlab.plots.core.colours import BLACK, BLUE, GREEN, ORANGE, PURPLE, VERMILLION
 from softlab.plots.core.data import Results, Source
-from softlab.plots.core.style import Drawing, legend_below, new_grid, plain_ticks
+from softlab.plots.core.style import LONG_LABEL, Drawing, legend_below, new_grid, plain_ticks
 
 TITLE = "Fluids at rest"
 MISSING = "fluids at rest were not watched: softlab fluids --rest"
@@ -52,7 +52,7 @@ def draw(results: Results) -> Drawing | str:
     if not chosen:
         return MISSING
     (_, _, found), *_ = chosen
-    figure, axes = new_grid(3, len(SCHEMES), 5.6)
+    figure, axes = new_grid(3, len(SCHEMES), 4.4)
     for column, scheme in enumerate(SCHEMES):
         speed, energy, box = (row[column] for row in axes)
         speed.set_title(scheme)
@@ -70,7 +70,7 @@ def draw(results: Results) -> Drawing | str:
             ax.set_xscale("log")
             plain_ticks(ax.xaxis)
             ax.set_xlabel(x_label)
-            ax.set_ylabel(y_label if column == 0 else "")
+            ax.set_ylabel(y_label if column == 0 else "", fontsize=LONG_LABEL)
         for ax in (speed, box):
             ax.set_yscale("log")
         energy.set_yscale("symlog", linthresh=ENERGY_BOUND)

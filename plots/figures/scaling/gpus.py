@@ -10,7 +10,7 @@ from softlab.bench.store.results import Measure
 from softlab.plots.core.backends import on_backends, sources_of, timed
 from softlab.plots.core.colours import BLUE, GREY, ORANGE, PURPLE, VERMILLION
 from softlab.plots.core.data import Results
-from softlab.plots.core.style import Drawing, legend_below, log_axes, new_figure
+from softlab.plots.core.style import LONG_LABEL, Drawing, legend_below, log_axes, new_figure
 
 TITLE = "Several GPUs"
 LINKS = {"flags": (BLUE, "o"), "nccl": (ORANGE, "s")}
@@ -37,7 +37,7 @@ def draw(results: Results) -> Drawing | str:
     if not chosen:
         return "no sheet was timed on several GPUs (softlab sweep --gpus 2)"
     found: Sequence[ScalingPoint] = chosen[0][2]
-    figure, (faster, joules) = new_figure(2, 2.8, share_y=False)
+    figure, (faster, joules) = new_figure(2, 2.2, share_y=False)
     _draw_faster(faster, found)
     for gpus, colour in ((1, GREY), *((n, BLUE) for n in sorted({p.gpus for p in found} - {1}))):
         mine = [p for p in found if p.gpus == gpus and p.scene == "grid" and p.link in ("", "flags") and p.joules]
@@ -47,7 +47,7 @@ def draw(results: Results) -> Drawing | str:
     joules.set_xscale("log")
     joules.set_xlabel("masses")
     joules.set_ylim(0, 1.1 * joules.get_ylim()[1])  # otherwise the uppermost marker is cut
-    joules.set_ylabel("mJ / million mass-steps")
+    joules.set_ylabel("mJ / million mass-steps", fontsize=LONG_LABEL)
     legend_below(figure, [faster, joules], columns=4)
     caption = (
         "Left: how many times as fast as one GPU several step the same sheet, float32: a grid, by how its borders travel; a "

@@ -102,7 +102,7 @@ def small_run(tmp_path_factory):
 
 
 def test_points_of_a_run(small_run):
-    """docs/method.md C over the free masses (1.6 % more than over all): lab 0.30 at any dt and first order against half
+    """docs/method/cases.md C over the free masses (1.6 % more than over all): lab 0.30 at any dt and first order against half
     the acceleration; RK4 2.4e-4; taylor at 0.02 s diverges, which is kept with its reason and a time."""
     first, _, _ = small_run
     assert (first.measured, first.held, len(first.points)) == (6, 0, 6)

@@ -106,7 +106,7 @@ def test_implicit_euler_of_a_loaded_rope():
 
 @pytest.mark.parametrize("name", [GAUSS_SEIDEL, JACOBI])
 def test_converged_xpbd_is_implicit_euler(name):
-    """docs/method.md, A9: but for the turning of directions within a step, 2.3e-5 m in 18 steps; of this rope, too."""
+    """docs/method/cases.md, A9: but for the turning of directions within a step, 2.3e-5 m in 18 steps; of this rope, too."""
     scene = short().replace(methods.changes(name, 4000) | {"method.dt": 1 / 480})
     with make_case("S6", scene, "cpu", "float64", "exact").open() as simulation:
         simulation.advance(18)

@@ -151,7 +151,7 @@ def test_an_error_that_nothing_reaches(store, clockwork):
 
 
 def test_chaos_forbids_an_answer(store):
-    """10 x 10, two corners, undamped: by 5 s a disturbance of 1e-9 has grown beyond 1e3 (docs/method.md, fact 5); the
+    """10 x 10, two corners, undamped: by 5 s a disturbance of 1e-9 has grown beyond 1e3 (docs/method/cases.md, fact 5); the
     answer names a time up to which there is one, and there the growth is indeed less."""
     scene = load_scene("lab-grid").replace({"grid.rows": 10, "grid.columns": 10, "damping.coefficient": 0.0})
     advice = advise(store, scene, 1e-3, time=5.0, **ASKED)

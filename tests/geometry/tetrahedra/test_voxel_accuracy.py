@@ -1,4 +1,4 @@
-"""Beams of cut voxels under every solver, and the tables of docs/method.md, which are measured."""
+"""Beams of cut voxels under every solver, and the tables of docs/method/tetrahedra.md, which are measured."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 """Bodies of voxels whose surface the lattice does not fit, against the mesh and against the exact beam; and the tables of
-docs/method.md: python -m tests.geometry.tetrahedra.voxel_accuracy writes them (from the repository's root)."""
+docs/method/tetrahedra.md: python -m tests.geometry.tetrahedra.voxel_accuracy writes them (from the repository's root)."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from softlab.model.geometry.tetrahedra.fractions import MIN_STIFFNESS  # noqa: E
 from softlab.model.geometry.tetrahedra.voxels import VoxelMesh, voxel_mesh  # noqa: E402
 from softlab.model.scene.scene import Scene  # noqa: E402
 
-PAGE = ROOT / "docs" / "method.md"
+PAGE = ROOT / "docs" / "method" / "tetrahedra.md"
 DENSITY, YOUNG, POISSON = 1000.0, 1e5, 0.3  # kg/m^3, Pa
 SIDE, LENGTH, GRAVITY = 0.1, 0.5, 0.02  # m, m, m/s^2: so little that the beam stays nearly straight
 VOXELS, ACROSS = (5, 10, 20, 40), (2, 4, 8)  # along the longest side of a body; across the beam's side
@@ -174,7 +174,7 @@ TABLES: dict[str, Callable[[Path], str]] = {"moments": lambda _: moments_table()
 
 
 def page() -> str:
-    """docs/method.md with its tables made anew."""
+    """docs/method/tetrahedra.md with its tables made anew."""
     text = PAGE.read_text(encoding="utf-8")
     with TemporaryDirectory() as folder:
         for name, table in TABLES.items():
