@@ -3,7 +3,7 @@ limits_page.py writes. The table of parts follows from the families."""
 
 from __future__ import annotations
 
-from softlab.model.core.families import FAMILIES
+from softlab.model.core.families import families
 
 NOT_MODELLED = (
     "Fracture and tearing: springs, constraints and tetrahedra stay connected. Pins may let go (`[release]`).",
@@ -39,7 +39,7 @@ def lines() -> list[str]:
         "A scene with a part that its family does not take is refused by name. The families take:",
     ]
     found += ["", "| family | parts |", "| --- | --- |"]
-    found += [f"| {family.name} | {', '.join(sorted(family.knows))} |" for family in FAMILIES]
+    found += [f"| {family.name} | {', '.join(sorted(family.knows))} |" for family in families()]
     found += [
         "",
         "Position-based sheets also refuse `motion`, on both backends. "
