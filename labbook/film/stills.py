@@ -10,7 +10,7 @@ import numpy as np
 from PIL import Image
 
 from softlab.app.output.offscreen import OffscreenRenderer
-from softlab.labbook.answer import answer_tables
+from softlab.labbook.answer import HEAD, answer_tables
 from softlab.labbook.film.canvas import BAND, CPU, FAINT, FOOT, GPU, INK, LINE, MARGIN, Area
 from softlab.labbook.film.judged import Judged
 from softlab.model.core.errors import SoftlabError
@@ -22,9 +22,11 @@ from softlab.plots.draw import FIGURES
 TITLE = "Soft-body lab"
 ROW = 31.0  # pixels
 TABLE_SIZE = 18.0
-COLUMNS = ("Scene", "Masses", "Error", "Fastest method", "Step", "Precision", "Processor", "Time", "Breaks")
+COLUMNS = ("Scene", "Masses", "Error at most", "Method", "Step", "Processor", "Error", "One run", "Tie")  # of the table
+PLACES = [HEAD.index(name) for name in COLUMNS]
+PROCESSOR = COLUMNS.index("Processor")
 ROWS = 15
-UNITS = "Error in spacings; time of computing a simulated second."
+UNITS = "Error in spacings; time of one run, with its launch and the copy of its end state."
 
 
 def held(image: Image.Image, count: int) -> Iterator[Image.Image]:
@@ -99,7 +101,8 @@ def answers(results: Results) -> tuple[list[list[str]], str]:
         whose = table["title"].rpartition(". ")[2]
         for row in table["rows"]:
             scene = list(row[:2]) if row[0] else scene
-            found.append([*scene, *row[2:]])
+            whole = [*scene, *row[2:]]
+            found.append([whole[place] for place in PLACES])
     return found, whose
 
 
@@ -133,10 +136,12 @@ def _table(rows: Sequence[Sequence[str]], shown: int, told: str, area: Area) -> 
     before = None
     for number, row in enumerate((COLUMNS, *rows[:shown])):
         x = MARGIN * 1.0
-        colour = (255, 255, 255) if number == 0 else {"GPU": GPU, "CPU": CPU}.get(row[6], FAINT)
+        colour = (
+            (255, 255, 255) if number == 0 else {"GPU": GPU, "CPU": CPU}.get(row[PROCESSOR].partition(",")[0], FAINT)
+        )
         for k, text in enumerate(row):
             hidden = number > 1 and k < 2 and row[0] == before
-            ink = colour if number == 0 or k == 6 else INK
+            ink = colour if number == 0 or k == PROCESSOR else INK
             if not hidden:
                 canvas.text(x, y + row_height / 2, text, size, ink, bold=number == 0, anchor="lm")
             x += widths[k] + gap

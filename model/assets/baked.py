@@ -28,7 +28,7 @@ from softlab.model.geometry.mesh import mesh_bytes, read_mesh
 from softlab.model.geometry.shapes import Shape
 
 VERSION = 2  # of the files: what is in them, and how
-ROOMS = ("assets", "geometry", "shape_matching")  # of the model: the code that makes bodies
+ROOMS = ("assets", "geometry")  # of the model: the code that makes bodies
 
 Source = Shape | str | Path | Meshes
 

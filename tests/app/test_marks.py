@@ -60,7 +60,7 @@ def by_peers(store: Store, run: str, backend: str) -> None:
 
 def by_accuracy(store: Store, run: str, backend: str) -> None:
     summary = SimpleNamespace(run=run, measured=0)
-    group = accuracy._Group(store, summary, costs_timing.Effort(1, 0.1, 1.0), NOTHING)  # type: ignore[arg-type]
+    group = accuracy._Group(store, summary, 1, 0.1, NOTHING)  # type: ignore[arg-type]
     group._sample([subject_of(case_of(backend))])
 
 
@@ -86,7 +86,7 @@ def by_cases(store: Store, run: str, backend: str) -> None:
 
 
 def by_findings(store: Store, run: str, backend: str) -> None:
-    case_timing.StepTimes("exact", [case_of(backend)], True).run(store, run)
+    case_timing.StepTimes("exact", [case_of(backend)], True).run(store, run, NOTHING)
 
 
 def by_costs(store: Store, run: str, backend: str) -> None:

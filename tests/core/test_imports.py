@@ -40,7 +40,9 @@ ORDER = {
         "advice_commands commands scale_commands sweep_commands",
     ),
     "plots": ("core", "figures", "findings", "draw"),
-    "labbook": ("words", "listings machines tables", "claims answer grid_tables", "facts rungs", "build", "film", "jobs", "commands"),
+    "labbook": (
+        "words", "listings machines tables", "claims answer grid_tables", "facts rungs", "build", "film", "jobs", "commands",
+    ),
 }  # fmt: skip
 APART = {  # files that rank below the rest of their package: unit -> package, files
     "model": {

@@ -17,7 +17,6 @@ def text(name: str, unit: Any) -> str:
     units = (types.complex64 if unit is np.complex64 else types.complex128)[::1]
     counts, number = types.int32[::1], types.int32
     signatures = {
-        "pull": (units, units, number, units, units, number, number),
         "pull_some": (units, units, counts, units, units, counts, number),
         "push": (units, units, number, number, units, counts, counts),
         "wait": (counts, number, counts, counts),
@@ -26,7 +25,7 @@ def text(name: str, unit: Any) -> str:
     return entry_of(getattr(make_border_kernels(unit), name).py_func, signatures[name], "exact")
 
 
-@pytest.mark.parametrize("name", ["pull", "pull_some", "push", "take"])
+@pytest.mark.parametrize("name", ["pull_some", "push", "take"])
 @pytest.mark.parametrize("unit, bytes_each", [(np.complex64, 8), (np.complex128, 16)])
 def test_borders_travel_whole(unit: Any, bytes_each: int, name: str) -> None:
     """A unit is one access, of a position and of a velocity; nothing lies in local memory, nothing is computed of it."""

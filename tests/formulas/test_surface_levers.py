@@ -47,7 +47,7 @@ def after_formula(real: Any, formulas: SimpleNamespace, of: SimpleNamespace) -> 
     before, w = of.before.astype(real), of.inverse_mass.astype(real)
     now = before + of.ways.astype(real)
     r, slid = now[0] - b @ now[1:], (now[0] - b @ now[1:]) - (before[0] - b @ before[1:])
-    depth = real(DISTANCE) - n @ r
+    depth = limited(real, formulas, real(DISTANCE) - n @ r, n, b, before, now)
     if not depth > 0:
         return now - before, np.zeros((4, 3), real)
     edges = [tuple(p[k] - p[1]) for p in (now, before) for k in (2, 3)]
@@ -59,6 +59,19 @@ def after_formula(real: Any, formulas: SimpleNamespace, of: SimpleNamespace) -> 
     )
     forces = np.stack([j, second + third - b[0] * j, -second - b[1] * j, -third - b[2] * j])
     return now - before + w[:, None] * forces, forces
+
+
+def limited(real: Any, formulas: SimpleNamespace, depth: Any, *of: np.ndarray) -> Any:
+    """The depth by the plane of a contact, limited by the current distance of the triangle, the only one around."""
+    n, b, before, now = of
+    if not depth > 0:
+        return depth
+    (x, u, v), (p, q, w) = ([tuple(some[k] - some[1]) for k in (0, 2, 3)] for some in (before, now))
+    check = formulas.checked(tuple(n), tuple(before[0] - b @ before[1:]), u, v, p, q, w, depth, real(DISTANCE))
+    passed = check != surface_contact.ITS_OWN and formulas.through(formulas.over(x, u, v), formulas.over(p, q, w))
+    if check == surface_contact.NONE or passed:
+        return depth
+    return min(depth, real(DISTANCE) - formulas.apart(p, q, w))
 
 
 def check_gains(real: Any, contacts: int) -> None:
@@ -103,15 +116,22 @@ def test_forces_have_no_moment_but_the_normal_ones() -> None:
     assert counted > 50
 
 
+def around(triangles: list[Any]) -> np.ndarray:
+    """The triangles that share a corner with that of each contact."""
+    found = np.empty(len(triangles), object)
+    found[:] = [np.array(some) for some in triangles]
+    return found
+
+
 def test_a_contact_is_the_references() -> None:
     random, formulas = np.random.default_rng(2), surface_contact.make(np.float64, plain)
     part: Any = SimpleNamespace(static_friction=STATIC, dynamic_friction=DYNAMIC)
     for number in range(300):
         of = random_contact(random, number)
         ways, _ = after_formula(np.float64, formulas, of)
-        contact = self_contacts.Found(
+        contact = surface_contacts.Touching(
             mass=np.array([0]), triangle=np.array([0]), corners=np.array([[1, 2, 3]]), weights=of.weights[None],
-            normal=of.normal[None], held=np.array([DISTANCE]), distance=np.array([DISTANCE]),
+            normal=of.normal[None], held=np.array([DISTANCE]), distance=np.array([DISTANCE]), around=around([[[1, 2, 3]]]),
         )  # fmt: skip
         if number % 3 == 0:  # of a normal that leans the depth is another one
             after = self_contacts.project(
@@ -134,9 +154,9 @@ def test_contacts_that_share_particles_gain_no_energy() -> None:
         mass, triangles = np.repeat([4, 5], 3), np.tile(sides, (2, 1))
         normal = np.tile([0.0, 1.0, 0.0], (6, 1))
         start = points[mass] - np.einsum("nk,nkd->nd", weights, points[triangles])
-        contact = self_contacts.Found(
+        contact = surface_contacts.Touching(
             mass=mass, triangle=np.tile([0, 1, 2], 2), corners=triangles, weights=weights, normal=normal, held=start[:, 1],
-            distance=start[:, 1],
+            distance=start[:, 1], around=around([triangles[:3]] * 6),
         )  # fmt: skip
         turn = random.normal(0, 1, 3) * 10 ** random.uniform(-2, -0.7)
         ways = np.vstack([np.cross(turn, corners), random.normal(0, 0.003, (2, 3))])

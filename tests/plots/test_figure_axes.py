@@ -41,7 +41,7 @@ ELSEWHERE = {  # figure -> the file whose test holds its labels to the table
     "ablation": "test_ablate.py",
     "projections": "test_projections.py",
     "throughput": "test_throughput.py",
-    **dict.fromkeys(["tetrahedra", "tetrahedra-decides"], "test_tetrahedra_experiment.py"),
+    **dict.fromkeys(["tetrahedra", "tetrahedra-decides", "tetrahedra-total"], "test_tetrahedra_experiment.py"),
     "tetrahedra-mesh": "test_tetrahedra_meshes.py",
     **dict.fromkeys(["hard-states", "hard-verdicts"], "test_hard.py"),
     "hard-bodies": "test_hard_bodies.py",

@@ -175,8 +175,8 @@ def test_the_answers_are_the_books_first_table() -> None:
         maker.point("lab-curtain", "rk4", dt, error, 1e-3, None, "float32", "gpu")
     results = load(store)
     rows, whose = stills.answers(results)
-    assert [row[0] for row in rows] == ["Lab curtain (S1)"] * 3 and "Made-up GPU" in whose
-    assert [row[2] for row in rows] == ["0.1", "0.01", "0.001"] and rows[2][3] == "rk4"
+    assert {row[0] for row in rows} == {"Lab curtain (S1)"} and "Made-up GPU" in whose
+    assert rows[0][2] == "0.1, 0.03, 0.01" and rows[1][3] == "rk4" and rows[1][stills.PROCESSOR].startswith("GPU")
     first, last = (list(stills.draw_answers(results, Stage(TINY).area, 4, 5))[place] for place in (0, -1))
     assert np.asarray(first).sum() > np.asarray(last).sum()  # more rows, more ink
 

@@ -17,7 +17,7 @@ ROOT = Path(__file__).parents[2]
 LAYERS = sorted({file.parent.name for file in ROOT.glob("*/__init__.py")} - {"softlab"})
 DATA = (
     "model/catalogue/**/*.toml", "model/catalogue/meshes/*.obj", "bench/peers/**/*.cpp", "bench/peers/**/*.cu",
-    "labbook/*.typ", "labbook/entries/*.typ", "labbook/data/*",
+    "labbook/*.typ", "labbook/entries/*.typ", "labbook/pictures/*.webp", "labbook/data/*",
 )  # fmt: skip
 
 

@@ -27,7 +27,7 @@ def test_whatever_is_given_is_answered(tmp_path: Path) -> None:
             if got.wrong:
                 found.append(f"seed {SEED}, case {maker.number}: {[word[:100] for word in case.argv]}: {got.wrong}")
     assert not found, "\n".join(found)
-    assert statuses.count(0) > COUNT // 20 and statuses.count(2) > COUNT // 2  # some of it is good
+    assert statuses.count(0) >= COUNT // 20 and statuses.count(2) > COUNT // 2  # some of it is good
 
 
 def test_the_answers_are_looked_at(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

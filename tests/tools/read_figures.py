@@ -44,6 +44,7 @@ LABELS: dict[str, list[tuple[str, str]]] = {  # figure -> (x, y) of each panel, 
         *[("time of a frame / ms", "")] * 2,
     ],
     "tetrahedra-decides": [("time of a frame / ms", "error in motion"), *[("time of a frame / ms", "")] * 2],
+    "tetrahedra-total": [("time of a frame / ms", "mesh + solver")],
     "tetrahedra-mesh": [("voxels across the bar", "sag / the continuum's"), ("substep / ms", "amplitude lost / (1/s)")],
     "fluids-truth": [
         ("time of a frame / ms", "mean density error"), ("time of a frame / ms", "worst error of the front"),

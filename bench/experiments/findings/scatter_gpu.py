@@ -24,7 +24,6 @@ from softlab.gpu_backend.core.compile import kernel_options, make_kernel, varian
 from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.launch import Graphs, can_capture
 from softlab.gpu_backend.core.pairs import load_pair, store_pair
-from softlab.gpu_backend.core.world import Cell
 from softlab.gpu_backend.mass_spring.grid.kernels import make_tools
 from softlab.gpu_backend.mass_spring.grid.point import make_moves
 from softlab.gpu_backend.mass_spring.grid.solver import MassSpring
@@ -172,7 +171,7 @@ def _move_kernel(real: Any, math: str, parts: frozenset[str]) -> Any:
             k, count = np.int32(i * columns + j), np.int32(rows * columns)
             p, v = load_pair(position, k), load_pair(velocity, k)
             ax, ay = sums[k], sums[count + k]
-            px, py, vx, vy = move(k, Cell(i, j, rows, columns), ax, ay, p, v, parameters, integers, np.int64(0))
+            px, py, vx, vy = move(k, ax, ay, p, v, parameters, integers, np.int64(0))
             if has_pins:
                 if pinned_row[i] != 0:
                     if pinned[k] != 0:
