@@ -11,7 +11,7 @@ import numpy as np
 class Sizes(NamedTuple):
     """Number of active particles, numbers of a plane, slot of a particle that is far away."""
 
-    count: int
+    particles: int
     room: int
     nobody: int
 
@@ -104,7 +104,7 @@ class Flow(NamedTuple):
     fluid were active (1,); first particle of each fluid (fluids + 1,); 1 if a particle is active, by number (particles,);
     rows of model/fluid/flow.py, flat."""
 
-    count: np.ndarray
+    particles: np.ndarray
     missed: np.ndarray
     starts: np.ndarray
     active: np.ndarray

@@ -129,12 +129,12 @@ def make_flow(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNam
     @compiled
     def rest(world, counts, flow):
         nx, ny, nz = counts
-        flow.count[0] = world.table.starts[nx * ny * nz]
+        flow.particles[0] = world.table.starts[nx * ny * nz]
 
     @compiled
     def there_of(world, flow):
         (_, room, nobody), state, unsorted, in_order, work, table, lists, scratch = world
-        return Fluid(Sizes(flow.count[0], room, nobody), state, unsorted, in_order, work, table, lists, scratch)
+        return Fluid(Sizes(flow.particles[0], room, nobody), state, unsorted, in_order, work, table, lists, scratch)
 
     return SimpleNamespace(emit=emit, drain=drain, rest=rest, there_of=there_of)
 

@@ -115,12 +115,12 @@ class Fluid(ParticlesSimulation):
     @property
     def _now(self) -> tuple[np.ndarray, ...]:
         """The arrays that a substep starts from: the state, and which particles are active."""
-        return (*self._state, self._flow.count, self._flow.active) if self._flow else self._state
+        return (*self._state, self._flow.particles, self._flow.active) if self._flow else self._state
 
     @property
     def there(self) -> int:
         """Number of active particles, which are the first ones of the state's arrays."""
-        return int(self._flow.count[0]) if self._flow else self._particles
+        return int(self._flow.particles[0]) if self._flow else self._particles
 
     def _advance(self, step: int, steps: int) -> None:
         method = self.scene.method
@@ -144,8 +144,8 @@ class Fluid(ParticlesSimulation):
                 here = moment.iteration % 2
                 known = {
                     "step": moment.step, "number": moment.number, "here": buffers[here], "there": buffers[1 - here],
-                    "last": last, "world": world._replace(sizes=world.sizes._replace(count=self.there)), "flow": self._flow,
-                    "parameters": self.parameters, "fluids": self._fluids, "integers": self.integers,
+                    "last": last, "world": world._replace(sizes=world.sizes._replace(particles=self.there)),
+                    "flow": self._flow, "parameters": self.parameters, "fluids": self._fluids, "integers": self.integers,
                     "bodies": self.bodies, "kinds": self.kinds,
                 }  # fmt: skip
                 kernel(bands, *(known[name] for name in names))
@@ -227,7 +227,7 @@ class Fluid(ParticlesSimulation):
             array[: axes * room].reshape(axes, room)[:, : len(number)] = values[number].T
         self._state.number[: len(number)], self._state.fluid[: len(number)] = number, found.fluid[number]
         if self._flow:
-            self._flow.count[0], self._flow.active[:] = len(number), found.there(position)
+            self._flow.particles[0], self._flow.active[:] = len(number), found.there(position)
 
     @property
     def not_emitted(self) -> int:

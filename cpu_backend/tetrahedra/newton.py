@@ -68,7 +68,7 @@ class TetrahedraNewton(QuadsSimulation):
         self._solver = Solver(
             Elements(corners, material_of(found), values), Rows(*rows.arrays), Springs(*held.arrays(real)),
             Vectors(*(np.zeros((count, 3), real) for _ in range(vectors))),
-            Matrix(*(np.zeros(shape, real) for shape in matrix), hard), np.zeros((SUMS, groups), real),
+            Matrix(*[*(np.zeros(shape, real) for shape in matrix), hard]), np.zeros((SUMS, groups), real),
             Groups(*rigid.arrays), Coarse(*(np.zeros(shape, real) for shape in coarse)),
         )  # fmt: skip
         self._solver.matrix.element_blocks[tetrahedra * BLOCKS :] = held.blocks
