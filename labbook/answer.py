@@ -164,14 +164,15 @@ def _limit(point: Point) -> str:
 
 
 def _tie(answer: Answer, marks: Mapping[Source, str]) -> str:
-    """Return the fastest run that is not clearly faster than the winner, with its gain and its error."""
+    """Return the fastest run that is not clearly faster than the winner, by how much it is faster, and its error."""
     if not answer.ties or answer.best is None:
         return DASH
     point, source = answer.ties[0]
     gain = 1 - (point.run_seconds or 0.0) / (answer.best[0].run_seconds or 1.0)
     method = method_words(point.integrator, point.iterations)
-    told = f"{method}, {_milliseconds(point.dt)}, {_processor(point, source, marks)}"
-    return f"{told}: {words.percent(gain)} faster{point.mark}, error {number(point.error, 2)}"
+    told, where = f"{method}, {_milliseconds(point.dt)}", _processor(point, source, marks)
+    other = f", {where}" if where != _processor(*answer.best, marks) else ""
+    return f"{told}{other}: {words.percent(gain)}{point.mark}, error {number(point.error, 2)}"
 
 
 def _unanswered(found: Sequence[Point], target: float) -> str:
