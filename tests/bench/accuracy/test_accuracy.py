@@ -95,7 +95,7 @@ def small_run(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch, Store(folder / "results.sqlite") as store:
         patch.setattr(accuracy_cases, "INTEGRATORS", ("lab", "rk4", "taylor"))
         patch.setattr(accuracy_cases, "QUICK_XPBD", ())
-        patch.setattr(accuracy_cases, "STEP_SIZES", (0.02, 0.01))
+        patch.setattr(accuracy_cases, "STEP_SIZES", (0.02, 0.015, 0.01))
         how = {"quick": True, "backends": ["cpu"], "precisions": ["float32"], "scenes": ["S1"], "progress": False}
         runs = [run_accuracy(store, **how) for _ in range(2)]
         return *runs, measures(store)
@@ -188,7 +188,7 @@ def cloth_run(tmp_path_factory):
         patch.setattr(accuracy_cases, "OF_CLOTHS", ())
         patch.setattr(accuracy_cases, "QUICK_XPBD", ())
         patch.setitem(accuracy_points.CLOTH_ENDS, "S4", 0.24)
-        patch.setattr(accuracy_cases, "CLOTH_STEP_SIZES", (0.004, 0.002))
+        patch.setattr(accuracy_cases, "CLOTH_STEP_SIZES", (0.004, 0.003, 0.002))
         patch.setattr("softlab.plots.core.accuracy_points.CLOTH_SCENES", {"S4": small.as_dict()})
         how = {"quick": True, "backends": ["cpu"], "precisions": ["float64"], "scenes": ["S4"], "progress": False}
         summary = run_accuracy(store, **how)
