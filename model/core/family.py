@@ -21,43 +21,40 @@ from softlab.model.scene.scene import Scene
 class Output:
     """An output, computed from the current state when it is read.
 
-    `shape`: in words; `compute(simulation)` returns a new host array. `write(simulation, into)`: the same into an array,
-    which may be one of the device; None: through the host.
+    `shape`: in words. `read(simulation, into)` returns it in `into`, or in a new host array if that is None.
     """
 
     name: str
     shape: str
     unit: str
     doc: str
-    compute: Callable[[Any], np.ndarray]
-    write: Callable[[Any, Any], Any] | None = None
+    read: Callable[[Any, Any], Any]
 
-    def read(self, simulation: Any, into: Any = None) -> Any:
-        """Return the output in `into`, or in a new host array."""
-        if self.write is not None:
-            return self.write(simulation, into)
-        result = self.compute(simulation)
+
+def on_host(compute: Callable[[Any], np.ndarray]) -> Callable[[Any, Any], Any]:
+    """Return the `read` of an output that `compute(simulation)` returns as a new host array."""
+
+    def read(simulation: Any, into: Any) -> Any:
+        result = compute(simulation)
         if into is None:
             return result
         into[...] = result
         return into
 
-
-def _on_device(name: str, shape: str, unit: str, doc: str, write: Callable[[Any, Any], Any]) -> Output:
-    return Output(name, shape, unit, doc, lambda simulation: np.asarray(write(simulation, None)), write)
+    return read
 
 
-POSITION = _on_device(
+POSITION = Output(
     "position", "(particles, dimensions)", "m", "positions", lambda simulation, into: simulation._read_position(into)
 )
 VELOCITY = Output(
-    "velocity", "(particles, dimensions)", "m/s", "velocities", lambda simulation: simulation._download()[1]
+    "velocity", "(particles, dimensions)", "m/s", "velocities", on_host(lambda simulation: simulation._download()[1])
 )
 STRAIN = Output(
     "strain", "(springs,)", "1", "length over rest length - 1 of springs; (tetrahedra,) of tetrahedra, (particles,) density "
-    "over rest density - 1 of fluids", lambda simulation: simulation._read_strain()
+    "over rest density - 1 of fluids", on_host(lambda simulation: simulation._read_strain())
 )  # fmt: skip
-NORMAL = _on_device(
+NORMAL = Output(
     "normal", "(particles, 3)", "1", "unit normals of a surface", lambda simulation, into: simulation._read_normal(into)
 )
 OF_ALL = (POSITION, VELOCITY)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import hypot, inf, sqrt
 
-from softlab.model.core.family import STRAIN, Output, SolverFamily
+from softlab.model.core.family import STRAIN, Output, SolverFamily, on_host
 from softlab.model.core.stability.laws import RESTS
 from softlab.model.fluid.halo import fluid_halo
 from softlab.model.fluid.measure import density_errors, pressures
@@ -16,7 +16,7 @@ from softlab.model.scene.scene import Scene
 
 PRESSURE = Output(
     "pressure", "(particles,)", "Pa", "pressure from the pairs of particles",
-    lambda simulation: pressures(simulation.scene, simulation._download()[0], simulation._multipliers()),
+    on_host(lambda simulation: pressures(simulation.scene, simulation._download()[0], simulation._multipliers())),
 )  # fmt: skip
 SPRINGS = 0.09  # u h / (d sqrt(iterations)) above which the averaged scheme throws drops of the speed u back
 

@@ -1,4 +1,4 @@
-"""The largest frequency of a net, iterated, against the closed forms of docs/method/ A1 and against dense matrices."""
+"""The largest frequency of a net against the closed forms of docs/method/cases.md A1 and against dense matrices."""
 
 from __future__ import annotations
 

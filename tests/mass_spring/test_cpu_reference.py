@@ -29,7 +29,7 @@ def allowed(scene: Scene, steps: int, precision: str) -> tuple[float, float]:
     """(position [m], velocity [m/s]) that rounding may differ by after `steps` steps.
 
     A step rounds p a few times by eps |p| (4 covers RK4's sums), a force by eps k |p| / m. Damped scenes contract
-    (docs/method/, fact 5), so errors at most add: 4 n eps |p|. A force's rounding moves the velocity by dt w^2 eps |p|
+    (docs/method/cases.md, fact 5), so errors add at most: 4 n eps |p|. A rounded force moves the velocity by dt w^2 eps |p|
     a step, and the hand-out's division of positions by dt by eps |p| / dt: both are under eps |p| (dt w^2 + 1 / dt).
     """
     size = max(scene.grid.rows, scene.grid.columns) * 1.5 * scene.grid.spacing

@@ -9,7 +9,7 @@ import pytest
 
 from softlab.app.driver import open_simulation
 from softlab.model.core.errors import SceneError
-from softlab.model.core.family import Output
+from softlab.model.core.family import Output, on_host
 from softlab.model.fluid.family import FLUID
 from softlab.model.scene.scene import Scene
 
@@ -74,7 +74,7 @@ def test_an_output_of_ones_own(monkeypatch: pytest.MonkeyPatch) -> None:
     """As docs/add-a-solver.md adds one: one entry of a family, and `read` returns it."""
     density = Output(
         "kinetic_energy_density", "(particles,)", "J/m^3", "kinetic energy over volume at rest",
-        lambda one: 500.0 * (one.read("velocity").astype(float) ** 2).sum(axis=1),
+        on_host(lambda one: 500.0 * (one.read("velocity").astype(float) ** 2).sum(axis=1)),
     )  # fmt: skip
     declared = FLUID.outputs
     monkeypatch.setitem(vars(FLUID), "outputs", lambda scene: (*declared(scene), density))

@@ -134,12 +134,14 @@ LIMITS: tuple[Limit, ...] = (
     ),
     Limit(
         "averaged forces", "force", lambda scene: _averages(scene) and scene.method.solver == "xpbd",
-        "a displacement of f/m over the number of constraints at a mass: another stiffness", "docs/method/, orderings",
+        "a displacement of f/m over the number of constraints at a mass: another stiffness",
+        "docs/method/positions.md, orderings",
         part=1.0,
     ),
     Limit(
         "averaged corrections gain", "energy", lambda scene: _averages(scene) and scene.method.solver == "xpbd",
-        "may double within ten steps: what it moves masses by is no gradient of an energy", "docs/method/, orderings",
+        "may double within ten steps: what it moves masses by is no gradient of an energy",
+        "docs/method/positions.md, orderings",
         part=1.0,
     ),
     Limit(

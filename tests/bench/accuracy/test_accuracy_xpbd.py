@@ -42,7 +42,7 @@ def small(label: str = "S1") -> Scene:
 
 @pytest.mark.parametrize(("label", "dt", "iterations", "error"), PUBLISHED)
 def test_the_published_errors(references, label, dt, iterations, error):
-    """docs/method/, C: metres, RMS over all masses, at 1.5 s. To half of the last digit told, and a thousandth for the
+    """docs/method/cases.md, C: metres, RMS over all masses, at 1.5 s. To half of the last digit, and a thousandth for the
     order of the colours, in which columns came first there."""
     scene = solved(load_scene(SCENES[label]), GAUSS_SEIDEL, iterations, dt)
     case = make_case(label, scene, "cpu", "float64", "exact")

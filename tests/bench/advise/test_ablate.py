@@ -161,7 +161,7 @@ def test_over_the_limit_a_doubled_step_breaks(store, clockwork, monkeypatch):
 
 
 def test_of_chaos_nothing_is_told(store, clockwork, monkeypatch, capsys):
-    """10 x 10, two corners, undamped, 4 s (docs/method/, fact 5): errors are refused, statistics are there instead."""
+    """10 x 10, two corners, undamped, 4 s (docs/method/cases.md, fact 5): errors are refused, statistics stand instead."""
     monkeypatch.setattr(ablation, "ENTRIES", (ablation._arithmetic,))
     scene = load_scene("lab-grid").replace({"grid.rows": 10, "grid.columns": 10, "damping.coefficient": 0.0})
     (found,) = ablate(store, scene, time=4.0, **QUIET).tables
