@@ -67,7 +67,7 @@ def answer_tables(results: Results) -> list[Table]:
     )
     if any("?" in cell for row in rows for cell in row[-3:]):
         title += f". {SUSPECT_NOTE}"
-    return [table(title, HEAD, rows, left=1)]
+    return [table(title, HEAD, rows, left=2, group=2, notes=1)]
 
 
 def _runs(results: Results, label: str) -> list[Run]:

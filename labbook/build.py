@@ -61,7 +61,7 @@ FOLDER = Path(__file__).resolve().parent
 COMMITTED = FOLDER / "data"
 ENTRIES = ("gpu-design", "cpu-design", "performance")  # the three chapters of the hand-out, of 300 to 500 words each
 MAIN = ("answer", *ENTRIES, "conclusions", "lab-step", "accuracy", "material", "fluids", "breaks")
-OWN_PAGE = ("answer", "gpu-design")  # these begin on a new page
+OWN_PAGE = ("answer",)  # these begin on a new page
 NOT_PRINTED = (  # figures that softlab figures draws for those who run their experiment
     "ablation", "bar-clusters", "convergence", "crossover", "findings-determinism", "fluids-phases", "hard-bodies",
     "hard-states",

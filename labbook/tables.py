@@ -11,7 +11,7 @@ from softlab.labbook import words
 from softlab.plots.core.data import Results, Source
 from softlab.plots.core.style import OLDER
 
-Table = dict[str, Any]  # title, head: list of str, rows: list of list of str, left: number of columns that align left
+Table = dict[str, Any]  # what `table` returns
 DASH = "\N{EN DASH}"
 SHORT = 7  # digits of a commit
 
@@ -21,9 +21,16 @@ UNITS = {
 }  # fmt: skip
 
 
-def table(title: str, head: Sequence[str], rows: Sequence[Sequence[str]], left: int = 1) -> Table:
-    """Return a table for the template; its first `left` columns are set flush left, the others flush right."""
-    return {"title": title, "head": list(head), "rows": [list(row) for row in rows], "left": left}
+def table(
+    title: str, head: Sequence[str], rows: Sequence[Sequence[str]], left: int = 1, group: int = 0, notes: int = 0
+) -> Table:
+    """Return a table for the template; its first `left` columns are set flush left, the others flush right.
+
+    The first `group` columns are printed as a line above the rows that they head, the last `notes` as lines below theirs.
+    """
+    return {
+        "title": title, "head": list(head), "rows": [list(row) for row in rows], "left": left, "group": group, "notes": notes
+    }  # fmt: skip
 
 
 def machine_lines(results: Results) -> list[str]:

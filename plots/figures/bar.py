@@ -30,7 +30,7 @@ CURVES = {  # solver -> label, colour, marker, line
     "shape-matching": ("shape matching, windows of 3 x 3", METHODS["shape-matching"], "^", "-"),
     JELLY: ("shape matching, jelly bar", METHODS["shape-matching"], "D", "--"),
     "tetrahedra, xpbd": ("tetrahedra, XPBD, 1 iteration", METHODS["xpbd"], "P", ":"),
-    "tetrahedra, newton": ("tetrahedra, newton", METHODS["newton"], "x", "--"),
+    "tetrahedra, newton": ("tetrahedra, Newton", METHODS["newton"], "x", "--"),
 }
 # solver -> size, number along the bar
 SOME = {JELLY: (SOME_OVERLAP, SOME_LAYERS), **{name: (1.0, SOME_VOXELS) for name in TETRAHEDRA}}

@@ -128,7 +128,7 @@ def test_figures_are_drawn_or_say_why_not() -> None:
             assert "Made-up CPU" in drawing.caption and "  " not in drawing.caption
             assert figure(load(None)) == "the bar was not measured (softlab bar)"
     curves = {line.get_label() for line in draw(made_up()).figure.axes[1].lines}
-    assert {"mass-spring", "XPBD, 1 iteration", "jelly bar", "tetrahedra, Newton"} <= curves
+    assert {"mass-spring", "XPBD, 1 iteration", "shape matching, jelly bar", "tetrahedra, Newton"} <= curves
     explicit = next(line for line in draw(made_up()).figure.axes[1].lines if line.get_label() == "mass-spring")
     assert list(explicit.get_xdata()) == [4, 8, 16]  # what was refused has no mark
 

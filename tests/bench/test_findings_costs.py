@@ -78,9 +78,10 @@ def results(measured):
 
 
 def test_nothing_is_measured_twice(measured):
+    """Four groups: checks at one size, the steady cost, runs by length at the small sheet, the sums of determinism."""
     _, first, second = measured
-    assert (first.measured, first.held) == (2, 0)
-    assert (second.measured, second.held, second.run) == (0, 2, "")
+    assert (first.measured, first.held) == (4, 0)
+    assert (second.measured, second.held, second.run) == (0, 4, "")
 
 
 def test_a_sample_with_looks_is_whole_intervals(measured):
