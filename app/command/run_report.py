@@ -30,9 +30,9 @@ def run_report(
     """Return the report of a run of `steps` steps that took `seconds` [s], and ended in `state`: energies [J], speeds
     [m/s], strain, the solver's numbers about contacts, bodies and fluids, and which of its physics is incomplete."""
     scene = simulation.scene
-    energy = energies(scene, state.position, state.velocity, state.plastic, state.inverse_mass)
+    energy = energies(scene, state.position, state.velocity, state.arrays, state.inverse_mass)
     strained = scene.springs or scene.cloth or scene.bodies or scene.tetrahedra or scene.is_world
-    strain = spring_strain(scene, state.position, plastic=state.plastic) if strained else np.zeros(0)
+    strain = spring_strain(scene, state.position, arrays=state.arrays) if strained else np.zeros(0)
     speed = (state.velocity.astype("float64") ** 2).sum(axis=1)
     count = counts(scene, simulation.body.inverse_mass).particles
     faults = shortfalls(simulation, state.position, state.inverse_mass)

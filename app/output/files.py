@@ -12,7 +12,7 @@ from softlab.model.core.build import build
 from softlab.model.core.clock import START, Clock
 from softlab.model.core.errors import InputError
 from softlab.model.core.files import check_target, read_archive, replacing
-from softlab.model.core.state import State, checked_arrays
+from softlab.model.core.state import FAMILY_ARRAYS, State, checked_arrays
 from softlab.model.scene.scene import Scene
 
 STATE = ".npz"
@@ -35,8 +35,8 @@ def write_state(path: Path | str, state: State) -> Path:
     For bodies also `rotation` (clusters, 4), for plastic ones `plastic` (clusters, 3, 3), for emitters `taps`. If the
     step size was changed, `clock_step` and `clock_time` [s] of the change.
     """
-    names = ("position", "velocity", "inverse_mass", "rotation", "plastic", "taps")
-    arrays = {name: getattr(state, name) for name in names if getattr(state, name) is not None}
+    arrays: dict[str, Any] = {name: getattr(state, name) for name in ("position", "velocity", "inverse_mass")}
+    arrays |= state.arrays
     if state.clock != START:
         arrays |= {"clock_step": np.int64(state.clock.step), "clock_time": np.float64(state.clock.time)}
     return _write(check_state_target(path), arrays | {"time": np.float64(state.time), "step": np.int64(state.step)})
@@ -65,8 +65,8 @@ def read_state(path: Path | str, scene: Scene, notes: list[str] | None = None) -
         raise InputError(f"{path}: time must be finite and step at least 0 (time = {time}, step = {step}, {clock})")
     velocity = arrays.get("velocity", np.zeros_like(position))
     inverse_mass = arrays.get("inverse_mass", build(scene.at(time)).inverse_mass)
-    bodies = arrays.get("rotation"), arrays.get("plastic")
-    state = State(position, velocity, inverse_mass, time, step, *bodies, clock, arrays.get("taps"))
+    others = {name: arrays.get(name) for name in FAMILY_ARRAYS}
+    state = State(position, velocity, inverse_mass, time, step, clock=clock, **others)
     if notes is not None and "wetness" in arrays:
         notes.append(f"{path}: wetness is ignored; this version simulates no absorption of fluid by cloths")
     try:

@@ -54,7 +54,7 @@ def measure(
     are enough. Raises Diverged."""
     world = worlds[current]
     state = world.state()
-    energy = energies(world.scene, state.position, state.velocity, state.plastic, state.inverse_mass)
+    energy = energies(world.scene, state.position, state.velocity, state.arrays, state.inverse_mass)
     strain = drawn_strain(world.scene, state.position)
     others = [drawn_strain(w.scene, p) for w, p in zip(worlds, positions, strict=True) if w is not world]
     wanted = max(map(strain_range, [strain, *others]))

@@ -129,7 +129,7 @@ def start(scene: Scene, position: Any = None, velocity: Any = None, rotation: An
     body_set = scene.body_set
     position = body_set.position if position is None else np.asarray(position, dtype=np.float64)
     velocity = np.zeros_like(position) if velocity is None else np.asarray(velocity, dtype=np.float64)
-    return State(position, velocity, 1 / body_set.clusters.mass, 0.0, 0, rotation)
+    return State(position, velocity, 1 / body_set.clusters.mass, 0.0, 0, rotation=rotation)
 
 
 def masses(scene: Scene) -> np.ndarray:

@@ -88,30 +88,6 @@ class Backend(ABC):
         into[...] = normal
         return into
 
-    def _download_rotation(self) -> np.ndarray | None:
-        """Return the clusters' rotations of the state (see State); None where a scene has no bodies."""
-        return None
-
-    def _upload_rotation(self, rotation: np.ndarray | None) -> None:  # noqa: B027 - most scenes have none
-        """Set the rotations; None: compute those of the uploaded state, starting from no rotation."""
-
-    def _download_plastic(self) -> np.ndarray | None:
-        """Return the plastic deformation of clusters (see State); None where a scene has no plastic bodies."""
-        return None
-
-    def _upload_plastic(self, plastic: np.ndarray | None) -> None:  # noqa: B027 - most scenes have none
-        """Set the plastic deformation of clusters (None: none). Called before `_upload_rotation`."""
-
-    def _read_deformation(self) -> np.ndarray:
-        """Return the maps from rest offsets to goals at the current positions, (clusters, 3, 3), as a new host
-        array."""
-        raise NotImplementedError
-
-    def _multipliers(self) -> np.ndarray:
-        """Return the multipliers of the fluids' density constraints in the last substep, (particles,) [m^2], as a new
-        host array."""
-        raise NotImplementedError
-
     def _read_clusters(self) -> tuple[np.ndarray, np.ndarray]:
         """Return (rotation (clusters, 4), centre of mass (clusters, 3) [m]) of bodies at the current positions, as new
         host arrays.

@@ -6,19 +6,20 @@ import numpy as np
 
 from softlab.model.core.build import masses
 from softlab.model.core.families import family_of
+from softlab.model.core.family import NO_ARRAYS, Arrays
 from softlab.model.scene.scene import Scene
 from softlab.model.shape_matching.spare import absent
 
 
 def spring_strain(
-    scene: Scene, position: np.ndarray, kind: str = "structural", plastic: np.ndarray | None = None
+    scene: Scene, position: np.ndarray, kind: str = "structural", arrays: Arrays = NO_ARRAYS
 ) -> np.ndarray:
     """Return (length - rest) / rest, (springs,) float64, in the order of the family's springs (see `sheet_strain`,
     `edge_strain`).
 
     `kind`: kind of a cloth's springs. Bodies: (entries,), see `goal_strain`.
     """
-    return family_of(scene).strain(scene, position, kind, plastic)
+    return family_of(scene).strain(scene, position, kind, arrays)
 
 
 STORING = ("grid", "cloth", "springs", "structural", "shear", "bending", "gravity", "perturbation", "method")
@@ -43,12 +44,12 @@ def energies(
     scene: Scene,
     position: np.ndarray,
     velocity: np.ndarray,
-    plastic: np.ndarray | None = None,
+    arrays: Arrays = NO_ARRAYS,
     inverse_mass: np.ndarray | None = None,
 ) -> dict[str, float]:
     """Return energies [J]: `kinetic`, `spring`, `gravity`, `potential` (the sum of the last two), `total`, `conserved`.
 
-    A cloth also has those of its springs by kind. Where clusters replace springs, `spring` is theirs. `plastic` and
+    A cloth also has those of its springs by kind. Where clusters replace springs, `spring` is theirs. `arrays` and
     `inverse_mass` as in State. Particles that are inactive by `inverse_mass` (None: at the scene's start)
     have no energy. Energies use the true mass. Gravity's zero is at y = 0. `conserved` is the quantity that the scheme
     conserves (up to a bounded oscillation) without damping. It is the total, except for the hand-out's step `lab`,
@@ -58,7 +59,7 @@ def energies(
     gravity, v = scene.gravity, np.asarray(velocity, dtype=np.float64)
     mass = masses(scene, absent(scene, inverse_mass))  # inactive particles are at rest and store no energy
     kinetic = 0.5 * float(np.sum(mass * v * v))
-    spring, by_kind = family_of(scene).stored(scene, position, plastic)
+    spring, by_kind = family_of(scene).stored(scene, position, arrays)
     height = 0.0
     if gravity and gravity.enabled:
         y = np.asarray(position, dtype=np.float64)[:, 1:2]

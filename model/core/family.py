@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -44,6 +45,31 @@ def on_host(compute: Callable[[Any], np.ndarray]) -> Callable[[Any, Any], Any]:
     return read
 
 
+@dataclass(frozen=True)
+class StateArray:
+    """An array of the state that only the simulations of some families have; a field of `State` has its name.
+
+    - `check(scene, array, real)`: the array in the arithmetic `real`, its values unchanged. Raises InputError.
+    - `download(simulation)`: a new host array, or None where the scene has none.
+    - `upload(simulation, array)`: continue from it; None: from its value in the uploaded state. Called after positions and
+      velocities were uploaded.
+    """
+
+    name: str
+    check: Callable[[Scene, Any, Any], np.ndarray]
+    download: Callable[[Any], np.ndarray | None]
+    upload: Callable[[Any, np.ndarray | None], None]
+
+    def of(self, member: Any) -> StateArray:
+        """Return the array of a member of a world, as one of the world's."""
+        return StateArray(
+            self.name,
+            lambda scene, array, real: self.check(member.scene, array, real),
+            lambda world: self.download(member),
+            lambda world, array: self.upload(member, array),
+        )
+
+
 POSITION = Output(
     "position", "(particles, dimensions)", "m", "positions", lambda simulation, into: simulation._read_position(into)
 )
@@ -65,6 +91,10 @@ def of_springs(scene: Scene) -> tuple[Output, ...]:
     return (STRAIN, NORMAL) if scene.dimensions == 3 else (STRAIN,)
 
 
+Arrays = Mapping[str, np.ndarray]  # of a state, those of its family, by name
+NO_ARRAYS: Arrays = MappingProxyType({})
+
+
 @dataclass(frozen=True)
 class SolverFamily:
     """One way to step one structure of particles, on every backend.
@@ -79,10 +109,12 @@ class SolverFamily:
     - `limited_by_net`: True if that limit depends on the springs' largest frequency.
     - `note(scene)`: a line on the method's effect on a motion.
     - `scheme_note(scene)`: what its scheme cannot do in this scene, or "".
-    - `stored(scene, position, plastic)`: the energy [J] in springs or clusters, and of a cloth's springs also by kind.
-    - `strain(scene, position, kind, plastic)`: the result of read("strain"), (springs,) or (entries,).
+    - `stored(scene, position, arrays)`: the energy [J] in springs or clusters, and of a cloth's springs also by kind.
+      `arrays`: those of the state that `state_arrays` declares, by name.
+    - `strain(scene, position, kind, arrays)`: the result of read("strain"), (springs,) or (entries,).
     - `spring_count(scene)`: the number of springs, or of what replaces them.
     - `outputs(scene)`: what `read` returns, besides positions and velocities (`Output`).
+    - `state_arrays`: what its state has besides positions and velocities (`StateArray`), in the order of their upload.
     - `solvers`, `passes`: by backend, the class that it opens and the function that describes its passes for `softlab
       plan`, as
       `module:name`, since both are in layers above the model.
@@ -105,13 +137,14 @@ class SolverFamily:
     limit: Callable[[Scene, float | None], float]
     limited_by_net: bool
     note: Callable[[Scene], str]
-    stored: Callable[[Scene, np.ndarray, np.ndarray | None], tuple[float, dict[str, float]]]
-    strain: Callable[[Scene, np.ndarray, str, np.ndarray | None], np.ndarray]
+    stored: Callable[[Scene, np.ndarray, Arrays], tuple[float, dict[str, float]]]
+    strain: Callable[[Scene, np.ndarray, str, Arrays], np.ndarray]
     spring_count: Callable[[Scene], int]
     solvers: Mapping[str, str]
     passes: Mapping[str, str]
     reference: str
     outputs: Callable[[Scene], tuple[Output, ...]] = of_springs
+    state_arrays: tuple[StateArray, ...] = ()
     scheme_note: Callable[[Scene], str] = lambda scene: ""
     unknown: str | None = None
     reach: Callable[[Scene], Reach] | None = None

@@ -19,13 +19,13 @@ import numpy as np
 from softlab.model.core.build import Body, build
 from softlab.model.core.clock import START, Clock, clock_of
 from softlab.model.core.energy import energies
-from softlab.model.core.errors import Diverged, InputError, SceneError
+from softlab.model.core.errors import Diverged, SceneError
 from softlab.model.core.families import family_of, stability_limit
-from softlab.model.core.family import OF_ALL, Output
+from softlab.model.core.family import OF_ALL, Output, StateArray
 from softlab.model.core.options import PRECISIONS, Options, check_live
 from softlab.model.core.plan import Executor, Plan, StageRun
 from softlab.model.core.stability.divergence import DIVERGED_SIZE, check_interval
-from softlab.model.core.state import State, checked_arrays, checked_clusters, every_plastic
+from softlab.model.core.state import State, checked_arrays, checked_family_arrays
 from softlab.model.core.stepping import Stepping
 from softlab.model.scene.flow import taps_at_start, turned
 from softlab.model.scene.scene import Scene
@@ -75,6 +75,11 @@ class Simulation(Stepping):
     def outputs(self) -> Mapping[str, Output]:
         """What `read` returns, by name."""
         return {output.name: output for output in (*OF_ALL, *family_of(self.scene).outputs(self.scene))}
+
+    @property
+    def state_arrays(self) -> tuple[StateArray, ...]:
+        """The arrays of the state besides positions and velocities."""
+        return family_of(self.scene).state_arrays
 
     @property
     def stages(self) -> Mapping[str, StageRun]:
@@ -127,9 +132,8 @@ class Simulation(Stepping):
         position, velocity = self._download()
         self._note_waiting(position)
         inverse_mass = self.body.inverse_mass.copy()
-        bodies = self._download_rotation(), every_plastic(self._download_plastic(), self._cluster_count())
-        taps = self._taps.copy() if len(self._taps) else None
-        return State(position, velocity, inverse_mass, self.time, self.step, *bodies, self._clock, taps)
+        arrays = {array.name: array.download(self) for array in self.state_arrays}
+        return State(position, velocity, inverse_mass, self.time, self.step, clock=self._clock, **arrays)
 
     def load(self, state: State) -> None:
         """Continue from a state: bit for bit, if it is of this scene in the same precision and `exact` math.
@@ -152,18 +156,15 @@ class Simulation(Stepping):
         same = inverse_mass is known or self._flows
         if not same and not np.allclose(inverse_mass, known, rtol=1e-6, atol=0):
             self._take_weights(inverse_mass)
-        rotation, plastic = state.rotation, state.plastic
-        if rotation is not None or plastic is not None:
-            rotation, plastic = checked_clusters(rotation, plastic, self.plan.parts, self._cluster_count(), self.real)
+        others = checked_family_arrays(state, self.state_arrays, self.scene, self.real)
         self._enter(float(state.time))
         self._set_clock(clock_of(state.clock, int(state.step), float(state.time), self.scene.method.dt))
         if len(self.body.pinned):
             arrays["velocity"] = arrays["velocity"].copy()  # the array may be the caller's
             arrays["velocity"][self.body.pinned] = self._pin_velocity(int(state.step))
-        self._take_taps(state.taps)
         self._upload(arrays["position"], arrays["velocity"])
-        self._upload_plastic(None if plastic is None else plastic[: self.scene.body_set.loose.count])
-        self._upload_rotation(rotation)
+        for array in self.state_arrays:
+            array.upload(self, others.get(array.name))
         self.step, self.time = int(state.step), self._clock.at(int(state.step), self.scene.method.dt)
         self._put_aside()
 
@@ -199,18 +200,6 @@ class Simulation(Stepping):
         if self._flows:
             found = self.scene.fluid_set
             self.body = replace(self.body, inverse_mass=np.where(found.there(position), 1 / found.masses, 0.0))
-
-    def _take_taps(self, taps: np.ndarray | None) -> None:
-        """Set the emitter states; None: those of the scene's start. Raises InputError for arrays of another shape."""
-        found = taps_at_start(self.scene) if taps is None else np.array(taps, np.float64)
-        if found.shape != self._taps.shape or not np.isfinite(found).all():
-            raise InputError(f"taps has shape {found.shape}, this scene needs {self._taps.shape}, of finite numbers")
-        if not np.array_equal(found, self._taps):
-            self._taps = found
-            self._parameters_changed()
-
-    def _cluster_count(self) -> int:
-        return self.scene.body_set.clusters.count if self.scene.bodies else 0
 
     def reset(self) -> None:
         """Return to the scene's start."""
@@ -380,4 +369,4 @@ class Simulation(Stepping):
             The state is not finite.
         """
         state = self.state()
-        return energies(self.scene, state.position, state.velocity, state.plastic, state.inverse_mass)
+        return energies(self.scene, state.position, state.velocity, state.arrays, state.inverse_mass)

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 
 from softlab.model.core.clock import START, Clock
 from softlab.model.core.errors import InputError
+from softlab.model.core.family import StateArray
 from softlab.model.core.options import PRECISIONS
-from softlab.model.geometry.arithmetic.ordered import determinant, dot
-
-UNIT = 1e-3  # tolerance of a quaternion's length: float32 rounding, or a text file with three digits
+from softlab.model.scene.scene import Scene
 
 
 @dataclass(frozen=True)
@@ -49,6 +49,16 @@ class State:
     clock: Clock = START
     taps: np.ndarray | None = None
 
+    @property
+    def arrays(self) -> dict[str, np.ndarray]:
+        """The arrays that only some families have and this state has, by name."""
+        values = {name: getattr(self, name) for name in FAMILY_ARRAYS}
+        return {name: array for name, array in values.items() if array is not None}
+
+
+# the fields that a family declares (`StateArray`)
+FAMILY_ARRAYS = tuple(field.name for field in fields(State) if field.default is None)
+
 
 def checked_arrays(state: State, shape: tuple[int, ...], precision: str) -> tuple[dict[str, np.ndarray], np.ndarray]:
     """Return (position and velocity in that precision, C-contiguous, by name; inverse masses unchanged) of a state.
@@ -80,54 +90,14 @@ def checked_arrays(state: State, shape: tuple[int, ...], precision: str) -> tupl
     return arrays, inverse_mass
 
 
-def _checked(
-    name: str, given: np.ndarray, shape: tuple[int, ...], real: type, size: Callable, told: tuple[str, str]
-) -> np.ndarray:
-    """Return an array with an entry for each cluster, `shape` in all, in the arithmetic `real`, unchanged.
-
-    `size`: of the arrays in float64, which must be 1. `told`: names of an entry and of its size. Raises InputError.
+def checked_family_arrays(
+    state: State, declared: Sequence[StateArray], scene: Scene, real: Any
+) -> Mapping[str, np.ndarray]:
+    """Return the arrays of the families in the arithmetic `real`, by name. Raises InputError, also for an array that no
+    family of the scene has.
     """
-    array = np.asarray(given)
-    if array.shape != shape:
-        raise InputError(f"{name} has shape {array.shape}, this scene needs {shape}: a {told[0]} for each cluster")
-    if not np.issubdtype(array.dtype, np.floating):
-        raise InputError(f"{name} holds {array.dtype}, this needs real numbers")
-    with np.errstate(invalid="ignore"):
-        found = size(array)
-    if not (np.abs(found - 1) <= UNIT).all():  # false for NaN
-        worst = int(np.argmax(np.where(np.isfinite(found), np.abs(found - 1), np.inf)))
-        raise InputError(f"{name} of cluster {worst} has the {told[1]} {found[worst]:g}; it must be 1")
-    return np.ascontiguousarray(array, dtype=real)
-
-
-def checked_clusters(
-    rotation: np.ndarray | None, plastic: np.ndarray | None, parts: frozenset[str], count: int, real: type
-) -> tuple[np.ndarray | None, np.ndarray | None]:
-    """Return (unit quaternions (clusters, 4), plastic strains (clusters, 3, 3) of volume 1) in the arithmetic `real`,
-    or None.
-
-    Values are unchanged. Raises InputError, also for plastic strains of a scene without plastic bodies.
-    """
-    if rotation is not None:
-        rotation = _checked("rotation", rotation, (count, 4), real, _lengths, ("quaternion", "length"))
-    if plastic is not None:
-        if "plastic" not in parts:
-            raise InputError("plastic: this scene has no plastic bodies; plastic_creep makes them so")
-        plastic = _checked("plastic", plastic, (count, 3, 3), real, _volumes, ("matrix", "volume"))
-    return rotation, plastic
-
-
-def _lengths(quaternions: np.ndarray) -> np.ndarray:
-    return np.sqrt(dot(quaternions.astype(np.float64), quaternions.astype(np.float64)))
-
-
-def _volumes(matrices: np.ndarray) -> np.ndarray:
-    return determinant(matrices.astype(np.float64))
-
-
-def every_plastic(loose: np.ndarray | None, count: int) -> np.ndarray | None:
-    """Return the plastic strains of all `count` clusters, (clusters, 3, 3), from those of loose ones: lattices have
-    none."""
-    if loose is None or len(loose) == count:
-        return loose
-    return np.concatenate([loose, np.tile(np.eye(3, dtype=loose.dtype), (count - len(loose), 1, 1))])
+    checks = {array.name: array.check for array in declared}
+    for name in state.arrays:
+        if name not in checks:
+            raise InputError(f"{name}: this scene has no such array; leave it out")
+    return {name: checks[name](scene, array, real) for name, array in state.arrays.items()}

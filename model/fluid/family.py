@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 from math import hypot, inf, sqrt
+from typing import Any
 
-from softlab.model.core.family import STRAIN, Output, SolverFamily, on_host
+import numpy as np
+
+from softlab.model.core.errors import InputError
+from softlab.model.core.family import STRAIN, Output, SolverFamily, StateArray, on_host
 from softlab.model.core.stability.laws import RESTS
 from softlab.model.fluid.halo import fluid_halo
 from softlab.model.fluid.measure import density_errors, pressures
@@ -12,6 +16,7 @@ from softlab.model.fluid.parameters import fluid_record, highest_viscosity, spee
 from softlab.model.fluid.plan import fluid_plan
 from softlab.model.fluid.speeds import expected_speeds
 from softlab.model.scene.cloth import COLLIDER_KINDS
+from softlab.model.scene.flow import taps_at_start
 from softlab.model.scene.scene import Scene
 
 PRESSURE = Output(
@@ -89,6 +94,29 @@ def fluid_note(scene: Scene) -> str:
     return told
 
 
+def _check_taps(scene: Scene, taps: Any, real: Any) -> np.ndarray:
+    """Return emitter states, (emitters, 2) float64."""
+    array, shape = np.array(taps, np.float64), (len(scene.emitters), 2)
+    if array.shape != shape or not np.isfinite(array).all():
+        raise InputError(f"taps has shape {array.shape}, this scene needs {shape}, of finite numbers")
+    return array
+
+
+def _upload_taps(simulation: Any, taps: np.ndarray | None) -> None:
+    """Set the emitter states; None: those of the scene's start."""
+    taps = taps_at_start(simulation.scene) if taps is None else taps
+    if not np.array_equal(taps, simulation._taps):
+        simulation._taps = taps
+        simulation._parameters_changed()
+
+
+TAPS = StateArray(
+    "taps",
+    _check_taps,
+    lambda simulation: simulation._taps.copy() if len(simulation._taps) else None,
+    _upload_taps,
+)
+
 FLUID = SolverFamily(
     name="fluid",
     knows=frozenset({"fluid", "emitter", "sink", "domain", "foam", "gravity", "external", "method", *COLLIDER_KINDS}),
@@ -99,13 +127,14 @@ FLUID = SolverFamily(
     limited_by_net=False,
     note=fluid_note,
     scheme_note=lambda scene: "; ".join(scheme_notes(scene)),
-    stored=lambda scene, position, plastic: (0.0, {}),
-    strain=lambda scene, position, kind, plastic: density_errors(scene, position),
+    stored=lambda scene, position, arrays: (0.0, {}),
+    strain=lambda scene, position, kind, arrays: density_errors(scene, position),
     spring_count=lambda scene: 0,
     solvers={"cpu": "softlab.cpu_backend.fluid.solver:Fluid", "gpu": "softlab.gpu_backend.fluid.solver:Fluid"},
     passes={"cpu": "softlab.app.plan.fluid:fluid_on_cpu", "gpu": "softlab.app.plan.fluid_gpu:fluid_on_gpu"},
     reference="softlab.bench.reference.fluid",
     outputs=lambda scene: (STRAIN, PRESSURE),
+    state_arrays=(TAPS,),
     halo=fluid_halo,
     unknown="a fluid's particles have no converged reference; the density error is reported instead",
 )

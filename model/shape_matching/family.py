@@ -7,25 +7,24 @@ from dataclasses import replace
 
 import numpy as np
 
+from softlab.model.core.family import Arrays
 from softlab.model.scene.checks.fit import OF_BODIES
 from softlab.model.scene.checks.solver import MATCHED
 from softlab.model.scene.scene import Scene
 from softlab.model.shape_matching.apart import bodies_apart
 from softlab.model.shape_matching.energy import goal_strain, window_energy
-from softlab.model.shape_matching.outputs import of_bodies
+from softlab.model.shape_matching.outputs import STATE_ARRAYS, of_bodies
 from softlab.model.xpbd.family import SHEET
 
 
-def _stored_in_windows(
-    scene: Scene, position: np.ndarray, plastic: np.ndarray | None
-) -> tuple[float, dict[str, float]]:
+def _stored_in_windows(scene: Scene, position: np.ndarray, arrays: Arrays) -> tuple[float, dict[str, float]]:
     return window_energy(scene, position), {}
 
 
-def _stored_in_bodies(scene: Scene, position: np.ndarray, plastic: np.ndarray | None) -> tuple[float, dict[str, float]]:
+def _stored_in_bodies(scene: Scene, position: np.ndarray, arrays: Arrays) -> tuple[float, dict[str, float]]:
     """Return the energy of clusters and links [J]."""
     links = scene.body_set.links.energy(position)
-    return scene.body_set.clusters.energy(position, plastic) + links, {}
+    return scene.body_set.clusters.energy(position, arrays.get("plastic")) + links, {}
 
 
 WINDOWS = replace(
@@ -50,7 +49,8 @@ BODIES = replace(
     accepts=lambda scene: bool(scene.bodies),
     limited_by_net=False,
     stored=_stored_in_bodies,
-    strain=lambda scene, position, kind, plastic: goal_strain(scene, position, plastic),
+    strain=lambda scene, position, kind, arrays: goal_strain(scene, position, arrays.get("plastic")),
+    state_arrays=STATE_ARRAYS,
     spring_count=lambda scene: 0,
     solvers={backend: f"softlab.{backend}_backend.shape_matching.solver:Bodies" for backend in ("cpu", "gpu")},
     passes={"cpu": "softlab.app.plan.xpbd:bodies_on_cpu", "gpu": "softlab.app.plan.xpbd:bodies_on_gpu"},

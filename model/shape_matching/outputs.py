@@ -1,12 +1,18 @@
-"""What `Simulation.read` returns of bodies of clusters."""
+"""What bodies of clusters add to `Simulation.read` and to the state."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 
-from softlab.model.core.family import Output, on_host
-from softlab.model.core.state import every_plastic
+from softlab.model.core.errors import InputError
+from softlab.model.core.family import Output, StateArray, on_host
+from softlab.model.geometry.arithmetic.ordered import determinant, dot
 from softlab.model.scene.scene import Scene
+
+UNIT = 1e-3  # tolerance of a quaternion's length: float32 rounding, or a text file with three digits
 
 ROTATION = Output(
     "rotation",
@@ -24,7 +30,7 @@ DEFORMATION = Output(
 )  # fmt: skip
 PLASTIC = Output(
     "plastic", "(clusters, 3, 3)", "1", "plastic deformation of rest offsets, of determinant 1",
-    on_host(lambda one: np.asarray(every_plastic(one._download_plastic(), one._cluster_count()))),
+    on_host(lambda one: next(array for array in one.state_arrays if array.name == "plastic").download(one)),
 )  # fmt: skip
 
 
@@ -32,3 +38,70 @@ def of_bodies(scene: Scene) -> tuple[Output, ...]:
     """Return the outputs of a scene with bodies of clusters."""
     is_plastic = "plastic" in scene.body_set.clusters.parts
     return ROTATION, CENTRE, DEFORMATION, *((PLASTIC,) if is_plastic else ())
+
+
+# ---------------------------------------------------------------------- arrays of the state
+
+
+def _checked(
+    name: str, values: Any, shape: tuple[int, ...], real: Any, size: Callable, words: tuple[str, str]
+) -> np.ndarray:
+    """Return an array with an entry for each cluster, `shape` in all, in the arithmetic `real`, unchanged.
+
+    `size`: of the arrays in float64, which must be 1. `words`: names of an entry and of its size. Raises InputError.
+    """
+    array = np.asarray(values)
+    if array.shape != shape:
+        raise InputError(f"{name} has shape {array.shape}, this scene needs {shape}: a {words[0]} for each cluster")
+    if not np.issubdtype(array.dtype, np.floating):
+        raise InputError(f"{name} holds {array.dtype}, this needs real numbers")
+    with np.errstate(invalid="ignore"):
+        sizes = size(array)
+    if not (np.abs(sizes - 1) <= UNIT).all():  # false for NaN
+        worst = int(np.argmax(np.where(np.isfinite(sizes), np.abs(sizes - 1), np.inf)))
+        raise InputError(f"{name} of cluster {worst} has the {words[1]} {sizes[worst]:g}; it must be 1")
+    return np.ascontiguousarray(array, dtype=real)
+
+
+def _check_rotation(scene: Scene, rotation: Any, real: Any) -> np.ndarray:
+    """Return unit quaternions, (clusters, 4)."""
+    return _checked("rotation", rotation, (scene.body_set.clusters.count, 4), real, _lengths, ("quaternion", "length"))
+
+
+def _check_plastic(scene: Scene, plastic: Any, real: Any) -> np.ndarray:
+    """Return plastic deformations of determinant 1, (clusters, 3, 3)."""
+    clusters = scene.body_set.clusters
+    if "plastic" not in clusters.parts:
+        raise InputError("plastic: this scene has no plastic bodies; plastic_creep makes them so")
+    return _checked("plastic", plastic, (clusters.count, 3, 3), real, _volumes, ("matrix", "volume"))
+
+
+def _lengths(quaternions: np.ndarray) -> np.ndarray:
+    return np.sqrt(dot(quaternions.astype(np.float64), quaternions.astype(np.float64)))
+
+
+def _volumes(matrices: np.ndarray) -> np.ndarray:
+    return determinant(matrices.astype(np.float64))
+
+
+def _download_plastic(simulation: Any) -> np.ndarray | None:
+    """Return the plastic deformation of all clusters, from that of loose ones: lattices have none."""
+    loose, count = simulation._download_plastic(), simulation.scene.body_set.clusters.count
+    if loose is None or len(loose) == count:
+        return loose
+    return np.concatenate([loose, np.tile(np.eye(3, dtype=loose.dtype), (count - len(loose), 1, 1))])
+
+
+def _upload_plastic(simulation: Any, plastic: np.ndarray | None) -> None:
+    simulation._upload_plastic(None if plastic is None else plastic[: simulation.scene.body_set.loose.count])
+
+
+STATE_ARRAYS = (
+    StateArray("plastic", _check_plastic, _download_plastic, _upload_plastic),
+    StateArray(
+        "rotation",
+        _check_rotation,
+        lambda simulation: simulation._download_rotation(),
+        lambda simulation, rotation: simulation._upload_rotation(rotation),
+    ),
+)

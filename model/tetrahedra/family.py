@@ -8,7 +8,7 @@ import numpy as np
 
 from softlab.model.contact.substep_parameters import XPBD_FIELDS, xpbd_values
 from softlab.model.core.clock import START, Clock
-from softlab.model.core.family import SolverFamily
+from softlab.model.core.family import Arrays, SolverFamily
 from softlab.model.core.parameters import rounded_record
 from softlab.model.core.stability.projection import projection_limit, projection_note
 from softlab.model.geometry.measures import edge_lengths
@@ -33,14 +33,14 @@ def tetrahedra_record(
     return rounded_record(scene, own | xpbd_values(scene, poke, clock), XPBD_FIELDS, real)
 
 
-def _stored(scene: Scene, position: np.ndarray, plastic: np.ndarray | None) -> tuple[float, dict[str, float]]:
+def _stored(scene: Scene, position: np.ndarray, arrays: Arrays) -> tuple[float, dict[str, float]]:
     found = scene.tetrahedra_set
     own = position[found.first_particle[-1] :]
     cloth = {kind: mesh_energy(scene, own, kind) for kind in scene.constraints}
     return float(energies(found, position).sum()) + stored(found, position) + sum(cloth.values()), cloth
 
 
-def _strain(scene: Scene, position: np.ndarray, kind: str, plastic: np.ndarray | None) -> np.ndarray:
+def _strain(scene: Scene, position: np.ndarray, kind: str, arrays: Arrays) -> np.ndarray:
     ends, rest = scene.tetrahedra_set.edges
     return edge_lengths(np.asarray(position, np.float64), ends) / rest - 1
 

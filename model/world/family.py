@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from softlab.model.core.clock import START, Clock
-from softlab.model.core.family import SolverFamily, of_springs
+from softlab.model.core.family import Arrays, SolverFamily, of_springs
 from softlab.model.core.parameters import rounded_record
 from softlab.model.core.plan import Plan
 from softlab.model.fluid.family import FLUID, fluid_note
@@ -58,23 +58,23 @@ def _note(scene: Scene) -> str:
     )
 
 
-def _stored(scene: Scene, position: np.ndarray, plastic: np.ndarray | None) -> tuple[float, dict[str, float]]:
+def _stored(scene: Scene, position: np.ndarray, arrays: Arrays) -> tuple[float, dict[str, float]]:
     """Return the total energy [J], and that of a cloth's constraints by kind."""
     total: float = 0.0
     by_kind: dict[str, float] = {}
     members = _members(scene)
     for name, place in scene.world_set.slices().items():
         family, part = members[name]
-        own, kinds = family.stored(part, position[place], plastic if name == "bodies" else None)
+        own, kinds = family.stored(part, position[place], arrays)
         total, by_kind = total + own, by_kind | kinds
     return total, by_kind
 
 
-def _strain(scene: Scene, position: np.ndarray, kind: str, plastic: np.ndarray | None) -> np.ndarray:
+def _strain(scene: Scene, position: np.ndarray, kind: str, arrays: Arrays) -> np.ndarray:
     """Return the strains of one member after the other."""
     members = _members(scene)
     found = [
-        members[name][0].strain(members[name][1], position[place], kind, plastic if name == "bodies" else None)
+        members[name][0].strain(members[name][1], position[place], kind, arrays)
         for name, place in scene.world_set.slices().items()
     ]
     return np.concatenate(found)

@@ -10,9 +10,10 @@ import numpy as np
 
 from softlab.model.core.clock import Clock
 from softlab.model.core.errors import InputError
+from softlab.model.core.family import StateArray
 from softlab.model.core.plan import StageRun
 from softlab.model.core.simulation import Options, Simulation
-from softlab.model.core.state import State, checked_arrays
+from softlab.model.core.state import State, checked_arrays, checked_family_arrays
 from softlab.model.scene.scene import Scene
 from softlab.model.world.plan import name_of_stage
 
@@ -92,20 +93,20 @@ class WorldSimulation(Simulation):
     # ------------------------------------------------------------------ the state
 
     def load(self, state: State) -> None:
-        """Continue from a state, see Simulation; each member loads its own part, `rotation` and `plastic` go to
-        bodies."""
+        """Continue from a state, see Simulation; each member loads its own part."""
         arrays, inverse_mass = checked_arrays(state, self.body.position.shape, self.options.precision)
         time = float(state.time)
         if not np.allclose(inverse_mass, self._body_at(time).inverse_mass, rtol=1e-6, atol=0):
             raise InputError("inverse_mass differs from the scene's; give the scene the same masses and pins")
+        others = checked_family_arrays(state, self.state_arrays, self.scene, self.real)
         self._enter(time)
         for name, member in self.members.items():
             place = self.slices[name]
-            clusters = (state.rotation, state.plastic) if name == "bodies" else (None, None)
+            names = [array.name for array in member.state_arrays]
             member.load(
                 State(
                     arrays["position"][place], arrays["velocity"][place], inverse_mass[place], state.time, state.step,
-                    *clusters, state.clock,
+                    clock=state.clock, **{name: others.get(name) for name in names},
                 )
             )  # fmt: skip
         first = next(iter(self.members.values()))
@@ -122,20 +123,10 @@ class WorldSimulation(Simulation):
         for name, member in self.members.items():
             member._upload(position[self.slices[name]], velocity[self.slices[name]])
 
-    def _bodies(self) -> Simulation | None:
-        return self.members.get("bodies")
-
-    def _cluster_count(self) -> int:
-        member = self._bodies()
-        return member._cluster_count() if member else 0
-
-    def _download_rotation(self) -> np.ndarray | None:
-        member = self._bodies()
-        return member._download_rotation() if member else None
-
-    def _download_plastic(self) -> np.ndarray | None:
-        member = self._bodies()
-        return member._download_plastic() if member else None
+    @property
+    def state_arrays(self) -> tuple[StateArray, ...]:
+        """The arrays of all members."""
+        return tuple(array.of(member) for member in self.members.values() for array in member.state_arrays)
 
     # ------------------------------------------------------------------ other methods of Simulation
 

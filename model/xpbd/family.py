@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from softlab.model.contact.substep_parameters import xpbd_record
-from softlab.model.core.family import ANY_SHEET, SolverFamily
+from softlab.model.core.family import ANY_SHEET, Arrays, SolverFamily
 from softlab.model.core.sharing.decomposition import Reach, require_local
 from softlab.model.core.stability.projection import projection_limit, projection_note
 from softlab.model.core.stability.springs import sheet_spring_count, sheet_strain, stored_in_springs
@@ -19,7 +19,7 @@ from softlab.model.xpbd.plan import xpbd_parts, xpbd_plan
 from softlab.model.xpbd.reach import period, substep_rows
 
 
-def _stored_in_mesh(scene: Scene, position: np.ndarray, plastic: np.ndarray | None) -> tuple[float, dict[str, float]]:
+def _stored_in_mesh(scene: Scene, position: np.ndarray, arrays: Arrays) -> tuple[float, dict[str, float]]:
     by_kind = {kind: mesh_energy(scene, position, kind) for kind in scene.constraints}
     return sum(by_kind.values()), by_kind
 
@@ -71,7 +71,7 @@ MESH = replace(
     plan=xpbd_mesh_plan,
     limited_by_net=False,
     stored=_stored_in_mesh,
-    strain=lambda scene, position, kind, plastic: edge_strain(scene, position, kind),
+    strain=lambda scene, position, kind, arrays: edge_strain(scene, position, kind),
     spring_count=lambda scene: sum(len(found.corners) for found in constraint_sets(scene)),
     solvers={backend: f"softlab.{backend}_backend.xpbd.mesh:MeshPositionBased" for backend in ("cpu", "gpu")},
     passes={"cpu": "softlab.app.plan.mesh:mesh_on_cpu", "gpu": "softlab.app.plan.mesh:mesh_on_gpu"},

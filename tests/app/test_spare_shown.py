@@ -46,7 +46,7 @@ def with_a_torus() -> FakeCloth:
 def test_what_waits_has_no_energy_and_is_in_no_count() -> None:
     state, alone = FakeCloth(SPARE).state(), FakeCloth(ALONE).state()
     found = energies(SPARE, state.position, state.velocity)
-    assert found == energies(SPARE, state.position, state.velocity, None, state.inverse_mass)
+    assert found == energies(SPARE, state.position, state.velocity, inverse_mass=state.inverse_mass)
     known = energies(ALONE, alone.position, alone.velocity)
     assert (
         found["gravity"] == pytest.approx(known["gravity"], rel=1e-14) and known["gravity"] > 0

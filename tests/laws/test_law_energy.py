@@ -79,7 +79,7 @@ def wobble(row: Row) -> float:
 
 def total(scene: Scene, state: State) -> float:
     """[J]: what the scheme itself keeps."""
-    return energies(scene, state.position, state.velocity, state.plastic, state.inverse_mass)["conserved"]
+    return energies(scene, state.position, state.velocity, state.arrays, state.inverse_mass)["conserved"]
 
 
 @of("energy")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from softlab.model.core.family import NO_ARRAYS, Arrays
 from softlab.model.scene.scene import Scene
 
 WAYS = {  # (rows, columns) from one end of a spring to the other, by kind; a grid's are the structural ones
@@ -75,7 +76,7 @@ def _lengths(scene: Scene, position: np.ndarray) -> tuple[np.ndarray, np.ndarray
     return np.hypot(across[..., 0], across[..., 1]), np.hypot(down[..., 0], down[..., 1])
 
 
-def sheet_strain(scene: Scene, position: np.ndarray, kind: str, plastic: np.ndarray | None = None) -> np.ndarray:
+def sheet_strain(scene: Scene, position: np.ndarray, kind: str, arrays: Arrays = NO_ARRAYS) -> np.ndarray:
     """Return (length - rest) / rest, (springs,) float64, of the horizontal springs row by row, then of the vertical
     ones.
 
@@ -91,9 +92,7 @@ def sheet_strain(scene: Scene, position: np.ndarray, kind: str, plastic: np.ndar
     return length / scene.grid.spacing if rest == 0 else (length - rest) / rest
 
 
-def stored_in_springs(
-    scene: Scene, position: np.ndarray, plastic: np.ndarray | None = None
-) -> tuple[float, dict[str, float]]:
+def stored_in_springs(scene: Scene, position: np.ndarray, arrays: Arrays = NO_ARRAYS) -> tuple[float, dict[str, float]]:
     """Return (energy of all springs, a cloth's by kind) [J]: k (length - rest)^2 / 2 of each that is not
     inextensible."""
     springs, stored = scene.springs, 0.0
