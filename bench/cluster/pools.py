@@ -175,6 +175,9 @@ def _no_interrupts() -> Iterator[None]:
 
     A terminal sends it to all that were started from it, but the sweep stops its workers in its own way.
     """
+    if not hasattr(signal, "pthread_sigmask"):  # Windows
+        yield
+        return
     old = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield

@@ -66,8 +66,11 @@ def key(description: dict[str, Any], digests: Any) -> tuple[str, str]:
 def limit_memory(fraction: float = 0.25) -> None:
     """Let a configuration that needs more than this fraction of the main memory fail, not the machine."""
     import os
-    import resource
 
+    try:
+        import resource
+    except ImportError:  # Windows has no such limit
+        return
     most = int(fraction * os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
     resource.setrlimit(resource.RLIMIT_DATA, (most, most))
 
