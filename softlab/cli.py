@@ -4,9 +4,9 @@ app/command/file_commands.py, bench/store/commands.py."""
 
 from __future__ import annotations
 
-from softlab.app.command.stopping import answer_at_once
+from softlab.app.command.stopping import install_interrupt_handler
 
-answer_at_once()  # what is imported next takes half a second
+install_interrupt_handler()  # what is imported next takes half a second
 # ruff: noqa: E402
 
 import json
@@ -25,7 +25,7 @@ from softlab.app.command.command_line import (
     SceneName,
     Settings,
     Threads,
-    compilations_told,
+    compilations_shown,
     errors,
     exit_status,
     out,
@@ -187,7 +187,7 @@ def run(
     request, processes = among_ranks(wanted, request)
     if processes:
         raise typer.Exit(start_ranks(processes, sys.argv[1:]))
-    with compilations_told():
+    with compilations_shown():
         result = run_scene(wanted, request)
     if result.rank != 0:
         return
@@ -231,7 +231,7 @@ def demo(
     if frames is not None and frames < 1:
         raise SceneError("--frames", frames, "must be a whole number, at least 1")
     shown = [scene_of(name, settings) for name in scenes or ["lab-grid"]]
-    with compilations_told():
+    with compilations_shown():
         run_demo(
             *shown, backend=backend, threads=threads, precision=precision, math=math, frames=frames, judge=judge_run
         )
@@ -279,7 +279,7 @@ def plan(
 
     check_asked("gpu", gpus, 1, exchange_every, None)
     wanted = BACKENDS if backend is None else (backend,)
-    with compilations_told():
+    with compilations_shown():
         report = plan_report(scene_of(scene, settings), precision, wanted, measure)
     if gpus != 1:
         report = replace(report, shared=shared_plan(report.scene, gpus, exchange_every, report.item))

@@ -38,7 +38,7 @@ class Mesh:
         """Whether it does more than move."""
         return bool(self.spin.any())
 
-    def turned(self, time: float) -> tuple[np.ndarray, np.ndarray]:
+    def rotated(self, time: float) -> tuple[np.ndarray, np.ndarray]:
         """(vertices, normals) (vertices, 3) float32 at `time` [s], where nothing but the spin has moved them."""
         turn = turn_matrix(self.spin * time).T
         vertices, normals = (self.vertices - self.origin) @ turn + self.origin, self.normals @ turn
@@ -133,12 +133,12 @@ def corner_normals(triangles: np.ndarray, facets: np.ndarray) -> np.ndarray:
     valence = np.bincount(vertex)
     first, count = (np.cumsum(valence) - valence)[vertex], valence[vertex]
     # every corner with each one of its vertex
-    own = np.repeat(np.arange(len(vertex)), count)
-    other = order[np.arange(len(own)) - np.repeat(np.cumsum(count) - count, count) + np.repeat(first, count)]
+    corner = np.repeat(np.arange(len(vertex)), count)
+    other = order[np.arange(len(corner)) - np.repeat(np.cumsum(count) - count, count) + np.repeat(first, count)]
     unit = facets / np.linalg.norm(facets, axis=1)[:, None]
-    near = np.einsum("ij,ij->i", unit[own // 3], unit[other // 3]) > np.cos(EDGE)
-    own, weighed = own[near], facets[other[near] // 3]
-    normals = np.stack([np.bincount(own, axis, len(vertex)) for axis in weighed.T], axis=1)
+    near = np.einsum("ij,ij->i", unit[corner // 3], unit[other // 3]) > np.cos(EDGE)
+    corner, weighed = corner[near], facets[other[near] // 3]
+    normals = np.stack([np.bincount(corner, axis, len(vertex)) for axis in weighed.T], axis=1)
     return np.asarray(normals / np.linalg.norm(normals, axis=1)[:, None])
 
 
@@ -179,19 +179,19 @@ def grounds(scene: Scene, time: float, lowest: float) -> list[Ground]:
     """The scene's planes at `time` [s], or a level ground a little below `lowest` [m], where it has none and no mesh to
     fall on."""
     planes = [collider for _, collider in scene.colliders if isinstance(collider, Plane)]
-    found = []
+    surfaces = []
     for plane in planes:
         across, along, normal = plane_axes(plane.normal)
-        found.append(Ground(np.array(plane.point) + time * np.array(plane.velocity), normal, across, along))
-    if not found:
+        surfaces.append(Ground(np.array(plane.point) + time * np.array(plane.velocity), normal, across, along))
+    if not surfaces:
         if any(isinstance(collider, SurfaceCollider) for _, collider in scene.colliders):
             return []  # it has a ground of its own
         size = scene.grid.extent
         step = size / GROUND_STEPS
         across, along, normal = plane_axes(UP)
         height = step * np.floor((lowest - GROUND_GAP * size) / step)
-        found.append(Ground(np.array([0.0, height, 0.0]), normal, across, along))
-    return found
+        surfaces.append(Ground(np.array([0.0, height, 0.0]), normal, across, along))
+    return surfaces
 
 
 def shadow_matrix(ground: Ground, light: np.ndarray) -> np.ndarray:

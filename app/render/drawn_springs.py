@@ -33,10 +33,10 @@ def drawn_lines(scene: Scene) -> list[tuple[np.ndarray, float]]:
         return alike(*scene.tetrahedra_set.edges)
     if not scene.mesh:
         return [(spring_ends(grid.rows, grid.columns, k), REACH[k] * grid.spacing) for k in drawn_kinds(scene)]
-    found = []
+    lines = []
     for kind in drawn_kinds(scene):
-        found += alike(*edges_of(scene, kind))
-    return found
+        lines += alike(*edges_of(scene, kind))
+    return lines
 
 
 def alike(ends: np.ndarray, rest: np.ndarray) -> list[tuple[np.ndarray, float]]:

@@ -37,14 +37,14 @@ def seen_points(scene: Scene, position: np.ndarray, time: float) -> np.ndarray:
     points = np.asarray(position, dtype=np.float64)
     if not np.isfinite(points).all():
         points = points[np.isfinite(points).all(axis=1)]
-    found = [points, *(box_corners(low, high) for low, high in collider_boxes(scene, bounds, time))]
+    seen = [points, *(box_corners(low, high) for low, high in collider_boxes(scene, bounds, time))]
     if scene.fluids:
-        found.append(box_corners(np.array(tank[:3]), np.array(tank[3:])))
+        seen.append(box_corners(np.array(tank[:3]), np.array(tank[3:])))
     least = bounds[1] - scene.grid.extent / 2
     for _, collider in scene.colliders if scene.bodies else ():
         if isinstance(collider, Plane):
-            found.append(_landing(points, collider, time, least))
-    return np.concatenate(found)
+            seen.append(_landing(points, collider, time, least))
+    return np.concatenate(seen)
 
 
 def _landing(points: np.ndarray, plane: Plane, time: float, least: float) -> np.ndarray:
@@ -53,6 +53,6 @@ def _landing(points: np.ndarray, plane: Plane, time: float, least: float) -> np.
     if normal[1] < MIN_SLOPE:
         return np.zeros((0, 3))
     away = (points - np.asarray(plane.point) - time * np.asarray(plane.velocity)) @ normal
-    found = points.copy()
-    found[:, 1] = np.maximum(points[:, 1] - np.maximum(away, 0.0) / normal[1], least)
-    return found
+    landing = points.copy()
+    landing[:, 1] = np.maximum(points[:, 1] - np.maximum(away, 0.0) / normal[1], least)
+    return landing

@@ -99,7 +99,8 @@ def beside_tip(start: Pair, end: Pair, size: Pair, window: Pair) -> Pair:
     half, middle = np.asarray(size) / 2, np.asarray(end, dtype=float)
     along = np.subtract(end, start) / max(float(np.hypot(*np.subtract(end, start))), 1e-9)
     across = np.array([-along[1], along[0]])
-    ahead, aside = (float(np.abs(way) @ half) for way in (along, across))  # how far the label reaches from its middle
+    # half the label's extent along the arrow and across it
+    ahead, aside = (float(np.abs(direction) @ half) for direction in (along, across))
     beside = [-ahead * along + side * (TIP_GAP + aside) * across for side in (1, -1)]
     places: list[Pair] = []
     for away in ((TIP_GAP + ahead) * along, *beside):

@@ -13,8 +13,8 @@ COLOURINGS = ("body", "group", "cluster")  # the first is how bodies are shown a
 
 def of_numbers(number: np.ndarray) -> np.ndarray:
     """(n, 3) float32: the colours of numbers (n,), which repeat."""
-    found: np.ndarray = np.array(colours.BODIES, np.float32)[np.asarray(number) % len(colours.BODIES)]
-    return found
+    repeated: np.ndarray = np.array(colours.BODIES, np.float32)[np.asarray(number) % len(colours.BODIES)]
+    return repeated
 
 
 def particle_colours(scene: Scene, colouring: str) -> np.ndarray:
@@ -41,6 +41,6 @@ def nearest_clusters(body_set: BodySet) -> np.ndarray:
     away = np.linalg.norm(clusters.rest, axis=1)
     order = np.lexsort((away, clusters.indices))
     particles, first = np.unique(clusters.indices[order], return_index=True)
-    found = np.zeros(body_set.particle_count, np.int64)
-    found[particles] = clusters.owner[order][first]
-    return found
+    nearest = np.zeros(body_set.particle_count, np.int64)
+    nearest[particles] = clusters.owner[order][first]
+    return nearest

@@ -24,7 +24,7 @@ from softlab.model.scene.cloth import Plane
 from softlab.model.scene.scene import Scene
 
 KEY = np.array([-0.45, 0.95, 0.60]) / np.linalg.norm([-0.45, 0.95, 0.60])  # toward the light that throws shadows
-GROUND_REACH = 2.6  # times the scene's size, to where nothing is left of the ground
+GROUND_RADIUS = 2.6  # times the scene's size, to where nothing is left of the ground
 GROUND_COVER = 0.55  # how much of what lies behind the ground it hides, seen from above
 MIN_SLOPE = 0.15  # cosine between a plane's normal and the light from which on it bears shadows
 SQUARE = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], dtype=np.float32)
@@ -56,7 +56,7 @@ class Lit:
         self.program["eye"] = tuple(camera.eye.tolist())
         self.program["fill"] = tuple((fill / np.linalg.norm(fill)).tolist())
 
-    def look(self, front: Any, back: Any, shine: float, shift: np.ndarray) -> None:
+    def set_material(self, front: Any, back: Any, shine: float, shift: np.ndarray) -> None:
         """Colours of both sides, strength of the highlight, and how far what is drawn has moved [m]."""
         self.program["front"], self.program["back"] = front, back
         self.program["shine"] = shine
@@ -80,7 +80,7 @@ class Scenery:
         self._buffers: list[int] = []
         self._meshes: list[tuple[Drawn, np.ndarray]] = []
         self._turning: list[tuple[int, int, Mesh]] = []  # buffers of vertices and normals
-        self._turned_to = 0.0  # s
+        self._rotation_time = 0.0  # s
         meshes = [collider_mesh(collider) for _, collider in scene.colliders]
         for mesh in [*(mesh for mesh in meshes if mesh is not None), *tank_frame(scene)]:
             drawn = (self._array(mesh.vertices, mesh.triangles, mesh), gl.GL_TRIANGLES, mesh.triangles.size)
@@ -98,12 +98,12 @@ class Scenery:
 
     def _turn_to(self, time: float) -> None:
         """Send anew what turns, where it is at `time` [s]."""
-        if time != self._turned_to:
+        if time != self._rotation_time:
             for place, facing, mesh in self._turning:
-                vertices, normals = mesh.turned(time)
+                vertices, normals = mesh.rotated(time)
                 refill(place, vertices)
                 refill(facing, normals)
-            self._turned_to = time
+            self._rotation_time = time
 
     def _ground_constants(self) -> None:
         program = self._ground_program
@@ -126,12 +126,12 @@ class Scenery:
         planes = [collider for _, collider in self.scene.colliders if isinstance(collider, Plane)]
         if len(planes) > shaders3d.LIMITS or any(any(plane.velocity) for plane in planes):
             planes = []
-        found = np.zeros((shaders3d.LIMITS, 4))
-        for row, plane in zip(found, planes, strict=False):
+        limits = np.zeros((shaders3d.LIMITS, 4))
+        for row, plane in zip(limits, planes, strict=False):
             row[:3] = np.array(plane.normal) / np.linalg.norm(plane.normal)
             row[3] = -row[:3] @ np.array(plane.point)
-        program["limits"], program["limit_count"] = tuple(map(tuple, found.tolist())), len(planes)
-        program["reach"] = GROUND_REACH * self.size
+        program["limits"], program["limit_count"] = tuple(map(tuple, limits.tolist())), len(planes)
+        program["reach"] = GROUND_RADIUS * self.size
 
     def draw_colliders(self, lit: Lit, time: float) -> None:
         """Every collider but planes where it is at `time` [s]; `lit` is in use."""
@@ -139,7 +139,7 @@ class Scenery:
             return
         self._turn_to(time)
         for drawn, velocity in self._meshes:
-            lit.look(colours.COLLIDER, colours.COLLIDER, 0.10, velocity * time)
+            lit.set_material(colours.COLLIDER, colours.COLLIDER, 0.10, velocity * time)
             draw_elements(*drawn)
 
     def draw_shadows(

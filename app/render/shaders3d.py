@@ -62,11 +62,11 @@ TINTED_VERTEX = SURFACE_VERTEX.replace("uniform mat4", "layout(location = 4) in 
     "out vec3 outward;\nvoid main() {", "out vec3 outward;\nout vec3 tint;\nvoid main() {\n    tint = colour;"
 )  # every vertex of a colour of its own
 TINTED_FRAGMENT = (
-    SURFACE_FRAGMENT.replace("uniform vec3 front;\nuniform vec3 back;", "in vec3 tint;\nuniform float told;")
+    SURFACE_FRAGMENT.replace("uniform vec3 front;\nuniform vec3 back;", "in vec3 tint;\nuniform float unlit;")
     .replace("gl_FrontFacing ? front : back, facing", "tint, facing")
     .replace("pixel = vec4(lit(", "pixel = vec4(mix(lit(")
-    .replace("look), look), 1.0);", "look), look), tint, told), 1.0);")
-)  # `told`, 0 to 1: how little light changes a colour that is a number
+    .replace("look), look), 1.0);", "look), look), tint, unlit), 1.0);")
+)  # `unlit`, 0 to 1: how little light changes a colour that is a number
 
 LIMITS = 6  # planes that end each other
 FADE = (

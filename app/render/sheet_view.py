@@ -51,19 +51,19 @@ OF_A_ROPE = Sizes((0.035, 0.8, 2.0), (0.4, 4.0, 12.0), 0.0)
 
 def of_distance(apart: float, size: tuple[float, float, float]) -> float:
     """Pixels of what has such a size, where neighbours are `apart` pixels apart."""
-    share, least, most = size
-    return min(max(share * apart, least), most)
+    fraction, least, most = size
+    return min(max(fraction * apart, least), most)
 
 
 def heavy_masses(scene: Scene) -> list[tuple[np.ndarray, float]]:
     """[(its index (1,) uint32, how many times as wide as the others it is drawn)]: of loads that are heavier than the others,
     as wide as balls of the same stuff are, up to HEAVIEST."""
-    found = []
+    heavy = []
     for load in scene.loads.values():
         wide = min(float(np.cbrt(load.mass / scene.grid.mass)), HEAVIEST)
         if wide > 1:
-            found.append((np.array([load.at[0] * scene.grid.columns + load.at[1]], np.uint32), wide))
-    return found
+            heavy.append((np.array([load.at[0] * scene.grid.columns + load.at[1]], np.uint32), wide))
+    return heavy
 
 
 class SheetView(View):
@@ -116,7 +116,7 @@ class SheetView(View):
             self._draw_springs(camera, strain_range)
             return
         self._lit.use(camera)
-        self._lit.look(colours.CLOTH_FRONT, colours.CLOTH_BACK, 0.06, np.zeros(3))
+        self._lit.set_material(colours.CLOTH_FRONT, colours.CLOTH_BACK, 0.06, np.zeros(3))
         draw_elements(*self._surface)
         self._lit.program.stop()
 

@@ -126,7 +126,7 @@ class View(ABC):
     def pin(self, scene: Scene) -> None:  # noqa: B027 - most views mark no pins
         """Mark the pins of `scene`, this one at another time, from now on."""
 
-    def keep_above_ground(self, lowest: float) -> None:
+    def lower_ground(self, lowest: float) -> None:
         """The ground that a scene in space without a plane gets lies below `lowest` [m] from now on."""
         if np.isfinite(lowest):
             self.lowest = min(self.lowest, lowest)

@@ -57,13 +57,13 @@ def camera_of(scene: Scene, width: int, height: int) -> Any:
     return camera
 
 
-def check_look(scene: Scene, look: Sequence[str]) -> None:
+def check_view_options(scene: Scene, view_options: Sequence[str]) -> None:
     """Raise InputError for a look that scenes of this kind, or all scenes, lack."""
-    from softlab.app.render.fluid.view import LOOKS as OF_FLUIDS
-    from softlab.app.render.tetrahedra_view import LOOKS as OF_TETRAHEDRA
+    from softlab.app.render.fluid.view import VIEW_OPTIONS as OF_FLUIDS
+    from softlab.app.render.tetrahedra_view import VIEW_OPTIONS as OF_TETRAHEDRA
 
     known = OF_TETRAHEDRA if scene.tetrahedra else OF_FLUIDS if scene.fluids else ()
-    for name in look:
+    for name in view_options:
         if not known:
             raise InputError(f"--look {name}: applies to tetrahedral bodies and fluids; leave it out")
         if name not in known:

@@ -77,8 +77,8 @@ class WorldView(View):
         """See View."""
         super().know(velocity, time)
         for name, part in getattr(self, "parts", {}).items():
-            own = None if velocity is None else np.ascontiguousarray(velocity[self._slices[name]])
-            part.know(own, time)
+            member_velocity = None if velocity is None else np.ascontiguousarray(velocity[self._slices[name]])
+            part.know(member_velocity, time)
 
     def pin(self, scene: Scene) -> None:
         """See View; of each member."""
@@ -95,8 +95,8 @@ class WorldView(View):
         """See View."""
         members: Mapping[str, Simulation] = simulation.members  # type: ignore[attr-defined]
         for name, part in self.parts.items():
-            own = None if position is None else np.ascontiguousarray(position[self._slices[name]])
-            part.upload_from(members[name], own)
+            member_position = None if position is None else np.ascontiguousarray(position[self._slices[name]])
+            part.upload_from(members[name], member_position)
 
     # ------------------------------------------------------------------ the frame
 

@@ -42,8 +42,8 @@ class Demo(Steering):
         on = not self.gravity
         if self._change([(world, {"gravity.enabled": on}) for world in self.changed]):
             parts = [world.scene.gravity for world in self.changed]
-            found = dict.fromkeys(f"{part.acceleration:g}" for part in parts if part)
-            self.say(f"{self.whose}gravity " + (f"on: {', '.join(found)} m/s² downward" if on else "off"))
+            accelerations = dict.fromkeys(f"{part.acceleration:g}" for part in parts if part)
+            self.say(f"{self.whose}gravity " + (f"on: {', '.join(accelerations)} m/s² downward" if on else "off"))
 
     @property
     def gravity(self) -> bool:
@@ -74,13 +74,13 @@ class Demo(Steering):
             (world, {path: stiffness * FACTOR**presses for path, stiffness in stiffness_paths(world.scene).items()})
             for world in self.changed
         ]
-        told = next((fields for _, fields in wanted if fields), None)
-        if told is None:
+        first = next((fields for _, fields in wanted if fields), None)
+        if first is None:
             self.say(f"{self.whose}this scene has no elastic springs")
         elif self._change(wanted):
             texts = [
                 f"{'' if path.startswith('springs.') else path.partition('.')[0] + ' '}stiffness {stiffness:.4g} N/m"
-                for path, stiffness in told.items()
+                for path, stiffness in first.items()
             ]
             self.say(f"{self.whose}{', '.join(texts)}; dt {self.world.scene.method.dt:.4g} s, {self.limit_text()}")
 
@@ -127,10 +127,10 @@ class Demo(Steering):
                 for path, value in live_fields(scene).items():
                     world.set(path, value)
 
-        self.hand.held = None
+        self.picker.poke = None
         if self.world.scene.bodies:  # it may wait again
-            self.hand.selected = None
-        self.hand.forget()
+            self.picker.selected = None
+        self.picker.forget()
         self.frozen, self.failure = False, ""
         if self.rebuilt and not self._reopen(self.backend, self.threads, self.scenes, from_start=True):
             return
@@ -184,14 +184,14 @@ class Demo(Steering):
         """X: the body of the selected particle leaves, and waits from then on."""
         if self._blocked():
             return
-        selected, body_set = self.hand.selected, self.world.scene.body_set if self.world.scene.bodies else None
+        selected, body_set = self.picker.selected, self.world.scene.body_set if self.world.scene.bodies else None
         if selected is None or body_set is None:
             self.say("select a body first: click it or press an arrow key" if body_set is not None else NO_BODIES)
             return
         copy = body_set.copies[body_set.body[selected]]
         if self._guard(lambda: self.world.remove_body(copy.number)):
-            self.hand.held = self.hand.selected = None
-            self.hand.forget()
+            self.picker.poke = self.picker.selected = None
+            self.picker.forget()
             self._moved = True
             self.say(f"{copy.name} removed: {counts_text(self.world)}")
             self.refresh(force=True)

@@ -28,10 +28,14 @@ def milliseconds(seconds: float) -> str:
     return f"{value:.0f} ms" if value >= 1000 else f"{value:.3g} ms"
 
 
-def numbers_text(demo: Demo, frame_seconds: float, draw_seconds: float, way: str = "", brief: bool = False) -> str:
-    """Three lines, the most important first: when and how fast; what is set and what comes of it; who computes and draws.
-    `frame_seconds`, `draw_seconds`: of a frame, smoothed. `way`: how it is drawn, where there is more than one. `brief`:
-    without what the panel tells beside it."""
+def numbers_text(
+    demo: Demo, frame_seconds: float, draw_seconds: float, drawing_path: str = "", brief: bool = False
+) -> str:
+    """Return three lines, the most important first: time and speed; settings and energy; backend and timings.
+
+    `frame_seconds`, `draw_seconds`: of a frame, smoothed. `drawing_path`: how it is drawn, if there are several ways.
+    `brief`: without what the panel shows beside it.
+    """
     if demo.compiling is not None:
         return (
             f"compiling this scene: {demo.compiling:.0f} s so far\n"
@@ -46,19 +50,19 @@ def numbers_text(demo: Demo, frame_seconds: float, draw_seconds: float, way: str
     state = "   DIVERGED" if demo.frozen else "   paused" if demo.paused else ""
     state += f"   INCOMPLETE: {demo.statistics.faults}" if demo.statistics.faults else ""
     gravity = "on" if demo.gravity else "off"
-    way = f" ({way})" if way else ""
+    drawing_path = f" ({drawing_path})" if drawing_path else ""
     whose = f"{demo.titles[demo.current]}: " if len(demo.worlds) > 1 else ""
     steps = demo.steps_of(world)
     physics, drawing = milliseconds(demo.physics_seconds), milliseconds(draw_seconds)
-    told = f"   gravity {gravity}   {springs}energy {demo.statistics.energy:.4g} J   {strain_text(demo)}"
+    details = f"   gravity {gravity}   {springs}energy {demo.statistics.energy:.4g} J   {strain_text(demo)}"
     limit = "" if FAR * scene.method.dt < world.limit < math.inf else f", {demo.limit_text()}"
     masses = f"   {masses_text(scene, world.body.inverse_mass)}"
     return "\n".join(
         (
             f"{whose}time {world.time:.2f} s   {rates_text(demo, frame_seconds)}{state}",
-            f"dt {scene.method.dt:.4g} s{limit} ({scene.method.name}){'' if brief else told}",
+            f"dt {scene.method.dt:.4g} s{limit} ({scene.method.name}){'' if brief else details}",
             f"{world.backend}, {threads}, {world.options.precision}{'' if brief else masses}   "
-            f"per frame: {steps} step{'s' * (steps != 1)}, physics {physics}, drawing {drawing}{way}",
+            f"per frame: {steps} step{'s' * (steps != 1)}, physics {physics}, drawing {drawing}{drawing_path}",
         )
     )
 
@@ -105,35 +109,37 @@ def strain_text(demo: Demo) -> str:
 
 
 def counts_of(world: Simulation) -> dict[str, int]:
-    """How many there are of what a world has, by name."""
+    """Return the number of particles, bodies, clusters and so on of a world, by name."""
     scene = world.scene
-    told, springs = counts(scene, world.body.inverse_mass), family_of(scene).spring_count(scene)
-    found = {
-        "Particles": told.particles,
-        "Bodies": told.bodies or len(scene.tetrahedra),
-        "Inactive bodies": told.waiting,
-        "Clusters": told.clusters,
+    totals, springs = counts(scene, world.body.inverse_mass), family_of(scene).spring_count(scene)
+    amounts = {
+        "Particles": totals.particles,
+        "Bodies": totals.bodies or len(scene.tetrahedra),
+        "Inactive bodies": totals.waiting,
+        "Clusters": totals.clusters,
         "Tetrahedra": len(scene.tetrahedra_set.tetrahedra) if scene.tetrahedra else 0,
         "Springs": 0 if scene.bodies or scene.tetrahedra else springs,
         "Colliders": len(scene.colliders),
     }
-    return {name: count for name, count in found.items() if count or name == "Particles"}
+    return {name: count for name, count in amounts.items() if count or name == "Particles"}
 
 
 def masses_text(scene: Scene, inverse_mass: np.ndarray | None = None) -> str:
-    """How many masses there are, in words; of bodies also how many clusters and bodies, and how many more bodies wait, by
-    inverse masses as in State (None: when the scene starts); and colliders."""
+    """Return the number of masses in words, with clusters, active and inactive bodies, and colliders.
+
+    `inverse_mass`, as in State, marks inactive bodies (None: when the scene starts).
+    """
     colliders = len(scene.colliders)
-    found = f"{scene.grid.rows} x {scene.grid.columns} masses"
+    text = f"{scene.grid.rows} x {scene.grid.columns} masses"
     if scene.fluids:
-        found = str(scene.fluid_set)
+        text = str(scene.fluid_set)
     if scene.tetrahedra:
-        found = str(scene.tetrahedra_set)
+        text = str(scene.tetrahedra_set)
     if scene.bodies:
-        told = counts(scene, inverse_mass)
-        found = f"{told.particles} particles in {told.clusters} clusters of {told.bodies} bodies"
-        found += f" + {told.waiting} inactive" if told.waiting else ""
-    return found + (f", {colliders} collider{'s' * (colliders > 1)}" if colliders else "")
+        totals = counts(scene, inverse_mass)
+        text = f"{totals.particles} particles in {totals.clusters} clusters of {totals.bodies} bodies"
+        text += f" + {totals.waiting} inactive" if totals.waiting else ""
+    return text + (f", {colliders} collider{'s' * (colliders > 1)}" if colliders else "")
 
 
 def demo_state(demo: Demo, camera: Camera, pane: Pane, height: int) -> dict[str, Any]:
@@ -141,11 +147,11 @@ def demo_state(demo: Demo, camera: Camera, pane: Pane, height: int) -> dict[str,
     of the `worlds` what its title tells. `masses`: for the corners, the middle and the selected mass, the place in the
     `window` (pixels from its upper left corner) and the `position` [m]; `mean`, `low`, `high` [m] of all positions, but of
     `waiting` bodies, which are counted."""
-    world, position, held = demo.world, demo.position, demo.hand.held
+    world, position, poke = demo.world, demo.position, demo.picker.poke
     columns, last = world.body.columns, len(position) - 1
     sample = {0, columns - 1, world.body.rows // 2 * columns + columns // 2, last - columns + 1, last}
-    if demo.hand.selected is not None:
-        sample.add(demo.hand.selected)
+    if demo.picker.selected is not None:
+        sample.add(demo.picker.selected)
     masses = {}
     for particle in sorted(sample):
         if np.isfinite(position[particle]).all():
@@ -156,8 +162,8 @@ def demo_state(demo: Demo, camera: Camera, pane: Pane, height: int) -> dict[str,
                     "window": [pane.left + float(x), height - pane.bottom - float(y)],
                     "position": metres,
                 }
-    there = present(world.scene, position, world.body.inverse_mass)
-    finite = there[np.isfinite(there).all(axis=1)].astype(np.float64)
+    active = present(world.scene, position, world.body.inverse_mass)
+    finite = active[np.isfinite(active).all(axis=1)].astype(np.float64)
     some = finite if len(finite) else np.zeros((1, world.scene.dimensions))
     stiffness = list(stiffness_paths(world.scene).values())
     return {
@@ -178,8 +184,8 @@ def demo_state(demo: Demo, camera: Camera, pane: Pane, height: int) -> dict[str,
         "incomplete": demo.statistics.faults,
         "message": demo.message,
         "message_count": demo.message_count,
-        "selected": demo.hand.selected,
-        "poke": {"particle": held.particle, "force": list(demo.force())} if held else None,
+        "selected": demo.picker.selected,
+        "poke": {"particle": poke.particle, "force": list(demo.force())} if poke else None,
         "energy": demo.statistics.energy,
         "worst_strain": None if math.isnan(demo.statistics.worst_strain) else demo.statistics.worst_strain,
         "mean": some.mean(axis=0).tolist(),

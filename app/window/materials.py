@@ -14,7 +14,7 @@ def material_changes(scene: Scene, field: str, presses: int) -> dict[str, float]
     """Dotted path -> value of a `field` of every body, after so many presses upward. Of Poisson's ratio it is what is left to
     1/2 that changes by the factor, of which stiffness against a change of volume is the inverse."""
     factor = FACTORS[field] ** presses
-    found = {}
+    changes = {}
     for name, part in scene.tetrahedra.items():
         value = getattr(part, field)
         if field == "poisson_ratio":
@@ -24,8 +24,8 @@ def material_changes(scene: Scene, field: str, presses: int) -> dict[str, float]
             value = value if value >= LAST_DAMPING else 0.0
         else:
             value *= factor
-        found[f"{name}.{field}"] = value
-    return found
+        changes[f"{name}.{field}"] = value
+    return changes
 
 
 def material_at(scene: Scene, field: str, value: float) -> dict[str, float]:

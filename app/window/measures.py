@@ -22,7 +22,7 @@ from softlab.model.scene.scene import Scene
 from softlab.model.shape_matching.spare import absent, present
 
 ASKED = 30_000  # particles of a fluid whose densities are asked for in passing: a tenth of a second
-KEEP_RANGE = 2.6  # times the wanted range of colours: a legend that flickers between two ranges cannot be read
+RANGE_HYSTERESIS = 2.6  # times the wanted range of colours: a legend that flickers between two ranges cannot be read
 
 
 @dataclass(frozen=True)
@@ -58,9 +58,9 @@ def measure(
     strain = drawn_strain(world.scene, state.position)
     others = [drawn_strain(w.scene, p) for w, p in zip(worlds, positions, strict=True) if w is not world]
     wanted = max(map(strain_range, [strain, *others]))
-    if wanted < before.strain_range <= KEEP_RANGE * wanted:
+    if wanted < before.strain_range <= RANGE_HYSTERESIS * wanted:
         wanted = before.strain_range
-    there = [
+    active = [
         main_part(w.scene, p) if with_fluids(w.scene) else present(w.scene, p, w.body.inverse_mass)
         for w, p in zip(worlds, positions, strict=True)
     ]
@@ -70,7 +70,7 @@ def measure(
         pushed = tuple(np.atleast_1d(np.sum(mass * state.velocity, axis=0, dtype=np.float64)).tolist())
     fastest = float(np.sqrt((state.velocity**2).sum(axis=1).max())) if world.scene.fluids else 0.0
     worst = _worst(world.scene, state.position, strain)
-    bounds = _bounds(there, before)
+    bounds = _bounds(active, before)
     faults = fault_words({**lost(world), **inverted_elements(world.scene, state.position)})
     return Statistics(energy["total"], energy["kinetic"], worst, wanted, bounds, pushed, fastest, faults)
 
@@ -88,8 +88,8 @@ def measure_picture(
 
 def _worst(scene: Scene, position: np.ndarray, strain: np.ndarray) -> float:
     if scene.fluids:
-        told = len(position) <= ASKED and bool(np.isfinite(position).all())
-        return compression(scene, position)[1] if told else np.nan
+        measurable = len(position) <= ASKED and bool(np.isfinite(position).all())
+        return compression(scene, position)[1] if measurable else np.nan
     return float(strain[np.argmax(np.abs(strain))]) if len(strain) else 0.0
 
 

@@ -14,7 +14,7 @@ from softlab.app.render.panels import Arrow, Panel, Style
 from softlab.app.window.demo_report import numbers_text, title_text
 from softlab.app.window.frame_times import FrameGraph, FrameTimes
 from softlab.app.window.keys import hint, keys_text
-from softlab.app.window.shown import Shown
+from softlab.app.window.window_protocol import WindowProtocol
 
 NUMBERS = Style(13, bold=True), Style(10), Style(9, colour=colours.FAINT)  # the first line matters most
 TITLE = Style(11, bold=True), Style(10)
@@ -26,7 +26,7 @@ class Overlay:
     """Text and marks over a Viewer's picture. `show_keys`, `show_numbers`, `show_graph`: which of them are there; `times` of
     the last frames. Needs the window's OpenGL context."""
 
-    def __init__(self, viewer: Shown):
+    def __init__(self, viewer: WindowProtocol):
         self.viewer, self.demo = viewer, viewer.demo
         with drawing_text():
             self._numbers, self._keys = Panel("top-left", *NUMBERS), Panel("centre", Style(11))
@@ -97,10 +97,11 @@ class Overlay:
         if now >= self._text_due:
             self._text_due = now + TEXT_INTERVAL
             view = viewer.views[self.demo.current]
-            way = [f"{view.detail.name}{viewer.drawn_by}"] if viewer.space else []
-            if self.demo.world.backend == "gpu":  # of a CPU there is one way
-                way.append(view.vertices.way)
-            text = numbers_text(self.demo, viewer.frame_seconds, viewer.draw_seconds, ", ".join(way), viewer.panel.open)
+            notes = [f"{view.detail.name}{viewer.drawn_by}"] if viewer.space else []
+            if self.demo.world.backend == "gpu":  # a CPU has only one path to the drawing
+                notes.append(view.vertices.transfer)
+            drawn = ", ".join(notes)
+            text = numbers_text(self.demo, viewer.frame_seconds, viewer.draw_seconds, drawn, viewer.panel.open)
             self._numbers.place(text, viewer.shown_width, viewer.height)
         self._numbers.draw()
         return self._numbers.height + 8
@@ -124,17 +125,17 @@ class Overlay:
 
     def _draw_hand(self) -> None:
         """The arrow of the held force."""
-        held, demo, camera = self.demo.hand.held, self.demo, self.viewer.camera
-        if held is None:
+        poke, demo, camera = self.demo.picker.poke, self.demo, self.viewer.camera
+        if poke is None:
             return
-        place = demo.position[held.particle].astype(float)
+        place = demo.position[poke.particle].astype(float)
         start, pane = camera.to_window(place), self.viewer.panes[demo.current]
         force = demo.force()
-        if held.target is not None:
-            end = camera.to_window(np.array(held.target))
+        if poke.target is not None:
+            end = camera.to_window(np.array(poke.target))
         else:
-            way = camera.to_window(place + demo.world.scene.grid.spacing * np.array(held.direction)) - start
-            end = start + 70 * way / (np.hypot(*way) or 1.0)
+            direction = camera.to_window(place + demo.world.scene.grid.spacing * np.array(poke.direction)) - start
+            end = start + 70 * direction / (np.hypot(*direction) or 1.0)
         if np.isfinite([start, end]).all():
             corner = np.array([pane.left, pane.bottom])
             window = self.viewer.shown_width, self.viewer.height

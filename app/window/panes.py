@@ -38,12 +38,12 @@ def view_kind(scene: Scene) -> str:
 
 def kind_of_tables(kinds: Mapping[str, str], fluid_dimensions: int = 3) -> str:
     """What a scene shows, from the kinds of its tables by name, without reading its meshes."""
-    found = set(kinds.values())
-    if found & set(BODY_KINDS) and not members_of(kinds):
+    used = set(kinds.values())
+    if used & set(BODY_KINDS) and not members_of(kinds):
         return "bodies"
-    if "fluid" in found and not members_of(kinds):
+    if "fluid" in used and not members_of(kinds):
         return f"a fluid in {fluid_dimensions} dimensions"
-    return "masses in a plane" if "grid" in found else "masses in space"
+    return "masses in a plane" if "grid" in used else "masses in space"
 
 
 def titles_of(scenes: Sequence[Scene]) -> list[str]:

@@ -47,5 +47,5 @@ def drop(world: Simulation, name: str, place: Sequence[float]) -> int:
 
 def counts_text(world: Simulation) -> str:
     """How many bodies there are, and how many wait."""
-    told = counts(world.scene, world.body.inverse_mass)
-    return f"{told.bodies} bod{'y' if told.bodies == 1 else 'ies'}, {told.waiting} inactive"
+    totals = counts(world.scene, world.body.inverse_mass)
+    return f"{totals.bodies} bod{'y' if totals.bodies == 1 else 'ies'}, {totals.waiting} inactive"

@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from softlab.app.window.hand import Hand
 from softlab.app.window.live import stiffness_paths
+from softlab.app.window.picker import Picker
 from softlab.app.window.poking import Poking
 from softlab.app.window.worlds import STEPS_PER_FRAME
 from softlab.model.core.errors import SoftlabError
@@ -43,7 +43,7 @@ class Steering(Poking):
         """The hand and the numbers are in another world from now on."""
         if number != self.current:
             self.release()
-            self.current, self.hand = number, Hand(self.scenes[number].dimensions)
+            self.current, self.picker = number, Picker(self.scenes[number].dimensions)
             self.refresh(force=True)
 
     def choose(self, number: int | None) -> None:
@@ -74,8 +74,8 @@ class Steering(Poking):
         self.say(f"{self.whose}{path} = {_text(value)}")
         return True
 
-    def set_fields(self, wanted: Sequence[Mapping[str, Any]], told: Callable[[], str]) -> bool:
-        """Other fields of each changed world, which are opened anew in them; `told` of it."""
+    def set_fields(self, wanted: Sequence[Mapping[str, Any]], message: Callable[[], str]) -> bool:
+        """Reopen each changed world with the `wanted` fields, and show `message()`. Returns True on success."""
         if self._blocked():
             return False
         changes = {id(world): fields for world, fields in zip(self.changed, wanted, strict=True)}
@@ -92,7 +92,7 @@ class Steering(Poking):
             return False
         self._moved = True
         self.refresh(force=True)
-        self.say(f"{self.whose}{told()}, " + ("state kept" if same else "restarted because the masses changed"))
+        self.say(f"{self.whose}{message()}, " + ("state kept" if same else "restarted because the masses changed"))
         return True
 
     def _change(self, wanted: Sequence[tuple[Simulation, Mapping[str, Any]]]) -> bool:
@@ -128,7 +128,7 @@ class Steering(Poking):
         if self._guard(lambda: self._pull_and_advance(1)):
             self._moved = True
             self.refresh(force=True)
-            self.say(f"step {self._pace.step}; press space to continue")
+            self.say(f"step {self._slowest_clock.step}; press space to continue")
 
     # ------------------------------------------------------------------ how they are run
 
@@ -173,7 +173,7 @@ class Steering(Poking):
             else:
                 self.disturb(CHANGED)
         self.backend, self.threads = backend, threads
-        self.hand.forget()
+        self.picker.forget()
         self._guard(self._push)
         return True
 
@@ -205,7 +205,7 @@ class Steering(Poking):
             world.close()
         return True
 
-    def keep_current(self) -> None:
+    def show_current_only(self) -> None:
         """Of several worlds the current one alone, as it is."""
         self._show_as_it_is(1)
 

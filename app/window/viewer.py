@@ -21,16 +21,16 @@ from softlab.app.window.controls import Controls
 from softlab.app.window.demo import Demo
 from softlab.app.window.demo_report import demo_state, write_state
 from softlab.app.window.following import Following
-from softlab.app.window.looks import Looks
+from softlab.app.window.idle_redraw import IdleRedraw
 from softlab.app.window.overlay import Overlay
 from softlab.app.window.panes import GAP, Pane, check_alike, panes
 from softlab.app.window.shots import Shots
-from softlab.app.window.shown import Judge, panel_of
-from softlab.app.window.stillness import Stillness
+from softlab.app.window.view_options import ViewOptions
+from softlab.app.window.window_protocol import Judge, panel_of
 from softlab.model.scene.scene import Scene
 
 WIDTH, HEIGHT = 1200, 900
-FOLLOW_SHARE = 0.12  # of the way to the view that shows everything, per frame
+FOLLOW_FRACTION = 0.12  # of the way to the view that shows everything, per frame
 COMPILING_INTERVAL = 0.25  # s between two frames while something is compiled
 STATE_FRAMES = 3  # frames between two writes of the state file
 
@@ -50,7 +50,7 @@ class Viewer:
             self.window.set_minimum_size(480, 360)
             self.views: list[Any] = [view_of(scene, quick=True) for scene in demo.scenes]
             self.drawn_by = ", by software" if by_software(renderer_name()) else ""
-            self.looks = Looks(demo, self.views)
+            self.view_options = ViewOptions(demo, self.views)
             self.overlay = Overlay(self)
         except BaseException:
             self.window.close()
@@ -70,7 +70,7 @@ class Viewer:
         self.following.approach(1.0)
         self.controls = Controls(self)
         self.window.push_handlers(on_draw=self._draw)
-        self.stillness = Stillness(self)
+        self.idle_redraw = IdleRedraw(self)
 
     def frame_everything(self) -> None:
         """F: show everything now, and follow it from now on."""
@@ -128,7 +128,7 @@ class Viewer:
         self.controls.mouse.pull()
         demo.frame()
         if self.follow:
-            self.following.approach(FOLLOW_SHARE)
+            self.following.approach(FOLLOW_FRACTION)
         self.following.stay_above_ground()
         drawing = self._paint()
         self.overlay.times.add(demo.physics_seconds, drawing)
@@ -146,7 +146,7 @@ class Viewer:
         self._generation = demo.generation
         space, bodies = demo.world.scene.dimensions == 3, bool(demo.world.scene.bodies)
         self.views = [view_of(world.scene, quick=True) for world in demo.worlds]
-        self.looks.renew(self.views, before, alike=demo.scenes[0].name == self._scenes[0].name)
+        self.view_options.renew(self.views, before, alike=demo.scenes[0].name == self._scenes[0].name)
         for view in before:
             view.delete()
         if (space, bodies) != (self.space, self.bodies):
@@ -196,7 +196,7 @@ class Viewer:
         for number, (view, world, pane) in enumerate(zip(self.views, demo.worlds, self.panes, strict=True)):
             gl.glViewport(pane.left, pane.bottom, pane.width, pane.height)
             self._clear(pane)
-            selected = demo.hand.selected if number == demo.current else None
+            selected = demo.picker.selected if number == demo.current else None
             view.draw(self.camera, demo.statistics.strain_range, selected, world.time)
         gl.glViewport(0, 0, self.width, self.height)
         self.overlay.draw(start)
@@ -224,9 +224,9 @@ class Viewer:
             "keys_shown": self.overlay.show_keys,
             "numbers_shown": self.overlay.show_numbers,
             "graph_shown": self.overlay.show_graph,
-            "panel": self.panel.told(),
+            "panel": self.panel.widget_places(),
             "screenshot": str(self.shots.screenshot) if self.shots.screenshot else None,
-            "way": self.views[0].vertices.way,
+            "way": self.views[0].vertices.transfer,
         }
         if self.space:
             shown |= {"lines": self.views[0].lines}
@@ -236,14 +236,16 @@ class Viewer:
             names = ("particles", "skin", "clusters", "links", "colouring")
             shown |= {name: getattr(self.views[0], name) for name in names}
         return (
-            demo_state(self.demo, self.camera, self.panes[self.demo.current], self.height) | self.camera.told() | shown
+            demo_state(self.demo, self.camera, self.panes[self.demo.current], self.height)
+            | self.camera.as_dict()
+            | shown
         )
 
     def _tick(self, passed: float) -> None:
         """A frame, if there is anything to draw, `passed` [s] after the last one."""
         if self.compiling.running and perf_counter() < self._last_frame + COMPILING_INTERVAL:
             return  # a processor that draws compiles more slowly
-        if self.frames is not None or self.stillness.wanted(perf_counter()):
+        if self.frames is not None or self.idle_redraw.wanted(perf_counter()):
             self.window.draw(passed)
         else:
             self._last_frame = perf_counter()

@@ -13,21 +13,23 @@ import numpy as np
 
 from softlab.app.driver import open_simulation
 from softlab.app.render.camera import finite_bounds
-from softlab.app.window.hand import Hand
 from softlab.app.window.live import live_parts
 from softlab.app.window.measures import Statistics, measure, measure_picture
 from softlab.app.window.panes import check_alike, titles_of
+from softlab.app.window.picker import Picker
 from softlab.model.core.errors import Diverged, SoftlabError
 from softlab.model.core.simulation import Simulation, State
 from softlab.model.scene.scene import Scene
 
-ALWAYS_KEPT = 50_000  # masses: up to here the last picture that fits is kept in every frame, beyond it when dt is over
+MAX_SNAPSHOT_MASSES = (
+    50_000  # up to here the last picture that fits is stored in every frame, beyond if dt is too large
+)
 WATCHABLE = 3.0  # times the scene's size: what still fits the window, and is shown of a state that diverged
 STEPS_PER_FRAME = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10000)
 FRAME = 1 / 60  # s
 MAX_BATCHES, BODY_BATCHES = 20, 4  # in a frame, while a cloth or a body is pulled
 STATISTICS_INTERVAL = 0.1  # s, at least
-STATISTICS_SHARE = 0.1  # of the time, at most: on large grids energies are looked at less often
+STATISTICS_FRACTION = 0.1  # of the time, at most: on large grids energies are looked at less often
 
 OpenWorld = Callable[..., Simulation]
 
@@ -94,7 +96,7 @@ class Worlds:
         self.current, self.alone = 0, False
         self.statistics = Statistics()
         self.steps_per_frame = first_steps(max(self.scenes, key=lambda scene: scene.method.dt))
-        self._statistics_due, self._look_seconds = 0.0, inf
+        self._statistics_due, self._measure_seconds = 0.0, inf
         self._dropped: str | None = None  # the part of which a body was brought in last
         self._start_anew()
 
@@ -105,7 +107,7 @@ class Worlds:
         self._watchable = [position.copy() for position in self._positions]
         self.failure, self.disturbed = "", ""
         self.frozen = False
-        self.hand = Hand(self.scenes[0].dimensions)
+        self.picker = Picker(self.scenes[0].dimensions)
         self._at = 0  # of the world that is stepped or looked at
         self.refresh(force=True)
 
@@ -149,9 +151,9 @@ class Worlds:
 
     def steps_of(self, world: Simulation) -> int:
         """That a world does in a frame."""
-        if world is self._pace:
+        if world is self._slowest_clock:
             return self.steps_per_frame
-        return self._steps(world, self.steps_per_frame * self._pace.scene.method.dt)
+        return self._steps(world, self.steps_per_frame * self._slowest_clock.scene.method.dt)
 
     @property
     def positions(self) -> list[np.ndarray]:
@@ -192,12 +194,12 @@ class Worlds:
     def _batches(self) -> int:
         """Of a frame's steps. A cloth gives way to a pull across it without resistance, and little dampens it: it would swing
         up about the pointer, were the force as old as a frame. A body weighs more than what is pulled of it."""
-        if self.hand.held is None or self.world.scene.dimensions == 2:
+        if self.picker.poke is None or self.world.scene.dimensions == 2:
             return 1
         return min(self.steps_per_frame, BODY_BATCHES if self.world.scene.bodies else MAX_BATCHES)
 
     @property
-    def _pace(self) -> Simulation:
+    def _slowest_clock(self) -> Simulation:
         """The world whose steps are counted: the one with the longest."""
         return max(self.worlds, key=lambda world: world.scene.method.dt)
 
@@ -207,20 +209,20 @@ class Worlds:
         return min(max(round(seconds / world.scene.method.dt), 0), STEPS_PER_FRAME[-1])
 
     def _pull_and_advance(self, steps: int) -> None:
-        pace = self._pace
-        seconds = steps * pace.scene.method.dt
-        until = pace.time + seconds
-        self.hand.pull(self.world, seconds)
+        leader = self._slowest_clock
+        seconds = steps * leader.scene.method.dt
+        until = leader.time + seconds
+        self.picker.pull(self.world, seconds)
         for number, world in enumerate(self.worlds):
             self._at = number
-            world.advance(steps if world is pace else self._steps(world, until - world.time))
+            world.advance(steps if world is leader else self._steps(world, until - world.time))
         for number, world in enumerate(self.worlds):
             self._at = number
             world.synchronize()
 
     def _keeps_pictures(self) -> bool:
         """Whether the last picture that fits the window is kept in every frame."""
-        return any(map(_over_limit, self.worlds)) or sum(map(len, self._positions)) <= ALWAYS_KEPT
+        return any(map(_over_limit, self.worlds)) or sum(map(len, self._positions)) <= MAX_SNAPSHOT_MASSES
 
     def _read(self) -> None:
         self._moved = False
@@ -237,13 +239,13 @@ class Worlds:
     def over_limit(self) -> bool:
         return _over_limit(self.world)
 
-    def _hold_time(self) -> float:
+    def _force_interval(self) -> float:
         """For which a held force stays as it is [s]."""
-        return self.steps_per_frame // self._batches() * self._pace.scene.method.dt
+        return self.steps_per_frame // self._batches() * self._slowest_clock.scene.method.dt
 
     def _push(self) -> None:
-        positions = self.positions if self.hand.held else self._positions  # with nothing held not looked at
-        self.hand.push(self.world, positions[self.current], self._hold_time())
+        positions = self.positions if self.picker.poke else self._positions  # with nothing held not looked at
+        self.picker.push(self.world, positions[self.current], self._force_interval())
 
     def refresh(self, force: bool = False) -> None:
         """Energies, strain and bounds, if they are due (they need the whole state on the host)."""
@@ -252,9 +254,9 @@ class Worlds:
             return
         self._guard(self._measure)
         cost = perf_counter() - now
-        usual = min(cost, self._look_seconds)  # one that waits for a compiler tells nothing of the next
-        self._look_seconds = cost
-        self._statistics_due = now + max(STATISTICS_INTERVAL, usual / STATISTICS_SHARE)
+        usual = min(cost, self._measure_seconds)  # one that waits for a compiler tells nothing of the next
+        self._measure_seconds = cost
+        self._statistics_due = now + max(STATISTICS_INTERVAL, usual / STATISTICS_FRACTION)
 
     def _measure(self) -> None:
         self._at, before = self.current, self.statistics.faults
@@ -283,7 +285,7 @@ class Worlds:
     def _freeze(self, failure: str) -> None:
         self.frozen, self.failure = True, failure
         self.message = ""
-        self.hand.held = None
+        self.picker.poke = None
         self._moved = False  # what is shown from now on is no world's state
         for position, watchable in zip(self._positions, self._watchable, strict=True):
             position[...] = watchable

@@ -278,6 +278,6 @@ def test_the_doctor_tells_of_the_voice(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(voice, "voice_available", lambda: answer)
 
     available((True, "espeak-ng"))
-    assert _voice().works and _voice().found == "espeak-ng"
+    assert _voice().works and _voice().detail == "espeak-ng"
     available((False, "espeak-ng is not installed"))
-    assert not _voice().works and "captions only" in _voice().found and "narration" in _voice().remedy
+    assert not _voice().works and "captions only" in _voice().detail and "narration" in _voice().remedy

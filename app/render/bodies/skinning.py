@@ -24,11 +24,11 @@ class ClusterFrames:
         """(clusters, 3, 4) float32: of points of the mesh with a 1 behind; with the clusters at `centre` (clusters, 3) [m]
         and turned since the start by `rotation` (clusters, 3, 3), or deformed, which comes after the turn at the start."""
         turn = rotation @ self._turn
-        found = np.empty((self.count, 3, 4), np.float32)
+        transforms = np.empty((self.count, 3, 4), np.float32)
         with np.errstate(over="ignore", invalid="ignore"):
-            found[:, :, :3] = turn
-            found[:, :, 3] = centre - np.einsum("nij,nj->ni", turn, self._rest)
-        return found
+            transforms[:, :, :3] = turn
+            transforms[:, :, 3] = centre - np.einsum("nij,nj->ni", turn, self._rest)
+        return transforms
 
     def of_state(self, position: np.ndarray) -> np.ndarray:
         """The same from positions (particles, 3) [m] alone, rotations by singular values; what is plastic, whose strain they
@@ -48,7 +48,7 @@ class ClusterFrames:
         """As the solver has them, or from `position` (None: read) where it does not tell. Clusters that do more than turn go
         by the whole of what takes rest offsets to goals."""
         try:
-            turn, centre = (np.asarray(told, np.float64) for told in simulation.read_clusters())
+            turn, centre = (np.asarray(values, np.float64) for values in simulation.read_clusters())
             if self._clusters.parts & {"linear", "plastic"}:
                 return self.matrices(centre, np.asarray(simulation.read("deformation"), np.float64))
         except (SceneError, NotImplementedError):

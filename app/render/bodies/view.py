@@ -61,13 +61,14 @@ class BodiesView(View):
         self._radius = PARTICLE_RADIUS * spacing[body_set.body]
         copies = body_set.in_cluster_order
         self._owner = np.repeat([copy.number for copy in copies], [copy.baked.clusters.count for copy in copies])
-        self._middle_look = np.column_stack([cluster_colours(body_set), PARTICLE_RADIUS * spacing[self._owner]])
-        self._there = copies_there(scene)
+        self._all_middles = np.column_stack([cluster_colours(body_set), PARTICLE_RADIUS * spacing[self._owner]])
+        self._active = copies_there(scene)
         self._weights: np.ndarray | None = None  # by which that is so
         self._rest = np.concatenate([copy.baked.skin.rest_centre for copy in copies])
         zero = np.zeros((body_set.clusters.count, 3), np.float32)
         self._buffers = [
-            static_buffer(part) for part in (self._look(), np.zeros(1, np.uint32), zero, self._look_of_middles())
+            static_buffer(part)
+            for part in (self._appearance(), np.zeros(1, np.uint32), zero, self._middle_appearance())
         ]
         self._spheres = square_array(self.vertices.position_buffer, self._buffers[0])
         self._middles = square_array(*self._buffers[2:4])
@@ -85,21 +86,21 @@ class BodiesView(View):
         self._send_links()
         self.upload(body_set.position)
 
-    def _look(self) -> np.ndarray:
+    def _appearance(self) -> np.ndarray:
         """(particles, 4) float32: colours and radii [m], 0 of what waits: nothing is drawn of it."""
-        found = particle_colours(self.scene, self.colouring)
-        radius = self._radius * self._there[self.scene.body_set.body]
-        return np.ascontiguousarray(np.column_stack([found, radius]), np.float32)
+        colour = particle_colours(self.scene, self.colouring)
+        radius = self._radius * self._active[self.scene.body_set.body]
+        return np.ascontiguousarray(np.column_stack([colour, radius]), np.float32)
 
-    def _look_of_middles(self) -> np.ndarray:
+    def _middle_appearance(self) -> np.ndarray:
         """(clusters, 4) float32: likewise."""
-        look = self._middle_look.astype(np.float32)
-        look[:, 3] *= self._there[self._owner]
-        return look
+        appearance = self._all_middles.astype(np.float32)
+        appearance[:, 3] *= self._active[self._owner]
+        return appearance
 
     def _send_links(self) -> None:
         """Those of bodies that are there."""
-        ends = np.ascontiguousarray(self._links[self._there[self.scene.body_set.body[self._links[:, 0]]]])
+        ends = np.ascontiguousarray(self._links[self._active[self.scene.body_set.body[self._links[:, 0]]]])
         refill(self._buffers[-1], ends)
         self._link_ends = ends.size
 
@@ -138,17 +139,17 @@ class BodiesView(View):
         those that wait when the scene starts."""
         if inverse_mass is self._weights:  # as in nearly every frame
             return
-        self._weights, there = inverse_mass, copies_there(self.scene, inverse_mass)
-        if not np.array_equal(there, self._there):
-            self._there = there
-            self.vertices.send(self._buffers[0], self._look())
-            self.vertices.send(self._buffers[3], self._look_of_middles())
+        self._weights, active = inverse_mass, copies_there(self.scene, inverse_mass)
+        if not np.array_equal(active, self._active):
+            self._active = active
+            self.vertices.send(self._buffers[0], self._appearance())
+            self.vertices.send(self._buffers[3], self._middle_appearance())
             self._send_links()
 
     def _send(self, matrices: np.ndarray) -> None:
         """Where clusters are, (clusters, 3, 4), for the skins and for their middles. The skin of what waits is one point."""
-        if not self._there.all():
-            matrices = matrices * self._there[self._owner, None, None].astype(np.float32)
+        if not self._active.all():
+            matrices = matrices * self._active[self._owner, None, None].astype(np.float32)
         self._cluster_texture.send(matrices)
         with np.errstate(over="ignore", invalid="ignore"):
             self.vertices.send(
@@ -158,7 +159,7 @@ class BodiesView(View):
     def next_colouring(self) -> None:
         """The next of COLOURINGS."""
         self.colouring = COLOURINGS[(COLOURINGS.index(self.colouring) + 1) % len(COLOURINGS)]
-        self.vertices.send(self._buffers[0], self._look())
+        self.vertices.send(self._buffers[0], self._appearance())
 
     def toggle_clusters(self) -> None:
         """Show or hide the middles of the clusters."""

@@ -49,7 +49,7 @@ def with_tank(scene: Scene, bounds: Sequence[float], time: float) -> tuple[float
     axes = scene.dimensions
     low, high = np.array(bounds[:axes], np.float64), np.array(bounds[axes:], np.float64)
     least, most = low.copy(), high.copy()
-    reach = TANK * scene.fluid_set.extent
+    max_distance = TANK * scene.fluid_set.extent
     for _, collider in scene.colliders:
         if not isinstance(collider, Plane):
             continue
@@ -59,11 +59,11 @@ def with_tank(scene: Scene, bounds: Sequence[float], time: float) -> tuple[float
         point = (np.array(collider.point) + time * np.array(collider.velocity))[:axes]
         nearest = np.where(normal > 0, low, high)
         away = (nearest - point) @ normal
-        if 0 < away < reach:
+        if 0 < away < max_distance:
             least, most = np.minimum(least, nearest - away * normal), np.maximum(most, nearest - away * normal)
     if axes == 2:
         shapes = outlines(scene, time, planes=False)
-        near = ((shapes > low - reach) & (shapes < high + reach)).all(axis=1)
+        near = ((shapes > low - max_distance) & (shapes < high + max_distance)).all(axis=1)
         if near.any():
             least, most = np.minimum(least, shapes[near].min(axis=0)), np.maximum(most, shapes[near].max(axis=0))
     return (*least.tolist(), *most.tolist())

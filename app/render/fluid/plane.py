@@ -27,9 +27,9 @@ class PlaneFluid:
     """Of positions (particles, 2) float32 [m] and looks (particles, 4), colour and radius [m], in two OpenGL buffers. Needs a
     current OpenGL 3.3 context."""
 
-    def __init__(self, scene: Scene, position: int, look: int):
+    def __init__(self, scene: Scene, position: int, appearance: int):
         self.scene, self._count = scene, scene.grid.particle_count
-        self._discs = square_array(position, look, 2)
+        self._discs = square_array(position, appearance, 2)
         self._disc_program = shader_program(DISC_VERTEX, DISC_FRAGMENT)
         self._line_program = shader_program(shaders.VERTEX, shaders.LINE_FRAGMENT)
         lines = outlines(scene, 0.0)

@@ -8,7 +8,7 @@ from time import perf_counter
 from typing import Any
 
 from softlab.app.command.dear_imgui import load_imgui
-from softlab.app.window.panel.look import Look
+from softlab.app.window.panel.style import PanelStyle
 
 KEYS = {  # pyglet's names of keys -> Dear ImGui's: those that texts and sliders know
     "TAB": "tab", "BACKSPACE": "backspace", "RETURN": "enter", "ENTER": "enter", "NUM_ENTER": "keypad_enter",
@@ -23,16 +23,16 @@ LONGEST_FRAME = 0.1  # s that it is told to have passed, at most: after a compil
 
 
 class Context:
-    """A context of Dear ImGui with the lab's `look`; `imgui`: the module; `frames` so far. Raises BackendUnavailable where
-    it is missing."""
+    """A context of Dear ImGui with the lab's `style`; `imgui`: the module; `frames` so far. Raises BackendUnavailable if it
+    is missing."""
 
-    def __init__(self, look: Look | None = None):
+    def __init__(self, style: PanelStyle | None = None):
         self.imgui: Any = load_imgui()
         self._context = self.imgui.create_context()
         self.make_current()  # it is not, where there is one already
-        self.look = look or Look()
-        self.look.load_fonts(self.imgui)
-        self.look.apply(self.imgui)
+        self.style = style or PanelStyle()
+        self.style.load_fonts(self.imgui)
+        self.style.apply(self.imgui)
         io = self.io = self.imgui.get_io()
         io.set_ini_filename("")  # it writes nothing
         io.set_log_filename("")

@@ -20,7 +20,7 @@ class History:
         self.rows = np.zeros((0, len(COLUMNS)))
         self._seen: tuple[Statistics | None, Simulation | None] = (None, None)
 
-    def look(self, world: Simulation, statistics: Statistics) -> None:
+    def record(self, world: Simulation, statistics: Statistics) -> None:
         """Keep what was measured of a world, if it is new; of another world, or of an earlier time, begin anew."""
         before, of = self._seen
         if statistics is before:

@@ -8,9 +8,9 @@ from typing import Any
 from softlab.app.command.dear_imgui import REMEDY, panel_available
 from softlab.app.window.panel.context import Context
 from softlab.app.window.panel.layout import Layout
-from softlab.app.window.panel.look import SIZES, Look
 from softlab.app.window.panel.state import PanelState
-from softlab.app.window.shown import Shown
+from softlab.app.window.panel.style import SIZES, PanelStyle
+from softlab.app.window.window_protocol import WindowProtocol
 
 MOST = 0.65  # of the window's width
 
@@ -19,33 +19,33 @@ class Panel:
     """`open`: whether it is there; `width`: the pixels of the window's right side that it takes. Mouse places are
     frame-buffer pixels from the lower left corner; told of mouse and keys, it answers whether it takes them."""
 
-    def __init__(self, viewer: Shown):
+    def __init__(self, viewer: WindowProtocol):
         self.viewer, self.demo = viewer, viewer.demo
         self.open = False
-        self.look = Look()
+        self.style = PanelStyle()
         self.state = PanelState()
         self._context: Context | None = None
         self._layout: Layout | None = None
         self._drawing: Any = None
         self._names: dict[int, str] = {}  # of keys
-        self._held: set[int] = set()  # buttons that went down over it
+        self._pressed_buttons: set[int] = set()  # buttons that went down over it
 
     @property
     def width(self) -> int:
         """Pixels, 0 while it is closed; of a narrow window most."""
-        return min(self.look.width, round(MOST * self.viewer.width)) if self.open else 0
+        return min(self.style.width, round(MOST * self.viewer.width)) if self.open else 0
 
     def toggle(self) -> None:
         """A: show or hide it; where what draws it is missing, say how to get that."""
-        works, told = panel_available()
+        works, reason = panel_available()
         if not works:
-            self.demo.say(f"{told}; {REMEDY}")
+            self.demo.say(f"{reason}; {REMEDY}")
             return
         if self._context is None:
             self._make()
         self.open = not self.open
         self.demo.wants_momentum = self.open
-        self._held.clear()
+        self._pressed_buttons.clear()
 
     def _make(self) -> None:
         """Its fonts, buffers and shaders, at its first opening."""
@@ -53,10 +53,10 @@ class Panel:
 
         window, key = self.viewer.window, self.viewer.pyglet.window.key
         scale = float(getattr(window, "scale", 1.0) or 1.0)
-        self.look.unit = max(size for size in SIZES if size <= max(scale, 1.0))
-        self._context = Context(self.look)
+        self.style.unit = max(size for size in SIZES if size <= max(scale, 1.0))
+        self._context = Context(self.style)
         self._drawing = Drawing(self._context.imgui)
-        self._layout = Layout(self._context.imgui, self.viewer, self.look, self.state)
+        self._layout = Layout(self._context.imgui, self.viewer, self.style, self.state)
         self._names = {symbol: name for name, symbol in vars(key).items() if name.isupper() and isinstance(symbol, int)}
         buttons = self.viewer.pyglet.window.mouse
         self._buttons = {buttons.LEFT: 0, buttons.RIGHT: 1, buttons.MIDDLE: 2}
@@ -64,7 +64,7 @@ class Panel:
     def lay_out(self) -> None:
         """A frame of it, and what was pressed in it is done."""
         if self._context is not None and self._layout is not None:
-            self.look.apply(self._context.imgui)
+            self.style.apply(self._context.imgui)
             self._context.frame(self.viewer.width, self.viewer.height, self._layout.draw)
 
     def draw(self) -> None:
@@ -72,7 +72,7 @@ class Panel:
         if self._context is not None and self._context.frames:
             self._drawing.draw(self.viewer.width, self.viewer.height)
 
-    def told(self) -> dict[str, list[int]] | None:
+    def widget_places(self) -> dict[str, list[int]] | None:
         """Where things of it lie, for another program: (left, top, right, bottom) [pixels]; None while it is closed."""
         if not self.open:
             return None
@@ -103,7 +103,7 @@ class Panel:
         if not self.open or self._context is None:
             return False
         self._context.mouse_at(x, self.viewer.height - y)
-        return bool(self._held) or self._over(x)
+        return bool(self._pressed_buttons) or self._over(x)
 
     def pressed(self, x: float, y: float, button: int) -> bool:
         """A button went down."""
@@ -112,15 +112,15 @@ class Panel:
         self._context.mouse_at(x, self.viewer.height - y)
         if not self._over(x):
             return False
-        self._held.add(button)
+        self._pressed_buttons.add(button)
         self._context.mouse_button(self._buttons[button], True)
         return True
 
     def released(self, button: int) -> bool:
         """A button went up."""
-        if button not in self._held or self._context is None:
+        if button not in self._pressed_buttons or self._context is None:
             return False
-        self._held.discard(button)
+        self._pressed_buttons.discard(button)
         self._context.mouse_button(self._buttons[button], False)
         return True
 

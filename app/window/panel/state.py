@@ -30,12 +30,12 @@ class PanelState:
     search: str = ""
     entries: list[Entry] = field(default_factory=list)
     places: dict[str, tuple[float, float, float, float]] = field(default_factory=dict)
-    _kept: dict[str, tuple[tuple[object, ...], Any]] = field(default_factory=dict)
+    _cache: dict[str, tuple[tuple[object, ...], Any]] = field(default_factory=dict)
 
-    def kept(self, name: str, of: tuple[object, ...], make: Callable[[], T]) -> T:
+    def cached(self, name: str, of: tuple[object, ...], make: Callable[[], T]) -> T:
         """What `make` gives, made anew only when one of the objects that it is `of` is another: frames are many."""
-        before, found = self._kept.get(name, ((), None))
+        before, value = self._cache.get(name, ((), None))
         if len(before) != len(of) or any(one is not other for one, other in zip(before, of, strict=True)):
-            found = make()
-            self._kept[name] = of, found
-        return found
+            value = make()
+            self._cache[name] = of, value
+        return value

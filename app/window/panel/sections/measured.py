@@ -13,20 +13,20 @@ SIGNS = {"total": "accent", "kinetic": "second"}
 
 def measured(said: Said) -> None:
     """Graphs, then numbers."""
-    demo, rows, look, history = said.demo, said.rows, said.look, said.state.history
+    demo, rows, style, history = said.demo, said.rows, said.style, said.state.history
     imgui = rows.imgui
     rows.heading("milliseconds per frame")
-    graphs.frame_times(imgui, look, said.viewer.overlay.times)
+    graphs.frame_times(imgui, style, said.viewer.overlay.times)
     time = history.column("time")
     shown = [(name, SIGNS[name], history.column("energy" if name == "total" else name)) for name in SIGNS]
     rows.gap(1)
-    graphs.curves(imgui, look, "energy", "J", time, shown)
+    graphs.curves(imgui, style, "energy", "J", time, shown)
     rows.gap(1)
-    graphs.curves(imgui, look, "momentum", "kg·m/s", time, [("", "accent", history.column("momentum"))])
+    graphs.curves(imgui, style, "momentum", "kg·m/s", time, [("", "accent", history.column("momentum"))])
     rows.gap(2)
     rows.value("Speed", rates_text(demo, said.viewer.frame_seconds).replace("   ", ", "))
     rows.value("Fluid" if demo.world.scene.fluids else "Strain", strain_text(demo))
-    counts = said.state.kept("counts", (demo.world, demo.world.body), lambda: counts_of(demo.world))
+    counts = said.state.cached("counts", (demo.world, demo.world.body), lambda: counts_of(demo.world))
     for name, number in counts.items():
         rows.value(name, f"{number:,}".replace(",", " "))
     _error(said)

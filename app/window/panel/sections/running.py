@@ -24,11 +24,13 @@ def head(said: Said) -> None:
     place = STEPS_PER_FRAME.index(demo.steps_per_frame)
     rows.name("Speed", "Steps per frame of the window. Keys - and +.")
     imgui.set_next_item_width(-1)
-    pace = demo.steps_per_frame * max(w.scene.method.dt for w in demo.worlds)
-    each = f"{demo.steps_per_frame} step{'s' * (demo.steps_per_frame != 1)} per frame ({pace * 1e3:.3g} ms)"
+    seconds_per_frame = demo.steps_per_frame * max(w.scene.method.dt for w in demo.worlds)
+    each = (
+        f"{demo.steps_per_frame} step{'s' * (demo.steps_per_frame != 1)} per frame ({seconds_per_frame * 1e3:.3g} ms)"
+    )
     last = len(STEPS_PER_FRAME) - 1
-    changed, found = rows.filled(lambda: imgui.slider_int("##speed", place, 0, last, each), place / last)
-    rows.keep_place("speed")
-    if changed and 0 <= found < len(STEPS_PER_FRAME):
-        demo.set_steps(STEPS_PER_FRAME[found])
+    changed, chosen = rows.filled(lambda: imgui.slider_int("##speed", place, 0, last, each), place / last)
+    rows.record_place("speed")
+    if changed and 0 <= chosen < len(STEPS_PER_FRAME):
+        demo.set_steps(STEPS_PER_FRAME[chosen])
     rows.gap(1)

@@ -5,19 +5,19 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from softlab.app.window.demo import Demo
-from softlab.app.window.panel.look import Look
 from softlab.app.window.panel.sliders import Sliders
 from softlab.app.window.panel.state import PanelState
-from softlab.app.window.shown import Shown
+from softlab.app.window.panel.style import PanelStyle
+from softlab.app.window.window_protocol import WindowProtocol
 
 
 @dataclass(frozen=True)
 class Said:
-    """The `rows` that are laid out, of a `viewer`, in a `look`, and what the panel remembers, its `state`."""
+    """The `rows` that are laid out for a `viewer`, their `style`, and the panel's `state`, which lasts between frames."""
 
     rows: Sliders
-    viewer: Shown
-    look: Look
+    viewer: WindowProtocol
+    style: PanelStyle
     state: PanelState
 
     @property

@@ -33,15 +33,15 @@ def scene(said: Said) -> None:
     chosen = rows.scene_choice(
         "Scene", now.title, scene_entries, "Open another scene: yours in this folder, or one of the lab's."
     )
-    if chosen is not None and (found := _loaded(said, chosen)) is not None:
+    if chosen is not None and (loaded := _loaded(said, chosen)) is not None:
         state.pending.clear()
-        if demo.show([found]):
+        if demo.show([loaded]):
             demo.say(f"opened {chosen}")
     if len(demo.worlds) < MAX_WORLDS:
         tip = f"Show another scene side by side, from its start. The list holds those that show {view_kind(now)}."
         beside = rows.scene_choice("Add", "Add a scene beside it", lambda: _beside(said), tip)
-        if beside is not None and (found := _loaded(said, beside)) is not None:
-            demo.show([*(world.scene for world in demo.worlds), found])
+        if beside is not None and (loaded := _loaded(said, beside)) is not None:
+            demo.show([*(world.scene for world in demo.worlds), loaded])
     several = len(demo.worlds) > 1
     rows.gap(1)
     pressed = rows.buttons((DUPLICATE,) + ((ONLY,) if several else ()))
@@ -51,7 +51,7 @@ def scene(said: Said) -> None:
     if pressed == DUPLICATE:
         demo.compare()
     elif pressed:
-        demo.keep_current()
+        demo.show_current_only()
     if len(demo.worlds) > 1:
         target = demo.titles[demo.current] if demo.alone else ALL
         chosen = rows.choice(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from softlab.app.window.overlay import MESSAGE_SECONDS
-from softlab.app.window.shown import Shown
+from softlab.app.window.window_protocol import WindowProtocol
 
 SETTLE = (
     60  # frames that are drawn after a touch: for a camera on its way, a tip that appears, a number that is renewed
@@ -16,10 +16,10 @@ TOUCHES = (
 )  # fmt: skip
 
 
-class Stillness:
+class IdleRedraw:
     """Of a viewer's window: `wanted(now)` before each frame, at `now` [s] of perf_counter, tells whether to draw it."""
 
-    def __init__(self, viewer: Shown):
+    def __init__(self, viewer: WindowProtocol):
         self.viewer, self.demo = viewer, viewer.demo
         self._left = SETTLE
         self._messages = self.demo.message_count
@@ -44,7 +44,7 @@ class Stillness:
         elif self._message_ends is not None and now > self._message_ends:
             self._message_ends = None
             self.touch()
-        moves = not (demo.paused or demo.frozen) or demo.hand.held is not None or demo.compiling is not None
+        moves = not (demo.paused or demo.frozen) or demo.picker.poke is not None or demo.compiling is not None
         if moves or viewer.shots.recording or viewer.panel.takes_keys:
             self.touch()
         self._left -= 1

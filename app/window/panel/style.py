@@ -69,7 +69,7 @@ DARK = Theme(
 
 
 @dataclass
-class Look:
+class PanelStyle:
     """`theme`, and `unit` [pixels]; the fonts `plain` and `bold`, once `load_fonts` found them."""
 
     theme: Theme = LIGHT

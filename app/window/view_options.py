@@ -1,4 +1,4 @@
-"""What the window's keys change of how scenes are shown, in every view alike, and what is said of it."""
+"""View options that the window's keys change in all views alike, with the messages about them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from softlab.app.window.demo import NO_BODIES, Demo
 OF_PLANE = "a scene in a plane is always drawn in the same way"
 
 
-class Looks:
+class ViewOptions:
     """The keys L, V and, of bodies, P, K, C, I, O, of fluids O, W over the `views` of a demo's worlds."""
 
     def __init__(self, demo: Demo, views: Sequence[Any]):
@@ -27,8 +27,8 @@ class Looks:
         self._subject = views[0].subject
 
     def renew(self, views: Sequence[Any], before: Sequence[Any], alike: bool = True) -> None:
-        """Of other views from now on, which look as those `before`, as far as they can; of scenes that are not `alike` the
-        light and how much is drawn."""
+        """Take over new `views`, with the options of those `before` as far as they have them; for scenes that are not
+        `alike` only the light and the quality."""
         self._of(views)
         old = before[0]
         for view in views:
@@ -57,7 +57,7 @@ class Looks:
                 view.next_colouring()
 
     def colour_by(self, colouring: str) -> None:
-        """Of bodies and tetrahedra: coloured by one of what O goes through."""
+        """Colour bodies, tetrahedra or fluids by one of the choices of key O."""
         for view in self.views:
             if view.colourings:
                 self._colour(view, colouring)
@@ -68,15 +68,16 @@ class Looks:
         for view in self.views:
             view.show_colliders(not view.colliders)
 
-    def shine(self, turned: float, height: float) -> None:
-        """In space, the light that throws shadows from `turned` [rad] about the vertical, 0 from +z, `height` [rad] up."""
+    def shine(self, azimuth: float, height: float) -> None:
+        """Set the direction to the light that throws shadows, in space: `azimuth` [rad] about the vertical, 0 at +z, and
+        elevation `height` [rad]."""
         flat = cos(height)
-        light = np.array([flat * sin(turned), sin(height), flat * cos(turned)])
+        light = np.array([flat * sin(azimuth), sin(height), flat * cos(azimuth)])
         for view in self.views:
             view.shine(light)
 
     def show_in(self, detail: Detail) -> None:
-        """How much goes into the picture, in space."""
+        """Set the quality of the picture, in space."""
         for view in self.views:
             view.show_in(detail)
         self.demo.say(f"picture quality {detail.name}: {detail.meaning}")
@@ -136,7 +137,7 @@ class Looks:
 
     @property
     def _coloured(self) -> str:
-        """What has the colours that O goes through."""
+        """Name of the things that key O colours."""
         return "particles" if self._subject == "fluid" else "surfaces"
 
     def next_detail(self) -> None:
