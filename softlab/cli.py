@@ -1,6 +1,6 @@
-"""The command line of the soft-body lab: one function a sub-command, nothing else; those that measure: bench/*commands.py,
-that advise: bench/advice_commands.py; that tell what the store says: labbook/commands.py; on files and stores:
-app/command/file_commands.py, bench/store/commands.py."""
+"""The command line of the soft-body lab: one function per sub-command and nothing else. Commands that measure:
+bench/*commands.py; that advise: bench/advice_commands.py; that report the store: labbook/commands.py; on files and
+stores: app/command/file_commands.py, bench/store/commands.py."""
 
 from __future__ import annotations
 
@@ -50,8 +50,8 @@ app = typer.Typer(
 )
 
 
-def tell_version(asked: bool) -> None:
-    """Of --version: which lab this is, and which commit where one is known."""
+def print_version(asked: bool) -> None:
+    """Print the version of the lab and its commit, if known (--version)."""
     if asked:
         from importlib.metadata import version
 
@@ -65,7 +65,7 @@ def tell_version(asked: bool) -> None:
 @app.callback()
 def softlab(
     version: Annotated[
-        bool, typer.Option("--version", callback=tell_version, is_eager=True, help="Print the version and exit.")
+        bool, typer.Option("--version", callback=print_version, is_eager=True, help="Print the version and exit.")
     ] = False,
     allow_dirty: Annotated[
         bool,
@@ -122,11 +122,12 @@ def run(
     export_every: Annotated[
         float | None, typer.Option(help="Simulated seconds between two frames of --export (default 1/60).")
     ] = None,
-    look: Annotated[
+    view_options: Annotated[
         list[str] | None,
         typer.Option(
+            "--look",
             help="What --render draws. Tetrahedra: skin, mesh or edges, coloured by body, stress or strain. Fluids: "
-            "surface, particles or foam, coloured by fluid, speed or density. Repeatable."
+            "surface, particles or foam, coloured by fluid, speed or density. Repeatable.",
         ),
     ] = None,
     size: Annotated[
@@ -178,7 +179,7 @@ def run(
     request = Request(
         backend, threads, precision, math, kernel, steps, time, initial, out_file,
         parse_record(record[:1]) if record else 0, record[1] if record else None, render, allow_unstable,
-        export_to, export_every, gpus, ranks, exchange_every, link, tuple(look or ()), allow_incomplete,
+        export_to, export_every, gpus, ranks, exchange_every, link, tuple(view_options or ()), allow_incomplete,
         size, fps, hud,
     )  # fmt: skip
     if camera is not None and render is None:

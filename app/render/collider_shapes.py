@@ -35,7 +35,7 @@ class Mesh:
 
     @property
     def turns(self) -> bool:
-        """Whether it does more than move."""
+        """True if the mesh does more than move."""
         return bool(self.spin.any())
 
     def rotated(self, time: float) -> tuple[np.ndarray, np.ndarray]:
@@ -143,7 +143,7 @@ def corner_normals(triangles: np.ndarray, facets: np.ndarray) -> np.ndarray:
 
 
 def collider_mesh(collider: Collider) -> Mesh | None:
-    """What is drawn of a collider; None of a plane, which has no end."""
+    """Return the mesh of a collider, or None for a plane, which has no end."""
     if isinstance(collider, Sphere):
         return sphere_mesh(collider.center, collider.radius, collider.velocity)
     if isinstance(collider, Capsule):

@@ -31,7 +31,8 @@ class NotShared(Exception):
 
 
 class CudaVertices(HostVertices):
-    """As HostVertices, and straight from the GPU where that is possible. Needs the same current OpenGL context in each call.
+    """HostVertices that are also filled straight from the GPU where that is possible. Needs the same current OpenGL
+    context in each call.
 
     `transfer`: path of the last state in words, and why it is not straight if a GPU computed it. `shared` False: always
     through the host (to compare both), as are states of fewer than `few` bytes. A buffer is registered only while
@@ -146,9 +147,9 @@ def load_runtime() -> Any:
 
 
 def require_same_gpu(runtime: Any) -> None:
-    """Raises NotShared where another GPU than CUDA's draws, or none.
+    """Raise NotShared if another GPU than CUDA's draws, or none.
 
-    Not every driver can tell its devices; then registering a buffer will show.
+    Not every driver can list its devices; then registering a buffer will show.
     """
     vendor, renderer = drawn_by()
     if "nvidia" not in vendor.lower():  # CUDA is not even asked about a context it cannot know

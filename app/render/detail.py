@@ -1,4 +1,4 @@
-"""How much goes into a picture in space: what a graphics card draws at once takes a processor many milliseconds."""
+"""Quality of a picture in space: a graphics card draws it at once, a processor takes many milliseconds."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ DETAILS = (FINE, PLAIN, QUICK)
 
 
 def by_software(renderer: str) -> bool:
-    """Whether a processor does the drawing, by the driver's name for itself."""
+    """Return True if a processor draws, by the driver's name for itself."""
     return any(word in renderer.lower() for word in SOFTWARE)
 
 
 def usual_detail(renderer: str) -> Detail:
-    """What the window starts with."""
+    """Return the quality with which the window starts."""
     return QUICK if by_software(renderer) else FINE
 
 

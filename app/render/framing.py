@@ -1,4 +1,4 @@
-"""What a picture is to hold: the masses, and in space the colliders near them and the ground that they fall on."""
+"""Framing of a picture: the masses, and in space the colliders near them and the ground that they fall on."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def seen_points(scene: Scene, position: np.ndarray, time: float) -> np.ndarray:
 
 
 def _landing(points: np.ndarray, plane: Plane, time: float, least: float) -> np.ndarray:
-    """Where the vertical through each point meets a plane at `time` [s], but no lower than `least` [m]."""
+    """Return the points where the verticals through `points` meet a plane at `time` [s], but no lower than `least` [m]."""
     normal = np.asarray(plane.normal) / np.linalg.norm(plane.normal)
     if normal[1] < MIN_SLOPE:
         return np.zeros((0, 3))

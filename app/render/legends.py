@@ -138,7 +138,7 @@ class Legends:
         )
 
     def needed(self, view: Any) -> bool:
-        """Whether one goes with what a view shows, or will, once a state is there."""
+        """Return True if a legend belongs to what a view shows, or will show once it has a state."""
         return view.shows_levels or self._chosen(view) is not None or bool(view.name_legend())
 
     def _chosen(self, view: Any) -> Legend | None:

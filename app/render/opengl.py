@@ -84,7 +84,7 @@ def open_window(headless: bool, width: int, height: int, **options: Any) -> Any:
 
 
 def renderer_name() -> str:
-    """Who draws, in the driver's words. Needs a current context."""
+    """Return the name of the renderer, from the driver. Needs a current context."""
     import pyglet.gl
 
     context = pyglet.gl.current_context

@@ -1,4 +1,4 @@
-"""What lies over the picture: panels of text, an arrow for a force. Legends: app/render/legends.py."""
+"""Overlays of the picture: panels of text, an arrow for a force. Legends: app/render/legends.py."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def rgba(colour: tuple[float, float, float], alpha: int = 255) -> tuple[int, int
 
 @dataclass(frozen=True)
 class Style:
-    """How text looks: its size in points, its colour."""
+    """Style of text: its size in points, its colour."""
 
     size: int = 10
     bold: bool = False

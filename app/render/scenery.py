@@ -1,4 +1,4 @@
-"""What a cloth or bodies are seen among: colliders at their place, the ground under it all, and shadows on the ground."""
+"""Surroundings of a cloth or bodies: colliders at their place, the ground under it all, and shadows on the ground."""
 
 from __future__ import annotations
 
@@ -114,15 +114,15 @@ class Scenery:
         self.shadow_constants(self._shadow_program)
 
     def shadow_constants(self, program: Any) -> None:
-        """What never changes in a program of shadows."""
+        """Set the constants of a program of shadows."""
         program.use()
         program["dark"], program["light"] = colours.SHADOW, colours.BACKGROUND
         self._end_planes(program)
         program.stop()
 
     def _end_planes(self, program: Any) -> None:
-        """Where nothing is left of a plane, and of what falls on it: far away, and behind the other planes, if they stand
-        still and are no more than the shaders know."""
+        """Set where a plane and the shadows on it fade out: far away, and behind the other planes, if these stand still
+        and are no more than the shaders support."""
         planes = [collider for _, collider in self.scene.colliders if isinstance(collider, Plane)]
         if len(planes) > shaders3d.LIMITS or any(any(plane.velocity) for plane in planes):
             planes = []
@@ -200,7 +200,7 @@ class Scenery:
 
     @staticmethod
     def _centre(ground: Ground, camera: Camera3D) -> np.ndarray:
-        """Where the ground is drawn about: below what the camera looks at."""
+        """Return the point about which the ground is drawn: below the camera's target."""
         return camera.target - ((camera.target - ground.point) @ ground.normal) * ground.normal
 
     def delete(self) -> None:

@@ -100,7 +100,7 @@ void main() {
 
 
 def shadow_fragment(inputs: str = "", outside: str = "false") -> str:
-    """Of what throws a shadow; more `inputs` tell which fragments are `outside` of it."""
+    """Return the fragment shader of shadows; more `inputs` decide which fragments are `outside` of the shadow's source."""
     uniforms = "uniform vec3 dark;\nuniform vec3 light;\nout vec4 pixel;\n"
     return f"""#version 330 core
 in vec3 place;

@@ -36,8 +36,8 @@ PIN_TOWARD, MASS_TOWARD = 0.002, 0.0005  # in clip depth: pins and masses show o
 
 @dataclass(frozen=True)
 class Sizes:
-    """Of half a `spring`'s width and of a `mass`: (share of what neighbours are apart, least, most [pixels]); `soft`
-    [pixels]: what a spring's fading edges take, where pixels have one sample."""
+    """Sizes of half a `spring`'s width and of a `mass`: (fraction of the distance of neighbours, least, most [pixels]);
+    `soft` [pixels]: width of a spring's fading edges, where pixels have one sample."""
 
     spring: tuple[float, float, float]
     mass: tuple[float, float, float]
@@ -67,7 +67,7 @@ def heavy_masses(scene: Scene) -> list[tuple[np.ndarray, float]]:
 
 
 class SheetView(View):
-    """See View; `lines`: as springs and not as a surface, which a plane has not."""
+    """A View of a sheet. `lines`: as springs and not as a surface, which a plane does not have."""
 
     def __init__(self, scene: Scene, detail: Detail = FINE):
         from pyglet import gl
@@ -89,7 +89,6 @@ class SheetView(View):
         self._heavy = [(self._drawn_points(index), factor) for index, factor in heavy_masses(scene)]
 
     def pin(self, scene: Scene) -> None:
-        """See View."""
         if scene is not self._pinned:
             delete_all([self._pins[0]], [])
             self._pinned, self._pins = scene, self._drawn_points(pinned_indices(scene.grid))

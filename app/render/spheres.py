@@ -31,7 +31,7 @@ class Spheres:
         self.shine(KEY)
 
     def shine(self, light: np.ndarray) -> None:
-        """As of Lit; the shadow of a sphere is that of its disc across the light."""
+        """Set the direction to the light. The shadow of a sphere is that of its disc across the light."""
         self._lit.shine(light)
         side = np.cross(light, (0.0, 0.0, 1.0))
         side /= np.linalg.norm(side)

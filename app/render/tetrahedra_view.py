@@ -61,8 +61,8 @@ class _Surface:
         self.drawn: Drawn = array, gl.GL_TRIANGLES, skin.faces.size
 
     def send(self, position: np.ndarray, level: np.ndarray | None, most: float) -> None:
-        """Where the particles are (particles, 3) [m], and their levels (particles,) of 0 to `most`; None: in the bodies' own
-        colours."""
+        """Send the places of the particles (particles, 3) [m], and their levels (particles,) of 0 to `most`; None: in
+        the bodies' colours."""
         with np.errstate(over="ignore", invalid="ignore"):
             points = self.skin.points(position)
             normals = mesh_normals(points, self.skin.faces)
@@ -82,8 +82,9 @@ class _Surface:
 
 
 class TetrahedraView(SheetView):
-    """See View; `lines`: as the edges of the tetrahedra and not as surfaces. Particles, pins and edges are a sheet's. `skin`:
-    skins, or else the outer faces of the tetrahedra; `colouring`: of COLOURINGS, the range of which only grows."""
+    """A View of tetrahedral bodies. `lines`: as the edges of the tetrahedra and not as surfaces. Particles, pins and
+    edges are drawn as a sheet's. `skin`: skins, or else the outer faces of the tetrahedra; `colouring`: of COLOURINGS,
+    the range of which only grows."""
 
     subject, colourings = "tetrahedra", COLOURINGS
 
@@ -105,7 +106,6 @@ class TetrahedraView(SheetView):
         return self._drawn_points(np.setdiff1d(pinned_indices(scene.grid), self.scene.tetrahedra_set.surface))
 
     def pin(self, scene: Scene) -> None:
-        """See View."""
         if scene is not self._pinned:
             delete_all([self._inner_pins[0]], [])
             self._inner_pins = self._inner_pins_of(scene)
@@ -117,7 +117,7 @@ class TetrahedraView(SheetView):
     # ------------------------------------------------------------------ how they look
 
     def set_view_options(self, names: Sequence[str]) -> None:
-        """As VIEW_OPTIONS say, each instead of those of its kind. Raises InputError."""
+        """Apply names of VIEW_OPTIONS; each replaces the others of its kind. Raises InputError."""
         for name in names:
             if name not in VIEW_OPTIONS:
                 raise InputError(f"look {name}: must be one of {', '.join(VIEW_OPTIONS)}")
@@ -141,7 +141,6 @@ class TetrahedraView(SheetView):
             surface.plain()
 
     def level_legend(self) -> tuple[str, float] | None:
-        """See View."""
         if self.lines or self.colouring not in LEVELS:
             return None
         if self.colouring == "strain":
@@ -152,12 +151,11 @@ class TetrahedraView(SheetView):
     # ------------------------------------------------------------------ the frame
 
     def upload(self, position: np.ndarray, normal: np.ndarray | None = None) -> None:
-        """See View: surfaces follow from the positions (particles, 3) [m]."""
+        """Send a state, and the surfaces that follow from the positions (particles, 3) [m]."""
         self.vertices.upload_state(position, False)
         self._send(position)
 
     def upload_from(self, simulation: Simulation, position: np.ndarray | None = None) -> None:
-        """See View."""
         if not self.lines and position is None:
             position = simulation.read("position")  # once, for particles and skins
         self.vertices.upload(simulation, False, position)

@@ -1,4 +1,4 @@
-"""Small things that every drawing does with OpenGL: fill a buffer once, tell where vertices lie, set a matrix."""
+"""Helpers for OpenGL: fill a buffer once, describe its vertices, set a matrix."""
 
 from __future__ import annotations
 

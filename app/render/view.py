@@ -1,12 +1,12 @@
-"""What every drawing of a scene shares: points and a ring; in space also smooth edges, light, colliders, and a ground with
-shadows. The window and the off-screen pictures both draw through here.
+"""Common part of every drawing of a scene: points and a ring; in space also smooth edges, light, colliders, and a
+ground with shadows. The window and the off-screen pictures both draw through it.
 
-A plane is drawn as space is, by the same shaders, seen without perspective (app/render/camera.py). It has no depth and
+A plane is drawn with the same shaders as space, seen without perspective (app/render/camera.py). It has no depth and
 nothing around it: what is drawn later lies on top, straight into the window, lines with edges that fade.
 
-Plain buffers of OpenGL are used for the masses and not pyglet's vertex lists, whose element-wise interface takes tens of
-milliseconds for a large grid; here the upload is one copy of the float32 positions, or none where the GPU that computes also
-draws (app/render/cuda_vertices.py).
+Plain OpenGL buffers are used for the masses instead of pyglet's vertex lists, whose element-wise interface takes tens
+of milliseconds for a large grid; here the upload is one copy of the float32 positions, or none if the GPU that computes
+also draws (app/render/cuda_vertices.py).
 """
 
 from __future__ import annotations
@@ -103,11 +103,11 @@ class View(ABC):
 
     @property
     def wants_velocity(self) -> bool:
-        """Whether velocities are drawn, or what follows from them: speeds, foam."""
+        """True if velocities are drawn, or what follows from them: speeds, foam."""
         return False
 
     def toggle_foam(self) -> bool | None:
-        """Of fluids: spray, foam and bubbles, from now on, or none; whether they are shown now. None: there are no fluids."""
+        """Show or hide spray, foam and bubbles of fluids. Returns True if they are shown now, None without fluids."""
         return None
 
     def level_legend(self) -> tuple[str, float] | None:
@@ -115,7 +115,7 @@ class View(ABC):
         return None
 
     def name_legend(self) -> tuple[tuple[str, tuple[float, float, float]], ...]:
-        """(name, colour) of what has a colour of its own; none where they tell nothing."""
+        """Return (name, colour) of everything that has a colour of its own; empty if the colours have no names."""
         return ()
 
     def know(self, velocity: np.ndarray | None, time: float) -> None:
@@ -127,12 +127,12 @@ class View(ABC):
         """Mark the pins of `scene`, this one at another time, from now on."""
 
     def lower_ground(self, lowest: float) -> None:
-        """The ground that a scene in space without a plane gets lies below `lowest` [m] from now on."""
+        """Move the ground of a scene in space without a plane below `lowest` [m]."""
         if np.isfinite(lowest):
             self.lowest = min(self.lowest, lowest)
 
     def grounds(self, time: float) -> list[Ground]:
-        """What is drawn to stand on, at `time` [s]; in space."""
+        """Return the grounds that are drawn at `time` [s]; in space."""
         return grounds(self.scene, time, self.lowest)
 
     def draw(self, camera: Any, strain_range: float, selected: int | None = None, time: float = 0.0) -> None:
@@ -162,7 +162,7 @@ class View(ABC):
             self._target.finish()
 
     def _begin_space(self, camera: Camera3D, time: float) -> None:
-        """What is there before the masses."""
+        """Draw what lies behind the masses."""
         from pyglet import gl
 
         self._target.begin(camera.width, camera.height)
@@ -177,7 +177,7 @@ class View(ABC):
 
     @abstractmethod
     def _draw_solid(self, camera: Any, strain_range: float) -> None:
-        """What hides what is behind it."""
+        """Draw what is opaque."""
 
     @abstractmethod
     def _draw_shadows(self, camera: Camera3D, time: float) -> None:
@@ -185,7 +185,7 @@ class View(ABC):
 
     @abstractmethod
     def _draw_over(self, camera: Any, selected: int | None) -> None:
-        """What is seen through, and marks."""
+        """Draw what is transparent, and marks."""
 
     def _use_points(self, camera: Any, array: Any) -> None:
         """Points of a vertex array from now on; `_style` says how they look."""
@@ -222,7 +222,7 @@ class View(ABC):
 
 
 def _blend() -> None:
-    """What is drawn from now on covers as much of what is there as its alpha says."""
+    """Blend everything that is drawn from now on with what is there, by its alpha."""
     from pyglet import gl
 
     gl.glEnable(gl.GL_BLEND)

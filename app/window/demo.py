@@ -1,8 +1,8 @@
-"""What the interactive demo does, without a window: every key and drag is a method here, and can be tested as one.
+"""The interactive demo without a window: every key and drag is a method here, and can be tested as one.
 
-`Demo` owns a list of simulations (worlds) that run side by side. Gravity, step size and stiffness are changed in all of them
-or, once one was chosen, in that one alone; all else is for all. It never raises for what a user does: the reason goes to
-`message`, and the old state goes on.
+`Demo` owns a list of simulations (worlds) that run side by side. Gravity, step size and stiffness are changed in all of
+them or, once one was chosen, in that one alone; everything else applies to all. It never raises for what a user does:
+the reason goes to `message`, and the old state goes on.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What the demo tells: the lines of numbers over its picture, and its state for another program."""
+"""Report of the demo: the lines of numbers over its picture, and its state for another program."""
 
 from __future__ import annotations
 
@@ -143,10 +143,13 @@ def masses_text(scene: Scene, inverse_mass: np.ndarray | None = None) -> str:
 
 
 def demo_state(demo: Demo, camera: Camera, pane: Pane, height: int) -> dict[str, Any]:
-    """The demo as plain JSON values, of its current world, which is drawn in `pane` of a window `height` pixels high; of each
-    of the `worlds` what its title tells. `masses`: for the corners, the middle and the selected mass, the place in the
-    `window` (pixels from its upper left corner) and the `position` [m]; `mean`, `low`, `high` [m] of all positions, but of
-    `waiting` bodies, which are counted."""
+    """Return the state of the demo as plain JSON values.
+
+    Most are of the current world, which is drawn in `pane` of a window `height` pixels high; `worlds` has the numbers
+    of each title. `masses`: for the corners, the middle and the selected mass, the place in the `window` (pixels from
+    its upper left corner) and the `position` [m]; `mean`, `low`, `high` [m] of all positions of active bodies;
+    `waiting`: number of inactive bodies.
+    """
     world, position, poke = demo.world, demo.position, demo.picker.poke
     columns, last = world.body.columns, len(position) - 1
     sample = {0, columns - 1, world.body.rows // 2 * columns + columns // 2, last - columns + 1, last}

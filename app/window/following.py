@@ -1,4 +1,4 @@
-"""How the demo's camera goes with what is to be seen, and where above it a body is dropped."""
+"""Motion of the demo's camera with the scene, and the place above the scene where a body is dropped."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ class Following:
         self._start = np.min([low for low, _ in ends], axis=0), np.max([high for _, high in ends], axis=0)
 
     def drop_place(self, x: float, y: float) -> tuple[float, float, float]:
-        """Where D drops a body: above everything and over a place in the pane (frame-buffer pixels), at the depth that the
-        camera looks at."""
+        """Return the place where D drops a body: above everything and over a place in the pane (frame-buffer pixels),
+        at the depth of the camera's target."""
         everything, camera = self._everything(), self.viewer.camera
         across, above, toward = camera.on_plane(x, y, camera.target)
         return across, max(above, everything[4]) if everything else above, toward
@@ -78,7 +78,7 @@ class Following:
                     self.viewer.camera.stay_above(ground.point, ground.normal)
 
     def _margins(self) -> Margins:
-        """Of a pane."""
+        """Return the margins of a pane."""
         panes = self.viewer.panes
         if len(panes) == 1:
             return MARGINS

@@ -1,4 +1,4 @@
-"""When a window needs no new frame: nothing moves in it, and nobody touched it for a while."""
+"""Skips frames of an idle window: nothing moves in it, and there was no input for a while."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ TOUCHES = (
 
 
 class IdleRedraw:
-    """Of a viewer's window: `wanted(now)` before each frame, at `now` [s] of perf_counter, tells whether to draw it."""
+    """Decides before each frame of a viewer's window, by `wanted(now)`, if it is drawn; `now` [s] of perf_counter."""
 
     def __init__(self, viewer: WindowProtocol):
         self.viewer, self.demo = viewer, viewer.demo
@@ -36,7 +36,7 @@ class IdleRedraw:
             self.touch()
 
     def wanted(self, now: float) -> bool:
-        """Whether the next frame may look different from the last one."""
+        """Return True if the next frame may differ from the last one."""
         demo, viewer = self.demo, self.viewer
         if demo.message_count != self._messages:
             self._messages, self._message_ends = demo.message_count, now + MESSAGE_SECONDS

@@ -109,7 +109,7 @@ def _keys_and_hint(subject: str, space: bool) -> tuple[tuple[tuple[str, str], ..
 
 
 def hint(subject: str = "sheet", space: bool = False, several: bool = False) -> str:
-    """The keys that a user needs first; as `keys_text`."""
+    """Return the keys that a user needs first. Parameters as of `keys_text`."""
     _, text = _keys_and_hint(subject, space)
     if several:  # the last keys give way to it: the legend is beside them
         return text.replace("H: keys", "H: keys    Tab: change one scene only").replace(
@@ -119,8 +119,8 @@ def hint(subject: str = "sheet", space: bool = False, several: bool = False) -> 
 
 
 def keys_text(width: int, subject: str = "sheet", space: bool = False, several: bool = False) -> str:
-    """What the keys do, in lines that fit a window of `width` pixels. `subject`: of what is shown (View.subject); `space`: in
-    three dimensions; `several`: worlds side by side."""
+    """Return the keys and their effects, in lines that fit a window of `width` pixels. `subject`: the thing that is
+    shown (View.subject); `space`: in three dimensions; `several`: worlds side by side."""
     listed = tuple(key for key in _keys_and_hint(subject, space)[0] if space or key not in IN_SPACE)
     keys = (*((WORLDS_KEY,) if several else ()), *listed)
     lines = [f"{key:8}{meaning:35}" for key, meaning in keys]

@@ -1,4 +1,4 @@
-"""What the demo can change in a scene while it runs, without opening it anew."""
+"""Fields of a scene that the demo can change while it runs, without opening it anew."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the window's keys change of tetrahedral bodies' material, as fields of a scene."""
+"""Changes of tetrahedral bodies' material by the window's keys, as fields of a scene."""
 
 from __future__ import annotations
 
@@ -45,6 +45,6 @@ def material_at(scene: Scene, field: str, value: float) -> dict[str, float]:
 
 
 def material_text(scene: Scene, field: str) -> str:
-    """What it is now: of all bodies, each value once."""
+    """Return the current values of all bodies, each value once."""
     values = dict.fromkeys(TEXTS[field].format(getattr(part, field)) for part in scene.tetrahedra.values())
     return ", ".join(values)

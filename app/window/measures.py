@@ -27,11 +27,14 @@ RANGE_HYSTERESIS = 2.6  # times the wanted range of colours: a legend that flick
 
 @dataclass(frozen=True)
 class Statistics:
-    """What is shown about a world: energy [J], the strain of largest size (relative to the rest length; of fluids the largest
-    density over that at rest, less 1, NaN where there are more than ASKED particles), the `momentum` [kg m/s] along each
-    axis, where it is asked for; of all worlds the range of colours and the `bounds` [m], as `finite_bounds` gives them;
-    `fastest` [m/s]: of a fluid's particles; `faults`: what is incomplete by now, in a few words, of the tetrahedra and the
-    lists of contacts alone, which are quickly counted."""
+    """Numbers that are shown about a world.
+
+    Energy [J]; the strain of largest size, relative to the rest length (of fluids the largest density over that at
+    rest, less 1, NaN for more than ASKED particles); the `momentum` [kg m/s] along each axis, if requested; of all
+    worlds the range of colours and the `bounds` [m], as `finite_bounds` returns them; `fastest` [m/s]: of a fluid's
+    particles; `faults`: what is incomplete so far, in a few words, of the tetrahedra and the lists of contacts alone,
+    which are quickly counted.
+    """
 
     energy: float = 0.0
     kinetic: float = 0.0

@@ -1,4 +1,4 @@
-"""What lies over the demo's picture, put together: numbers, legend, messages, keys, the graph of frame times, the hand."""
+"""The overlays of the demo's picture: numbers, legend, messages, keys, the graph of frame times, the force's arrow."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Overlay:
         self._message = (self.demo.message_count, perf_counter())
 
     def renew(self) -> None:
-        """What belongs to these scenes, in this number."""
+        """Make the legends and titles of the current scenes."""
         with drawing_text():
             self._legends = Legends(self.demo.world.scene)
             several = len(self.demo.worlds) if len(self.demo.worlds) > 1 else 0
@@ -112,7 +112,7 @@ class Overlay:
         return self._numbers.height + 16 if self.show_numbers else 0
 
     def _draw_titles(self) -> int:
-        """Of worlds side by side; how high the first is, with a gap."""
+        """Draw the titles of worlds side by side. Returns the height of the first, with a gap."""
         viewer, demo = self.viewer, self.demo
         for number, (plain, chosen) in enumerate(zip(self._titles, self._chosen, strict=True)):
             pane = viewer.panes[number]
@@ -124,7 +124,7 @@ class Overlay:
         return first[0].height + 8 if first else 0
 
     def _draw_hand(self) -> None:
-        """The arrow of the held force."""
+        """Draw the arrow of the poke's force."""
         poke, demo, camera = self.demo.picker.poke, self.demo, self.viewer.camera
         if poke is None:
             return

@@ -13,7 +13,7 @@ PULLED = "a mass was pulled"
 
 
 class Poking(Worlds):
-    """See `Worlds`. Never raises for what a user does."""
+    """Worlds that can be selected, pulled and poked. Never raises for what a user does."""
 
     def name(self, particle: int) -> str:
         """`row, column` of a mass; of bodies the particle's number, and whose it is; of a world the same of its member."""

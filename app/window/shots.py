@@ -35,7 +35,7 @@ class Shots:
 
     @property
     def recording(self) -> bool:
-        """Whether frames go into a clip."""
+        """True if frames go into a clip."""
         return self._clip is not None
 
     def ask(self) -> None:

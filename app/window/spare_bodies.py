@@ -46,6 +46,6 @@ def drop(world: Simulation, name: str, place: Sequence[float]) -> int:
 
 
 def counts_text(world: Simulation) -> str:
-    """How many bodies there are, and how many wait."""
+    """Return the numbers of active and inactive bodies in words."""
     totals = counts(world.scene, world.body.inverse_mass)
     return f"{totals.bodies} bod{'y' if totals.bodies == 1 else 'ies'}, {totals.waiting} inactive"

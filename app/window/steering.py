@@ -1,8 +1,8 @@
-"""What steers the worlds of the demo: fields of scenes, and how they are run. Keys (app/window/demo.py) and the panel
+"""Steering of the demo's worlds: fields of scenes, and how they run. Keys (app/window/demo.py) and the panel
 (app/window/panel) both go through here.
 
-A field that is live changes while the world runs. Any other is compiled into a world, which is then opened anew, with the
-state as it was where the masses are still the same.
+A live field changes while the world runs. Any other is compiled into a world, which is then opened anew, with its state
+if the masses are still the same.
 """
 
 from __future__ import annotations
@@ -23,8 +23,9 @@ CHANGED = "a setting was changed while it ran"
 
 
 class Steering(Poking):
-    """See `Worlds`. `generation`: how often the worlds became others, of which views are to be made anew; `rebuilt`: whether
-    they were opened with other fields than `scenes`, how they began, say. Never raises for what a user does."""
+    """Worlds whose settings can be changed. `generation`: number of times that the worlds were replaced, so that their
+    views are made anew; `rebuilt`: they were opened with fields other than those of `scenes`. Never raises for what a
+    user does."""
 
     generation = 0
     rebuilt = False
@@ -36,7 +37,7 @@ class Steering(Poking):
 
     @property
     def whose(self) -> str:
-        """How a message about one world alone begins."""
+        """Prefix of a message about one world alone."""
         return f"{self.titles[self.current]}: " if self.alone else ""
 
     def turn_to(self, number: int) -> None:
@@ -55,7 +56,7 @@ class Steering(Poking):
     # ------------------------------------------------------------------ fields
 
     def is_live(self, path: str) -> bool:
-        """Whether a field changes while the world runs."""
+        """Return True if a field changes while the world runs."""
         return any(path in LIVE_PATHS[name] for name in self.world.options.live)
 
     def set_field(self, path: str, value: Any) -> bool:
@@ -128,7 +129,7 @@ class Steering(Poking):
         if self._guard(lambda: self._pull_and_advance(1)):
             self._moved = True
             self.refresh(force=True)
-            self.say(f"step {self._slowest_clock.step}; press space to continue")
+            self.say(f"step {self._leading_world.step}; press space to continue")
 
     # ------------------------------------------------------------------ how they are run
 
@@ -195,7 +196,7 @@ class Steering(Poking):
         return True
 
     def _opened(self, opening: Callable[[], None], fresh: list[Simulation]) -> bool:
-        """Whether `opening` filled `fresh`, which then are the worlds."""
+        """Return True if `opening` filled `fresh`, which then replaces the worlds."""
         if not self._guard(opening):
             for world in fresh:
                 world.close()
@@ -206,15 +207,16 @@ class Steering(Poking):
         return True
 
     def show_current_only(self) -> None:
-        """Of several worlds the current one alone, as it is."""
+        """Show the current world alone, with its state."""
         self._show_as_it_is(1)
 
     def guarded(self, action: Callable[[], object]) -> bool:
-        """Whether `action` went well; else the reason is said."""
+        """Run `action`. Returns True on success; else the reason becomes the message."""
         return not self._blocked() and self._guard(action)
 
     def goes_on_from(self, load: Callable[[], object], why: str) -> bool:
-        """Whether `load` put the worlds into other states, after which no reference knows them, for the reason `why`."""
+        """Replace the states by `load`, after which no reference is valid, for the reason `why`. Returns True on
+        success."""
         self.release()
         if not self.guarded(load):
             return False
@@ -253,7 +255,7 @@ def field_of(world: Simulation, path: str) -> Any:
 
 
 def _same_masses(scene: Scene, other: Scene) -> bool:
-    """Whether a state of the one is one of the other: as many masses, with the same weights and pins."""
+    """Return True if a state of one scene is valid in the other: as many masses, with the same weights and pins."""
     from softlab.model.core.build import build
 
     one, two = build(scene.whole), build(other.whole)

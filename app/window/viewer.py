@@ -98,7 +98,7 @@ class Viewer:
         return min(range(len(self.panes)), key=lambda number: self.panes[number].away(x, y))
 
     def drop_place(self, x: float, y: float) -> tuple[float, float, float]:
-        """Where D drops a body (see Following)."""
+        """Return the place where D drops a body (see Following)."""
         return self.following.drop_place(x, y)
 
     def _upload(self) -> None:
@@ -217,7 +217,7 @@ class Viewer:
     # ------------------------------------------------------------------ running
 
     def state(self) -> dict[str, Any]:
-        """What the demo is doing and what its window shows, for a state file (see `run_demo`)."""
+        """Return the state of the demo and its window, for a state file (see `run_demo`)."""
         shown = {
             "frame": self.frame_count,
             "window": [self.width, self.height],
@@ -279,9 +279,10 @@ def run_demo(
 ) -> None:
     """Show one or more scenes, side by side, in a window until it is closed, or for `frames` frames.
 
-    `state_file`: a JSON file, replaced every few frames, that tells another program what the demo is doing (its keys:
-    `Viewer.state`). `judge`: (scene, state, None) -> (error, why there is none), for the panel. Raises SceneError (scenes
-    that cannot be side by side), BackendUnavailable (no display, no OpenGL, no GPU) and what opening a scene raises.
+    `state_file`: a JSON file, replaced every few frames, with the state of the demo for another program (its keys:
+    `Viewer.state`). `judge`: (scene, state, None) -> (error, reason if there is none), for the panel. Raises SceneError
+    (scenes that cannot be side by side), BackendUnavailable (no display, no OpenGL, no GPU) and what opening a scene
+    raises.
     """
     check_alike(scenes)
     load_pyglet(False)  # no display: say so before anything is compiled

@@ -1,4 +1,4 @@
-"""What keys, mouse and overlay ask of the window they belong to."""
+"""Interface of the window for keys, mouse and overlay."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Judge = Callable[[Scene, State, Diverged | None], tuple[float | None, str | None
 
 
 class Toggles(Protocol):
-    """What a key shows or hides over the picture."""
+    """Overlays that a key shows or hides."""
 
     show_keys: bool
     show_graph: bool
@@ -34,7 +34,7 @@ class Toggles(Protocol):
 
 
 class Taking(Protocol):
-    """What takes keys and mouse before the scene does (app/window/panel/panel.py)."""
+    """Receiver of keys and mouse before the scene (app/window/panel/panel.py)."""
 
     open: bool
 
@@ -50,10 +50,10 @@ class Taking(Protocol):
 
 
 class WindowProtocol(Protocol):
-    """The window over a Demo (app/window/viewer.py): `space`, `bodies`: whether it shows three dimensions, and bodies;
-    `width`, `height` in frame-buffer pixels, of which the scene has the left `shown_width` and the panel the rest; `follow`:
-    whether the camera goes with what is to be seen; `frame_seconds`, `draw_seconds` [s] of the last frame; `drawn_by`: by
-    software, or nothing; `judge`: tells the error of a state, or why none is known."""
+    """The window over a Demo (app/window/viewer.py): `space`, `bodies`: it shows three dimensions, bodies; `width`,
+    `height` in frame-buffer pixels, of which the scene has the left `shown_width` and the panel the rest; `follow`: the
+    camera follows the motion; `frame_seconds`, `draw_seconds` [s] of the last frame; `drawn_by`: by software, or
+    nothing; `judge`: returns the error of a state, or the reason why none is known."""
 
     pyglet: Any
     demo: Demo
@@ -93,7 +93,7 @@ def panel_of(viewer: WindowProtocol) -> Any:
 
 
 class WithoutPanel:
-    """What a window asks of its panel (`Panel` of app/window/panel/panel.py), where there is none."""
+    """Stands in for the panel (`Panel` of app/window/panel/panel.py) if there is none."""
 
     open, width, takes_keys = False, 0, False
 

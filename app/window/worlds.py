@@ -146,18 +146,18 @@ class Worlds:
 
     @property
     def position(self) -> np.ndarray:
-        """Of `positions` that world's."""
+        """Positions of the current world."""
         return self.positions[self.current]
 
     def steps_of(self, world: Simulation) -> int:
-        """That a world does in a frame."""
-        if world is self._slowest_clock:
+        """Return the number of steps of a world in a frame."""
+        if world is self._leading_world:
             return self.steps_per_frame
-        return self._steps(world, self.steps_per_frame * self._slowest_clock.scene.method.dt)
+        return self._steps(world, self.steps_per_frame * self._leading_world.scene.method.dt)
 
     @property
     def positions(self) -> list[np.ndarray]:
-        """As the worlds are now, or as they were when they froze."""
+        """Positions of the worlds now, or when they froze."""
         if self._moved:
             self._read()
         return self._positions
@@ -192,15 +192,18 @@ class Worlds:
             done += steps
 
     def _batches(self) -> int:
-        """Of a frame's steps. A cloth gives way to a pull across it without resistance, and little dampens it: it would swing
-        up about the pointer, were the force as old as a frame. A body weighs more than what is pulled of it."""
+        """Return the number of batches into which a frame's steps are divided.
+
+        A cloth does not resist a pull across it, and little dampens it: with a force as old as a frame it would swing
+        up about the pointer. A body is heavier than its pulled part.
+        """
         if self.picker.poke is None or self.world.scene.dimensions == 2:
             return 1
         return min(self.steps_per_frame, BODY_BATCHES if self.world.scene.bodies else MAX_BATCHES)
 
     @property
-    def _slowest_clock(self) -> Simulation:
-        """The world whose steps are counted: the one with the longest."""
+    def _leading_world(self) -> Simulation:
+        """The world whose steps are counted: the one with the longest step."""
         return max(self.worlds, key=lambda world: world.scene.method.dt)
 
     @staticmethod
@@ -209,7 +212,7 @@ class Worlds:
         return min(max(round(seconds / world.scene.method.dt), 0), STEPS_PER_FRAME[-1])
 
     def _pull_and_advance(self, steps: int) -> None:
-        leader = self._slowest_clock
+        leader = self._leading_world
         seconds = steps * leader.scene.method.dt
         until = leader.time + seconds
         self.picker.pull(self.world, seconds)
@@ -221,7 +224,7 @@ class Worlds:
             world.synchronize()
 
     def _keeps_pictures(self) -> bool:
-        """Whether the last picture that fits the window is kept in every frame."""
+        """Return True if the last picture that fits the window is stored in every frame."""
         return any(map(_over_limit, self.worlds)) or sum(map(len, self._positions)) <= MAX_SNAPSHOT_MASSES
 
     def _read(self) -> None:
@@ -240,8 +243,8 @@ class Worlds:
         return _over_limit(self.world)
 
     def _force_interval(self) -> float:
-        """For which a held force stays as it is [s]."""
-        return self.steps_per_frame // self._batches() * self._slowest_clock.scene.method.dt
+        """Time for which a force stays constant [s]."""
+        return self.steps_per_frame // self._batches() * self._leading_world.scene.method.dt
 
     def _push(self) -> None:
         positions = self.positions if self.picker.poke else self._positions  # with nothing held not looked at

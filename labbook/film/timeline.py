@@ -70,26 +70,26 @@ def fitted(shots: Sequence[Shot], lengths: Mapping[str, float], form: Format) ->
     Sentences of the highest rank are removed first, the last of them before the others. A shot without sentences is
     left out. If the film is too short, its shots are extended.
     """
-    kept = [
+    chosen = [
         replace(shot, lines=tuple(line for line in shot.lines if line.rank <= form.rank))
         for shot in shots
     ]  # fmt: skip
-    kept = [shot for shot in kept if shot.lines]
+    chosen = [shot for shot in chosen if shot.lines]
 
     def total() -> float:
-        return sum(shot_seconds(shot, lengths) for shot in kept)
+        return sum(shot_seconds(shot, lengths) for shot in chosen)
 
     while total() > form.most:
-        spare = [(line.rank, place, line) for place, shot in enumerate(kept) for line in shot.lines if line.rank]
+        spare = [(line.rank, place, line) for place, shot in enumerate(chosen) for line in shot.lines if line.rank]
         if not spare:
             break
         _, place, worst = max(spare, key=lambda entry: entry[:2])
-        lines = tuple(line for line in kept[place].lines if line is not worst)
-        kept[place : place + 1] = [replace(kept[place], lines=lines)] if lines else []
+        lines = tuple(line for line in chosen[place].lines if line is not worst)
+        chosen[place : place + 1] = [replace(chosen[place], lines=lines)] if lines else []
     short = form.least - total()
-    if short > 0 and kept:
-        kept = [replace(shot, least=shot_seconds(shot, lengths) + short / len(kept)) for shot in kept]
-    return kept
+    if short > 0 and chosen:
+        chosen = [replace(shot, least=shot_seconds(shot, lengths) + short / len(chosen)) for shot in chosen]
+    return chosen
 
 
 def timeline(
@@ -123,15 +123,15 @@ def _shared(
 ) -> list[tuple[float, float, str]]:
     """Return each piece with its time, in proportion to its length, or up to a pause near its end."""
     weights = [len(piece) + DIGIT * sum(map(str.isdigit, piece)) for piece in pieces]
-    found, at = [], start
+    timed, at = [], start
     for number, piece in enumerate(pieces, 1):
         until = start + (end - start) * sum(weights[:number]) / sum(weights)
         near = [breath for breath in breaths if abs(breath - until) < NEAR and breath > at]
         if number < len(pieces) and near and piece.endswith((",", ";", ":", ".")):
             until = min(near, key=lambda breath: abs(breath - until))
-        found.append((at, until, piece))
+        timed.append((at, until, piece))
         at = until
-    return found
+    return timed
 
 
 def caption_at(part: Part, seconds: float) -> str:

@@ -97,7 +97,7 @@ def test_the_sentences_are_the_books_and_nothing_is_said_of_what_was_not_measure
 
 def test_a_race_is_as_fast_as_the_store_says(both: Results) -> None:
     small, large = races(both, 32**2)
-    assert (small.scene.grid.rows, large.scene.grid.rows) == (16, 32) and small.own
+    assert (small.scene.grid.rows, large.scene.grid.rows) == (16, 32) and small.is_local
     cpu, gpu = large.runners
     assert (cpu.timing.backend, gpu.timing.backend) == ("cpu", "gpu") and "16 threads" in cpu.name
     wall = 100 * cpu.timing.median

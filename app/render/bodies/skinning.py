@@ -1,4 +1,4 @@
-"""Where the clusters of a scene's bodies take a skin: from a state to the matrices that the shaders read. No OpenGL."""
+"""Matrices of the clusters of a scene's bodies, from a state, for the shaders that deform skins. No OpenGL."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ class ClusterFrames:
         return transforms
 
     def of_state(self, position: np.ndarray) -> np.ndarray:
-        """The same from positions (particles, 3) [m] alone, rotations by singular values; what is plastic, whose strain they
-        do not tell, by the nearest linear map. Where a cluster is not at finite places its matrix is not finite either."""
+        """Return the matrices from positions (particles, 3) [m] alone: rotations by singular values; for plastic
+        clusters the nearest linear map. A cluster at a place that is not finite gets a matrix that is not finite."""
         position = np.asarray(position, dtype=np.float64)
         if np.isfinite(position).all():
             return self.matrices(self._clusters.centres(position), self._deformations(position))
@@ -45,8 +45,8 @@ class ClusterFrames:
         return np.where(clusters.flat[:, None, None], clusters.rotations(position), clusters.strained(position))
 
     def of_simulation(self, simulation: Simulation, position: np.ndarray | None = None) -> np.ndarray:
-        """As the solver has them, or from `position` (None: read) where it does not tell. Clusters that do more than turn go
-        by the whole of what takes rest offsets to goals."""
+        """Return the matrices from the solver's rotations, or from `position` (None: read) if the solver has none.
+        Clusters that do more than rotate use the whole map from rest offsets to goals."""
         try:
             turn, centre = (np.asarray(values, np.float64) for values in simulation.read_clusters())
             if self._clusters.parts & {"linear", "plastic"}:

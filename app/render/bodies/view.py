@@ -40,9 +40,9 @@ SKIN_SHINE = 0.16
 
 
 class BodiesView(View):
-    """See View. `particles`, `skin`: which of them are shown, one of them at least; both: the particles through the
-    skin. `clusters`: their middles, too; `links`, likewise, where there are any. `colouring`: what gives particles their
-    colours, of COLOURINGS."""
+    """A View of bodies. `particles`, `skin`: at least one of them is shown; with both, the particles are seen through
+    the skin. `clusters`, `links`: their middles, and links if there are any, are shown too. `colouring`: the colours of
+    particles, of COLOURINGS."""
 
     subject, colourings = "bodies", COLOURINGS
 
@@ -147,7 +147,8 @@ class BodiesView(View):
             self._send_links()
 
     def _send(self, matrices: np.ndarray) -> None:
-        """Where clusters are, (clusters, 3, 4), for the skins and for their middles. The skin of what waits is one point."""
+        """Send the places (clusters, 3, 4) of clusters for the skins and their middles. The skin of an inactive body is
+        one point."""
         if not self._active.all():
             matrices = matrices * self._active[self._owner, None, None].astype(np.float32)
         self._cluster_texture.send(matrices)
@@ -176,7 +177,7 @@ class BodiesView(View):
 
     @property
     def lines(self) -> bool:  # type: ignore[override]
-        """Whether particles are shown and no skin."""
+        """True if particles are shown and no skin."""
         return not self.skin
 
     def toggle_particles(self) -> None:
@@ -201,7 +202,7 @@ class BodiesView(View):
 
     @property
     def _inside(self) -> bool:
-        """Whether something is to be seen through the skin."""
+        """True if something is to be seen through the skin."""
         return self.particles or self.clusters or self.links
 
     def _draw_links(self, camera: Camera3D) -> None:

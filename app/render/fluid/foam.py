@@ -78,7 +78,7 @@ class FoamLayer:
         self._program = shader_program(VERTEX, FRAGMENT)
 
     def follow(self, position: np.ndarray, velocity: np.ndarray, time: float) -> None:
-        """See FoamPoints."""
+        """Update the points; see `FoamPoints.follow`."""
         self.points.follow(position, velocity, time)
 
     def draw(self, camera: Any, surface: FluidSurface | None = None) -> None:

@@ -1,4 +1,4 @@
-"""What a picture of a fluid is to hold: the fluid without the few drops that fly far, and the tank that it is to run into."""
+"""Framing of a fluid: the fluid without the few drops that fly far, and the tank that it is to run into."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ CEILING = -0.2  # of a plane's unit normal upward: what hangs over a fluid does 
 
 
 def with_fluids(scene: Scene) -> bool:
-    """Whether a scene, or a member of a world, is of fluids."""
+    """Return True if a scene, or a member of a world, has fluids."""
     return bool(scene.fluids) or (scene.is_world and any(member.fluids for member in scene.members.values()))
 
 

@@ -24,8 +24,8 @@ from softlab.model.scene.scene import Scene
 
 
 class PlaneFluid:
-    """Of positions (particles, 2) float32 [m] and looks (particles, 4), colour and radius [m], in two OpenGL buffers. Needs a
-    current OpenGL 3.3 context."""
+    """A fluid of a plane, from positions (particles, 2) float32 [m] and appearances (particles, 4), colour and radius
+    [m], in two OpenGL buffers. Needs a current OpenGL 3.3 context."""
 
     def __init__(self, scene: Scene, position: int, appearance: int):
         self.scene, self._count = scene, scene.grid.particle_count

@@ -1,7 +1,7 @@
 """The shaders of a fluid's surface, GLSL 3.30: particles as ellipsoids, normals from their depth, and light.
 
-Depth is the distance from the eye along the line of view [m], in 32-bit float; 0: no fluid. The passes are told in
-app/render/fluid/surface.py; what makes the depth smooth is in app/render/fluid/filter_shaders.py.
+Depth is the distance from the eye along the line of view [m], in 32-bit float; 0: no fluid. The passes are described in
+app/render/fluid/surface.py; the filters that smooth the depth are in app/render/fluid/filter_shaders.py.
 """
 
 from __future__ import annotations

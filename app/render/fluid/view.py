@@ -60,8 +60,8 @@ def fluid_colours(number: np.ndarray) -> np.ndarray:
 
 
 class FluidView(View):
-    """See View; `lines`: as particles and not as a surface, in a plane always; `foam`: whether its points are shown.
-    `colouring`: of COLOURINGS, of which a surface shows the first alone. `shaped`: the surface's particles are ellipsoids,
+    """A View of fluids. `lines`: as particles and not as a surface, in a plane always; `foam`: its points are shown.
+    `colouring`: of COLOURINGS; a surface always shows the first one. `shaped`: the surface's particles are ellipsoids,
     which takes the host a tenth of a second for 10 000 particles, else balls."""
 
     subject, colourings = "fluid", COLOURINGS
@@ -108,7 +108,7 @@ class FluidView(View):
         return self.lines
 
     def set_view_options(self, names: Sequence[str]) -> None:
-        """As VIEW_OPTIONS say, each instead of those of its kind. Raises InputError."""
+        """Apply names of VIEW_OPTIONS; each replaces the others of its kind. Raises InputError."""
         for name in names:
             if name not in VIEW_OPTIONS:
                 raise InputError(f"look {name}: must be one of {', '.join(VIEW_OPTIONS)}")
@@ -141,17 +141,15 @@ class FluidView(View):
 
     @property
     def shows_levels(self) -> bool:  # type: ignore[override]
-        """See View."""
         return self.lines and self.colouring in TITLES
 
     def level_legend(self) -> tuple[str, float] | None:
-        """See View."""
         if not self.shows_levels or not self._most:
             return None
         return TITLES[self.colouring], self._most * (100 if self.colouring == "density" else 1)
 
     def name_legend(self) -> tuple[tuple[str, tuple[float, float, float]], ...]:
-        """See View: several fluids, and as particles what is among them."""
+        """Return the names of several fluids and, with particles, of spray, foam and bubbles."""
         fluid_set, shown = self.scene.fluid_set, self.colouring == COLOURINGS[0] or not self.lines
         fluids = zip(fluid_set.names, fluid_colours(self._number).tolist(), strict=True)
         named = tuple((name, tuple(colour)) for name, colour in fluids) if shown and len(fluid_set.names) > 1 else ()
@@ -161,16 +159,15 @@ class FluidView(View):
 
     @property
     def wants_velocity(self) -> bool:
-        """Whether speeds are drawn, or what follows from them."""
+        """True if speeds or foam are drawn."""
         return self.foam or (self.lines and self.colouring == "speed")
 
     def upload(self, position: np.ndarray, normal: np.ndarray | None = None) -> None:
-        """See View. Of a state of which `know` was not told velocities the colours are the fluids', and foam stays."""
+        """Send a state. Without velocities in `know`, colours are those of the fluids, and foam stays."""
         self.vertices.upload_state(position, False)
         self._send(position, self._velocity)
 
     def upload_from(self, simulation: Simulation, position: np.ndarray | None = None) -> None:
-        """See View."""
         shaped = self.space and self.shaped and not self.lines
         if position is None and (shaped or self.foam or (self.lines and self.colouring == "density")):
             position = simulation.read("position")
@@ -215,7 +212,6 @@ class FluidView(View):
             self._plane.draw_colliders(camera, self._time)
 
     def draw(self, camera: Any, strain_range: float, selected: int | None = None, time: float = 0.0) -> None:
-        """See View."""
         if not self.space:
             self._time = time
         super().draw(camera, strain_range, selected, time)

@@ -1,5 +1,5 @@
-"""Dear ImGui's side of the panel: its context, what it is told of mouse and keys, and a frame of it. No window and no OpenGL:
-a test pushes events and looks at what came of them."""
+"""Dear ImGui's side of the panel: its context, its mouse and key events, and a frame of it. No window and no OpenGL: a
+test pushes events and checks their effects."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class Context:
         self.frames += 1
 
     def make_current(self) -> None:
-        """Of several contexts it is this one that is meant from now on."""
+        """Make this the active one of several contexts."""
         self.imgui.set_current_context(self._context)
 
     # ------------------------------------------------------------------ events, in pixels from the upper left corner
@@ -89,17 +89,17 @@ class Context:
 
     @property
     def takes_mouse(self) -> bool:
-        """Whether the pointer is over something of the panel, or holds it."""
+        """True if the pointer is over a widget of the panel, or drags one."""
         return bool(self.io.want_capture_mouse)
 
     @property
     def takes_keys(self) -> bool:
-        """Whether something is being typed, dragged or chosen from a list."""
+        """True if something is being typed, dragged or chosen from a list."""
         return bool(self.io.want_text_input or self.io.want_capture_keyboard or self.lists_words)
 
     @property
     def lists_words(self) -> bool:
-        """Whether a list of words is open to be chosen from."""
+        """True if a list of words is open to be chosen from."""
         flag = self.imgui.PopupFlags_
         return bool(self.imgui.is_popup_open("", int(flag.any_popup_id | flag.any_popup_level)))
 

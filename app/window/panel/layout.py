@@ -1,4 +1,4 @@
-"""What stands where in the panel: a head that stays, with time and play, and under it sections that open and close."""
+"""Layout of the panel: a fixed head with time and play, and under it sections that open and close."""
 
 from __future__ import annotations
 

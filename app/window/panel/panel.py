@@ -16,8 +16,9 @@ MOST = 0.65  # of the window's width
 
 
 class Panel:
-    """`open`: whether it is there; `width`: the pixels of the window's right side that it takes. Mouse places are
-    frame-buffer pixels from the lower left corner; told of mouse and keys, it answers whether it takes them."""
+    """The panel. `open`: it is shown; `width`: the pixels of the window's right side that it takes. Mouse places are
+    frame-buffer pixels from the lower left corner; the methods for mouse and keys return True if the panel takes the
+    event."""
 
     def __init__(self, viewer: WindowProtocol):
         self.viewer, self.demo = viewer, viewer.demo
@@ -73,7 +74,8 @@ class Panel:
             self._drawing.draw(self.viewer.width, self.viewer.height)
 
     def widget_places(self) -> dict[str, list[int]] | None:
-        """Where things of it lie, for another program: (left, top, right, bottom) [pixels]; None while it is closed."""
+        """Return the places of the panel's widgets for another program: (left, top, right, bottom) [pixels]; None while
+        it is closed."""
         if not self.open:
             return None
         return {name: [round(edge) for edge in place] for name, place in self.state.places.items()}
@@ -91,11 +93,11 @@ class Panel:
 
     @property
     def takes_keys(self) -> bool:
-        """Whether something is being typed into it, or dragged."""
+        """True if something is being typed into it, or dragged."""
         return self.open and self._context is not None and self._context.takes_keys
 
     def _over(self, x: float) -> bool:
-        """Whether a place across the window is the panel's, or of something that it opened over the scene."""
+        """Return True if a place across the window belongs to the panel, or to a popup that it opened over the scene."""
         return x >= self.viewer.shown_width or (self._context is not None and self._context.takes_mouse)
 
     def moved(self, x: float, y: float) -> bool:

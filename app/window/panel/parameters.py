@@ -1,5 +1,5 @@
-"""What of a scene can be steered: every number, word and truth value of its tables, with unit, range and what a change costs.
-Read from the tables themselves, as docs/scene.md is; nothing of it is listed here twice."""
+"""Parameters of a scene that can be steered: every number, word and truth value of its tables, with unit, range and the
+cost of a change. Read from the tables themselves, as docs/scene.md is; nothing is listed here twice."""
 
 from __future__ import annotations
 
@@ -129,7 +129,7 @@ def _notes(part: type) -> dict[str, str]:
 
 
 def _marks(annotation: Any) -> list[Any]:
-    """Bounds within an annotation."""
+    """Return the bounds within an annotation."""
     marks: list[Any] = []
     for part in get_args(annotation):
         marks += part.metadata if isinstance(part, FieldInfo) else [part] if isinstance(part, Ge | Gt | Le) else []

@@ -1,4 +1,4 @@
-"""What the panel is laid out of: a name at the left and something to change at the right, each a row; buttons; lines."""
+"""Rows of the panel: a name at the left and a widget at the right; buttons; lines."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Rows:
         imgui.pop_font()
 
     def heading(self, text: str) -> None:
-        """Of a group of rows."""
+        """Write the heading of a group of rows."""
         self.gap(1)
         self.imgui.push_font(self.style.bold, 13.0)
         self.imgui.push_style_color(int(self.imgui.Col_.text), self.style.colour(self.imgui, "faint"))
@@ -51,7 +51,7 @@ class Rows:
         self.imgui.dummy(self.imgui.ImVec2(1, units * self.style.unit))
 
     def value(self, name: str, text: str, colour: str = "ink") -> None:
-        """A number that is told and cannot be changed."""
+        """Write a number that cannot be changed."""
         self.name(name)
         imgui = self.imgui
         imgui.push_style_color(int(imgui.Col_.text), self.style.colour(imgui, colour))
@@ -84,14 +84,14 @@ class Rows:
         imgui.same_line(NAME * self.style.unit)
 
     def record_place(self, name: str) -> None:
-        """Keep where the last thing lies."""
+        """Record the place of the last widget."""
         low, high = self.imgui.get_item_rect_min(), self.imgui.get_item_rect_max()
         self.state.places[name] = low.x, low.y, high.x, high.y
 
     # ------------------------------------------------------------------ what can be pressed
 
     def button(self, text: str, width: float = 0.0, on: bool = False, name: str = "") -> bool:
-        """Whether it was pressed; `width` in pixels, `on`: it stands out."""
+        """Draw a button and return True if it was pressed; `width` in pixels, `on`: it stands out."""
         imgui = self.imgui
         if on:
             for part in ("button", "button_hovered", "button_active"):
@@ -104,7 +104,8 @@ class Rows:
         return pressed
 
     def buttons(self, names: Sequence[str], on: str = "", prefix: str = "") -> str:
-        """A row of buttons as wide as the column, of which one may stand out; the one that was pressed, or nothing."""
+        """Draw a row of buttons as wide as the column, of which one may stand out. Returns the one that was pressed, or
+        ""."""
         imgui, chosen = self.imgui, ""
         gap = imgui.get_style().item_spacing.x
         width = (imgui.get_content_region_avail().x - gap * (len(names) - 1)) / len(names)
@@ -116,14 +117,14 @@ class Rows:
         return chosen
 
     def check(self, name: str, on: bool, tip: str = "") -> bool:
-        """Whether it was pressed."""
+        """Draw a check box and return True if it was pressed."""
         pressed, _ = self.imgui.checkbox(name, on)
         self.record_place(name)
         self.tip(tip)
         return bool(pressed)
 
     def choice(self, name: str, now: str, words: Sequence[str], tip: str = "", height: int = 12) -> str | None:
-        """One of some words."""
+        """Draw a list of words and return a newly chosen one."""
         imgui, chosen = self.imgui, None
         self.name(name, tip)
         imgui.set_next_item_width(-1)

@@ -29,7 +29,7 @@ def fraction_of(value: float, low: float, high: float, logarithmic: bool) -> flo
 
 
 class Sliders(Rows):
-    """See Rows. What changes gives its new value, else None."""
+    """Rows with sliders. Their methods return a new value if it changed, else None."""
 
     def slider(
         self, name: str, value: float, low: float, high: float, unit: str = "", logarithmic: bool = False, tip: str = ""

@@ -1,5 +1,5 @@
-"""How the panel looks: its font, distances and colours, light and dark, at any size. Everything is a multiple of one unit,
-and nothing is Dear ImGui's default."""
+"""Style of the panel: its font, distances and colours, light and dark, at any size. Everything is a multiple of one
+unit, and nothing is Dear ImGui's default."""
 
 from __future__ import annotations
 
@@ -79,12 +79,12 @@ class PanelStyle:
 
     @property
     def dark(self) -> bool:
-        """Whether it is the dark one."""
+        """True for the dark theme."""
         return self.theme is DARK
 
     @property
     def width(self) -> int:
-        """Of the column [pixels]."""
+        """Width of the column [pixels]."""
         return round(WIDTH * self.unit)
 
     def load_fonts(self, imgui: Any) -> None:

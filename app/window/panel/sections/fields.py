@@ -46,7 +46,7 @@ def parameters(said: Said) -> None:
 
 
 def _material(said: Said, fields: list[Parameter]) -> None:
-    """What all tetrahedral bodies are made of, in three rows."""
+    """Lay out the material of all tetrahedral bodies, in three rows."""
     demo, rows, scene = said.demo, said.rows, said.demo.world.scene
     bodies = list(scene.tetrahedra)
     initial = demo.scenes[demo.current].tetrahedra.get(bodies[0])

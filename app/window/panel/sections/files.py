@@ -9,7 +9,7 @@ from softlab.app.window.panel.sections.said import Said
 
 
 def files(said: Said) -> None:
-    """What saves and what loads."""
+    """Lay out what saves and what loads."""
     viewer, rows, state, demo = said.viewer, said.rows, said.state, said.demo
     clip = "Stop recording" if viewer.shots.recording else "Record a clip"
     pressed = rows.buttons(("Picture", clip), clip if viewer.shots.recording else "")

@@ -1,4 +1,4 @@
-"""How the panel itself looks."""
+"""Settings of the panel itself."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from softlab.app.window.panel.style import DARK, LIGHT, SIZES
 
 
 def itself(said: Said) -> None:
-    """Light or dark, and its size."""
+    """Lay out light or dark, and the size."""
     rows, style = said.rows, said.style
     pressed = rows.buttons(("Light", "Dark"), "Dark" if style.dark else "Light")
     if pressed:

@@ -1,4 +1,4 @@
-"""What is drawn of a scene: the same as the keys L, P, K, C, I, O, W and V do."""
+"""Layers of the drawing: the same as the keys L, P, K, C, I, O, W and V."""
 
 from __future__ import annotations
 

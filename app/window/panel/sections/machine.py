@@ -1,4 +1,4 @@
-"""What computes: backend, threads, precision, arithmetic, kernel. Each change carries the state over."""
+"""Backend, threads, precision, arithmetic and kernel. Each change carries the state over."""
 
 from __future__ import annotations
 

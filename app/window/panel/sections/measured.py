@@ -1,4 +1,4 @@
-"""What the panel tells of the run: frame times, energy, momentum, error, counts."""
+"""Measurements of the run: frame times, energy, momentum, error, counts."""
 
 from __future__ import annotations
 

@@ -7,7 +7,7 @@ from softlab.app.window.worlds import STEPS_PER_FRAME
 
 
 def head(said: Said) -> None:
-    """What is there in every position of the sections below."""
+    """Lay out the head, which is shown in every position of the sections below."""
     demo, rows, imgui = said.demo, said.rows, said.rows.imgui
     world = demo.world
     rows.bold(demo.titles[demo.current], 17.0)

@@ -1,4 +1,4 @@
-"""What every section of the panel is given."""
+"""The arguments of every section of the panel."""
 
 from __future__ import annotations
 
@@ -22,5 +22,5 @@ class Said:
 
     @property
     def demo(self) -> Demo:
-        """What is steered."""
+        """The demo that is steered."""
         return self.viewer.demo

@@ -25,7 +25,7 @@ def _light(said: Said) -> None:
 
 
 def view(said: Said) -> None:
-    """Where from, how near, from where it is lit, and whether it follows."""
+    """Lay out the camera's direction and distance, the light, and whether the camera follows."""
     viewer, rows = said.viewer, said.rows
     camera = viewer.camera
     if viewer.space:
