@@ -22,10 +22,7 @@ def on_startup(**_: Any) -> None:
 
 
 def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
-    """Replace links to sources such as `[text](../app/driver.py)` by `text`, or by the path if the text is only part of it.
-
-    Links to other pages stay.
-    """
+    """Replace links to sources by their text, followed by the path unless the text contains it; links to pages stay."""
     folder = (ROOT / "docs" / page.file.src_uri).parent
 
     def named(link: re.Match[str]) -> str:

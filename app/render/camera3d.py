@@ -104,11 +104,11 @@ class Camera3D(Camera):
         self.pitch = min(max(self.pitch - TURN * dy, -MAX_PITCH), MAX_PITCH)
 
     def stay_above(self, point: np.ndarray, normal: np.ndarray) -> None:
-        """Turn up, and where that is not enough move up, until the eye is above the plane through `point` [m] of this
-        `normal` (3,), a unit vector, by as much as the nearest that is drawn is away. A wall or ceiling changes nothing.
+        """Raise the eye above the plane through `point` [m] with unit `normal` (3,), by as much as the near plane is
+        away: by pitch, and if that is not enough by moving up. Walls and ceilings change nothing.
 
-        The eye lies at target + distance * back, and back . normal = n_y sin(pitch) + h cos(pitch) with h the normal's part
-        toward the viewer along the horizon: r cos(pitch - steepest), which must reach `wanted`.
+        The eye lies at target + distance * back, and back . normal = n_y sin(pitch) + h cos(pitch) with h the normal's
+        part toward the viewer along the horizon: r cos(pitch - steepest), which must be at least `wanted`.
         """
         if normal[1] < MIN_FLOOR:
             return
@@ -158,7 +158,8 @@ class Camera3D(Camera):
         return replace(self, x=x, y=y, z=z, distance=distance)
 
     def outermost(self, points: np.ndarray, margins: Margins, radius: float = 0.0) -> np.ndarray:
-        """Those of `points` (n, 3) [m] that this camera, which holds them, goes by: it would be the same for them alone."""
+        """Return those of `points` (n, 3) [m] that determine this camera, which shows all of them: for them alone it
+        would be the same."""
         seen, sides = np.asarray(points, dtype=np.float64) @ self.axes.T, self._tangents(margins)
         indices = [int(np.argmin(seen[:, 2])), int(np.argmax(seen[:, 2]))]
         eye = self.axes @ self.eye
@@ -203,7 +204,8 @@ def _middle(place: np.ndarray, depth: np.ndarray, radius: float, side: Side, lea
 
 
 def _outer(away: np.ndarray, depth: np.ndarray, radius: float, side: Side) -> list[int]:
-    """Which balls of `radius` [m], `away` (n,) from the middle and `depth` (n,) [m] from the eye, are seen outermost."""
+    """Return the indices of the balls of `radius` [m], `away` (n,) from the middle and `depth` (n,) [m] from the eye,
+    that are seen outermost."""
     below, above = (radius * hypot(1, tangent) for tangent in side)
     return [int(np.argmin((away - below) / depth)), int(np.argmax((away + above) / depth))]
 

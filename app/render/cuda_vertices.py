@@ -27,7 +27,7 @@ MAX_DEVICES = 64  # GPUs that one OpenGL context may draw with
 
 
 class NotShared(Exception):
-    """Why CUDA cannot write into this context's buffers."""
+    """Reason why CUDA cannot write into this context's buffers."""
 
 
 class CudaVertices(HostVertices):
@@ -80,7 +80,7 @@ class CudaVertices(HostVertices):
     # ------------------------------------------------------------------ sharing
 
     def _write(self, simulation: Any, normals: bool) -> None:
-        """The simulation's kernels write into the buffers. Raises NotShared."""
+        """Let the simulation's kernels write into the buffers. Raises NotShared."""
         if not self._resources:
             self._register()
         handle = (
@@ -107,7 +107,7 @@ class CudaVertices(HostVertices):
 
     @contextmanager
     def _mapped(self, buffer: int, stream: Any) -> Iterator[Any]:
-        """The buffer as a (particles, dimensions) float32 array of CUDA, for what runs in `stream`."""
+        """Return the buffer as a (particles, dimensions) float32 array of CUDA, for kernels in `stream`."""
         runtime, resource = self._runtime, self._resources[buffer]
         _checked(runtime.cudaGraphicsMapResources(1, resource, stream), "mapping a buffer")
         try:
@@ -127,7 +127,7 @@ class CudaVertices(HostVertices):
         _checked(unmapped, "unmapping a buffer")
 
     def _unregister(self) -> None:
-        """The buffers are OpenGL's alone again. A failure is of no use to anybody: the buffers are freed or refilled next."""
+        """Return the buffers to OpenGL alone. Failures are ignored: the buffers are freed or refilled next."""
         for resource in self._resources.values():
             self._runtime.cudaGraphicsUnregisterResource(resource)
         self._resources.clear()

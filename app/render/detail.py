@@ -9,8 +9,8 @@ SOFTWARE = ("llvmpipe", "softpipe", "swiftshader", "swrast")  # in the names of 
 
 @dataclass(frozen=True)
 class Detail:
-    """`samples` a pixel smooth the edges, or as many as the driver has; one pixel is drawn for `coarse` x `coarse` of the
-    window's; `shadows` are thrown on the ground. `meaning`: all that in words."""
+    """Quality of a picture: `samples` per pixel for smooth edges, or as many as the driver has; one pixel is drawn for
+    `coarse` x `coarse` of the window's; `shadows` on the ground. `meaning`: description."""
 
     name: str
     samples: int
@@ -36,5 +36,5 @@ def usual_detail(renderer: str) -> Detail:
 
 
 def next_detail(detail: Detail) -> Detail:
-    """The one after it, round and round."""
+    """Return the next quality, in a cycle."""
     return DETAILS[(DETAILS.index(detail) + 1) % len(DETAILS)]

@@ -155,7 +155,7 @@ class Legends:
         self._names.draw()
 
     def draw(self, view: Any, width: int, strain_range: float) -> None:
-        """Those that go with what a view shows, if any, in a window `width` pixels wide."""
+        """Draw the legends of a view, if any, in a window `width` pixels wide."""
         chosen = self._chosen(view)
         self._draw_names(view.name_legend(), width, 0 if chosen is None else LEGEND_SPACE)
         if chosen is None:

@@ -109,7 +109,7 @@ def shader_program(vertex: str, fragment: str, geometry: str | None = None) -> A
 
 @contextmanager
 def drawing_text() -> Iterator[None]:
-    """Turns what pyglet raises where there is no font, fontconfig or freetype into BackendUnavailable."""
+    """Turn the errors of pyglet without a font, fontconfig or freetype into BackendUnavailable."""
     from pyglet.font.base import FontException
 
     try:

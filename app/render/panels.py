@@ -87,15 +87,17 @@ class Panel:
 
 
 def divided(text: str, parts: int) -> list[str]:
-    """Its lines, one a part, all that are left over in the last."""
+    """Return the lines of a text, one per style; the last style gets all remaining lines."""
     lines = text.split("\n", parts - 1)
     return lines + [""] * (parts - len(lines))
 
 
 def beside_tip(start: Pair, end: Pair, size: Pair, window: Pair) -> Pair:
-    """The lower left corner of a label of `size` for an arrow from `start` to `end` in a `window` (all pixels): beyond the
-    tip, clear of it and of the pointer there; where that is outside of the window, beside the arrow, behind its tip; inside
-    of it in any case."""
+    """Return the lower left corner of a label of `size` for an arrow from `start` to `end` in a `window` (all pixels).
+
+    The label lies beyond the tip, clear of it and of the pointer; if that is outside of the window, beside the arrow,
+    behind its tip; in any case inside of the window.
+    """
     half, middle = np.asarray(size) / 2, np.asarray(end, dtype=float)
     along = np.subtract(end, start) / max(float(np.hypot(*np.subtract(end, start))), 1e-9)
     across = np.array([-along[1], along[0]])

@@ -34,15 +34,15 @@ Shade = Callable[[Camera3D, np.ndarray, np.ndarray], None]  # draws a shadow: ca
 
 
 class Lit:
-    """The program of lit surfaces. `use(camera)` for each frame, then `look(...)` for each surface. Shaders of another kind
-    of surface have the same lights."""
+    """The program of lit surfaces: `use(camera)` for each frame, then `set_material(...)` for each surface. Shaders of
+    other kinds of surfaces have the same lights."""
 
     def __init__(self, vertex: str = shaders3d.SURFACE_VERTEX, fragment: str = shaders3d.SURFACE_FRAGMENT) -> None:
         self.program = shader_program(vertex, fragment)
         self.shine(KEY)
 
     def shine(self, light: np.ndarray) -> None:
-        """The light that throws shadows comes from there (3,), a unit vector, from now on."""
+        """Set the direction (3,) to the light that throws shadows, a unit vector."""
         self.program.use()
         self.program["key"] = tuple(light.tolist())
         self.program.stop()
@@ -57,7 +57,7 @@ class Lit:
         self.program["fill"] = tuple((fill / np.linalg.norm(fill)).tolist())
 
     def set_material(self, front: Any, back: Any, shine: float, shift: np.ndarray) -> None:
-        """Colours of both sides, strength of the highlight, and how far what is drawn has moved [m]."""
+        """Set the colours of both sides, the strength of the highlight, and the displacement of the surface [m]."""
         self.program["front"], self.program["back"] = front, back
         self.program["shine"] = shine
         self.program["shift"] = tuple(shift.tolist())
@@ -134,7 +134,7 @@ class Scenery:
         program["reach"] = GROUND_RADIUS * self.size
 
     def draw_colliders(self, lit: Lit, time: float) -> None:
-        """Every collider but planes where it is at `time` [s]; `lit` is in use."""
+        """Draw every collider but planes at `time` [s]; `lit` is in use."""
         if not self.shows_colliders:
             return
         self._turn_to(time)
@@ -145,8 +145,8 @@ class Scenery:
     def draw_shadows(
         self, camera: Camera3D, time: float, lowest: float, cloth: Iterable[Drawn], others: Sequence[Shade] = ()
     ) -> None:
-        """Shadows of the cloth, of the colliders and, each by itself, of `others` on the planes that the light falls on and
-        that are seen from above."""
+        """Draw the shadows of the cloth, of the colliders and, each by itself, of `others`, on the lit planes that are
+        seen from above."""
         from pyglet import gl
 
         things = [(drawn, np.zeros(3)) for drawn in cloth]
@@ -178,8 +178,8 @@ class Scenery:
         gl.glDisable(gl.GL_POLYGON_OFFSET_FILL)
 
     def draw_ground(self, camera: Camera3D, time: float, lowest: float) -> None:
-        """The planes, or a ground under `lowest` [m] where there is none; see-through from below. Walls and ceilings are left
-        out where they are seen from behind: they would hide what they hold."""
+        """Draw the planes, or without any a ground under `lowest` [m]; transparent from below. Walls and ceilings are
+        left out if they are seen from behind, where they would hide the scene."""
         from pyglet import gl
 
         program = self._ground_program

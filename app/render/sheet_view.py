@@ -50,14 +50,14 @@ OF_A_ROPE = Sizes((0.035, 0.8, 2.0), (0.4, 4.0, 12.0), 0.0)
 
 
 def of_distance(apart: float, size: tuple[float, float, float]) -> float:
-    """Pixels of what has such a size, where neighbours are `apart` pixels apart."""
+    """Return the pixels of a `size` if neighbours are `apart` pixels apart."""
     fraction, least, most = size
     return min(max(fraction * apart, least), most)
 
 
 def heavy_masses(scene: Scene) -> list[tuple[np.ndarray, float]]:
-    """[(its index (1,) uint32, how many times as wide as the others it is drawn)]: of loads that are heavier than the others,
-    as wide as balls of the same stuff are, up to HEAVIEST."""
+    """Return [(index (1,) uint32, width relative to the other masses)] of the loads that are heavier than the others:
+    as wide as balls of the same density, up to HEAVIEST."""
     heavy = []
     for load in scene.loads.values():
         wide = min(float(np.cbrt(load.mass / scene.grid.mass)), HEAVIEST)
@@ -105,7 +105,8 @@ class SheetView(View):
         return array, mode, elements.size
 
     def toggle_lines(self) -> bool:
-        """Surface or springs; whether it is springs now. A sheet without springs, or without a surface, has no choice."""
+        """Exchange surface and springs. Returns True if springs are shown now. A sheet without springs, or without a
+        surface, has no choice."""
         if self._lines and self._surface[2]:
             self.lines = not self.lines
         return self.lines

@@ -63,7 +63,7 @@ class Spheres:
 
 
 def use_shadow(program: Any, camera: Camera3D, flatten: np.ndarray, centre: np.ndarray) -> None:
-    """A program of shadows, in use from now on."""
+    """Use a program of shadows from now on."""
     program.use()
     program["transform"], program["flatten"] = uniform_matrix(camera.matrix()), uniform_matrix(flatten)
     program["centre"] = tuple(centre.tolist())

@@ -37,14 +37,15 @@ VIEW_OPTIONS = ("skin", "mesh", "edges", *COLOURINGS)
 
 
 def outer_faces(tetrahedra: TetrahedraSet) -> Skin:
-    """The tetrahedra's own surface, and a cloth's, as a skin whose points are the particles."""
+    """Return the tetrahedra's own surface, and a cloth's, as a skin whose points are the particles."""
     body = np.searchsorted(tetrahedra.first_particle, tetrahedra.surface[:, 0], side="right") - 1
     faces = tuple(tetrahedra.surface[body == k] for k in range(len(tetrahedra.names)))
     return plain_skin(np.arange(tetrahedra.particle_count), faces)
 
 
 class _Surface:
-    """A skin on the graphics card: points, normals and colours, renewed by `send`; `drawn`: all of it."""
+    """A skin on the graphics card: points, normals and colours, renewed by `send`; `drawn`: arguments of
+    `draw_elements`."""
 
     def __init__(self, skin: Skin, first_colour: int = 0):
         from pyglet import gl
@@ -73,7 +74,7 @@ class _Surface:
             refill(self._buffers[2], colours.level_colours(carried, most))
 
     def plain(self) -> None:
-        """In the bodies' own colours again."""
+        """Restore the bodies' colours."""
         refill(self._buffers[2], self._body_colours)
 
     def delete(self) -> None:
@@ -102,7 +103,7 @@ class TetrahedraView(SheetView):
         self._tinted = Lit(shaders3d.TINTED_VERTEX, shaders3d.TINTED_FRAGMENT)
 
     def _inner_pins_of(self, scene: Scene) -> Drawn:
-        """Bones: the pins that no surface shows."""
+        """Return the pins that no surface shows, such as bones."""
         return self._drawn_points(np.setdiff1d(pinned_indices(scene.grid), self.scene.tetrahedra_set.surface))
 
     def pin(self, scene: Scene) -> None:
@@ -127,12 +128,12 @@ class TetrahedraView(SheetView):
                 self.skin, self.lines = name != "mesh", name == "edges"
 
     def toggle_skin(self) -> bool:
-        """Skins or the outer faces of the tetrahedra; whether it is skins now."""
+        """Exchange skins and the outer faces of the tetrahedra. Returns True if skins are shown now."""
         self.skin = not self.skin
         return self.skin
 
     def next_colouring(self) -> None:
-        """By body, by stress, by strain."""
+        """Colour by body, by stress, by strain, in turn."""
         self._colour_by(COLOURINGS[(COLOURINGS.index(self.colouring) + 1) % len(COLOURINGS)])
 
     def _colour_by(self, name: str) -> None:

@@ -112,7 +112,7 @@ class Controls:
             self.demo.move_selection(*step, self.viewer.camera.direction(*step))
 
     def _drop_body(self) -> None:
-        """D: over the pointer, or, where it is elsewhere, over the middle of what is seen."""
+        """Drop a body over the pointer, or over the middle of the view if the pointer is elsewhere (D)."""
         viewer = self.viewer
         pane = viewer.panes[self.demo.current]
         place = pane.width / 2, pane.height / 2
@@ -135,12 +135,12 @@ class Controls:
         return x * ratio, y * ratio
 
     def _in_pane(self, x: float, y: float) -> tuple[float, float]:
-        """In frame-buffer pixels from the lower left corner of the pane in which a button went down."""
+        """Return frame-buffer pixels from the lower left corner of the pane in which a button went down."""
         across, up = self._pixels(x, y)
         return across - self._corner[0], up - self._corner[1]
 
     def _enter(self, x: float, y: float) -> int:
-        """The number of the world under the pointer, whose pane coordinates are of from now on."""
+        """Return the number of the world under the pointer; pane coordinates refer to it from now on."""
         number = self.viewer.world_at(*self._pixels(x, y))
         pane = self.viewer.panes[number]
         self._corner = pane.left, pane.bottom

@@ -23,7 +23,7 @@ FAR = 100  # steps: a limit beyond so many tells nothing of this step
 
 
 def milliseconds(seconds: float) -> str:
-    """Three digits, or more where there are more before the point."""
+    """Return milliseconds with at least three digits."""
     value = 1e3 * seconds
     return f"{value:.0f} ms" if value >= 1000 else f"{value:.3g} ms"
 
@@ -68,7 +68,7 @@ def numbers_text(
 
 
 def rates_text(demo: Demo, frame_seconds: float) -> str:
-    """Frames and steps per second, and the real-time factor: simulated seconds per second of wall time."""
+    """Return frames and steps per second, and the real-time factor: simulated seconds per second of wall time."""
     speed, steps = 1 / max(frame_seconds, 1e-6), demo.steps_of(demo.world)
     frames = f"{speed:.0f} frame{'s' * (round(speed) != 1)}/s"
     if demo.paused or demo.frozen:
@@ -78,12 +78,12 @@ def rates_text(demo: Demo, frame_seconds: float) -> str:
 
 
 def gravity_of(scene: Scene) -> float:
-    """Downward [m/s^2]; 0 where it is off."""
+    """Downward acceleration [m/s^2]; 0 if gravity is off."""
     return scene.gravity.acceleration if scene.gravity and scene.gravity.enabled else 0.0
 
 
 def title_text(demo: Demo, number: int) -> str:
-    """A world beside others: what it is, and what may be different in it."""
+    """Return the title of a world beside others, with the settings that may differ."""
     world = demo.worlds[number]
     gravity, method = gravity_of(world.scene), world.scene.method
     stiffness = "/".join(f"{value:.4g}" for value in stiffness_paths(world.scene).values())
@@ -98,7 +98,8 @@ def title_text(demo: Demo, number: int) -> str:
 
 
 def strain_text(demo: Demo) -> str:
-    """The worst strain, how far a particle of bodies is from its goal, or how much a fluid is pressed and how fast it is."""
+    """Return the worst strain, the largest distance of a body's particle from its goal, or the compression and speed of
+    a fluid."""
     worst = demo.statistics.worst_strain
     if demo.world.scene.fluids:
         fastest = f"fastest {demo.statistics.fastest:.3g} m/s"
@@ -206,6 +207,6 @@ def demo_state(demo: Demo, camera: Camera, pane: Pane, height: int) -> dict[str,
 
 
 def write_state(path: Path, state: dict[str, Any]) -> None:
-    """Replace the JSON file `path`, so that a reader never sees half of it."""
+    """Replace the JSON file `path` at once, so that a reader never sees half of it."""
     with replacing(path) as temporary:
         temporary.write_text(json.dumps(state), encoding="utf-8")

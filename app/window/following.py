@@ -16,7 +16,7 @@ FOLLOW_SIZE = 4.0  # times the scene: a state that blows up is to be seen blowin
 
 
 class Following:
-    """The camera of a viewer's worlds, from where they are when this is made."""
+    """Moves the camera with a viewer's worlds, from their places at construction."""
 
     def __init__(self, viewer: WindowProtocol):
         self.viewer, self.demo = viewer, viewer.demo
@@ -35,7 +35,7 @@ class Following:
         return across, max(above, everything[4]) if everything else above, toward
 
     def _everything(self) -> tuple[float, ...] | None:
-        """The box [m] that the view is to hold, as `finite_bounds` gives it."""
+        """Return the box [m] of the view, as `finite_bounds` returns it."""
         bounds, worlds = self.demo.statistics.bounds, self.demo.worlds
         low, high = self._start
         space = self.viewer.space
@@ -71,7 +71,7 @@ class Following:
         camera.approach(wanted, fraction)
 
     def stay_above_ground(self) -> None:
-        """In space, above what is drawn as the ground."""
+        """Keep the camera above the ground, in space."""
         if self.viewer.space:
             for view, world in zip(self.viewer.views, self.demo.worlds, strict=True):
                 for ground in view.grounds(world.time):

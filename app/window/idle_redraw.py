@@ -28,7 +28,7 @@ class IdleRedraw:
         viewer.window.push_handlers(on_mouse_motion=self._over_panel, **dict.fromkeys(TOUCHES, self.touch))
 
     def touch(self, *_: Any) -> None:
-        """Something was done."""
+        """Draw the next frames, because there was input."""
         self._left = SETTLE
 
     def _over_panel(self, *_: Any) -> None:

@@ -10,7 +10,7 @@ from softlab.model.scene.scene import Scene
 
 
 def stiffness_paths(scene: Scene) -> dict[str, float]:
-    """Dotted path -> stiffness [N/m] of every kind of spring in the scene that gives, as it is now; pbd asks for none."""
+    """Return dotted path -> current stiffness [N/m] of every elastic kind of spring; pbd has none."""
     if scene.method.solver == "pbd":
         return {}
     springs = {"springs": scene.springs} if scene.springs else scene.constraints
@@ -33,7 +33,7 @@ def live_parts(scene: Scene) -> tuple[str, ...]:
 
 
 def live_fields(scene: Scene) -> dict[str, Any]:
-    """Dotted path -> value of all that is live in a scene; gravity is, where there is none too."""
+    """Return dotted path -> value of all live fields of a scene. Gravity is one even if the scene has none."""
     values: dict[str, Any] = {}
     for name in live_parts(scene):
         for path in LIVE_PATHS[name]:

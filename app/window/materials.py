@@ -11,8 +11,11 @@ TEXTS = {"young_modulus": "E {:.3g} Pa", "poisson_ratio": "Poisson's ratio {:.3g
 
 
 def material_changes(scene: Scene, field: str, presses: int) -> dict[str, float]:
-    """Dotted path -> value of a `field` of every body, after so many presses upward. Of Poisson's ratio it is what is left to
-    1/2 that changes by the factor, of which stiffness against a change of volume is the inverse."""
+    """Return dotted path -> value of a `field` of every body after `presses` presses upward.
+
+    For Poisson's ratio its distance from 1/2 changes by the factor: the stiffness against a change of volume is inverse
+    to it.
+    """
     factor = FACTORS[field] ** presses
     changes = {}
     for name, part in scene.tetrahedra.items():
@@ -29,8 +32,8 @@ def material_changes(scene: Scene, field: str, presses: int) -> dict[str, float]
 
 
 def material_at(scene: Scene, field: str, value: float) -> dict[str, float]:
-    """Dotted path -> value of a `field` of every body, where the first one's is to be `value`: others change as that does, by
-    the same factor, or from and to 0 with it. Of Poisson's ratio it is what is left to 1/2 that has a factor."""
+    """Return dotted path -> value of a `field` of every body if the first one's is to be `value`: the others change by
+    the same factor, or from and to 0 with it. For Poisson's ratio the factor is that of its distance from 1/2."""
     bodies = list(scene.tetrahedra.items())
     first = getattr(bodies[0][1], field)
 

@@ -53,8 +53,8 @@ def measure(
     before: Statistics,
     momentum: bool = False,
 ) -> Statistics:
-    """The statistics of the world `current` of `worlds` now; of the others their `positions` (each (particles, dimensions))
-    are enough. Raises Diverged."""
+    """Return the statistics of the world `current` of `worlds`; of the others only `positions` (each (particles,
+    dimensions)) are needed. Raises Diverged."""
     world = worlds[current]
     state = world.state()
     energy = energies(world.scene, state.position, state.velocity, state.plastic, state.inverse_mass)
@@ -81,7 +81,8 @@ def measure(
 def measure_picture(
     scenes: Sequence[Scene], current: int, positions: Sequence[np.ndarray], before: Statistics
 ) -> Statistics:
-    """`before` (its energy), with strain and bounds of another picture: the one that is shown after divergence."""
+    """Return `before` (with its energy) with strain and bounds of another picture: the one that is shown after
+    divergence."""
     strains = [drawn_strain(scene, position) for scene, position in zip(scenes, positions, strict=True)]
     there = [main_part(scene, position) for scene, position in zip(scenes, positions, strict=True)]
     wanted, bounds = max(map(strain_range, strains)), _bounds(there, before)

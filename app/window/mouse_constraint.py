@@ -57,8 +57,11 @@ class MouseConstraint:
         direction: Sequence[float],
         interval: float,
     ) -> np.ndarray:
-        """(3,) [N]: from the particle at `place` [m] to `target` [m], critically damped for the body's mass, as if not
-        further than the body is long, and against its weight; without a target half of that limit, along `direction`."""
+        """Return the force (3,) [N] from the particle at `place` [m] to `target` [m].
+
+        It is critically damped for the body's mass, limited to a distance of the body's length, and balances its
+        weight; without a target it is half of that limit, along `direction`.
+        """
         gain = self.stiffness(interval)
         if target is None:
             return gain * self.extent / 2 * np.asarray(direction)

@@ -50,20 +50,20 @@ class Overlay:
             self._chosen = [Panel("top-left", *TITLE, edge=colours.SELECTED) for _ in range(several)]
 
     def toggle_keys(self) -> None:
-        """H"""
+        """Show or hide the keys (H)."""
         self.show_keys = not self.show_keys
         self._keys_seen = True
 
     def toggle_numbers(self) -> None:
-        """N: the lines about speed, counts and settings."""
+        """Show or hide the lines about speed, counts and settings (N)."""
         self.show_numbers = not self.show_numbers
 
     def toggle_graph(self) -> None:
-        """M: the milliseconds of the last frames."""
+        """Show or hide the milliseconds of the last frames (M)."""
         self.show_graph = not self.show_graph
 
     def draw(self, now: float) -> None:
-        """All of it, at `now` [s] of perf_counter."""
+        """Draw all overlays, at `now` [s] of perf_counter."""
         self._draw_hand()
         viewer, demo = self.viewer, self.demo
         width, height = viewer.shown_width, viewer.height
@@ -92,7 +92,7 @@ class Overlay:
             self._graph.draw(self.times, above)
 
     def _draw_numbers(self, now: float) -> int:
-        """Their height in pixels, with a gap."""
+        """Draw the numbers. Returns their height in pixels, with a gap."""
         viewer = self.viewer
         if now >= self._text_due:
             self._text_due = now + TEXT_INTERVAL
@@ -108,7 +108,7 @@ class Overlay:
 
     @property
     def numbers_height(self) -> int:
-        """Pixels that the numbers take at the top."""
+        """Height of the numbers at the top [pixels]."""
         return self._numbers.height + 16 if self.show_numbers else 0
 
     def _draw_titles(self) -> int:

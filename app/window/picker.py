@@ -15,7 +15,7 @@ NO_POKE: tuple[None, tuple[float, ...]] = (None, ())
 
 @dataclass(frozen=True)
 class Poke:
-    """A held force: `target` [m] where the pointer drags to, or None for a push in `direction` from the keyboard."""
+    """A force on a particle: toward `target` [m], the pointer's place, or (None) along `direction` from the keyboard."""
 
     particle: int
     target: tuple[float, ...] | None
@@ -38,7 +38,7 @@ class Picker:
         self._constraint: MouseConstraint | None = None  # on a body
 
     def forget(self) -> None:
-        """The world holds no poke (any more): it is a new one, or was reset."""
+        """Forget the applied poke: the world is a new one, or was reset."""
         self._applied, self._constraint = NO_POKE, None
 
     def _constraint_on(self, world: Simulation, particle: int) -> MouseConstraint:
@@ -98,8 +98,8 @@ class Picker:
         return force if all(map(math.isfinite, force)) else nothing
 
     def push(self, world: Simulation, position: np.ndarray, interval: float) -> None:
-        """Give the world the force of the held poke, or let go. Raises what `Simulation.poke` raises. A body is not poked
-        but pulled, see `pull`."""
+        """Apply the force of the poke to the world, or release it. Raises what `Simulation.poke` raises. A body is not
+        poked but pulled, see `pull`."""
         if world.scene.bodies:
             self._constraint = self._constraint if self.poke else None
             return

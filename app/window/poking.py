@@ -16,7 +16,8 @@ class Poking(Worlds):
     """Worlds that can be selected, pulled and poked. Never raises for what a user does."""
 
     def name(self, particle: int) -> str:
-        """`row, column` of a mass; of bodies the particle's number, and whose it is; of a world the same of its member."""
+        """Return `row, column` of a mass; of bodies the particle's number and its body; of a world the number in its
+        member."""
         if self.world.scene.is_world:
             places = self.world.scene.world_set.slices().items()
             return next(f"{particle - rows.start} of {name}" for name, rows in places if particle < rows.stop)
@@ -27,7 +28,7 @@ class Poking(Worlds):
         return "{}, {}".format(*divmod(particle, self.world.body.columns))
 
     def force(self) -> tuple[float, ...]:
-        """The held force [N], of as many components as the world has; 0 without one."""
+        """Force of the poke [N], with as many components as the world has dimensions; 0 without one."""
         return self.picker.force(self.world, self.position, self._force_interval())
 
     def _report_selection(self, particle: int) -> None:
@@ -36,9 +37,9 @@ class Poking(Worlds):
         self.say(f"{what} {self.name(particle)} selected" + ("; it is pinned" if pinned else ""))
 
     def move_selection(self, columns: int, rows: int, direction: Sequence[float] | None = None) -> None:
-        """Arrows: select the neighbour `columns` to the right and `rows` up; the first press selects the middle.
+        """Select the neighbour `columns` to the right and `rows` up; the first press selects the middle (arrow keys).
 
-        The `direction` (in the plane that same way) is also where Enter pokes to from then on.
+        The `direction` (in a plane the same) is also that of the next poke with Enter.
         """
         towards = (float(columns), float(rows)) if direction is None else tuple(direction)
         if self.world.scene.bodies and not self.world.body.inverse_mass.any():
@@ -64,13 +65,13 @@ class Poking(Worlds):
         return self._guard(self._push)
 
     def drag(self, *target: float) -> None:
-        """The pointer is at `target` [m] now."""
+        """Move the target of the poke to `target` [m]."""
         poke = self.picker.poke
         if poke is not None and poke.target is not None:
             self.picker.poke = Poke(poke.particle, target)
 
     def press_key(self) -> None:
-        """Enter down: poke the selected mass downward, or the way of the last arrow key."""
+        """Poke the selected mass downward, or along the last arrow key (Enter down)."""
         if self._blocked():
             return
         if self.picker.selected is None:
@@ -82,7 +83,7 @@ class Poking(Worlds):
             self._guard(self._push)
 
     def release(self) -> None:
-        """Mouse or Enter up."""
+        """End the poke (mouse or Enter up)."""
         if self.picker.poke is not None:
             self.picker.poke = None
             self._guard(self._push)

@@ -32,7 +32,7 @@ class Steering(Poking):
 
     @property
     def changed(self) -> list[Simulation]:
-        """The worlds that are changed: all, or the chosen one alone."""
+        """The worlds that settings change: all, or the chosen one alone."""
         return [self.world] if self.alone else self.worlds
 
     @property
@@ -41,7 +41,7 @@ class Steering(Poking):
         return f"{self.titles[self.current]}: " if self.alone else ""
 
     def turn_to(self, number: int) -> None:
-        """The hand and the numbers are in another world from now on."""
+        """Select and report another world from now on."""
         if number != self.current:
             self.release()
             self.current, self.picker = number, Picker(self.scenes[number].dimensions)
@@ -60,7 +60,7 @@ class Steering(Poking):
         return any(path in LIVE_PATHS[name] for name in self.world.options.live)
 
     def set_field(self, path: str, value: Any) -> bool:
-        """A field of the worlds that are changed, and have that table, live or by opening them anew."""
+        """Set a field of the changed worlds that have its table, live or by opening them anew."""
         if self._blocked():
             return False
         part = path.partition(".")[0]
@@ -117,12 +117,12 @@ class Steering(Poking):
         return True
 
     def set_steps(self, steps: int) -> None:
-        """Steps per frame, one of STEPS_PER_FRAME."""
+        """Set the steps per frame, one of STEPS_PER_FRAME."""
         self.steps_per_frame = min(STEPS_PER_FRAME, key=lambda known: abs(known - steps))
         self.say(f"{self.steps_per_frame} steps per frame")
 
     def one_step(self) -> None:
-        """A single step of the world with the longest dt, and a pause after it."""
+        """Do a single step of the world with the longest dt, and pause."""
         if self._blocked():
             return
         self.paused = True
@@ -139,8 +139,8 @@ class Steering(Poking):
         return {"kernel": None, **self._options}
 
     def run_with(self, *, backend: str | None = None, threads: str | None = None, **options: str | None) -> bool:
-        """Another backend, number of threads, `precision`, `math` or `kernel`, with the state as it is. Whether it went well;
-        else the reason is said, and all is as before."""
+        """Change backend, number of threads, `precision`, `math` or `kernel`, with the current state. Returns True on
+        success; else the reason becomes the message, and everything stays."""
         if self._blocked():
             return False
         before = self._options
@@ -179,7 +179,7 @@ class Steering(Poking):
         return True
 
     def show(self, scenes: Sequence[Scene], states: Sequence[State | None] | None = None) -> bool:
-        """Other scenes in place of these, from their start, or from `states`. The old ones go on where that fails."""
+        """Replace the scenes by others, from their start or from `states`. If that fails, the old ones go on."""
         fresh: list[Simulation] = []
         states = states or [None] * len(scenes)
 
@@ -226,14 +226,14 @@ class Steering(Poking):
         return True
 
     def compare(self) -> bool:
-        """The current world twice, side by side, each as it is now: what is changed from now on is changed in the second."""
+        """Show the current world twice, side by side, with its state; later changes apply to the second."""
         if not self._show_as_it_is(2):
             return False
         self.choose(1)
         return True
 
     def _show_as_it_is(self, times: int) -> bool:
-        """The current world so many times, and no other."""
+        """Show the current world that many times, with its state, and no other."""
         states: list[State] = []
         if not self.guarded(lambda: states.append(self.world.state())):
             return False
@@ -245,7 +245,7 @@ class Steering(Poking):
 
 
 def field_of(world: Simulation, path: str) -> Any:
-    """A field that is live, as it is now."""
+    """Return the current value of a live field."""
     if path == "gravity.enabled":
         return bool(world.scene.gravity and world.scene.gravity.enabled)
     if path in (known := stiffness_paths(world.scene)):

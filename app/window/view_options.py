@@ -15,7 +15,7 @@ OF_PLANE = "a scene in a plane is always drawn in the same way"
 
 
 class ViewOptions:
-    """The keys L, V and, of bodies, P, K, C, I, O, of fluids O, W over the `views` of a demo's worlds."""
+    """View options of the `views` of a demo's worlds: keys L, V, and for bodies P, K, C, I, O, for fluids O, W."""
 
     def __init__(self, demo: Demo, views: Sequence[Any]):
         self.demo = demo
@@ -51,7 +51,7 @@ class ViewOptions:
 
     @staticmethod
     def _colour(view: Any, colouring: str) -> None:
-        """The next colouring until it is this one; after as many as there are at most."""
+        """Choose the next colouring until it is this one, at most once around."""
         for _ in range(3):
             if view.colouring != colouring:
                 view.next_colouring()
@@ -83,8 +83,8 @@ class ViewOptions:
         self.demo.say(f"picture quality {detail.name}: {detail.meaning}")
 
     def toggle_lines(self) -> None:
-        """L: a cloth as a surface or as springs, bodies as skins or as particles, a fluid as surface or particles; a grid is
-        springs anyway."""
+        """Show a cloth as a surface or as springs, bodies as skins or as particles, a fluid as surface or particles
+        (L). A grid is always springs."""
         if self._bodies:
             self.toggle("lines")
         elif self._space:
@@ -95,7 +95,8 @@ class ViewOptions:
             self.demo.say(OF_PLANE)
 
     def toggle(self, name: str) -> None:
-        """P, K, C, I: of bodies the `particles`, the `skin`, the middles of `clusters`, the `links`; of tetrahedra K."""
+        """Show or hide `particles`, `skin`, middles of `clusters`, or `links` of bodies, or the skin of tetrahedra (P,
+        K, C, I)."""
         if self._subject == "tetrahedra" and name == "skin":
             skins = [view.toggle_skin() for view in self.views if hasattr(view, "toggle_skin")]
             self.demo.say("skin" if skins[0] else "the outer faces of the tetrahedra")
@@ -112,7 +113,7 @@ class ViewOptions:
             self.demo.say("these bodies have no links")
 
     def toggle_foam(self) -> None:
-        """W: of fluids spray, foam and bubbles."""
+        """Show or hide spray, foam and bubbles of fluids (W)."""
         shown = [view.toggle_foam() for view in self.views]
         if shown[0] is None:
             self.demo.say("this scene has no fluids")
@@ -120,8 +121,8 @@ class ViewOptions:
         self.demo.say("spray, foam and bubbles on" if shown[0] else "spray, foam and bubbles off")
 
     def next_colouring(self) -> None:
-        """O: particles coloured by body, by group, by cluster; tetrahedra by body, by stress, by strain; fluids by fluid, by
-        speed, by density."""
+        """Colour particles by body, by group, by cluster; tetrahedra by body, by stress, by strain; fluids by fluid, by
+        speed, by density; in turn (O)."""
         first = self.views[0]
         if not first.colourings:
             self.demo.say(NO_BODIES)
@@ -141,7 +142,7 @@ class ViewOptions:
         return "particles" if self._subject == "fluid" else "surfaces"
 
     def next_detail(self) -> None:
-        """V: how much goes into the picture."""
+        """Choose the next quality of the picture (V)."""
         if not self._space:
             self.demo.say(OF_PLANE)
             return

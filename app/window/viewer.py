@@ -73,20 +73,20 @@ class Viewer:
         self.idle_redraw = IdleRedraw(self)
 
     def frame_everything(self) -> None:
-        """F: show everything now, and follow it from now on."""
+        """Show everything now, and follow it from now on (F)."""
         self.demo.refresh(force=True)
         self.follow = True
         self.following.approach(1.0)
 
     def close(self) -> bool:
-        """Escape: end the event loop; `run` closes the window."""
+        """End the event loop; `run` closes the window (Escape)."""
         self.pyglet.app.exit()
         return True
 
     # ------------------------------------------------------------------ the frame
 
     def _lay_out(self) -> None:
-        """A pane a world, as large as the window is now; several under the numbers, so that all show as much."""
+        """Divide the window into a pane per world; several lie under the numbers, so that all show as much."""
         self.width, self.height = self.window.get_framebuffer_size()
         self.shown_width = max(self.width - self.panel.width, 64)
         several = len(self.demo.worlds) > 1
@@ -94,7 +94,8 @@ class Viewer:
         self.camera.width, self.camera.height = self.panes[0].width, self.panes[0].height
 
     def world_at(self, x: float, y: float) -> int:
-        """The number of the world that is drawn at a place in the window (frame-buffer pixels), or nearest to it."""
+        """Return the number of the world that is drawn at a place in the window (frame-buffer pixels), or nearest to
+        it."""
         return min(range(len(self.panes)), key=lambda number: self.panes[number].away(x, y))
 
     def drop_place(self, x: float, y: float) -> tuple[float, float, float]:
@@ -102,7 +103,7 @@ class Viewer:
         return self.following.drop_place(x, y)
 
     def _upload(self) -> None:
-        """The state of every world, as it is drawn."""
+        """Send the state of every world to its view."""
         demo = self.demo
         for number, (view, world) in enumerate(zip(self.views, demo.worlds, strict=True)):
             if demo.frozen:  # what is frozen is no world's state any more
@@ -113,7 +114,7 @@ class Viewer:
                 view.upload_from(world, demo.positions[number])
 
     def _draw(self) -> None:
-        """One frame: physics, then the picture, both timed."""
+        """Draw one frame: physics, then the picture, both timed."""
         now = perf_counter()
         self.frame_seconds += 0.1 * (now - self._last_frame - self.frame_seconds)
         self._last_frame = now
@@ -141,7 +142,8 @@ class Viewer:
             self.close()
 
     def _renew(self) -> None:
-        """The worlds became others: views of them that look as those before, and, of other scenes, all about them."""
+        """Make views of the new worlds, with the options of those before; for other scenes replace everything about
+        them."""
         demo, before = self.demo, self.views
         self._generation = demo.generation
         space, bodies = demo.world.scene.dimensions == 3, bool(demo.world.scene.bodies)
@@ -242,7 +244,7 @@ class Viewer:
         )
 
     def _tick(self, passed: float) -> None:
-        """A frame, if there is anything to draw, `passed` [s] after the last one."""
+        """Draw a frame, if there is anything new, `passed` [s] after the last one."""
         if self.compiling.running and perf_counter() < self._last_frame + COMPILING_INTERVAL:
             return  # a processor that draws compiles more slowly
         if self.frames is not None or self.idle_redraw.wanted(perf_counter()):

@@ -35,7 +35,7 @@ OpenWorld = Callable[..., Simulation]
 
 
 def first_steps(scene: Scene) -> int:
-    """Steps per frame at first: 10, but of bodies of any kind those that come nearest to a frame's time."""
+    """Initial number of steps per frame: 10; for bodies, tetrahedra and fluids that nearest to a frame's time."""
     if not (scene.bodies or scene.tetrahedra or scene.fluids or scene.is_world):
         return 10
     return min(STEPS_PER_FRAME, key=lambda steps: abs(log(steps * scene.method.dt / FRAME)))
@@ -91,7 +91,7 @@ class Worlds:
     _check = staticmethod(check_alike)
 
     def _begin(self, scenes: Sequence[Scene]) -> None:
-        """With the worlds of these scenes, as they are when opened."""
+        """Start with the worlds of these scenes, as they are when opened."""
         self.scenes, self.titles = list(scenes), titles_of(scenes)
         self.current, self.alone = 0, False
         self.statistics = Statistics()
@@ -112,7 +112,7 @@ class Worlds:
         self.refresh(force=True)
 
     def disturb(self, reason: str) -> None:
-        """No reference knows how the worlds move from now on, for this reason (`disturbed`)."""
+        """Record the reason why no reference describes the motion of the worlds from now on."""
         if any(world.step for world in self.worlds):
             self.disturbed = self.disturbed or reason
 
@@ -141,7 +141,7 @@ class Worlds:
 
     @property
     def world(self) -> Simulation:
-        """The one that is picked in, and whose numbers are shown."""
+        """The current world: the picked one, whose numbers are shown."""
         return self.worlds[self.current]
 
     @property
@@ -165,7 +165,7 @@ class Worlds:
     # ------------------------------------------------------------------ the frame
 
     def frame(self) -> None:
-        """The physics of one frame: `steps_per_frame` steps of every world."""
+        """Do the physics of one frame: `steps_per_frame` steps of every world."""
         self.physics_seconds = 0.0
         if self.frozen:
             return  # the picture stays as it was when the state went bad
@@ -180,7 +180,7 @@ class Worlds:
             self.refresh()
 
     def _step(self) -> None:
-        """The steps of a frame, the held force renewed before each of its batches."""
+        """Do the steps of a frame; the force of a poke is renewed before each batch."""
         done = 0
         for batch in range(1, self._batches() + 1):
             if done:
@@ -208,7 +208,8 @@ class Worlds:
 
     @staticmethod
     def _steps(world: Simulation, seconds: float) -> int:
-        """That come nearest to so much time; not more than a frame may have, since dt can be made as short as one likes."""
+        """Return the steps of a world that come nearest to this time, at most as many as a frame may have, since dt can
+        be arbitrarily short."""
         return min(max(round(seconds / world.scene.method.dt), 0), STEPS_PER_FRAME[-1])
 
     def _pull_and_advance(self, steps: int) -> None:
@@ -251,7 +252,7 @@ class Worlds:
         self.picker.push(self.world, positions[self.current], self._force_interval())
 
     def refresh(self, force: bool = False) -> None:
-        """Energies, strain and bounds, if they are due (they need the whole state on the host)."""
+        """Measure energies, strain and bounds, if they are due (they need the whole state on the host)."""
         now = perf_counter()
         if self.frozen or (now < self._statistics_due and not force):
             return
@@ -268,7 +269,8 @@ class Worlds:
             self.say(f"incomplete: {self.statistics.faults}; press R to restart")
 
     def _guard(self, action: Callable[[], object]) -> bool:
-        """Do `action`; on one of the lab's errors say so (and freeze, if the state diverged). True if it went well."""
+        """Do `action`. On one of the lab's errors show its message (and freeze, if the state diverged). Returns True on
+        success."""
         try:
             action()
         except Diverged as error:

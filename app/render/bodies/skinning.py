@@ -10,7 +10,7 @@ from softlab.model.scene.scene import Scene
 
 
 class ClusterFrames:
-    """The clusters of all bodies of `scene` as matrices that take points of their meshes at rest to now."""
+    """Matrices of the clusters of all bodies of `scene`: they map points of the meshes at rest to the current state."""
 
     def __init__(self, scene: Scene):
         body_set, parts = scene.body_set, scene.bodies
@@ -21,8 +21,11 @@ class ClusterFrames:
         self.count = body_set.clusters.count
 
     def matrices(self, centre: np.ndarray, rotation: np.ndarray) -> np.ndarray:
-        """(clusters, 3, 4) float32: of points of the mesh with a 1 behind; with the clusters at `centre` (clusters, 3) [m]
-        and turned since the start by `rotation` (clusters, 3, 3), or deformed, which comes after the turn at the start."""
+        """Return the matrices (clusters, 3, 4) float32, for points of the mesh extended by 1.
+
+        The clusters are at `centre` (clusters, 3) [m] and rotated since the start by `rotation` (clusters, 3, 3), or
+        deformed by it, after the rotation at the start.
+        """
         turn = rotation @ self._turn
         transforms = np.empty((self.count, 3, 4), np.float32)
         with np.errstate(over="ignore", invalid="ignore"):
@@ -57,8 +60,8 @@ class ClusterFrames:
 
 
 def of_quaternions(quaternion: np.ndarray) -> np.ndarray:
-    """(n, 3, 3): the rotations of unit quaternions (n, 4), w first. K. Shoemake, "Animating Rotation with Quaternion Curves",
-    SIGGRAPH 1985."""
+    """Return the rotations (n, 3, 3) of unit quaternions (n, 4), w first. K. Shoemake, "Animating Rotation with
+    Quaternion Curves", SIGGRAPH 1985."""
     w, x, y, z = quaternion.T
     rows = [
         [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],

@@ -87,25 +87,26 @@ class BodiesView(View):
         self.upload(body_set.position)
 
     def _appearance(self) -> np.ndarray:
-        """(particles, 4) float32: colours and radii [m], 0 of what waits: nothing is drawn of it."""
+        """Return colours and radii [m] of the particles (particles, 4) float32; radius 0, which draws nothing, if
+        inactive."""
         colour = particle_colours(self.scene, self.colouring)
         radius = self._radius * self._active[self.scene.body_set.body]
         return np.ascontiguousarray(np.column_stack([colour, radius]), np.float32)
 
     def _middle_appearance(self) -> np.ndarray:
-        """(clusters, 4) float32: likewise."""
+        """Return colours and radii [m] of the clusters' middles (clusters, 4) float32; radius 0 if inactive."""
         appearance = self._all_middles.astype(np.float32)
         appearance[:, 3] *= self._active[self._owner]
         return appearance
 
     def _send_links(self) -> None:
-        """Those of bodies that are there."""
+        """Send the links of active bodies."""
         ends = np.ascontiguousarray(self._links[self._active[self.scene.body_set.body[self._links[:, 0]]]])
         refill(self._buffers[-1], ends)
         self._link_ends = ends.size
 
     def _constants(self) -> None:
-        """Uniforms that never change."""
+        """Set the uniforms that never change."""
         program = self._lit_skin.program
         program.use()
         program["palette"] = tuple(colours.BODIES)
@@ -135,8 +136,8 @@ class BodiesView(View):
         self._send(self.frames.of_simulation(simulation, position))
 
     def show_bodies(self, inverse_mass: np.ndarray | None) -> None:
-        """Bodies that wait by these inverse masses (particles,), as in State, are not drawn from the next upload on; at first
-        those that wait when the scene starts."""
+        """Hide bodies that are inactive by these inverse masses (particles,), as in State, from the next upload on; at
+        first those that are inactive when the scene starts."""
         if inverse_mass is self._weights:  # as in nearly every frame
             return
         self._weights, active = inverse_mass, copies_there(self.scene, inverse_mass)
@@ -158,7 +159,7 @@ class BodiesView(View):
             )
 
     def next_colouring(self) -> None:
-        """The next of COLOURINGS."""
+        """Choose the next of COLOURINGS."""
         self.colouring = COLOURINGS[(COLOURINGS.index(self.colouring) + 1) % len(COLOURINGS)]
         self.vertices.send(self._buffers[0], self._appearance())
 
@@ -171,7 +172,7 @@ class BodiesView(View):
         self.links = not self.links and len(self._links) > 0
 
     def toggle_lines(self) -> bool:
-        """Particles in place of the skin, or the skin in place of them; whether it is particles now."""
+        """Exchange particles and skin. Returns True if particles are shown now."""
         self.particles, self.skin = not self.lines, self.lines
         return self.lines
 

@@ -67,7 +67,7 @@ void main() {
 
 
 class FoamLayer:
-    """The points of a scene, `points`, and how they are drawn. Needs a current OpenGL 3.3 context."""
+    """Draws the foam `points` of a scene. Needs a current OpenGL 3.3 context."""
 
     def __init__(self, scene: Scene, points: FoamPoints | None = None):
         self.points = points or FoamPoints(scene, scene.foam or Foam())
@@ -82,7 +82,7 @@ class FoamLayer:
         self.points.follow(position, velocity, time)
 
     def draw(self, camera: Any, surface: FluidSurface | None = None) -> None:
-        """Over what is there; `surface`: what was drawn of the fluid by this camera, if it was a surface."""
+        """Draw the points over the picture; `surface`: the fluid's surface in the same picture, if it is drawn as one."""
         from pyglet import gl
 
         count = len(self.points)

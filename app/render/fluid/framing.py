@@ -24,8 +24,8 @@ def with_fluids(scene: Scene) -> bool:
 
 
 def main_part(scene: Scene, position: np.ndarray) -> np.ndarray:
-    """(n, dimensions) [m]: `position` (particles, dimensions) without what is nowhere and the few that are far from all
-    others; of scenes without fluids all of it, in a world of other members."""
+    """Return the rows (n, dimensions) [m] of `position` (particles, dimensions) that are finite and not far from all
+    others. Scenes without fluids keep all rows, as do other members of a world."""
     if scene.is_world:
         slices = scene.world_set.slices()
         return np.concatenate([main_part(member, position[slices[name]]) for name, member in scene.members.items()])
@@ -40,8 +40,8 @@ def main_part(scene: Scene, position: np.ndarray) -> np.ndarray:
 
 
 def with_tank(scene: Scene, bounds: Sequence[float], time: float) -> tuple[float, ...]:
-    """`bounds`, the lowest and the highest coordinates [m] of a fluid, widened by the floor and the walls near it at `time`
-    [s], in a plane also by what else stands there; as they are for scenes without fluids."""
+    """Return `bounds`, the lowest and the highest coordinates [m] of a fluid, widened by the floor and the walls near
+    it at `time` [s], in a plane also by other colliders; unchanged for scenes without fluids."""
     for member in scene.members.values() if scene.is_world else ():
         bounds = with_tank(member, bounds, time)
     if not scene.fluids:

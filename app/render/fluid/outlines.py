@@ -12,8 +12,8 @@ FAR = 40.0  # times the scene's size: how long the line of a half-plane is
 
 
 def outlines(scene: Scene, time: float, planes: bool = True) -> np.ndarray:
-    """(2 n, 2) float32 [m]: n lines by their ends, where colliders are at `time` [s], with or without planes. Of meshes and
-    fields there are none."""
+    """Return n lines by their ends (2 n, 2) float32 [m]: the sections of the colliders at `time` [s], with or without
+    planes. Meshes and fields have none."""
     lines = [np.zeros((0, 2))]
     for _, collider in scene.colliders:
         shift = time * np.array(getattr(collider, "velocity", (0.0, 0.0, 0.0)))[:2]
@@ -41,7 +41,8 @@ def outlines(scene: Scene, time: float, planes: bool = True) -> np.ndarray:
 
 
 def _section(center: tuple[float, float, float], radius: float) -> tuple[np.ndarray, float]:
-    """(middle, share of the radius) of the circle in which the plane z = 0 cuts a ball; share 0: it does not."""
+    """Return (middle, fraction of the radius) of the circle in which the plane z = 0 cuts a ball; fraction 0: no
+    section."""
     return np.array(center)[:2], float(np.sqrt(max(1 - (center[2] / radius) ** 2, 0.0)))
 
 
@@ -51,5 +52,5 @@ def _ring(radius: float, middle: np.ndarray, scale: float) -> np.ndarray:
 
 
 def _closed(corners: np.ndarray) -> np.ndarray:
-    """The sides of a polygon by their ends."""
+    """Return the sides of a polygon by their ends."""
     return np.stack([corners, np.roll(corners, -1, axis=0)], axis=1).reshape(-1, 2)

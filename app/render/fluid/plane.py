@@ -37,7 +37,7 @@ class PlaneFluid:
         self._outlines = vertex_array(self._buffers[0], self._buffers[1], dimensions=2)
 
     def draw_particles(self, camera: Any) -> None:
-        """The discs."""
+        """Draw the discs."""
         program = self._disc_program
         program.use()
         program["transform"], program["pixels"] = uniform_matrix(camera.matrix()), camera.scale
@@ -45,7 +45,7 @@ class PlaneFluid:
         program.stop()
 
     def draw_colliders(self, camera: Any, time: float) -> None:
-        """The outlines, where they are at `time` [s]."""
+        """Draw the outlines at `time` [s]."""
         from pyglet import gl
 
         lines = outlines(self.scene, time)

@@ -65,9 +65,10 @@ EDGE = 2.0  # radii: how far before a solid a fluid is seen in full, so that it 
 class FluidSurface:
     """The surface of `count` particles whose positions (count, 3) float32 [m] lie in an OpenGL buffer.
 
-    `set_look(radius, absorption, axes)`, then for each frame `passes(camera)` and `shade(camera, target)`; `normals(camera)`
-    gives normals and depth as arrays. Needs a current OpenGL 3.3 context, the same in every call; `delete()` frees all.
-    Raises BackendUnavailable where the driver has no float pictures, InputError for a filter that is none of FILTERS.
+    `set_appearance(radius, absorption, axes)`, then for each frame `passes(camera)` and `shade(camera, target)`;
+    `normals(camera)` returns normals and depth as arrays. Needs a current OpenGL 3.3 context, the same in every call;
+    `delete()` frees all. Raises BackendUnavailable if the driver has no float pictures, InputError for a filter that is
+    not one of FILTERS.
     """
 
     def __init__(self, position_buffer: int, count: int, filtered: str = FILTERS[0]):
@@ -117,14 +118,18 @@ class FluidSurface:
         return array
 
     def shine(self, light: np.ndarray) -> None:
-        """The sun stands there (3,), a unit vector, from now on."""
+        """Set the direction (3,) to the sun, a unit vector."""
         self._light = light
 
     # ------------------------------------------------------------------ the particles
 
     def set_appearance(self, radius: float, absorption: Any = WATER, axes: np.ndarray | None = None) -> None:
-        """Particles as balls of `radius` [m], or as the ellipsoids that `axes` (count, 3, 3) [m] make of the unit ball;
-        `absorption` (3,) or (count, 3) [1/m]: what a metre of fluid takes of red, green and blue light (Beer and Lambert)."""
+        """Draw particles as balls of `radius` [m], or as the ellipsoids into which `axes` (count, 3, 3) [m] map the
+        unit ball.
+
+        `absorption` (3,) or (count, 3) [1/m]: absorption of red, green and blue light per metre of fluid (Beer and
+        Lambert).
+        """
         self._radius = radius
         appearance = np.empty((self.count, 4), np.float32)
         appearance[:, :3] = absorption
@@ -198,7 +203,7 @@ class FluidSurface:
         gl.glViewport(*box)
 
     def _blur(self, camera: Camera3D) -> None:
-        """Blur the thickness, by way of the picture of normals."""
+        """Blur the thickness, with the picture of normals as scratch."""
         lengths: dict[str, Any] = {"half_width": BLUR * self._radius, "focal": camera.focal}
         for source, goal, axis in ((THICKNESS, NORMALS, (1, 0)), (NORMALS, THICKNESS, (0, 1))):
             self._draw("blur", goal, {"thickness": source, "depth": self._result}, axis=axis, **lengths)
@@ -232,7 +237,7 @@ class FluidSurface:
         self._draw("outline", OUTLINE, {"depth": DEPTH, "cells": NORMALS}, **how)
 
     def _filter(self, camera: Camera3D) -> None:
-        """Smooth the depth, back and forth between the first two pictures; `_result` is the last one."""
+        """Smooth the depth, alternating between the first two pictures; `_result` is the last one."""
         self._result = OUTLINE
         for name, axis, lengths in STEPS[self.filtered]:
             goal = OTHER_DEPTH if self._result == DEPTH else DEPTH

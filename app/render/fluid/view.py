@@ -48,7 +48,8 @@ ABSORBED = (
 
 
 def water_first(fluid_set: FluidSet) -> np.ndarray:
-    """(fluids,): a number of each, 0 of that whose density is nearest to water's, the others as in the file: it is blue."""
+    """Return a number for each fluid (fluids,): 0, which is blue, for the density nearest to water's, the others in the
+    order of the file."""
     density = np.array([part.density for part in fluid_set.parts])
     water, number = int(np.abs(np.log(density / WATER)).argmin()), np.arange(len(density))
     return np.where(number == water, 0, number + (number < water))
@@ -103,7 +104,7 @@ class FluidView(View):
     # ------------------------------------------------------------------ how it looks
 
     def toggle_lines(self) -> bool:
-        """Particles in place of the surface, or the surface; whether it is particles now."""
+        """Exchange particles and surface. Returns True if particles are shown now."""
         self.lines = not self.space or not self.lines
         return self.lines
 
@@ -121,21 +122,21 @@ class FluidView(View):
                 self.lines = not self.space or name == "particles"
 
     def toggle_foam(self) -> bool:
-        """Spray, foam and bubbles, from now on, or none; whether they are shown now."""
+        """Show or hide spray, foam and bubbles. Returns True if they are shown now."""
         self.foam = not self.foam
         self._foam.points.forget()
         return self.foam
 
     def show_foam(self, points: FoamPoints) -> None:
-        """These, whose history is known, instead of its own."""
+        """Draw these points, whose history is known, instead of the view's."""
         self._foam.points = points
 
     def next_colouring(self) -> None:
-        """By fluid, by speed, by density."""
+        """Colour by fluid, by speed, by density, in turn."""
         self.colour_by(COLOURINGS[(COLOURINGS.index(self.colouring) + 1) % len(COLOURINGS)])
 
     def colour_by(self, name: str) -> None:
-        """One of COLOURINGS, from the next upload on."""
+        """Colour by one of COLOURINGS, from the next upload on."""
         self.colouring, self._most = name, 0.0
         self.vertices.send(self._buffers[0], self._appearance(self._fluid_colours))
 
@@ -176,7 +177,7 @@ class FluidView(View):
         self._send(position, self._velocity)
 
     def _send(self, position: np.ndarray | None, velocity: np.ndarray | None) -> None:
-        """Colours by numbers, and ellipsoids, as far as they are shown and known."""
+        """Send colours of levels, and ellipsoids, as far as they are shown and known."""
         level, self._velocity = None, None
         if self.foam and velocity is not None and position is not None:
             self._foam.follow(position, velocity, self._when)

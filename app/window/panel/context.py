@@ -60,19 +60,19 @@ class Context:
     # ------------------------------------------------------------------ events, in pixels from the upper left corner
 
     def mouse_at(self, x: float, y: float) -> None:
-        """The pointer moved."""
+        """Send the place of the pointer."""
         self.io.add_mouse_pos_event(x, y)
 
     def mouse_button(self, number: int, down: bool) -> None:
-        """Left 0, right 1, middle 2."""
+        """Send a button, left 0, right 1, middle 2."""
         self.io.add_mouse_button_event(number, down)
 
     def wheel(self, across: float, up: float) -> None:
-        """Notches."""
+        """Send notches of the wheel."""
         self.io.add_mouse_wheel_event(across, up)
 
     def key(self, name: str, down: bool) -> None:
-        """A key by pyglet's name, if it means something here."""
+        """Send a key by pyglet's name, if Dear ImGui knows it."""
         known = KEYS.get(name)
         if known is None:
             return
@@ -82,7 +82,7 @@ class Context:
             self.io.add_key_event(getattr(self.imgui.Key, MODIFIERS[word]), down)
 
     def text(self, characters: str) -> None:
-        """Typed characters."""
+        """Send typed characters."""
         for character in characters:
             if character.isprintable():
                 self.io.add_input_character(ord(character))

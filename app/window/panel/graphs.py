@@ -15,7 +15,7 @@ NUMBER_MARGIN = 16.0  # units, over and under a curve for its numbers
 
 
 def _frame(imgui: Any, style: PanelStyle, height: float) -> tuple[Any, float, float, float, float]:
-    """An empty field as wide as the column: (what draws, left, top, width, height) [pixels]."""
+    """Draw an empty field as wide as the column. Returns (draw list, left, top, width, height) [pixels]."""
     corner, width = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x
     tall = height * style.unit
     imgui.dummy(imgui.ImVec2(width, tall))
@@ -27,7 +27,7 @@ def _frame(imgui: Any, style: PanelStyle, height: float) -> tuple[Any, float, fl
 
 
 def _small(imgui: Any, style: PanelStyle, x: float, y: float, text: str, colour: str, right: bool = False) -> None:
-    """A word of a graph, from `x` on, or ending there."""
+    """Write a word of a graph that starts at `x`, or ends there."""
     imgui.push_font(style.plain, 12.0)
     across = imgui.calc_text_size(text).x if right else 0.0
     imgui.get_window_draw_list().add_text((x - across, y), style.colour(imgui, colour), text)
@@ -35,12 +35,12 @@ def _small(imgui: Any, style: PanelStyle, x: float, y: float, text: str, colour:
 
 
 def _digits(number: float) -> str:
-    """Two digits at least, and no exponent."""
+    """Return a number with at least two digits and without an exponent."""
     return f"{number:.0f}" if number >= 10 else f"{number:.2g}"
 
 
 def frame_times(imgui: Any, style: PanelStyle, times: FrameTimes) -> None:
-    """The last frames: a bar each, drawing on top of physics, and the line of 60 frames a second."""
+    """Draw the last frames: a bar each, drawing on top of physics, and the line of 60 frames a second."""
     lines, left, top, width, tall = _frame(imgui, style, HEIGHT)
     unit, most = style.unit, times.range
     inner, base = tall - NUMBER_MARGIN * unit, top + tall - 3 * unit
@@ -79,7 +79,7 @@ def curves(
     time: np.ndarray,
     shown: Sequence[tuple[str, str, np.ndarray]],
 ) -> None:
-    """Curves over `time` [s], each (name, colour, values), under a `title`; the last values in figures."""
+    """Draw curves over `time` [s], each (name, colour, values), under a `title`; the last values in figures."""
     lines, left, top, width, tall = _frame(imgui, style, HEIGHT)
     unit = style.unit
     x = left + 6 * unit

@@ -34,7 +34,7 @@ class History:
         self.rows = np.vstack([self.rows, [row]])[-LENGTH:]
 
     def column(self, name: str) -> np.ndarray:
-        """(looks,)"""
+        """Return a column (measurements,) by name."""
         return self.rows[:, COLUMNS.index(name)]
 
 

@@ -41,7 +41,7 @@ class Layout:
         self.said = Said(Sliders(imgui, style, state), viewer, style, state)
 
     def draw(self) -> None:
-        """One frame, at the right of the window."""
+        """Lay out one frame, at the right of the window."""
         imgui, viewer = self.imgui, self.viewer
         width = viewer.width - viewer.shown_width
         self.state.history.record(viewer.demo.world, viewer.demo.statistics)

@@ -33,11 +33,11 @@ class Panel:
 
     @property
     def width(self) -> int:
-        """Pixels, 0 while it is closed; of a narrow window most."""
+        """Width [pixels], 0 while it is closed; most of a narrow window."""
         return min(self.style.width, round(MOST * self.viewer.width)) if self.open else 0
 
     def toggle(self) -> None:
-        """A: show or hide it; where what draws it is missing, say how to get that."""
+        """Show or hide the panel, or show a message with the remedy if its package is missing (A)."""
         works, reason = panel_available()
         if not works:
             self.demo.say(f"{reason}; {REMEDY}")
@@ -49,7 +49,7 @@ class Panel:
         self._pressed_buttons.clear()
 
     def _make(self) -> None:
-        """Its fonts, buffers and shaders, at its first opening."""
+        """Make fonts, buffers and shaders, when it is opened first."""
         from softlab.app.window.panel.drawing import Drawing
 
         window, key = self.viewer.window, self.viewer.pyglet.window.key
@@ -63,7 +63,7 @@ class Panel:
         self._buttons = {buttons.LEFT: 0, buttons.RIGHT: 1, buttons.MIDDLE: 2}
 
     def lay_out(self) -> None:
-        """A frame of it, and what was pressed in it is done."""
+        """Lay out a frame, and do what was pressed in it."""
         if self._context is not None and self._layout is not None:
             self.style.apply(self._context.imgui)
             self._context.frame(self.viewer.width, self.viewer.height, self._layout.draw)
@@ -101,14 +101,14 @@ class Panel:
         return x >= self.viewer.shown_width or (self._context is not None and self._context.takes_mouse)
 
     def moved(self, x: float, y: float) -> bool:
-        """The pointer is there now, with or without a button down."""
+        """Handle the pointer at (x, y), with or without a button down."""
         if not self.open or self._context is None:
             return False
         self._context.mouse_at(x, self.viewer.height - y)
         return bool(self._pressed_buttons) or self._over(x)
 
     def pressed(self, x: float, y: float, button: int) -> bool:
-        """A button went down."""
+        """Handle a button that went down."""
         if not self.open or self._context is None or button not in self._buttons:
             return False
         self._context.mouse_at(x, self.viewer.height - y)
@@ -119,7 +119,7 @@ class Panel:
         return True
 
     def released(self, button: int) -> bool:
-        """A button went up."""
+        """Handle a button that went up."""
         if button not in self._pressed_buttons or self._context is None:
             return False
         self._pressed_buttons.discard(button)
@@ -127,7 +127,7 @@ class Panel:
         return True
 
     def scrolled(self, x: float, y: float, across: float, up: float) -> bool:
-        """The wheel was turned."""
+        """Handle a turn of the wheel."""
         if not self.open or self._context is None or not self._over(x):
             return False
         self._context.mouse_at(x, self.viewer.height - y)
@@ -135,7 +135,7 @@ class Panel:
         return True
 
     def key(self, symbol: int, down: bool) -> bool:
-        """A key went down or up."""
+        """Handle a key that went down or up."""
         if not self.open or self._context is None:
             return False
         name = self._names.get(symbol, "")
@@ -144,7 +144,7 @@ class Panel:
         return down and self._context.takes_keys
 
     def text(self, text: str) -> bool:
-        """Characters were typed."""
+        """Handle typed characters."""
         if not self.takes_keys or self._context is None:
             return False
         self._context.text(text)

@@ -13,7 +13,7 @@ NAME, TIP = 126.0, 300.0  # units: of the names' column, of the text of a toolti
 
 
 class Rows:
-    """Rows of a panel in the frame that is being laid out. What changes gives its new value, else None."""
+    """Rows of a panel in the frame that is being laid out. Widgets return a new value if it changed, else None."""
 
     def __init__(self, imgui: Any, style: PanelStyle, state: PanelState):
         self.imgui, self.style, self.state = imgui, style, state
@@ -21,13 +21,13 @@ class Rows:
     # ------------------------------------------------------------------ text
 
     def bold(self, text: str, size: float = 15.0) -> None:
-        """A line in bold type of so many units."""
+        """Write a line in bold type of `size` units."""
         self.imgui.push_font(self.style.bold, size)
         self.imgui.text_unformatted(text)
         self.imgui.pop_font()
 
     def note(self, text: str, colour: str = "faint", size: float = 13.0) -> None:
-        """Wrapped lines that are read last."""
+        """Write wrapped lines in a faint colour."""
         imgui = self.imgui
         imgui.push_font(self.style.plain, size)
         imgui.push_style_color(int(imgui.Col_.text), self.style.colour(imgui, colour))
@@ -47,7 +47,7 @@ class Rows:
         self.imgui.pop_font()
 
     def gap(self, units: float) -> None:
-        """Empty space."""
+        """Leave empty space."""
         self.imgui.dummy(self.imgui.ImVec2(1, units * self.style.unit))
 
     def value(self, name: str, text: str, colour: str = "ink") -> None:
@@ -145,8 +145,8 @@ class Rows:
     def scene_choice(
         self, name: str, now: str, offer: Callable[[], Sequence[Entry]], tip: str = "", height: int = 16
     ) -> str | None:
-        """A list of scenes with a search field, as wide as the column. `now`: the text of the closed list; `offer`: called
-        when the list opens. Returns the name of the chosen scene; Enter chooses the first one."""
+        """Draw a list of scenes with a search field, as wide as the column. `now`: the text of the closed list;
+        `offer`: called when the list opens. Returns the name of the chosen scene; Enter chooses the first one."""
         imgui, state, chosen = self.imgui, self.state, None
         imgui.set_next_item_width(-1)
         imgui.set_next_window_size_constraints((0, 0), (1e4, height * imgui.get_frame_height_with_spacing()))
@@ -178,7 +178,7 @@ class Rows:
         return chosen
 
     def line(self, name: str, text: str, hint: str) -> str:
-        """A line to type in, as it is now."""
+        """Draw a text field and return its current text."""
         self.name(name)
         self.imgui.set_next_item_width(-1)
         _, typed = self.imgui.input_text_with_hint(f"##{name}", hint, text)

@@ -54,7 +54,8 @@ def _entry(name: str, changed: float) -> Entry | None:
 
 
 def scene_entries(folder: Path | None = None) -> list[Entry]:
-    """Own scenes of the folder (the working folder by default), then the catalogue, its hard cases last; by name."""
+    """Return the scenes of the folder (the working folder by default), then the catalogue, its hard cases last; by
+    name."""
     files = sorted((folder or Path.cwd()).glob("*.toml"))[:MAX_FILES]
     local = [_entry(str(file) if folder else file.name, file.stat().st_mtime) for file in files]
     names = sorted(catalogue(), key=lambda name: ("/" in name, name))

@@ -34,7 +34,7 @@ class Sliders(Rows):
     def slider(
         self, name: str, value: float, low: float, high: float, unit: str = "", logarithmic: bool = False, tip: str = ""
     ) -> float | None:
-        """A slider of a number alone, as wide as the column."""
+        """Draw a slider of a number, as wide as the column."""
         self.name(name, tip)
         self.imgui.set_next_item_width(-1)
         changed, new = self._drag(name, value, low, high, unit, logarithmic)
@@ -43,7 +43,7 @@ class Sliders(Rows):
     def _drag(
         self, name: str, value: float, low: float, high: float, unit: str, logarithmic: bool
     ) -> tuple[bool, float]:
-        """A slider that shows how far it is by being filled, with its number upon that."""
+        """Draw a slider as a field that is filled up to its value, with the number upon it."""
         imgui = self.imgui
         flags = imgui.SliderFlags_.no_round_to_format | (imgui.SliderFlags_.logarithmic if logarithmic else 0)
         text = f"%.4g{'' if unit == '°' else ' '}{UNITS.get(unit, unit)}".rstrip()
@@ -80,8 +80,8 @@ class Sliders(Rows):
         return result
 
     def parameter(self, one: Parameter, now: Any, initial: Any) -> Any:
-        """A row for one field: its new value, once it is to be given to the scene. What is not live waits until it is let
-        go. The button at the right takes back what the scene said."""
+        """Draw the row of a field and return its new value, once it is to be applied to the scene: live fields at once,
+        others on release. The button at the right restores the `initial` value of the scene."""
         imgui, state = self.imgui, self.state
         unit = f", {UNITS.get(one.unit, one.unit)}" if one.kind == "vector" and one.unit else ""
         self.name(one.label + unit, _tip(one))
@@ -130,7 +130,7 @@ class Sliders(Rows):
         return self._to_apply(one, new if changed else None, imgui.is_item_deactivated())
 
     def _vector(self, one: Parameter, shown: Any) -> Any:
-        """Three sliders in the place of one, along x, y and z; left of their middle is less than 0."""
+        """Draw three sliders in the place of one, along x, y and z; left of their middle is less than 0."""
         imgui, gap = self.imgui, 4 * self.style.unit
         width = (imgui.calc_item_width() - 2 * gap) / 3
         parts, changed, let_go = [float(part) for part in shown], False, False
@@ -157,7 +157,7 @@ class Sliders(Rows):
         return self.state.pending.pop(one.path, None) if let_go else None
 
     def _reset(self, path: str) -> bool:
-        """The button at the right: an arrow back, drawn, since not every font has one."""
+        """Draw the reset button at the right: an arrow back, drawn, since not every font has one."""
         imgui, unit = self.imgui, self.style.unit
         imgui.same_line()
         height = imgui.get_frame_height()

@@ -88,7 +88,7 @@ class PanelStyle:
         return round(WIDTH * self.unit)
 
     def load_fonts(self, imgui: Any) -> None:
-        """Roboto, which comes with the package that draws; without it its built-in one."""
+        """Load Roboto, which comes with Dear ImGui's package; without it the built-in font."""
         import imgui_bundle
 
         folder = Path(imgui_bundle.__file__).parent / "assets" / "fonts" / "Roboto"

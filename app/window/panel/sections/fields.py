@@ -14,7 +14,7 @@ DEAR = 2000  # fields: of more, as a scene of hundreds of parts has, the first a
 
 
 def parameters(said: Said) -> None:
-    """A row a field; the tables that it is in are headings."""
+    """Lay out a row per field; the names of their tables are headings."""
     demo, rows = said.demo, said.rows
     scene, initial = demo.world.scene, demo.scenes[demo.current]
     live = demo.world.options.live

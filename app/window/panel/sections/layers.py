@@ -9,7 +9,7 @@ INSIDE = (("particles", "Particles"), ("skin", "Skins"), ("clusters", "Clusters"
 
 
 def _fluid(said: Said) -> None:
-    """A surface, in space, or particles; foam."""
+    """Lay out surface or particles, in space, and foam."""
     viewer, rows, view_options = said.viewer, said.rows, said.viewer.view_options
     first = viewer.views[0]
     if viewer.space:
@@ -27,7 +27,7 @@ def _fluid(said: Said) -> None:
 
 
 def layers(said: Said) -> None:
-    """Boxes for layers, and colours."""
+    """Lay out boxes for layers, and colours."""
     viewer, rows, view_options = said.viewer, said.rows, said.viewer.view_options
     first, scene = viewer.views[0], said.demo.world.scene
     if first.subject == "fluid":

@@ -15,7 +15,7 @@ KERNELS = {  # the words of --kernel; a solver refuses those it lacks
 
 
 def machine(said: Said) -> None:
-    """One choice a row."""
+    """Lay out one choice per row."""
     demo, rows = said.demo, said.rows
     world, options = demo.world, demo.options
     rows.note(

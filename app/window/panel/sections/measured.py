@@ -12,7 +12,7 @@ SIGNS = {"total": "accent", "kinetic": "second"}
 
 
 def measured(said: Said) -> None:
-    """Graphs, then numbers."""
+    """Lay out graphs, then numbers."""
     demo, rows, style, history = said.demo, said.rows, said.style, said.state.history
     imgui = rows.imgui
     rows.heading("milliseconds per frame")

@@ -12,7 +12,7 @@ ALL, DUPLICATE, ONLY = "all scenes", "Duplicate to compare", "Keep only this sce
 
 
 def _loaded(said: Said, name: str) -> Scene | None:
-    """A scene by its name or file; an error is shown as a message."""
+    """Return a scene by its name or file, or None with the error as a message."""
     try:
         return load_scene(name)
     except SoftlabError as error:
@@ -27,7 +27,7 @@ def _beside(said: Said) -> list[Entry]:
 
 
 def scene(said: Said) -> None:
-    """Another scene, a scene beside the current ones, the current scene twice."""
+    """Lay out the choice of another scene, of a scene beside the current ones, and of the current scene twice."""
     demo, rows, state = said.demo, said.rows, said.state
     now = demo.world.scene
     chosen = rows.scene_choice(

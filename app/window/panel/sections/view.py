@@ -12,7 +12,7 @@ CLOSER = 50.0  # a slider's reach of distances and scales, as a factor to either
 
 
 def _light(said: Said) -> None:
-    """The one that throws shadows."""
+    """Lay out the direction of the light that throws shadows."""
     rows, view_options = said.rows, said.viewer.view_options
     x, y, z = said.viewer.views[0].light.tolist()
     azimuth, height = atan2(x, z), asin(min(max(y, -1.0), 1.0))
