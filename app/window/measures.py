@@ -84,8 +84,8 @@ def measure_picture(
     """Return `before` (with its energy) with strain and bounds of another picture: the one that is shown after
     divergence."""
     strains = [drawn_strain(scene, position) for scene, position in zip(scenes, positions, strict=True)]
-    there = [main_part(scene, position) for scene, position in zip(scenes, positions, strict=True)]
-    wanted, bounds = max(map(strain_range, strains)), _bounds(there, before)
+    active = [main_part(scene, position) for scene, position in zip(scenes, positions, strict=True)]
+    wanted, bounds = max(map(strain_range, strains)), _bounds(active, before)
     worst = _worst(scenes[current], positions[current], strains[current])
     return replace(before, worst_strain=worst, strain_range=wanted, bounds=bounds)
 

@@ -56,8 +56,8 @@ class Picker:
         if self.selected is None:
             self.selected = (body.rows // 2) * body.columns + body.columns // 2
             if world.scene.bodies:  # of those that are there
-                there = np.flatnonzero(body.inverse_mass)
-                self.selected = int(there[len(there) // 2])
+                active = np.flatnonzero(body.inverse_mass)
+                self.selected = int(active[len(active) // 2])
         else:
             row, column = divmod(self.selected, body.columns)
             row = min(max(row - rows, 0), body.rows - 1)

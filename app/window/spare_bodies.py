@@ -20,8 +20,8 @@ def next_spare(world: Simulation, last: str | None) -> str:
     names = list(scene.bodies)
     if not any(part.spare for part in scene.bodies.values()):
         raise SceneError("spare", 0, f"this scene has no spare bodies; set spare = 5 in [{names[0]}] for five")
-    there = copies_there(scene, world.body.inverse_mass)
-    waiting = {copy.name for copy in scene.body_set.copies if not there[copy.number]}
+    active = copies_there(scene, world.body.inverse_mass)
+    waiting = {copy.name for copy in scene.body_set.copies if not active[copy.number]}
     if not waiting:
         name = next(name for name, part in scene.bodies.items() if part.spare)
         raise SceneError(

@@ -76,9 +76,9 @@ def write_track(path: Path, parts: Sequence[Part], sounds: dict[str, np.ndarray]
     """Write every sentence at its time, at LOUDNESS, on a track as long as the film."""
     frames = parts[-1].first + parts[-1].count
     track = np.zeros(round(frames / fps * rate), np.float32)
-    for said in (said for part in parts for said in part.said):
-        begin = round(said.start * rate)
-        samples = sounds[said.text][: max(0, len(track) - begin)]
+    for sentence in (sentence for part in parts for sentence in part.sentences):
+        begin = round(sentence.start * rate)
+        samples = sounds[sentence.text][: max(0, len(track) - begin)]
         track[begin : begin + len(samples)] += samples
     with wave.open(str(path), "wb") as out:
         out.setnchannels(1)

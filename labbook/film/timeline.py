@@ -34,7 +34,7 @@ class Shot:
 
 
 @dataclass(frozen=True)
-class Said:
+class TimedSentence:
     """A sentence in time: from `start` to `end` [s]; `captions`: (start, end, text of at most two lines)."""
 
     text: str
@@ -50,7 +50,7 @@ class Part:
     shot: Shot
     first: int
     count: int
-    said: tuple[Said, ...]
+    sentences: tuple[TimedSentence, ...]
 
 
 def reading_seconds(text: str) -> float:
@@ -106,14 +106,14 @@ def timeline(
     parts, first = [], 0
     for shot in shots:
         begin = first / fps
-        at, said = begin + LEAD, []
+        at, sentences = begin + LEAD, []
         for line in shot.lines:
             end = at + lengths[line.text]
             breaths = [at + pause for pause in (pauses or {}).get(line.text, ())]
-            said.append(Said(line.text, at, end, tuple(_shared(captions(line.text), at, end, breaths))))
+            sentences.append(TimedSentence(line.text, at, end, tuple(_shared(captions(line.text), at, end, breaths))))
             at = end + PAUSE
         count = round(shot_seconds(shot, lengths) * fps)
-        parts.append(Part(shot, first, count, tuple(said)))
+        parts.append(Part(shot, first, count, tuple(sentences)))
         first += count
     return parts
 
@@ -136,8 +136,8 @@ def _shared(
 
 def caption_at(part: Part, seconds: float) -> str:
     """Return the caption at that time of the film; a caption stays until the next one."""
-    shown = [text for said in part.said for start, _, text in said.captions if start <= seconds + 1e-9]
-    first = part.said[0].captions[0][2] if part.said else ""
+    shown = [text for sentence in part.sentences for start, _, text in sentence.captions if start <= seconds + 1e-9]
+    first = part.sentences[0].captions[0][2] if part.sentences else ""
     return shown[-1] if shown else first
 
 
@@ -146,7 +146,7 @@ def subtitles(parts: Sequence[Part]) -> str:
     blocks = [
         f"{number}\n{_clock(start)} --> {_clock(end)}\n{text}\n"
         for number, (start, end, text) in enumerate(
-            (caption for part in parts for said in part.said for caption in said.captions), 1
+            (caption for part in parts for sentence in part.sentences for caption in sentence.captions), 1
         )
     ]
     return "\n".join(blocks)

@@ -146,7 +146,7 @@ def test_captions_are_there_while_their_sentence_is_said() -> None:
     text = "a sentence of some words: " + "and so on " * 20 + "to its end."
     parts = timeline([shot("a", (text, 0)), shot("b", ("short", 0))], Lengths(), 30, Stage(FULL).captions)
     assert [part.first for part in parts] == [0, parts[0].count]
-    (said,) = parts[0].said
+    (said,) = parts[0].sentences
     assert said.end - said.start == pytest.approx(reading_seconds(text))
     assert said.captions[0][0] == said.start and said.captions[-1][1] == pytest.approx(said.end)
     assert all(a[1] == b[0] for a, b in zip(said.captions, said.captions[1:], strict=False))
@@ -163,8 +163,8 @@ def test_a_caption_waits_for_the_voice_to_draw_breath() -> None:
     tone[round(2.9 * RATE) : round(3.3 * RATE)] = 0.0
     assert breaths(tone, RATE) == pytest.approx([3.1], abs=0.01)
     how = ([shot("a", (text, 0))], {text: 6.0}, 30, Stage(FULL).captions)
-    (first, _) = timeline(*how)[0].said[0].captions
-    (waiting, after) = timeline(*how, {text: breaths(tone, RATE)})[0].said[0].captions
+    (first, _) = timeline(*how)[0].sentences[0].captions
+    (waiting, after) = timeline(*how, {text: breaths(tone, RATE)})[0].sentences[0].captions
     assert waiting[1] == after[0] == pytest.approx(waiting[0] + 3.1, abs=0.01) != first[1]
 
 

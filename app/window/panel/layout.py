@@ -7,12 +7,12 @@ from typing import Any
 
 from softlab.app.window.panel.sections.fields import parameters
 from softlab.app.window.panel.sections.files import files
+from softlab.app.window.panel.sections.frame import PanelFrame
 from softlab.app.window.panel.sections.itself import itself
 from softlab.app.window.panel.sections.layers import layers
 from softlab.app.window.panel.sections.machine import machine
 from softlab.app.window.panel.sections.measured import measured
 from softlab.app.window.panel.sections.running import head
-from softlab.app.window.panel.sections.said import Said
 from softlab.app.window.panel.sections.scene import scene
 from softlab.app.window.panel.sections.view import view
 from softlab.app.window.panel.sliders import Sliders
@@ -20,7 +20,7 @@ from softlab.app.window.panel.state import PanelState
 from softlab.app.window.panel.style import PanelStyle
 from softlab.app.window.window_protocol import WindowProtocol
 
-SECTIONS: tuple[tuple[str, Callable[[Said], None], bool], ...] = (
+SECTIONS: tuple[tuple[str, Callable[[PanelFrame], None], bool], ...] = (
     ("Scene", scene, True),
     ("Parameters", parameters, True),
     ("Measured", measured, True),
@@ -38,7 +38,7 @@ class Layout:
     def __init__(self, imgui: Any, viewer: WindowProtocol, style: PanelStyle, state: PanelState, every: bool = False):
         self.every = state.every = every
         self.imgui, self.viewer, self.style, self.state = imgui, viewer, style, state
-        self.said = Said(Sliders(imgui, style, state), viewer, style, state)
+        self.frame = PanelFrame(Sliders(imgui, style, state), viewer, style, state)
 
     def draw(self) -> None:
         """Lay out one frame, at the right of the window."""
@@ -51,7 +51,7 @@ class Layout:
         imgui.set_next_window_pos(imgui.ImVec2(viewer.width - width, 0))
         imgui.set_next_window_size(imgui.ImVec2(width, viewer.height))
         imgui.begin("panel", None, int(flags | fixed.no_scrollbar | fixed.no_scroll_with_mouse))
-        head(self.said)
+        head(self.frame)
         imgui.separator()
         imgui.begin_child("sections", imgui.ImVec2(0, 0))
         for name, section, opened in SECTIONS:
@@ -59,11 +59,11 @@ class Layout:
             imgui.push_font(self.style.bold, 15.0)
             shown = imgui.collapsing_header(name)
             imgui.pop_font()
-            self.said.rows.record_place(f"section {name}")
+            self.frame.rows.record_place(f"section {name}")
             if shown:
                 imgui.indent(6 * self.style.unit)
-                section(self.said)
-                self.said.rows.gap(6)
+                section(self.frame)
+                self.frame.rows.gap(6)
                 imgui.unindent(6 * self.style.unit)
         imgui.end_child()
         self.state.cancels = False

@@ -7,47 +7,47 @@ from itertools import groupby
 
 from softlab.app.window.materials import FACTORS
 from softlab.app.window.panel.parameters import Parameter, parameters_of, value_of
-from softlab.app.window.panel.sections.said import Said
+from softlab.app.window.panel.sections.frame import PanelFrame
 
 ANEW = "Changing one of these reopens the scene when you release the slider. The state is kept if the masses stay the same."
 DEAR = 2000  # fields: of more, as a scene of hundreds of parts has, the first are shown
 
 
-def parameters(said: Said) -> None:
+def parameters(frame: PanelFrame) -> None:
     """Lay out a row per field; the names of their tables are headings."""
-    demo, rows = said.demo, said.rows
+    demo, rows = frame.demo, frame.rows
     scene, initial = demo.world.scene, demo.scenes[demo.current]
     live = demo.world.options.live
-    fields = said.state.cached("fields", (scene, initial, live), lambda: parameters_of(scene, initial, live))
+    fields = frame.state.cached("fields", (scene, initial, live), lambda: parameters_of(scene, initial, live))
     gravity = [one for one in fields if one.path.startswith("gravity.")]
     if not gravity:
         rows.heading("gravity")
         if rows.check("Gravity on", demo.gravity, "Key G."):
             demo.toggle_gravity()
-    _rows(said, [one for one in fields if one.live][:DEAR])
+    _rows(frame, [one for one in fields if one.live][:DEAR])
     if scene.tetrahedra:
-        _material(said, fields)
+        _material(frame, fields)
     fixed = [one for one in fields if not one.live][:DEAR]
     if not fixed:
         return
     rows.gap(2)
     once = int(rows.imgui.Cond_.once)
-    rows.imgui.set_next_item_open(said.state.every, once)
+    rows.imgui.set_next_item_open(frame.state.every, once)
     if rows.imgui.tree_node(f"Needs a recompile ({len(fixed)})###fixed"):
         rows.note(ANEW)
         for part, of_part in groupby(fixed, key=lambda one: one.part):
-            rows.imgui.set_next_item_open(said.state.every, once)
+            rows.imgui.set_next_item_open(frame.state.every, once)
             if rows.imgui.tree_node(part):
-                _rows(said, list(of_part), headed=False)
+                _rows(frame, list(of_part), headed=False)
                 rows.imgui.tree_pop()
             rows.record_place(f"table {part}")
         rows.imgui.tree_pop()
     rows.record_place("needs a recompile")
 
 
-def _material(said: Said, fields: list[Parameter]) -> None:
+def _material(frame: PanelFrame, fields: list[Parameter]) -> None:
     """Lay out the material of all tetrahedral bodies, in three rows."""
-    demo, rows, scene = said.demo, said.rows, said.demo.world.scene
+    demo, rows, scene = frame.demo, frame.rows, frame.demo.world.scene
     bodies = list(scene.tetrahedra)
     initial = demo.scenes[demo.current].tetrahedra.get(bodies[0])
     rows.heading(bodies[0] if len(bodies) == 1 else f"material of {len(bodies)} bodies (changed together)")
@@ -61,8 +61,8 @@ def _material(said: Said, fields: list[Parameter]) -> None:
             demo.change_material_to(field, new)
 
 
-def _rows(said: Said, fields: list[Parameter], headed: bool = True) -> None:
-    demo, rows = said.demo, said.rows
+def _rows(frame: PanelFrame, fields: list[Parameter], headed: bool = True) -> None:
+    demo, rows = frame.demo, frame.rows
     scene, initial = demo.world.scene, demo.scenes[demo.current]
     for part, of_part in groupby(fields, key=lambda one: one.part):
         if headed:

@@ -5,12 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 from softlab.app.window import snapshot
-from softlab.app.window.panel.sections.said import Said
+from softlab.app.window.panel.sections.frame import PanelFrame
 
 
-def files(said: Said) -> None:
+def files(frame: PanelFrame) -> None:
     """Lay out what saves and what loads."""
-    viewer, rows, state, demo = said.viewer, said.rows, said.state, said.demo
+    viewer, rows, state, demo = frame.viewer, frame.rows, frame.state, frame.demo
     clip = "Stop recording" if viewer.shots.recording else "Record a clip"
     pressed = rows.buttons(("Picture", clip), clip if viewer.shots.recording else "")
     if pressed == "Picture":

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from softlab.app.window.panel.sections.said import Said
+from softlab.app.window.panel.sections.frame import PanelFrame
 from softlab.app.window.panel.style import DARK, LIGHT, SIZES
 
 
-def itself(said: Said) -> None:
+def itself(frame: PanelFrame) -> None:
     """Lay out light or dark, and the size."""
-    rows, style = said.rows, said.style
+    rows, style = frame.rows, frame.style
     pressed = rows.buttons(("Light", "Dark"), "Dark" if style.dark else "Light")
     if pressed:
         style.theme = DARK if pressed == "Dark" else LIGHT

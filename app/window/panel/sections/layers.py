@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from softlab.app.render.detail import DETAILS
-from softlab.app.window.panel.sections.said import Said
+from softlab.app.window.panel.sections.frame import PanelFrame
 
 INSIDE = (("particles", "Particles"), ("skin", "Skins"), ("clusters", "Clusters"), ("links", "Links"))
 
 
-def _fluid(said: Said) -> None:
+def _fluid(frame: PanelFrame) -> None:
     """Lay out surface or particles, in space, and foam."""
-    viewer, rows, view_options = said.viewer, said.rows, said.viewer.view_options
+    viewer, rows, view_options = frame.viewer, frame.rows, frame.viewer.view_options
     first = viewer.views[0]
     if viewer.space:
         pressed = rows.buttons(("Surface", "Particles"), "Particles" if first.lines else "Surface")
@@ -26,12 +26,12 @@ def _fluid(said: Said) -> None:
         view_options.toggle_foam()
 
 
-def layers(said: Said) -> None:
+def layers(frame: PanelFrame) -> None:
     """Lay out boxes for layers, and colours."""
-    viewer, rows, view_options = said.viewer, said.rows, said.viewer.view_options
-    first, scene = viewer.views[0], said.demo.world.scene
+    viewer, rows, view_options = frame.viewer, frame.rows, frame.viewer.view_options
+    first, scene = viewer.views[0], frame.demo.world.scene
     if first.subject == "fluid":
-        _fluid(said)
+        _fluid(frame)
     elif not viewer.space:
         rows.note("A scene in a plane is always drawn as springs coloured by strain.")
     elif viewer.bodies:

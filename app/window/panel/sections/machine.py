@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from softlab.app.driver import BACKENDS
 from softlab.app.window.demo import THREAD_WORDS
-from softlab.app.window.panel.sections.said import Said
+from softlab.app.window.panel.sections.frame import PanelFrame
 from softlab.model.core.options import MATHS, PRECISIONS
 
 AUTOMATIC = "automatic"
@@ -14,9 +14,9 @@ KERNELS = {  # the words of --kernel; a solver refuses those it lacks
 }
 
 
-def machine(said: Said) -> None:
+def machine(frame: PanelFrame) -> None:
     """Lay out one choice per row."""
-    demo, rows = said.demo, said.rows
+    demo, rows = frame.demo, frame.rows
     world, options = demo.world, demo.options
     rows.note(
         f"{world.device}, kernel {world.kernel}, {world.threads} threads{' per block' * (world.backend == 'gpu')}"

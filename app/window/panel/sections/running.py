@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from softlab.app.window.panel.sections.said import Said
+from softlab.app.window.panel.sections.frame import PanelFrame
 from softlab.app.window.worlds import STEPS_PER_FRAME
 
 
-def head(said: Said) -> None:
+def head(frame: PanelFrame) -> None:
     """Lay out the head, which is shown in every position of the sections below."""
-    demo, rows, imgui = said.demo, said.rows, said.rows.imgui
+    demo, rows, imgui = frame.demo, frame.rows, frame.rows.imgui
     world = demo.world
     rows.bold(demo.titles[demo.current], 17.0)
     state = "diverged" if demo.frozen else "paused" if demo.paused else "running"
@@ -19,7 +19,7 @@ def head(said: Said) -> None:
     elif pressed == "Step":
         demo.one_step()
     elif pressed == "Restart":
-        said.state.pending.clear()
+        frame.state.pending.clear()
         demo.restart()
     place = STEPS_PER_FRAME.index(demo.steps_per_frame)
     rows.name("Speed", "Steps per frame of the window. Keys - and +.")

@@ -12,7 +12,7 @@ from softlab.app.window.window_protocol import WindowProtocol
 
 
 @dataclass(frozen=True)
-class Said:
+class PanelFrame:
     """The `rows` that are laid out for a `viewer`, their `style`, and the panel's `state`, which lasts between frames."""
 
     rows: Sliders
