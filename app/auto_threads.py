@@ -21,16 +21,16 @@ ROUNDS = 3
 
 
 def decide(seconds: Mapping[int, float]) -> tuple[int, str]:
-    """(threads, why in a few words) from the seconds of a step by threads: of those within GAIN of the quickest, the
-    fewest."""
+    """Return (threads, reason) from the seconds per step by thread count: the fewest threads within GAIN of the
+    quickest."""
     quickest = min(seconds.values())
     chosen = min(count for count, taken in seconds.items() if taken <= GAIN * quickest)
-    told = ", ".join(f"{1e3 * taken:.3g} ms a step on {count}" for count, taken in sorted(seconds.items()))
-    return chosen, f"{AUTO}: {told}"
+    timings = ", ".join(f"{1e3 * taken:.3g} ms a step on {count}" for count, taken in sorted(seconds.items()))
+    return chosen, f"{AUTO}: {timings}"
 
 
 def step_seconds(simulations: Sequence[Simulation], clock: Callable[[], float] = time.perf_counter) -> list[float]:
-    """The seconds of a step of each, sampled in turn from where they are reset to: medians. Raises Diverged."""
+    """Return the median seconds per step of each simulation, sampled in turn after a reset. Raises Diverged."""
 
     def sample(simulation: Simulation, steps: int) -> float:
         simulation.reset()
@@ -52,7 +52,7 @@ def open_quickest(
     most: int,
     measure: Callable[[Sequence[Simulation]], list[float]] = step_seconds,
 ) -> Simulation:
-    """The simulation on `most` threads or on one, reset; `threads_reason` says why."""
+    """Return the simulation on `most` threads or on one, reset; `threads_reason` says why."""
     if most == 1:
         only = open_with(1)
         only.threads_reason = f"{AUTO}: one core"

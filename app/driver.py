@@ -1,4 +1,4 @@
-"""The door to every simulation: `open_simulation`, from the command line and from Python alike."""
+"""`open_simulation`: opens a scene on a backend, for the command line and for Python."""
 
 from __future__ import annotations
 
@@ -94,8 +94,8 @@ def open_simulation(
     scene = scene.whole
     options = Options(precision, math, kernel, frozenset(live))
     if "targets" in options.live and scene.phases:
-        told = f"moves pins, which {scene.name_of(RELEASE)} lets go; leave one of them out"
-        raise SceneError("live", "targets", told)
+        reason = f"moves pins, which {scene.name_of(RELEASE)} lets go; leave one of them out"
+        raise SceneError("live", "targets", reason)
     refused = refusal(scene)
     if refused is not None and not allow_unstable:
         raise refused

@@ -1,4 +1,4 @@
-"""How a run ended, in a word and in sentences: ok, incomplete, diverged; what was incomplete, and what helps."""
+"""Outcome of a run (ok, incomplete, diverged), and sentences about its faults with remedies."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A scene that several GPUs or processes share: how it is opened, and what a run says of it."""
+"""Scenes that several GPUs or processes share: options, opening, and the entries of a run's report."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ NO_LINK = {  # of those that are shared in one way alone
 
 
 def check_sharing(backend: str, gpus: int, ranks: int, link: str | None) -> None:
-    """Raise SceneError for a share that is none, or of which one part does not go with another; link None: not said."""
+    """Raise SceneError for invalid or contradictory options of sharing; `link` None: not given."""
     if gpus < 1 or ranks < 1:
         name, value = ("--gpus", gpus) if gpus < 1 else ("--ranks", ranks)
         raise SceneError(name, value, "must be a whole number, at least 1")
@@ -55,7 +55,7 @@ def check_sharing(backend: str, gpus: int, ranks: int, link: str | None) -> None
 
 
 def check_asked(backend: str, gpus: int, ranks: int, exchange_every: int | None, link: str | None) -> None:
-    """As check_sharing, of what was typed: what is for a sheet that several share is refused where one has it."""
+    """Do what check_sharing does, and refuse options that need several GPUs or processes if there is only one."""
     check_sharing(backend, gpus, ranks, link)
     alone = gpus == 1 and ranks == 1 and launched_ranks() == 1
     for option, value in (("--link", link), ("--exchange-every", exchange_every)):
@@ -67,12 +67,12 @@ def check_asked(backend: str, gpus: int, ranks: int, exchange_every: int | None,
 
 def _refuse_releases(scene: Scene) -> None:
     if scene.phases:
-        told = "lets pins go, which is not supported on several GPUs or processes; run the scene on one"
-        raise SceneError(f"{scene.name_of(RELEASE)}.kind", RELEASE, told)
+        reason = "lets pins go, which is not supported on several GPUs or processes; run the scene on one"
+        raise SceneError(f"{scene.name_of(RELEASE)}.kind", RELEASE, reason)
 
 
 def check_shareable(scene: Scene, count: int, option: str) -> None:
-    """Raise SceneError for a scene that cannot be shared at all, by however many."""
+    """Raise SceneError for a scene that cannot be shared at all."""
     _refuse_releases(scene)
     if is_apart(scene):
         bodies_of(scene)
@@ -83,26 +83,28 @@ def check_shareable(scene: Scene, count: int, option: str) -> None:
 
 
 def check_cut(scene: Scene, count: int, steps: int | None, link: str | None, option: str) -> None:
-    """Raise SceneError where so many cannot share the scene, before anything is opened or started; `steps` between two
-    exchanges and `link` None: not said."""
+    """Raise SceneError if `count` GPUs or processes cannot share the scene, before anything is opened or started.
+
+    `steps` between two exchanges and `link` are None if not given.
+    """
     _refuse_releases(scene)
-    way = _way(scene, count)
-    {None: cut, BODIES: division, PARTITIONS: partitions, FLUID: slabs_at_start}[way](scene, count, steps, option)
-    _check_link(way, link)
+    opener = _opener(scene, count)
+    {None: cut, BODIES: division, PARTITIONS: partitions, FLUID: slabs_at_start}[opener](scene, count, steps, option)
+    _check_link(opener, link)
 
 
-def _way(scene: Scene, count: int) -> str | None:
-    """The class that opens a scene which so many GPUs share in one way alone; None: a sheet, which they share by a link."""
+def _opener(scene: Scene, count: int) -> str | None:
+    """Return the class that opens a scene shared without a link, or None for a sheet, which is shared by a link."""
     if is_partitioned(scene, count):
         return PARTITIONS
     return BODIES if is_apart(scene) else FLUID if is_in_slabs(scene) else None
 
 
-def _check_link(way: str | None, link: str | None) -> None:
-    """Raise SceneError for a `link` that was said of a way that needs none; None: not said."""
-    if way is not None and link is not None:
-        told = f"applies to a sheet that is shared by its rows: {NO_LINK[way]}; leave it out"
-        raise SceneError("--link", link, told)
+def _check_link(opener: str | None, link: str | None) -> None:
+    """Raise SceneError for a `link` given with an `opener` that needs none; None: not given."""
+    if opener is not None and link is not None:
+        reason = f"applies to a sheet that is shared by its rows: {NO_LINK[opener]}; leave it out"
+        raise SceneError("--link", link, reason)
 
 
 def open_shared(
@@ -115,7 +117,7 @@ def open_shared(
     exchange_every: int | None,
     link: str,
 ) -> Simulation:
-    """The scene in windows; see app/driver.py. Raises SceneError, BackendUnavailable."""
+    """Open the scene on several GPUs or processes; see app/driver.py. Raises SceneError, BackendUnavailable."""
     check_sharing(backend, gpus, ranks, link)
     _refuse_releases(scene)
     if backend == "cpu":
@@ -123,29 +125,29 @@ def open_shared(
         on_ranks = component("softlab.cpu_backend.domains.ranks:on_ranks", "--ranks")
         together: Simulation = on_ranks(scene, options, of_ranks, threads, exchange_every)
         return together
-    way = _way(scene, gpus)
-    _check_link(way, None if link == USUAL_LINK else link)
-    opened: Simulation = component(way or LINKS[link], "--gpus")(scene, options, gpus, exchange_every)
+    opener = _opener(scene, gpus)
+    _check_link(opener, None if link == USUAL_LINK else link)
+    opened: Simulation = component(opener or LINKS[link], "--gpus")(scene, options, gpus, exchange_every)
     return opened
 
 
-def shares(simulation: Simulation) -> dict[str, Any]:
-    """What a report says of a scene that several share."""
+def sharing_report(simulation: Simulation) -> dict[str, Any]:
+    """Return the entries of a run's report about the sharing of its scene; empty if it is not shared."""
     name = "ranks" if simulation.backend == "cpu" else "gpus"
     if isinstance(simulation, SharedBodies):
-        found = simulation.division
+        split = simulation.division
         return {
-            name: found.count,
-            "bodies_each": [share.end - share.first for share in found.shares],
-            "balance": found.balance,
+            name: split.count,
+            "bodies_each": [block.end - block.first for block in split.shares],
+            "balance": split.balance,
         }
     if isinstance(simulation, SharedFluid):
-        owned, held = simulation.held().T
+        owned, stored = simulation.held().T
         return {
             name: len(owned),
             "particles_each": owned.tolist(),
             "balance": float(owned.mean() / owned.max()),
-            "repeated_particles": float(held.sum() / owned.sum() - 1),
+            "repeated_particles": float(stored.sum() / owned.sum() - 1),
         }
     if isinstance(simulation, PartitionedBodies):
         parts = simulation.partitions

@@ -22,8 +22,7 @@ def on_startup(**_: Any) -> None:
 
 
 def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
-    """`[text](../app/window/grip.py)` -> `text` (or the path itself, where the text is no more than that); links to other
-    pages stay."""
+    """Replace links to sources by their text, followed by the path unless the text contains it; links to pages stay."""
     folder = (ROOT / "docs" / page.file.src_uri).parent
 
     def named(link: re.Match[str]) -> str:

@@ -31,7 +31,7 @@ Run = tuple[Point, Source]
 
 
 @dataclass(frozen=True)
-class Answer:
+class SceneWinner:
     """The winner of a scene at some errors, and the faster runs within the rule for ties; or why there is no winner."""
 
     label: str
@@ -41,20 +41,20 @@ class Answer:
     reason: str = ""
 
 
-def answer_tables(results: Results) -> list[Table]:
+def winner_tables(results: Results) -> list[Table]:
     """Return one table with a row per scene and winner: the fastest of all machines that timed it.
 
     The reader's own machines and committed ones; empty if no accuracy runs were timed.
     """
     runs = {label: _runs(results, label) for label in ORDER}
-    runs = {label: found for label, found in runs.items() if any(point.seconds for point, _ in found)}
-    answers = [answer for label, found in runs.items() for answer in _answers(label, found)]
-    used = dict.fromkeys(source for answer in answers for _, source in _shown(answer))
+    runs = {label: scene_runs for label, scene_runs in runs.items() if any(point.seconds for point, _ in scene_runs)}
+    winners = [entry for label, scene_runs in runs.items() for entry in _winners(label, scene_runs)]
+    used = dict.fromkeys(source for entry in winners for _, source in _shown(entry))
     marks = {source: f" ({n})" if len(used) > 1 else "" for n, source in enumerate(used, 1)}
     rows = [
-        [*(_scene(label) if n == 0 else ("", "")), *_row(answer, marks)]
-        for label, mine in groupby(answers, key=lambda answer: answer.label)
-        for n, answer in enumerate(mine)
+        [*(_scene(label) if n == 0 else ("", "")), *_row(entry, marks)]
+        for label, group in groupby(winners, key=lambda entry: entry.label)
+        for n, entry in enumerate(group)
     ]
     if not rows:
         return []
@@ -80,17 +80,19 @@ def _runs(results: Results, label: str) -> list[Run]:
     ]
 
 
-def _answers(label: str, runs: Sequence[Run]) -> list[Answer]:
+def _winners(label: str, runs: Sequence[Run]) -> list[SceneWinner]:
     """Return the answers of a scene; neighbouring errors with one winner are one answer."""
-    found: list[Answer] = []
+    winners: list[SceneWinner] = []
     for target in TARGETS:
         best, ties = winner(runs, target)
-        answer = Answer(label, (target,), best, ties, "" if best else _unanswered([point for point, _ in runs], target))
-        if found and replace(found[-1], targets=(target,)) == answer:
-            found[-1] = replace(answer, targets=(*found[-1].targets, target))
+        entry = SceneWinner(
+            label, (target,), best, ties, "" if best else _unanswered([point for point, _ in runs], target)
+        )
+        if winners and replace(winners[-1], targets=(target,)) == entry:
+            winners[-1] = replace(entry, targets=(*winners[-1].targets, target))
         else:
-            found.append(answer)
-    return found
+            winners.append(entry)
+    return winners
 
 
 def winner(runs: Sequence[Run], target: float) -> tuple[Run | None, tuple[Run, ...]]:
@@ -109,9 +111,9 @@ def winner(runs: Sequence[Run], target: float) -> tuple[Run | None, tuple[Run, .
     return best, tuple(tied[: tied.index(best)])
 
 
-def _shown(answer: Answer) -> list[Run]:
+def _shown(entry: SceneWinner) -> list[Run]:
     """Return the runs that a row names."""
-    return [run for run in (answer.best, *answer.ties[:1]) if run]
+    return [run for run in (entry.best, *entry.ties[:1]) if run]
 
 
 def _resolved_scene(label: str) -> Scene:
@@ -128,22 +130,22 @@ def _scene(label: str) -> tuple[str, str]:
 
 def _admitted(labels: Mapping[str, object]) -> str:
     """Return which methods a scene admits, where these are not all; with a space after it."""
-    told: dict[str, list[str]] = {}
+    scenes_by_text: dict[str, list[str]] = {}
     for label in labels:
-        told.setdefault(admitted(_resolved_scene(label)), []).append(label)
-    return "".join(f"Admitted in {words.listed(mine)}: {text}. " for text, mine in told.items() if text)
+        scenes_by_text.setdefault(admitted(_resolved_scene(label)), []).append(label)
+    return "".join(f"Admitted in {words.listed(scenes)}: {text}. " for text, scenes in scenes_by_text.items() if text)
 
 
-def _row(answer: Answer, marks: Mapping[Source, str]) -> list[str]:
+def _row(entry: SceneWinner, marks: Mapping[Source, str]) -> list[str]:
     """Return the cells of a row; `marks`: suffixes of the processors, by machine."""
-    within = ", ".join(number(target, 1) for target in answer.targets)
-    if answer.best is None:
-        return [within, answer.reason, *[DASH] * (len(HEAD) - 4)]
-    point, source = answer.best
+    within = ", ".join(number(target, 1) for target in entry.targets)
+    if entry.best is None:
+        return [within, entry.reason, *[DASH] * (len(HEAD) - 4)]
+    point, source = entry.best
     return [
         within, method_words(point.integrator, point.iterations), _milliseconds(point.dt), _limit(point),
         _processor(point, source, marks), number(point.error, 2), seconds(point.run_seconds or 0.0, 2) + point.mark,
-        seconds(point.seconds or 0.0, 2) + point.mark, _tie(answer, marks),
+        seconds(point.seconds or 0.0, 2) + point.mark, _tie(entry, marks),
     ]  # fmt: skip
 
 
@@ -163,25 +165,25 @@ def _limit(point: Point) -> str:
     return "none" if isinf(limit) else f"{_milliseconds(limit)}, {number(limit / point.dt, 2)}{words.TIMES}"
 
 
-def _tie(answer: Answer, marks: Mapping[Source, str]) -> str:
+def _tie(entry: SceneWinner, marks: Mapping[Source, str]) -> str:
     """Return the fastest run that is not clearly faster than the winner, by how much it is faster, and its error."""
-    if not answer.ties or answer.best is None:
+    if not entry.ties or entry.best is None:
         return DASH
-    point, source = answer.ties[0]
-    gain = 1 - (point.run_seconds or 0.0) / (answer.best[0].run_seconds or 1.0)
+    point, source = entry.ties[0]
+    gain = 1 - (point.run_seconds or 0.0) / (entry.best[0].run_seconds or 1.0)
     method = method_words(point.integrator, point.iterations)
-    told, where = f"{method}, {_milliseconds(point.dt)}", _processor(point, source, marks)
-    other = f", {where}" if where != _processor(*answer.best, marks) else ""
-    return f"{told}{other}: {words.percent(gain)}{point.mark}, error {number(point.error, 2)}"
+    description, where = f"{method}, {_milliseconds(point.dt)}", _processor(point, source, marks)
+    other = f", {where}" if where != _processor(*entry.best, marks) else ""
+    return f"{description}{other}: {words.percent(gain)}{point.mark}, error {number(point.error, 2)}"
 
 
-def _unanswered(found: Sequence[Point], target: float) -> str:
+def _unanswered(runs: Sequence[Point], target: float) -> str:
     """Return why a scene has no winner at an error; `not timed` is not `not reached`."""
-    if any(p.error <= target and p.resolved for p in found):
+    if any(p.error <= target and p.resolved for p in runs):
         return "reached, but not timed"
-    if any(p.error <= target for p in found):
+    if any(p.error <= target for p in runs):
         return "not resolved by the reference"
-    nearest = min((p for p in found if not p.diverged and not p.refused), key=lambda p: p.error, default=None)
+    nearest = min((p for p in runs if not p.diverged and not p.refused), key=lambda p: p.error, default=None)
     return f"not reached; least {number(nearest.error, 2)}" if nearest else "not reached"
 
 
@@ -190,8 +192,8 @@ def _processors(marks: Mapping[Source, str]) -> str:
 
     For rows of several machines, with their numbers. (A letter is part of a machine's name: plots/core/read.py.)
     """
-    told = []
+    names_of_rows = []
     for source, mark in marks.items():
         names = f"GPU {source.gpu}, CPU {source.processor}" if source.gpu else f"CPU {source.processor}"
-        told.append(f"{mark.lstrip()} {names}{source.bracket}".lstrip())
-    return "; ".join(told)
+        names_of_rows.append(f"{mark.lstrip()} {names}{source.bracket}".lstrip())
+    return "; ".join(names_of_rows)

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from softlab.bench.stress.results import rows_of
-from softlab.labbook.answer import answer_tables
+from softlab.labbook.answer import winner_tables
 from softlab.labbook.claims import (
     ablation,
     accuracy,
@@ -61,7 +61,7 @@ FOLDER = Path(__file__).resolve().parent
 COMMITTED = FOLDER / "data"
 ENTRIES = ("gpu-design", "cpu-design", "performance")  # the three chapters of the hand-out, of 300 to 500 words each
 MAIN = ("answer", *ENTRIES, "conclusions", "lab-step", "accuracy", "material", "fluids", "breaks")
-OWN_PAGE = ("answer",)  # these begin on a new page
+NEW_PAGE = ("answer",)  # these begin on a new page
 NOT_PRINTED = (  # figures that softlab figures draws for those who run their experiment
     "ablation", "bar-clusters", "convergence", "crossover", "findings-determinism", "fluids-phases", "hard-bodies",
     "hard-states",
@@ -76,15 +76,15 @@ FLUSHED = ("references",)  # these begin when every figure before them is placed
 APPENDIX = ("rungs", "threads", "gpus", "findings", "references")
 CHAPTERS = (*MAIN, *APPENDIX)
 CLAIMS = {  # every sentence made from the measurements, by name
-    name: made
+    name: sentence
     for module in (
         claim, comparison, kernels, accuracy, findings, costs, convergence, stability, hard, ablation, cloth, throughput,
         bodies, bar_costs, body_laws, hard_bodies, hard_tetrahedra, busy, tetrahedra, fluids, gpus,
     )
-    for name, made in module.CLAIMS.items()
+    for name, sentence in module.CLAIMS.items()
 }  # fmt: skip
 TABLES = {
-    "answer": answer_tables, "graphics": graphics_tables, "threads": thread_tables, "rungs": rung_tables,
+    "answer": winner_tables, "graphics": graphics_tables, "threads": thread_tables, "rungs": rung_tables,
 }  # fmt: skip
 TITLE = "Soft-body lab book"
 
@@ -95,14 +95,14 @@ def committed_data() -> list[Path]:
 
 
 def build(
-    own: Origin | Sequence[Origin] | None,
+    stores: Origin | Sequence[Origin] | None,
     out_pdf: str | Path,
     committed: Iterable[str | Path] | None = None,
     helped: bool = False,
 ) -> Path:
     """Build the lab book from the user's own store(s) and the committed measurements; return the path of the PDF.
 
-    `own`: open stores or paths (.sqlite, .csv); None: only the committed measurements. `committed`: text exports (None:
+    `stores`: open stores or paths (.sqlite, .csv); None: only the committed measurements. `committed`: text exports (None:
     those in labbook/data/). `helped`: see plots/draw.py. The PDF is written to a temporary name and renamed, so
     that an earlier book survives a failure.
 
@@ -110,7 +110,7 @@ def build(
     missing).
     """
     path = _target(out_pdf)
-    return write_book(load(own, committed_data() if committed is None else committed), path, helped=helped)
+    return write_book(load(stores, committed_data() if committed is None else committed), path, helped=helped)
 
 
 def _target(out_pdf: str | Path) -> Path:
@@ -136,7 +136,7 @@ def write_book(
 
 def book_data(results: Results) -> dict[str, Any]:
     """Return everything that the template prints, except for the files of the figures."""
-    claims = {name: told(results, name) for name in CLAIMS}
+    claims = {name: marked_claim(results, name) for name in CLAIMS}
     return {
         "title": TITLE,
         "subtitle": "The mass-spring grid on CPU threads and on CUDA: how fast, and how wrong",
@@ -144,45 +144,45 @@ def book_data(results: Results) -> dict[str, Any]:
         "changed": any("+" in source.code for source in results.sources),
         "notices": notices(results),
         "chapters": list(MAIN),
-        "own-page": list(OWN_PAGE),
+        "own-page": list(NEW_PAGE),
         "flushed": list(FLUSHED),
         "appendix": list(APPENDIX),
         "facts": facts(),
         "listings": listings(),
-        "claims": {name: made.sentence for name, made in claims.items()},
+        "claims": {name: item.sentence for name, item in claims.items()},
         "unmeasured": {name: claims[name].sentence for name in OPTIONAL if not claims[name].numbers},
-        "measured": [name for name, made in claims.items() if made.numbers],
+        "measured": [name for name, item in claims.items() if item.numbers],
         "scene": scene_line(results),
-        "tables": {name: _tables(made, results) for name, made in TABLES.items()},
+        "tables": {name: _tables(item, results) for name, item in TABLES.items()},
     }
 
 
-def told(results: Results, name: str) -> claim.Claim:
+def marked_claim(results: Results, name: str) -> claim.Claim:
     """Return a claim of the results, or of the committed measurements if the featured ones lack its data. It is marked if
     it has times of two machines, and if it would differ without measurements of older code."""
-    made, found = _featured(results, name)
-    current = without_older(found)
-    older = made.numbers and current is not found and CLAIMS[name](current) != made
-    marks = [machines_apart(made.sentence, found), OLDER * bool(older)]
-    return replace(made, sentence=" ".join([made.sentence, *filter(None, marks)]))
+    chosen, used = _featured(results, name)
+    current = without_older(used)
+    older = chosen.numbers and current is not used and CLAIMS[name](current) != chosen
+    marks = [machines_apart(chosen.sentence, used), OLDER * bool(older)]
+    return replace(chosen, sentence=" ".join([chosen.sentence, *filter(None, marks)]))
 
 
 def _featured(results: Results, name: str) -> tuple[claim.Claim, Results]:
     """Return a claim, and the results that it was made from."""
-    made = CLAIMS[name](results)
-    if not made.numbers and results.committed:
+    featured = CLAIMS[name](results)
+    if not featured.numbers and results.committed:
         committed = CLAIMS[name](results.committed)
         if committed.numbers:
             return committed, results.committed
-    return made, results
+    return featured, results
 
 
-def _tables(made: Callable[[Results], list[Table]], results: Results) -> list[Table]:
-    """Return tables, with the same fallback and mark as `told`."""
-    for found in (results, results.committed):
-        if found and (tables := made(found)):
-            current = without_older(found)
-            if current is not found and made(current) != tables:
+def _tables(make_tables: Callable[[Results], list[Table]], results: Results) -> list[Table]:
+    """Return tables, with the same fallback and mark as `marked_claim`."""
+    for data in (results, results.committed):
+        if data and (tables := make_tables(data)):
+            current = without_older(data)
+            if current is not data and make_tables(current) != tables:
                 return [one | {"title": f"{one['title']} {OLDER}"} for one in tables]
             return tables
     return []
@@ -190,50 +190,52 @@ def _tables(made: Callable[[Results], list[Table]], results: Results) -> list[Ta
 
 def notices(results: Results) -> list[str]:
     """Return what a reader must know first: whose measurements these are, and whether there are some of a GPU."""
-    found = []
-    own = [source for source in results.sources if source.own]
+    lines = []
+    local_sources = [source for source in results.sources if source.own]
     gpu = results.with_gpu()
-    if not own:
-        found.append(
+    if not local_sources:
+        lines.append(
             "This book was built from the committed measurements alone; nothing was measured where it was built."
         )
     if gpu is None:
-        found.append("No GPU took part: the machine has none, and there are no committed measurements of one.")
-    elif own and not gpu.own:
-        found.append(
+        lines.append("No GPU took part: the machine has none, and there are no committed measurements of one.")
+    elif local_sources and not gpu.own:
+        lines.append(
             f"The machine of these measurements has no GPU that could be timed. What is said about the GPU is from the "
             f"committed measurements, made on: {gpu.machine.label}; it is marked “committed”."
         )
     if any(source.older for source in results.sources):
-        found.append(
+        lines.append(
             f"What rests on measurements whose kernels are not proved to be those of the code that made this book is marked "
             f"{OLDER}; the last page names their commits."
         )
     for source in results.featured:
         if source.left_out:
-            found.append(
+            lines.append(
                 f"{source.left_out} times measured on {source.machine.label} are of another version of the code than the "
                 "others of their kind, and are left out: what is compared is of one version. The command that measured "
                 "them measures them again (softlab sweep, accuracy, ...)."
             )
-    failed = _failed(results, own)
+    failed = _failed(results, local_sources)
     if failed:
-        found.append(f"A bug of this lab: hard cases that were run here failed ({failed}). softlab hard tells why.")
-    for source in own:
+        lines.append(
+            f"A bug of this lab: hard cases that were run here failed ({failed}). softlab hard prints the reasons."
+        )
+    for source in local_sources:
         disturbed = sum(is_suspect(timing) for timing in source.timings)
         if 2 * disturbed > len(source.timings):
-            found.append(
+            lines.append(
                 f"{disturbed} of the {len(source.timings)} times measured on {source.machine.label} are suspect: the machine "
                 "was busy. Read its comparisons with care, or measure again on a quiet machine."
             )
-    return found
+    return lines
 
 
-def _failed(results: Results, own: Sequence[Source]) -> str:
+def _failed(results: Results, local_sources: Sequence[Source]) -> str:
     """Return the user's failed hard cases that the chapter omits because it uses a more complete set."""
-    told_of = {(row.case, row.integrator, row.precision) for row in hard.found_rows(results) if row.verdict == "fail"}
-    rows = [row for source in own for row in rows_of(m for m in source.measures if "hard" in m.description)]
-    lost = [row for row in rows if row.verdict == "fail" and (row.case, row.integrator, row.precision) not in told_of]
+    shown = {(row.case, row.integrator, row.precision) for row in hard.verdict_rows(results) if row.verdict == "fail"}
+    rows = [row for source in local_sources for row in rows_of(m for m in source.measures if "hard" in m.description)]
+    lost = [row for row in rows if row.verdict == "fail" and (row.case, row.integrator, row.precision) not in shown]
     return ", ".join(dict.fromkeys(row.case for row in lost))
 
 

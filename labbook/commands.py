@@ -7,7 +7,14 @@ from typing import Annotated
 
 import typer
 
-from softlab.app.command.command_line import DEFAULT_STORE, StorePath, compilations_told, out, tell_of_no_store, typed
+from softlab.app.command.command_line import (
+    DEFAULT_STORE,
+    StorePath,
+    compilations_shown,
+    note_missing_store,
+    out,
+    typed,
+)
 
 telling = typer.Typer()
 
@@ -39,7 +46,7 @@ def labbook(
     """Write the lab book (PDF) from the measurements."""
     from softlab.labbook.jobs import make_labbook
 
-    tell_of_no_store(store, "the lab book")
+    note_missing_store(store, "the lab book")
     out.print(str(make_labbook(store, pdf)), markup=False)
 
 
@@ -55,8 +62,8 @@ def film(
     """Make a film of two minutes: both backends side by side, with times and errors."""
     from softlab.labbook.jobs import make_film
 
-    tell_of_no_store(store, "the film")
-    with compilations_told():
+    note_missing_store(store, "the film")
+    with compilations_shown():
         make_film(out, store, mp4, quick=quick, voice=voice)
 
 

@@ -52,7 +52,7 @@ def _marked(rows: list[list[str]]) -> str:
 
 def thread_tables(results: Results) -> list[Table]:
     """Return a table of each machine: speed-up and efficiency of threads over the fewest that were timed, up to all cores."""
-    return [made for source in results.featured if (made := _threads(source))]
+    return [drawn for source in results.featured if (drawn := _threads(source))]
 
 
 def _threads(source: Source) -> Table | None:
@@ -69,8 +69,8 @@ def _threads(source: Source) -> Table | None:
         [sizes[round(k * (len(sizes) - 1) / (COLUMNS - 1))] for k in range(COLUMNS)] if len(sizes) > COLUMNS else sizes
     )
     rows = [
-        [str(threads), *(_speed_up(by_threads[fewest][size], mine[size], fewest, threads) for size in sizes)]
-        for threads, mine in sorted(by_threads.items())
+        [str(threads), *(_speed_up(by_threads[fewest][size], timings[size], fewest, threads) for size in sizes)]
+        for threads, timings in sorted(by_threads.items())
     ]
     base = "one thread" if fewest == 1 else f"{fewest} threads"
     title = (

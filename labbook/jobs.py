@@ -86,12 +86,12 @@ def make_film(console: Console, store: Path, path: Path, *, quick: bool, voice: 
     if last:
         console.print(f"last time this took {sum(last.values()):.0f} s on this machine")
     begin = monotonic()
-    found = load(store if store.exists() else None, committed_data())
-    made = write_film(found, path, canvas.QUICK if quick else canvas.FULL, voice)
+    results = load(store if store.exists() else None, committed_data())
+    film = write_film(results, path, canvas.QUICK if quick else canvas.FULL, voice)
     keep_seconds(kind, {"film": monotonic() - begin})
-    voiced = f"spoken by {made.voice}" if made.spoken else f"captions alone: no voice ({made.voice})"
-    console.print(f"{made.path}: {made.seconds:.0f} s, {made.frames} frames; {voiced}", markup=False, soft_wrap=True)
-    console.print(f"{made.captions}: its captions", markup=False, soft_wrap=True)
+    voiced = f"spoken by {film.voice}" if film.spoken else f"captions alone: no voice ({film.voice})"
+    console.print(f"{film.path}: {film.seconds:.0f} s, {film.frames} frames; {voiced}", markup=False, soft_wrap=True)
+    console.print(f"{film.captions}: its captions", markup=False, soft_wrap=True)
 
 
 def whole_lab(console: Console, *, quick: bool, store_path: Path, command: str) -> None:
@@ -112,15 +112,15 @@ def whole_lab(console: Console, *, quick: bool, store_path: Path, command: str) 
         console.print(f"last time this took {sum(last.values()):.0f} s on this machine")
     folder = store_path.parent
     figures, book = folder / "figures", folder / "labbook.pdf"
-    made: list[tuple[str, Any]] = [("store", store_path)]
+    files: list[tuple[str, Any]] = [("store", store_path)]
 
     def draw_and_write() -> None:
         results = load(store_path, committed_data())
         drawn = _attempt(console, lambda: _drawn(results, figures))
         if drawn is not None:
-            made.append(("figures", figures))
+            files.append(("figures", figures))
         if _attempt(console, lambda: write_book(results, book, drawn)):
-            made.append(("lab book", book))
+            files.append(("lab book", book))
 
     with Store(store_path) as store:
         parts = {"doctor": lambda: print_findings(console, examine())}
@@ -133,7 +133,7 @@ def whole_lab(console: Console, *, quick: bool, store_path: Path, command: str) 
                 job()
         print_fastest(console, store, enter_machine(store))
     table = Table("made", "where", box=None)
-    for name, path in made:
+    for name, path in files:
         table.add_row(name, str(path))
     console.print(table)
     keep_seconds(kind, whole.seconds)
@@ -164,10 +164,10 @@ def _measurements(console: Console, store: Any, quick: bool, command: str) -> di
     from softlab.bench.stress.told import print_hard
     from softlab.model.scene.scene import load_scene
 
-    def told(
+    def job(
         run: Callable[..., Any], show: Callable[[Console, Any], None] | None = None, **how: Any
     ) -> Callable[[], Any]:
-        return lambda: _told(console, run(store, command=command, **how), show)
+        return lambda: _report(console, run(store, command=command, **how), show)
 
     small = (
         run_findings,
@@ -184,11 +184,11 @@ def _measurements(console: Console, store: Any, quick: bool, command: str) -> di
 
     def findings() -> None:
         for run in small:
-            told(run)()
+            job(run)()
 
     def needs() -> None:
         for name in ABLATED:
-            _told(console, ablate(store, load_scene(name), command=command), print_ablation)
+            _report(console, ablate(store, load_scene(name), command=command), print_ablation)
 
     def kernels() -> None:
         with gathering(progress=True):
@@ -199,18 +199,18 @@ def _measurements(console: Console, store: Any, quick: bool, command: str) -> di
 
     parts: dict[str, Callable[[], Any]] = {
         "kernels: compiling what is measured": kernels,
-        "sweep: time per step": told(run_sweep, print_sweep, quick=quick),
-        "accuracy: speed against error": told(run_accuracy, quick=quick),
+        "sweep: time per step": job(run_sweep, print_sweep, quick=quick),
+        "accuracy: speed against error": job(run_accuracy, quick=quick),
         "findings: the small experiments": findings,
-        "stability: where it breaks": told(run_stability, quick=quick),
-        "hard cases: what each integrator makes of them": told(run_hard, print_hard, pictures=False),
+        "stability: where it breaks": job(run_stability, quick=quick),
+        "hard cases: what each integrator makes of them": job(run_hard, print_hard, pictures=False),
         "what the scenes need": needs,
     }
     wanted = [name for name in parts if not quick or name.startswith(("kernels", "sweep", "accuracy", "stability"))]
     return {name: parts[name] for name in wanted}
 
 
-def _told(console: Console, summary: Any, show: Callable[[Console, Any], None] | None = None) -> Any:
+def _report(console: Console, summary: Any, show: Callable[[Console, Any], None] | None = None) -> Any:
     """Print the summary of a measurement and return it. Raises KeyboardInterrupt if the measurement was interrupted."""
     if show is None:
         console.print(str(summary), markup=False, soft_wrap=True)

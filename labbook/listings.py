@@ -21,15 +21,15 @@ class Listing:
     def text(self) -> str:
         """Return the lines, dedented, with GAP for lines that are left out. Raises LookupError."""
         lines = (ROOT / self.file).read_text(encoding="utf-8").splitlines()
-        found: list[str] = []
+        selected: list[str] = []
         end = self._line(lines, f"def {self.function}(", 0)
         for first, last in self.ranges:
             begin = self._line(lines, first, end)
-            if found and begin > end:
-                found.append(lines[begin][: len(lines[begin]) - len(lines[begin].lstrip())] + GAP)
+            if selected and begin > end:
+                selected.append(lines[begin][: len(lines[begin]) - len(lines[begin].lstrip())] + GAP)
             end = self._line(lines, last, begin) + 1
-            found += lines[begin:end]
-        return textwrap.dedent("\n".join(found))
+            selected += lines[begin:end]
+        return textwrap.dedent("\n".join(selected))
 
     def _line(self, lines: list[str], start: str, after: int) -> int:
         for number in range(after, len(lines)):

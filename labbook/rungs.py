@@ -71,7 +71,7 @@ def rung(results: Results, kernel: str) -> Rung | None:
     if source is None or not both:
         return None
     gains = [(under.median / t.median, t, under) for under, t in both if apart(t, under) < 0]
-    _, best, under = max(gains, key=lambda found: found[0], default=(1.0, None, None))
+    _, best, under = max(gains, key=lambda gain: gain[0], default=(1.0, None, None))
     ranked = fastest(source, backend)
     first = tuple(t.particles for t in ranked if t.kernel == kernel)
     return Rung(kernel, below, best, under, first, len(ranked), bool(suspect))
@@ -79,28 +79,28 @@ def rung(results: Results, kernel: str) -> Rung | None:
 
 def rung_tables(results: Results) -> list[Table]:
     """Return one table of both backends, which names their machines; empty if no two kernels were timed at one size."""
-    found = [made for kernel in BELOW if (made := rung(results, kernel))]
+    rungs = [entry for kernel in BELOW if (entry := rung(results, kernel))]
     machines = []
-    for backend in dict.fromkeys(BELOW[made.kernel][0] for made in found):
+    for backend in dict.fromkeys(BELOW[entry.kernel][0] for entry in rungs):
         source = machine_of(results, backend)
         machines.append(f"{backend.upper()}: {source.device(backend)}{source.bracket}" if source else "")
-    marked = " Starred: from times that are marked as suspect." if any(made.suspect for made in found) else ""
+    marked = " Starred: from times that are marked as suspect." if any(entry.suspect for entry in rungs) else ""
     title = (
         "Each kernel compared with the one whose cost it removes (float32), at the size where it gains most; and the number "
         f"of sizes at which no kernel is faster, with the smallest and the largest of them. {'; '.join(machines)}.{marked}"
     )
-    return [table(title, HEAD, [_row(made) for made in found], left=2)] if found else []
+    return [table(title, HEAD, [_row(entry) for entry in rungs], left=2)] if rungs else []
 
 
-def _row(made: Rung) -> list[str]:
-    name = f"{made.kernel} ({BELOW[made.kernel][0].upper()}){'*' if made.suspect else ''}"
-    told = [DASH, DASH, DASH, "not faster"]
-    if made.best and made.under and made.gain:
-        told = [
-            words.count(made.best.particles), words.seconds(made.best.median), words.seconds(made.under.median),
-            words.number(made.gain, 2),
+def _row(entry: Rung) -> list[str]:
+    name = f"{entry.kernel} ({BELOW[entry.kernel][0].upper()}){'*' if entry.suspect else ''}"
+    cells = [DASH, DASH, DASH, "not faster"]
+    if entry.best and entry.under and entry.gain:
+        cells = [
+            words.count(entry.best.particles), words.seconds(entry.best.median), words.seconds(entry.under.median),
+            words.number(entry.gain, 2),
         ]  # fmt: skip
-    where = [f"none of {made.sizes}", DASH, DASH]
-    if made.first:
-        where = [f"{len(made.first)} of {made.sizes}", *(words.count(n) for n in (made.first[0], made.first[-1]))]
-    return [name, made.below, *told, *where]
+    where = [f"none of {entry.sizes}", DASH, DASH]
+    if entry.first:
+        where = [f"{len(entry.first)} of {entry.sizes}", *(words.count(n) for n in (entry.first[0], entry.first[-1]))]
+    return [name, entry.below, *cells, *where]

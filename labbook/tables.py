@@ -55,12 +55,12 @@ def _machine(source: Source) -> str:
 def scene_line(results: Results) -> str:
     """Return the constants of the scene that was swept, with their units; empty if there was no sweep."""
     source = next((s for s in results.featured if s.scene), None)
-    told = []
+    constants = []
     for part, fields in sorted(source.scene.items()) if source else []:
         for name, value in sorted(fields.items()) if isinstance(fields, dict) else []:
             if name != "kind":
                 shown = str(value).lower() if isinstance(value, bool) else str(value)
-                told.append(
+                constants.append(
                     f"{part}.{name} {shown}{words.SPACE}{UNITS[name]}" if name in UNITS else f"{part}.{name} {shown}"
                 )
-    return f"The scene of the sweep, whose size varies: {', '.join(told)}." if told else ""
+    return f"The scene of the sweep, whose size varies: {', '.join(constants)}." if constants else ""

@@ -67,9 +67,9 @@ def times(ratio: float) -> str:
     return f"{number(ratio, 2)}{SPACE}times"
 
 
-def percent(share: float) -> str:
+def percent(fraction: float) -> str:
     """Return e.g. `47 %`."""
-    return f"{number(100 * share, 2)}{SPACE}%"
+    return f"{number(100 * fraction, 2)}{SPACE}%"
 
 
 def bandwidth(value: float) -> str:

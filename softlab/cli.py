@@ -1,12 +1,12 @@
-"""The command line of the soft-body lab: one function a sub-command, nothing else; those that measure: bench/*commands.py,
-that advise: bench/advice_commands.py; that tell what the store says: labbook/commands.py; on files and stores:
-app/command/file_commands.py, bench/store/commands.py."""
+"""The command line of the soft-body lab: one function per sub-command and nothing else. Commands that measure:
+bench/*commands.py; that advise: bench/advice_commands.py; that report the store: labbook/commands.py; on files and
+stores: app/command/file_commands.py, bench/store/commands.py."""
 
 from __future__ import annotations
 
-from softlab.app.command.stopping import answer_at_once
+from softlab.app.command.stopping import install_interrupt_handler
 
-answer_at_once()  # what is imported next takes half a second
+install_interrupt_handler()  # what is imported next takes half a second
 # ruff: noqa: E402
 
 import json
@@ -25,7 +25,7 @@ from softlab.app.command.command_line import (
     SceneName,
     Settings,
     Threads,
-    compilations_told,
+    compilations_shown,
     errors,
     exit_status,
     out,
@@ -50,8 +50,8 @@ app = typer.Typer(
 )
 
 
-def tell_version(asked: bool) -> None:
-    """Of --version: which lab this is, and which commit where one is known."""
+def print_version(asked: bool) -> None:
+    """Print the version of the lab and its commit, if known (--version)."""
     if asked:
         from importlib.metadata import version
 
@@ -65,7 +65,7 @@ def tell_version(asked: bool) -> None:
 @app.callback()
 def softlab(
     version: Annotated[
-        bool, typer.Option("--version", callback=tell_version, is_eager=True, help="Print the version and exit.")
+        bool, typer.Option("--version", callback=print_version, is_eager=True, help="Print the version and exit.")
     ] = False,
     allow_dirty: Annotated[
         bool,
@@ -122,11 +122,12 @@ def run(
     export_every: Annotated[
         float | None, typer.Option(help="Simulated seconds between two frames of --export (default 1/60).")
     ] = None,
-    look: Annotated[
+    view_options: Annotated[
         list[str] | None,
         typer.Option(
+            "--look",
             help="What --render draws. Tetrahedra: skin, mesh or edges, coloured by body, stress or strain. Fluids: "
-            "surface, particles or foam, coloured by fluid, speed or density. Repeatable."
+            "surface, particles or foam, coloured by fluid, speed or density. Repeatable.",
         ),
     ] = None,
     size: Annotated[
@@ -178,7 +179,7 @@ def run(
     request = Request(
         backend, threads, precision, math, kernel, steps, time, initial, out_file,
         parse_record(record[:1]) if record else 0, record[1] if record else None, render, allow_unstable,
-        export_to, export_every, gpus, ranks, exchange_every, link, tuple(look or ()), allow_incomplete,
+        export_to, export_every, gpus, ranks, exchange_every, link, tuple(view_options or ()), allow_incomplete,
         size, fps, hud,
     )  # fmt: skip
     if camera is not None and render is None:
@@ -187,7 +188,7 @@ def run(
     request, processes = among_ranks(wanted, request)
     if processes:
         raise typer.Exit(start_ranks(processes, sys.argv[1:]))
-    with compilations_told():
+    with compilations_shown():
         result = run_scene(wanted, request)
     if result.rank != 0:
         return
@@ -231,7 +232,7 @@ def demo(
     if frames is not None and frames < 1:
         raise SceneError("--frames", frames, "must be a whole number, at least 1")
     shown = [scene_of(name, settings) for name in scenes or ["lab-grid"]]
-    with compilations_told():
+    with compilations_shown():
         run_demo(
             *shown, backend=backend, threads=threads, precision=precision, math=math, frames=frames, judge=judge_run
         )
@@ -279,7 +280,7 @@ def plan(
 
     check_asked("gpu", gpus, 1, exchange_every, None)
     wanted = BACKENDS if backend is None else (backend,)
-    with compilations_told():
+    with compilations_shown():
         report = plan_report(scene_of(scene, settings), precision, wanted, measure)
     if gpus != 1:
         report = replace(report, shared=shared_plan(report.scene, gpus, exchange_every, report.item))

@@ -64,7 +64,7 @@ def scene_of(name: str, settings: list[str] | None) -> Any:
         return load_scene(name).replace(parse_settings(settings))
 
 
-def tell_of_no_store(store: Path, whose: str) -> None:
+def note_missing_store(store: Path, whose: str) -> None:
     """Say which measurements are used if the usual store does not exist."""
     if not store.exists() and store == DEFAULT_STORE:
         errors.print(f"nothing was measured on this machine yet: {whose} uses the measurements that come with the lab")
@@ -117,11 +117,11 @@ def exit_status(command: Callable[[], int | None]) -> int:
         sys.stdout.flush()  # here, where a full disk can still be reported
         return status
     except SoftlabError as error:
-        return told(str(error), error.exit_status)
+        return report_error(str(error), error.exit_status)
     except UsageError as error:
         return usage_status(error)
     except KeyboardInterrupt as stop:
-        return told(str(stop) or "stopped", 130)
+        return report_error(str(stop) or "stopped", 130)
     except BrokenPipeError:  # the reader (head, less) has closed
         drop_output()
         return 0
@@ -129,12 +129,14 @@ def exit_status(command: Callable[[], int | None]) -> int:
         if error.errno not in (errno.ENOSPC, errno.EDQUOT):
             raise
         drop_output()
-        return told(f"{error.filename or 'the output'} cannot be written: {error.strerror}; free some disk space", 2)
+        return report_error(
+            f"{error.filename or 'the output'} cannot be written: {error.strerror}; free some disk space", 2
+        )
     except MemoryError as error:
-        return told(f"not enough memory ({error or 'none is left'}); use a smaller scene", 2)
+        return report_error(f"not enough memory ({error or 'none is left'}); use a smaller scene", 2)
 
 
-def told(line: str, status: int) -> int:
+def report_error(line: str, status: int) -> int:
     """Print the line on standard error, if that is writable, and return `status`; of several processes one prints."""
     if launched_rank():
         return status
@@ -169,7 +171,7 @@ def _wrong_option(error: Any) -> tuple[str, str] | None:
 def usage_status(error: Any) -> int:
     """Print a complaint about the command line, and return its exit status; without words, the help was printed."""
     status = int(error.exit_code)
-    return told(usage_line(error), status) if error.format_message() else status
+    return report_error(usage_line(error), status) if error.format_message() else status
 
 
 def drop_output() -> None:
@@ -179,17 +181,17 @@ def drop_output() -> None:
 
 
 @contextmanager
-def compilations_told(console: Console = errors) -> Iterator[None]:
+def compilations_shown(console: Console = errors) -> Iterator[None]:
     """Within it, print on a terminal each kernel that is compiled, and how long that took last time on this machine."""
     from softlab.app.command.waiting import waiting_shown
     from softlab.model.core.kernel_cache import watched
 
-    def tell(label: str, seconds: float | None) -> None:
+    def show(label: str, seconds: float | None) -> None:
         if console.is_terminal and (seconds is None or seconds >= 1.0):
             last = "for the first time here" if seconds is None else f"took {seconds:.0f} s last time"
             console.print(f"compiling {label}: {last}", markup=False)
 
-    with watched(tell), waiting_shown():
+    with watched(show), waiting_shown():
         yield
 
 
@@ -201,5 +203,5 @@ def typed() -> str:
 def without_store(words: Sequence[str]) -> str:
     """Return the words of a command without --store and its path."""
     before = ("", *words)
-    kept = (word for last, word in zip(before, words, strict=False) if "--store" not in (last, word))
-    return " ".join(word for word in kept if not word.startswith("--store="))
+    remaining = (word for last, word in zip(before, words, strict=False) if "--store" not in (last, word))
+    return " ".join(word for word in remaining if not word.startswith("--store="))

@@ -33,8 +33,8 @@ class Output(Console):
     def _print_table(self, table: Table, how: dict[str, Any]) -> None:
         if table.title:  # a sentence, which may be longer than the table
             super().print(table.title, **how)
-        room = self.width if self.is_terminal else UNBOUNDED
-        for number, block in enumerate(self._blocks(table, room)):
+        max_width = self.width if self.is_terminal else UNBOUNDED
+        for number, block in enumerate(self._blocks(table, max_width)):
             if number:
                 super().print()
             block.width = Measurement.get(self, self.options.update(width=UNBOUNDED), block).maximum
@@ -42,25 +42,25 @@ class Output(Console):
             if self.is_terminal:
                 super().print(block, **how)
                 continue
-            with self.capture() as held:
+            with self.capture() as captured:
                 super().print(block, **how)
-            self.out("\n".join(line.rstrip() for line in held.get().splitlines()), highlight=False)
+            self.out("\n".join(line.rstrip() for line in captured.get().splitlines()), highlight=False)
 
-    def _blocks(self, table: Table, room: int) -> list[Table]:
-        """Return the table in blocks whose lines have at most `room` characters, if no single column next to the names
+    def _blocks(self, table: Table, max_width: int) -> list[Table]:
+        """Return the table in blocks whose lines have at most `max_width` characters, if no single column next to the names
         of the rows needs more."""
         whole = list(range(len(table.columns)))
         natural = [self._span(column)[1] for column in table.columns]
-        if self._width_of(table, natural, whole) <= room:
+        if self._width_of(table, natural, whole) <= max_width:
             return [_part(table, natural, whole)]
         least = [self._span(column)[0] for column in table.columns]
         names = _names(table.columns)
         blocks: list[list[int]] = [[*names]]
         for index in whole[len(names) :]:
-            if len(blocks[-1]) > len(names) and self._width_of(table, least, [*blocks[-1], index]) > room:
+            if len(blocks[-1]) > len(names) and self._width_of(table, least, [*blocks[-1], index]) > max_width:
                 blocks.append([*names])
             blocks[-1].append(index)
-        return [_part(table, self._widened(table, least, natural, block, room), block) for block in blocks]
+        return [_part(table, self._widened(table, least, natural, block, max_width), block) for block in blocks]
 
     def _span(self, column: Column) -> tuple[int, int]:
         """Return the least and the most characters that a column can use: without a cell cut, and without anything
@@ -78,11 +78,11 @@ class Output(Console):
         return Measurement.get(self, options, _part(table, widths, columns)).maximum
 
     def _widened(
-        self, table: Table, least: Sequence[int], natural: Sequence[int], columns: Sequence[int], room: int
+        self, table: Table, least: Sequence[int], natural: Sequence[int], columns: Sequence[int], max_width: int
     ) -> list[int]:
         """Return the least widths, plus the remaining characters, divided among the columns that can use them."""
         widths = list(least)
-        spare = room - self._width_of(table, widths, columns)
+        spare = max_width - self._width_of(table, widths, columns)
         while spare > 0 and (tight := [index for index in columns if widths[index] < natural[index]]):
             for index in tight[:spare]:
                 widths[index] += 1

@@ -22,9 +22,9 @@ def panel_available() -> tuple[bool, str]:
 
 def load_imgui() -> Any:
     """Return the module `imgui`. Raises BackendUnavailable."""
-    works, told = panel_available()
+    works, reason = panel_available()
     if not works:
-        raise BackendUnavailable(told, REMEDY)
+        raise BackendUnavailable(reason, REMEDY)
     from imgui_bundle import imgui
 
     return imgui

@@ -111,8 +111,8 @@ def _display() -> Finding:
 def _panel() -> Finding:
     from softlab.app.command.dear_imgui import REMEDY, panel_available
 
-    works, told = panel_available()
-    return Finding("panel of the window", works, told, "" if works else f"{REMEDY}; all keys work without it")
+    works, detail = panel_available()
+    return Finding("panel of the window", works, detail, "" if works else f"{REMEDY}; all keys work without it")
 
 
 def _fonts() -> Finding:
@@ -139,10 +139,10 @@ def _ffmpeg() -> Finding:
 def _voice() -> Finding:
     from softlab.app.output.voice import REMEDY, voice_available
 
-    speaks, told = voice_available()
+    speaks, detail = voice_available()
     if speaks:
-        return Finding("voice of the film", True, told)
-    return Finding("voice of the film", False, f"captions only: {told}", REMEDY)
+        return Finding("voice of the film", True, detail)
+    return Finding("voice of the film", False, f"captions only: {detail}", REMEDY)
 
 
 def _typst() -> Finding:

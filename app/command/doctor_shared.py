@@ -14,23 +14,23 @@ def gpus_together() -> Finding:
     """Return how GPUs are linked, for `--gpus N`."""
     from softlab.gpu_backend.core.device import gpu_available, simulated
 
-    name, share = "several gpus", "SOFTLAB_SHARE_GPU=1 lets windows take turns on one, to try --gpus 2"
+    name, hint = "several gpus", "SOFTLAB_SHARE_GPU=1 lets windows take turns on one, to try --gpus 2"
     works, _ = gpu_available()
     if not works:
         return Finding(name, False, "no GPU was found, see gpu", "on CPUs a grid is shared by softlab run --ranks N")
     if simulated():
         return Finding(name, True, "the simulator lets windows take turns on its one device")
     try:
-        found = component("softlab.gpu_backend.domains.links:find_links", "--gpus")()
+        links = component("softlab.gpu_backend.domains.links:find_links", "--gpus")()
     except BackendUnavailable as missing:
         return Finding(name, False, missing.missing, missing.remedy)
     except ImportError:
         return Finding(name, False, "not known how they are linked: NVML is not installed", "pip install nvidia-ml-py")
-    if found.count < 2:
-        return Finding(name, False, str(found), share)
-    if found.apart:
-        return Finding(name, False, str(found), "softlab run --link nccl goes another way between those")
-    return Finding(name, True, str(found))
+    if links.count < 2:
+        return Finding(name, False, str(links), hint)
+    if links.apart:
+        return Finding(name, False, str(links), "softlab run --link nccl goes another way between those")
+    return Finding(name, True, str(links))
 
 
 def ranks_of_mpi() -> Finding:

@@ -12,5 +12,5 @@ class Finding:
 
     name: str
     works: bool
-    found: str
+    detail: str
     remedy: str = ""

@@ -13,9 +13,9 @@ from softlab.model.scene.scene import Scene
 FRAME = 1 / 60  # s
 
 
-def shows_foam(scene: Scene, look: Sequence[str]) -> bool:
-    """Return True if pictures of a scene, with this look, show foam."""
-    return bool(scene.fluids) and ("foam" in look or scene.foam is not None)
+def shows_foam(scene: Scene, view_options: Sequence[str]) -> bool:
+    """Return True if pictures of a scene with these view options show foam."""
+    return bool(scene.fluids) and ("foam" in view_options or scene.foam is not None)
 
 
 def frame_steps(simulation: Simulation, frame: float = FRAME) -> int:
@@ -29,13 +29,13 @@ class Foaming:
     def __init__(self, simulation: Simulation):
         self.points = FoamPoints(simulation.scene, simulation.scene.foam or Foam())
         self.every = frame_steps(simulation)
-        self.keep(simulation, 0)
+        self.observe(simulation, 0)
 
     def steps_to_next(self, done: int) -> int:
         """Return the number of steps until the next frame."""
         return self.every - done % self.every
 
-    def keep(self, simulation: Simulation, done: int) -> None:
+    def observe(self, simulation: Simulation, done: int) -> None:
         """Update the points from the current state, if a frame ends with it."""
         if done % self.every == 0:
             self.points.follow(simulation.read("position"), simulation.read("velocity"), simulation.time)

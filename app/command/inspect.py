@@ -12,9 +12,9 @@ from softlab.model.assets.inspection import inspected
 
 def inspect_file(file: Path, out: Console, *, scale: float = 1.0, as_json: bool = False) -> None:
     """Print the inspection of `file`. Raises SceneError and InputError."""
-    found = inspected(file, scale)
+    inspection = inspected(file, scale)
     if as_json:
-        print(json.dumps(found.as_dict()))
+        print(json.dumps(inspection.as_dict()))
         return
-    for line in found.lines():
+    for line in inspection.lines():
         out.print(line, markup=False, soft_wrap=True)

@@ -63,16 +63,20 @@ class ClipView:
         self.every = frame_steps(simulation, 1 / picture.fps)
         self.rate = true_rate(self.every, simulation.scene.method.dt)
         self._renderer = OffscreenRenderer(
-            simulation.scene, picture.width & ~1, picture.height & ~1, legend=picture.legend, look=picture.look
+            simulation.scene,
+            picture.width & ~1,
+            picture.height & ~1,
+            legend=picture.legend,
+            view_options=picture.view_options,
         )
         self._renderer.show_bodies(simulation.body.inverse_mass)
-        self.keep(simulation, 0)
+        self.observe(simulation, 0)
 
     def steps_to_next(self, done: int) -> int:
         """Steps from step `done` to the next frame."""
         return self.every - done % self.every
 
-    def keep(self, simulation: Simulation, done: int) -> None:
+    def observe(self, simulation: Simulation, done: int) -> None:
         """Widen the view for the current state, if it is a frame."""
         if done % self.every == 0:
             self._renderer.fit(simulation.read("position"), simulation.time)

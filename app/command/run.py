@@ -21,7 +21,7 @@ from softlab.app.outcome import INCOMPLETE, fault_lines, fault_words
 from softlab.app.output.export import Exporter, Target, check_export
 from softlab.app.output.files import check_state_target, read_state, write_state, write_trajectory
 from softlab.app.output.video import CLIP, Picture, check_render, render
-from softlab.app.render.views import check_look
+from softlab.app.render.views import check_view_options
 from softlab.app.shared import USUAL_LINK, check_asked, check_cut, check_shared
 from softlab.cpu_backend.core.threads import core_count, wait_policy
 from softlab.model.contact.overlaps import overlap_lines
@@ -70,7 +70,7 @@ class Request:
     ranks: int = 1
     exchange_every: int | None = None
     link: str | None = None
-    look: tuple[str, ...] = ()
+    view_options: tuple[str, ...] = ()
     allow_incomplete: bool = False
     size: str | None = None
     fps: float | None = None
@@ -84,7 +84,7 @@ class Request:
     def picture(self) -> Picture:
         """Return the picture that `--render` draws. Raises SceneError."""
         size = parse_size(self.size) if self.size is not None else (Picture.width, Picture.height)
-        return Picture(*size, fps=self.fps or USUAL_RATE, look=self.look, legend=self.hud)
+        return Picture(*size, fps=self.fps or USUAL_RATE, view_options=self.view_options, legend=self.hud)
 
 
 @dataclass
@@ -113,10 +113,10 @@ def check_targets(scene: Scene, request: Request, steps: int, notes: list[str]) 
         check_state_target(request.out)
     if request.render:
         check_render(request.render)
-    check_look(scene, request.look)
-    asked: dict[str, object] = {f"--look {request.look[0]}": True} if request.look else {}
+    check_view_options(scene, request.view_options)
+    asked: dict[str, object] = {f"--look {request.view_options[0]}": True} if request.view_options else {}
     asked |= {f"--size {request.size}": request.size, f"--fps {request.fps}": request.fps, "--no-hud": not request.hud}
-    if not request.render and (unused := [option for option, given in asked.items() if given]):
+    if not request.render and (unused := [option for option, value in asked.items() if value]):
         raise InputError(f"{unused[0]}: applies to a picture or a clip; add --render FILE.png or FILE.mp4")
     request.picture()
     if request.fps is not None:
@@ -148,7 +148,7 @@ def run_scene(scene: Scene, request: Request, *, progress: bool = True) -> Resul
     built = mesh_lines, rest_lines, body_lines, resting_notes, collider_lines
     lines = *built, overlap_lines, limit_notes, damping_lines, speed_lines, shear_lines
     with work("checking the scene"):
-        notes = [line for told in lines for line in told(scene)]
+        notes = [line for describe in lines for line in describe(scene)]
         known = request.precision in PRECISIONS  # others are refused below
         coarse = resolution_line(scene, request.precision) if known else None
     notes += [coarse] if coarse else []
@@ -170,11 +170,13 @@ def run_scene(scene: Scene, request: Request, *, progress: bool = True) -> Resul
         clip = request.draws_clip
         recorder = _Recorder(start, request.record_every if request.record else 0)
         exporter = Exporter(simulation, target) if target else None
-        foaming = Foaming(simulation) if request.render and not clip and shows_foam(scene, request.look) else None
+        foaming = (
+            Foaming(simulation) if request.render and not clip and shows_foam(scene, request.view_options) else None
+        )
         view = opened.enter_context(ClipView(simulation, request.picture())) if clip and steps > 0 else None
-        keepers = [keeper for keeper in (recorder, exporter, foaming, view) if keeper is not None]
+        observers = [observer for observer in (recorder, exporter, foaming, view) if observer is not None]
         try:
-            seconds, diverged = _advance(simulation, steps, keepers, progress and simulation.rank == 0)
+            seconds, diverged = _advance(simulation, steps, observers, progress and simulation.rank == 0)
         except KeyboardInterrupt:
             raise KeyboardInterrupt(*([exporter.stopped] if exporter else [])) from None
         with work("measuring the end"):
@@ -210,11 +212,11 @@ def _crowded() -> bool:
     return psutil.getloadavg()[0] > core_count() + 0.5
 
 
-class Keeper(Protocol):
-    """Records states during a run, every so many steps."""
+class Observer(Protocol):
+    """Gets the state during a run, every so many steps."""
 
     def steps_to_next(self, done: int) -> int: ...
-    def keep(self, simulation: Simulation, done: int) -> None: ...
+    def observe(self, simulation: Simulation, done: int) -> None: ...
 
 
 class _Recorder:
@@ -227,16 +229,16 @@ class _Recorder:
     def steps_to_next(self, done: int) -> int:
         return self.every - done % self.every if self.every else 2**62
 
-    def keep(self, simulation: Simulation, done: int) -> None:
+    def observe(self, simulation: Simulation, done: int) -> None:
         if self.every and done % self.every == 0:
             self.states.append(simulation.state())
 
 
 def _advance(
-    simulation: Simulation, steps: int, keepers: Sequence[Keeper], progress: bool
+    simulation: Simulation, steps: int, observers: Sequence[Observer], progress: bool
 ) -> tuple[float, Diverged | None]:
-    """Advance the simulation. Returns (seconds of stepping alone, the divergence that ended it or None). `keepers`
-    record states during the run."""
+    """Advance the simulation. Returns (seconds of stepping alone, the divergence that ended it or None). `observers`
+    get the states during the run."""
     from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
     from softlab.app.output.bar import Bar
@@ -247,15 +249,15 @@ def _advance(
     shown = None
     try:
         while done < steps:
-            now = min(batch, steps - done, *(keeper.steps_to_next(done) for keeper in keepers))
+            now = min(batch, steps - done, *(observer.steps_to_next(done) for observer in observers))
             begin = time.perf_counter()
             simulation.advance(now)
             simulation.synchronize()
             took = simulation.slowest(time.perf_counter() - begin)
             seconds += took
             done += now
-            for keeper in keepers:
-                keeper.keep(simulation, done)
+            for observer in observers:
+                observer.observe(simulation, done)
             if took > 0:
                 batch = max(1, min(round(now * PROGRESS_SECONDS / took), 2**31))
             if progress and took > 0:

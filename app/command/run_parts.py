@@ -68,12 +68,12 @@ def bodies_report(simulation: Simulation) -> dict[str, Any]:
     scene = simulation.scene
     if not scene.bodies:
         return {}
-    told = counts(scene, simulation.body.inverse_mass)
+    totals = counts(scene, simulation.body.inverse_mass)
     return {
-        "bodies": told.bodies,
-        "waiting": told.waiting,
-        "waiting_particles": told.waiting_particles,
-        "clusters": told.clusters,
+        "bodies": totals.bodies,
+        "waiting": totals.waiting,
+        "waiting_particles": totals.waiting_particles,
+        "clusters": totals.clusters,
     }
 
 
@@ -161,10 +161,10 @@ def contact_report(simulation: Simulation, state: State) -> dict[str, Any]:
     from softlab.model.contact.penetration import measure
 
     grid = scene.grid
-    found = measure(grid.rows, grid.columns, grid.spacing, state.position, scene.self_collision.thickness)
-    gaps = {"min_gap": found.min_gap, "min_edge_gap": found.min_edge_gap}
+    penetration = measure(grid.rows, grid.columns, grid.spacing, state.position, scene.self_collision.thickness)
+    gaps = {"min_gap": penetration.min_gap, "min_edge_gap": penetration.min_edge_gap}
     return {
         **{name: gap if np.isfinite(gap) else None for name, gap in gaps.items()},
-        "edge_misses": found.edge_misses,
-        "crossings": found.crossings,
+        "edge_misses": penetration.edge_misses,
+        "crossings": penetration.crossings,
     }

@@ -16,7 +16,7 @@ from softlab.app.command.run_parts import (
     speed_report,
 )  # fmt: skip
 from softlab.app.outcome import outcome_of
-from softlab.app.shared import shares
+from softlab.app.shared import sharing_report
 from softlab.model.contact.shortfalls import shortfalls
 from softlab.model.core.energy import energies, spring_strain
 from softlab.model.core.errors import Diverged
@@ -46,7 +46,7 @@ def run_report(
         "precision": simulation.options.precision,
         "math": simulation.options.math,
         "kernel": simulation.kernel,
-        **shares(simulation),
+        **sharing_report(simulation),
         "method": scene.method.label,
         "particles": count,
         "dimensions": scene.dimensions,

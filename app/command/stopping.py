@@ -19,7 +19,7 @@ def _leave(_signal: int, _frame: FrameType | None) -> None:
     os._exit(STOPPED)
 
 
-def answer_at_once() -> None:
+def install_interrupt_handler() -> None:
     """Install the handler in a process that was started as `softlab` or `python -m softlab`; others that import this module
     keep theirs."""
     folder, name = os.path.split(os.path.splitext(sys.argv[0])[0])

@@ -38,7 +38,7 @@ LABELS = {
 }  # fmt: skip
 MODIFIED = "J (2 x kinetic + potential, which the step lab {keeps})"
 IN_NOTES = ("built", "error_reason", "resolution", "waiting", "waiting_particles")  # not on a line of their own
-ABSENT = ("error", "threads_reason", "max_strain")  # no line without a value
+HIDDEN_IF_NONE = ("error", "threads_reason", "max_strain")  # no line without a value
 
 
 def number(value: Any) -> str:
@@ -57,7 +57,7 @@ def print_report(console: Console, report: dict[str, Any], written: list[Path], 
     table = Table(show_header=False, box=None, pad_edge=False)
     waiting = {"particles": report.get("waiting_particles"), "bodies": report.get("waiting")}
     for key, value in report.items():
-        if key in IN_NOTES or (key in ABSENT and value is None):
+        if key in IN_NOTES or (key in HIDDEN_IF_NONE and value is None):
             continue
         label, unit = LABELS.get(key, key.replace("_", " ")), UNITS.get(key, "")
         if key == "max_strain" and "bodies" in report:
@@ -106,7 +106,7 @@ def print_fields(console: Console, kind: str) -> None:
     table = Table(*heads, box=None, pad_edge=False)
     for row in rows_of(kind):
         table.add_row(
-            row.name, escape(row.default), escape("; ".join(told for told in (row.allowed, row.note) if told))
+            row.name, escape(row.default), escape("; ".join(text for text in (row.allowed, row.note) if text))
         )
     console.print(f"[{kind}]: {about(kind)}\n", markup=False)
     console.print(table)
@@ -116,6 +116,6 @@ def print_findings(console: Console, findings: list[Finding]) -> None:
     """Print the doctor's report: one line per finding, with the remedy below it, if any."""
     for finding in findings:
         mark = "[green]yes[/green]" if finding.works else "[yellow]no [/yellow]"
-        console.print(f"{mark}  [bold]{finding.name}[/bold]: {escape(finding.found)}", soft_wrap=True)
+        console.print(f"{mark}  [bold]{finding.name}[/bold]: {escape(finding.detail)}", soft_wrap=True)
         if finding.remedy:
             console.print(f"     -> {escape(finding.remedy)}", soft_wrap=True)

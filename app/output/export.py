@@ -40,7 +40,7 @@ class Target:
     def of(self, frame: int) -> Path:
         """Return the file of a frame."""
         path = Path(self.name)
-        return path.with_name(NUMBER.sub(lambda found: found[0].format(frame=frame), path.name))
+        return path.with_name(NUMBER.sub(lambda field: field[0].format(frame=frame), path.name))
 
 
 def check_export(name: str, seconds: float | None, dt: float, notes: list[str]) -> Target:
@@ -84,13 +84,13 @@ class Exporter:
         self.written: list[Path] = []
         self._worlds = _members_of(simulation)
         self._frames = {name: ClusterFrames(one.scene) for name, one in self._worlds.items() if one.scene.bodies}
-        self.keep(simulation, 0)
+        self.observe(simulation, 0)
 
     def steps_to_next(self, done: int) -> int:
         """Return the steps until the next frame, `done` steps after the start."""
         return self.every - done % self.every if self.every else 2**62
 
-    def keep(self, simulation: Simulation, done: int) -> None:
+    def observe(self, simulation: Simulation, done: int) -> None:
         """Write the frame that is due after `done` steps, if any. Raises InputError, Diverged."""
         if self.every and done % self.every == 0:
             self._write(simulation)
@@ -124,9 +124,9 @@ class Exporter:
         path = self.target.of(len(self.written))
         weights, pieces = simulation.body.inverse_mass, []
         for name, one in self._worlds.items():
-            own, frames = one.read("position").astype(np.float64), self._frames.get(name)
-            matrices = frames.of_simulation(one, own) if frames else None
-            pieces += pieces_of(one.scene, own, matrices, one.body.inverse_mass)
+            member_position, frames = one.read("position").astype(np.float64), self._frames.get(name)
+            matrices = frames.of_simulation(one, member_position) if frames else None
+            pieces += pieces_of(one.scene, member_position, matrices, one.body.inverse_mass)
         if path.suffix.lower() == GLB and scene.dimensions == 3:
             pieces += collider_pieces(scene, present(scene, position, weights), simulation.time)
         self.written.append(write_pieces(path, pieces))

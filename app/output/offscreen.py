@@ -19,7 +19,7 @@ from softlab.app.render.drawn_springs import drawn_strain
 from softlab.app.render.fluid.framing import main_part, with_fluids
 from softlab.app.render.framing import seen_points, seen_radius
 from softlab.app.render.opengl import OFFSCREEN_REMEDY, drawing_text, open_window, renderer_name
-from softlab.app.render.views import camera_of, check_look, view_of
+from softlab.app.render.views import camera_of, check_view_options, view_of
 from softlab.model.core.build import rest_positions
 from softlab.model.core.errors import InputError, SoftlabError
 from softlab.model.core.files import check_target
@@ -46,13 +46,13 @@ class OffscreenRenderer:
     `draw(position)` draws and waits until it is drawn, `image()` returns the pixels. `legend=False` omits all text. The
     view and the range of colours are those of `fit` (the rest state and a strain of 0.5 before its first call). A cloth
     is drawn as a lit surface, or with `lines` as springs coloured by strain, with the legend; bodies as their skins, or
-    with `lines` as particles. `look`: how tetrahedra are drawn, of LOOKS in app/render/tetrahedra_view.py. Raises
+    with `lines` as particles. `view_options`: how tetrahedra or fluids are drawn, of VIEW_OPTIONS in their view. Raises
     BackendUnavailable if off-screen OpenGL or a font is missing, InputError for an impossible size.
     """
 
     def __init__(
         self, scene: Scene, width: int = 1280, height: int = 960, *, legend: bool = True, lines: bool = False,
-        look: Sequence[str] = (),
+        view_options: Sequence[str] = (),
     ):  # fmt: skip
         from softlab.app.render.legends import Legends
         from softlab.app.render.panels import Panel, Style
@@ -70,9 +70,9 @@ class OffscreenRenderer:
             self._view: Any = view_of(scene)
             if lines and not self._view.lines:
                 self._view.toggle_lines()
-            if look:
-                check_look(scene, look)
-                self._view.look(look)
+            if view_options:
+                check_view_options(scene, view_options)
+                self._view.set_view_options(view_options)
             self._legends, self._panel = None, None
             if legend:
                 with drawing_text():
@@ -104,8 +104,8 @@ class OffscreenRenderer:
     def _frame(self, position: np.ndarray, time: float) -> None:
         """Fit the view to these positions; after the first `fit` it only widens, so that a clip does not jump."""
         fluid = with_fluids(self.scene)
-        there = main_part(self.scene, position) if fluid else present(self.scene, position, self._weights)
-        bounds = finite_bounds(there)
+        active = main_part(self.scene, position) if fluid else present(self.scene, position, self._weights)
+        bounds = finite_bounds(active)
         if bounds is None:
             return
         margins = MARGINS if self._panel else (40.0, 40.0, 40.0, 40.0)
@@ -113,8 +113,8 @@ class OffscreenRenderer:
         if self._panel and (self._space or fluid) and not legend:
             margins = (40.0, 50.0, 40.0, 50.0)
         if self._space:
-            self._view.keep_above_ground(bounds[1])
-        points, radius = seen_points(self.scene, there, time), seen_radius(self.scene)
+            self._view.lower_ground(bounds[1])
+        points, radius = seen_points(self.scene, active, time), seen_radius(self.scene)
         if self._points is not None and self._fitted:
             points = np.concatenate([self._points, points])
         self.camera = self.camera.holding(points, margins, radius)
@@ -178,9 +178,9 @@ class OffscreenRenderer:
         self._draw(simulation.time)
 
     @property
-    def way(self) -> str:
+    def transfer(self) -> str:
         """Transfer of the last state to the drawing, in words."""
-        return self._view.vertices.way
+        return self._view.vertices.transfer
 
     def _draw(self, time: float) -> None:
         from pyglet import gl
@@ -226,19 +226,19 @@ def render_frame(
     lines: bool = False,
     time: float = 0.0,
     inverse_mass: np.ndarray | None = None,
-    look: Sequence[str] = (),
+    view_options: Sequence[str] = (),
     velocity: np.ndarray | None = None,
     foam: FoamPoints | None = None,
 ) -> Path:
     """Draw a state (particles, dimensions) [m] of `scene` into a PNG and return its path.
 
     `caption` None: the scene's title. In space, `lines`: as springs, or particles, instead of a surface; `time` [s]:
-    for the positions of moving colliders; `inverse_mass`, as in State: marks inactive bodies; `look`: see
+    for the positions of moving colliders; `inverse_mass`, as in State: marks inactive bodies; `view_options`: see
     OffscreenRenderer; `velocity` (particles, dimensions) [m/s] and `foam`: of a fluid, if known. Raises InputError
     (name, folder, size, shape) and BackendUnavailable (no off-screen OpenGL).
     """
     path = check_target(path, (".png",))
-    with OffscreenRenderer(scene, width, height, legend=legend, lines=lines, look=look) as renderer:
+    with OffscreenRenderer(scene, width, height, legend=legend, lines=lines, view_options=view_options) as renderer:
         renderer.show_bodies(inverse_mass)
         renderer.fit(position, time)
         if caption is not None:
@@ -263,8 +263,8 @@ def opengl_available(text: bool = True) -> tuple[bool, str]:
     lines = [line for line in done.stdout.splitlines() if line.startswith(("works ", "fails "))]
     if not lines:  # a driver that crashed the process
         return False, f"the trial of OpenGL ended with status {done.returncode}; {OFFSCREEN_REMEDY}"
-    word, _, found = lines[-1].partition(" ")
-    return word == "works", found
+    word, _, detail = lines[-1].partition(" ")
+    return word == "works", detail
 
 
 def probe(text: bool) -> None:

@@ -16,7 +16,7 @@ from softlab.model.scene.sheets import scene_normals, triangles_of
 from softlab.model.shape_matching.body_set import Copy
 from softlab.model.shape_matching.spare import copies_there
 
-PLANE_REACH = 1.0  # relative to the scene's size: a plane extends so far on each side of the masses
+PLANE_EXTENT = 1.0  # relative to the scene's size: a plane extends so far on each side of the masses
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,8 +46,8 @@ def pieces_of(
     """
     if scene.bodies:
         assert matrices is not None
-        there = copies_there(scene, inverse_mass)
-        return [_body(scene, copy, position, matrices) for copy in scene.body_set.copies if there[copy.number]]
+        active = copies_there(scene, inverse_mass)
+        return [_body(scene, copy, position, matrices) for copy in scene.body_set.copies if active[copy.number]]
     if scene.tetrahedra:
         return _skins(scene, position)
     if scene.fluids:
@@ -62,8 +62,8 @@ def pieces_of(
         return [Piece(name, position, colours.CLOTH_FRONT, triangles, scene_normals(scene, position))]
     flat = position if position.shape[1] == 3 else np.pad(position, ((0, 0), (0, 1)))
     index = np.arange(len(position)).reshape(scene.grid.rows, scene.grid.columns)
-    held = bool(scene.springs or scene.cloth_springs)
-    lines = tuple(line for line in (*index, *index.T) if len(line) > 1) if held else ()
+    has_springs = bool(scene.springs or scene.cloth_springs)
+    lines = tuple(line for line in (*index, *index.T) if len(line) > 1) if has_springs else ()
     return [Piece(name, flat, colours.INK, lines=lines)]
 
 
@@ -72,12 +72,12 @@ def _skins(scene: Scene, position: np.ndarray) -> list[Piece]:
     skin = scene.tetrahedra_set.skin
     points = skin.points(position)
     normals = mesh_normals(points, skin.faces)
-    found = []
+    skins = []
     for number, (name, triangles) in enumerate(zip(scene.holdable, skin.triangles, strict=True)):
         low, high = int(triangles.min()), int(triangles.max()) + 1
         colour = colours.BODIES[number % len(colours.BODIES)]
-        found.append(Piece(name, points[low:high], colour, triangles - low, normals[low:high]))
-    return found
+        skins.append(Piece(name, points[low:high], colour, triangles - low, normals[low:high]))
+    return skins
 
 
 def _body(scene: Scene, copy: Copy, position: np.ndarray, matrices: np.ndarray) -> Piece:
@@ -89,10 +89,10 @@ def _body(scene: Scene, copy: Copy, position: np.ndarray, matrices: np.ndarray) 
     name = f"{copy.name}-{copy.number - first + 1}" if several else copy.name
     skin = baked.skin
     if skin is None or not len(skin.triangles):
-        own = slice(copy.first_particle, copy.first_particle + len(baked.position))
-        return Piece(name, position[own], colour)
-    own = slice(copy.first_cluster, copy.first_cluster + baked.clusters.count)
-    vertices, normals = skinned(skin.position, skin.normal, skin.clusters, skin.weights, matrices[own])
+        rows = slice(copy.first_particle, copy.first_particle + len(baked.position))
+        return Piece(name, position[rows], colour)
+    rows = slice(copy.first_cluster, copy.first_cluster + baked.clusters.count)
+    vertices, normals = skinned(skin.position, skin.normal, skin.clusters, skin.weights, matrices[rows])
     return Piece(name, vertices, colour, skin.triangles, normals)
 
 
@@ -101,13 +101,13 @@ def skinned(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return (position, normal) (vertices, 3) float64: each vertex moved by the weighted mean of its clusters'
     `matrices` (clusters, 3, 4), as in the shaders; unit normals, 0 where they cancel."""
-    moved, turned = np.zeros((2, *position.shape))
+    moved, normals = np.zeros((2, *position.shape))
     for weight, cluster in zip(weights.T, clusters.T, strict=True):  # one after the other: a quarter of the memory
-        own = weight[:, None, None] * matrices[cluster]
-        moved += np.einsum("vij,vj->vi", own[:, :, :3], position) + own[:, :, 3]
-        turned += np.einsum("vij,vj->vi", own[:, :, :3], normal)
-    length = np.linalg.norm(turned, axis=1, keepdims=True)
-    return moved, np.divide(turned, length, out=np.zeros_like(turned), where=length > 0)
+        blended = weight[:, None, None] * matrices[cluster]
+        moved += np.einsum("vij,vj->vi", blended[:, :, :3], position) + blended[:, :, 3]
+        normals += np.einsum("vij,vj->vi", blended[:, :, :3], normal)
+    length = np.linalg.norm(normals, axis=1, keepdims=True)
+    return moved, np.divide(normals, length, out=np.zeros_like(normals), where=length > 0)
 
 
 def collider_pieces(scene: Scene, position: np.ndarray, time: float) -> Iterator[Piece]:
@@ -117,13 +117,13 @@ def collider_pieces(scene: Scene, position: np.ndarray, time: float) -> Iterator
         name, moved = names[id(collider)], time * np.array(collider.velocity)
         mesh = collider_mesh(collider)
         if mesh is not None:
-            vertices, normals = mesh.turned(time) if mesh.turns else (mesh.vertices, mesh.normals)
+            vertices, normals = mesh.rotated(time) if mesh.turns else (mesh.vertices, mesh.normals)
             yield Piece(name, vertices + moved, colours.COLLIDER, mesh.triangles, normals)
         elif isinstance(collider, Plane):
             across, along, normal = plane_axes(collider.normal)
             middle = position.mean(axis=0)
             middle = middle - ((middle - collider.point - moved) @ normal) * normal
-            reach = PLANE_REACH * scene.grid.extent + np.linalg.norm(position - middle, axis=1).max(initial=0.0)
-            corners = [middle + reach * (s * across + t * along) for s, t in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+            half_width = PLANE_EXTENT * scene.grid.extent + np.linalg.norm(position - middle, axis=1).max(initial=0.0)
+            corners = [middle + half_width * (s * across + t * along) for s, t in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
             square = np.array([[0, 1, 2], [0, 2, 3]])
             yield Piece(name, np.array(corners), colours.GROUND, square, np.tile(normal, (4, 1)))

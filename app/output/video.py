@@ -28,15 +28,15 @@ from softlab.model.scene.scene import Scene
 FRAME, CLIP = ".png", ".mp4"
 PROGRESS_AFTER = 1.0  # s
 MOST_RATE = 1000  # denominator of a rate: an MP4's time has an integer number of ticks per second
-FULL, NO_ROOM = "No space left", "no space left on the disk"  # ffmpeg's words, and ours
-LEAST_ROOM = 1 << 16  # bytes: with less a disk counts as full
+FULL, DISK_FULL = "No space left", "no space left on the disk"  # ffmpeg's words, and ours
+MIN_FREE_BYTES = 1 << 16  # bytes: with less a disk counts as full
 
 
 @dataclass(frozen=True)
 class Picture:
     """`width` x `height` pixels, rounded down to even numbers for a clip, under a `caption` (None: the scene's title).
 
-    A clip has `fps` frames/s, not necessarily an integer. `look`: how tetrahedra are drawn (see OffscreenRenderer).
+    A clip has `fps` frames/s, not necessarily an integer. `view_options`: see OffscreenRenderer.
     `legend` False: no text in the picture. `fitted`: the view of a clip (None: it widens with the motion).
     """
 
@@ -44,7 +44,7 @@ class Picture:
     height: int = 960
     caption: str | None = None
     fps: float = 60
-    look: tuple[str, ...] = ()
+    view_options: tuple[str, ...] = ()
     legend: bool = True
     fitted: Fitted | None = None
 
@@ -155,15 +155,15 @@ class VideoWriter:
         assert self._process is not None
         self._process.wait()
         self._errors.seek(0)
-        told = self._errors.read().decode("utf-8", "replace")
-        return InputError(f"{self.path} cannot be written: {reason(told, self.path)}")
+        output = self._errors.read().decode("utf-8", "replace")
+        return InputError(f"{self.path} cannot be written: {reason(output, self.path)}")
 
 
-def reason(told: str, path: Path) -> str:
+def reason(output: str, path: Path) -> str:
     """Return why a clip was not written, from the output of ffmpeg, whose lines begin with memory addresses."""
-    if FULL in told or shutil.disk_usage(path.parent).free < LEAST_ROOM:
-        return NO_ROOM
-    lines = [re.sub(r"^(\[[^]]*\] *)+", "", line) for line in told.strip().splitlines()]
+    if FULL in output or shutil.disk_usage(path.parent).free < MIN_FREE_BYTES:
+        return DISK_FULL
+    lines = [re.sub(r"^(\[[^]]*\] *)+", "", line) for line in output.strip().splitlines()]
     return lines[-1] if lines else "ffmpeg stopped"
 
 
@@ -216,7 +216,7 @@ def _write_clip(
 ) -> Path:
     width, height = picture.width & ~1, picture.height & ~1
     writer = VideoWriter(path, width, height, picture.fps)
-    drawing = OffscreenRenderer(scene, width, height, legend=picture.legend, look=picture.look)
+    drawing = OffscreenRenderer(scene, width, height, legend=picture.legend, view_options=picture.view_options)
     with drawing as renderer, writer, ExitStack() as stack:
         renderer.caption = scene.title if picture.caption is None else picture.caption
         renderer.show_bodies(inverse_mass)
@@ -283,7 +283,7 @@ def render(
         raise InputError("positions alone cannot be drawn; give their scene, too")
     if not clip:
         size, words = (picture.width, picture.height), picture.caption
-        how: dict[str, Any] = {"time": time, "inverse_mass": inverse_mass, "look": picture.look}
+        how: dict[str, Any] = {"time": time, "inverse_mass": inverse_mass, "view_options": picture.view_options}
         how["legend"] = picture.legend
         how |= {"velocity": velocity, "foam": foam}
         return render_frame(scene, position, path, *size, caption=words, **how)

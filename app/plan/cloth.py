@@ -10,18 +10,18 @@ from softlab.model.mass_spring.cloth_plan import PRODUCT_STAGE, kicks_meet
 from softlab.model.scene.scene import Scene
 
 
-def cloth_passes(plan: Plan, precision: str, way: float, note: str) -> tuple[Pass, ...]:
+def cloth_passes(plan: Plan, precision: str, memory_fraction: float, note: str) -> tuple[Pass, ...]:
     """Return the passes over the sheet of a fused kernel in a step.
 
-    `way`: fraction of the state's bytes that one pass moves through memory. Velocity Verlet's kicks of neighbouring
-    steps are combined in one pass, unless a force depends on a neighbour's velocity.
+    `memory_fraction`: fraction of the state's bytes that one pass moves through memory. Velocity Verlet's kicks of
+    neighbouring steps are combined in one pass, unless a force depends on a neighbour's velocity.
     """
     if plan.has(PRODUCT_STAGE):
-        return implicit_passes(plan, precision, way, note)
-    return fused_passes(plan, precision, way, note, meet=kicks_meet(plan.parts))
+        return implicit_passes(plan, precision, memory_fraction, note)
+    return fused_passes(plan, precision, memory_fraction, note, combine_kicks=kicks_meet(plan.parts))
 
 
-def implicit_passes(plan: Plan, precision: str, way: float, note: str) -> tuple[Pass, ...]:
+def implicit_passes(plan: Plan, precision: str, memory_fraction: float, note: str) -> tuple[Pass, ...]:
     """Return the passes of implicit Euler, for one matrix and one iteration.
 
     Forces at the start, and stages that move no data of their own (colliders, pins), belong to the pass of their
@@ -32,7 +32,7 @@ def implicit_passes(plan: Plan, precision: str, way: float, note: str) -> tuple[
     end = next(n for n, stage in enumerate(stages) if stage.name == "take over")
     groups = [stages[: begin + 1], *([stage] for stage in stages[begin + 1 : end]), stages[end:]]
     note += "; the number of matrices and iterations of a step depends on the residuals"
-    return merged_passes(groups, plan, precision, note, way)
+    return merged_passes(groups, plan, precision, note, memory_fraction)
 
 
 def cloth_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
@@ -53,10 +53,13 @@ def cloth_on_gpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
     if plan.has(PRODUCT_STAGE):
         kernel, tile, why = "cooperative", None, "whole steps in one launch; residuals are checked on the device"
     note = "one thread per mass, which gathers its springs and triangles"
-    way = 4 / 3  # a mass's vectors have a fourth number
+    memory_fraction = 4 / 3  # a mass's vectors have a fourth number
     if kernel == "one-block":
-        note, way = f"{note}, all on the chip", 0.0
+        note, memory_fraction = f"{note}, all on the chip", 0.0
     elif kernel == "resident" and tile:
-        note, way = f"{tile.strip} masses per thread, all on the chip, borders sent every {tile.halo} steps", 0.0
-    passes = cloth_passes(plan, precision, way, note)
+        note, memory_fraction = (
+            f"{tile.strip} masses per thread, all on the chip, borders sent every {tile.halo} steps",
+            0.0,
+        )
+    passes = cloth_passes(plan, precision, memory_fraction, note)
     return BackendPlan("gpu", device, kernel, tile.name if tile else None, why, passes)

@@ -24,49 +24,49 @@ def fluid_lines(scene: Scene) -> list[str]:
     """Return one line per parameter of a scene's fluids, with value, unit and meaning, and derived quantities."""
     if not scene.fluids:
         return []
-    found, lines = scene.fluid_set, []
-    met = f"{neighbours_at_rest(scene):.0f} neighbours at rest, {MAX_NEIGHBOURS[scene.dimensions]} at most"
-    lines.append(f"fluids: {found}; support {found.support:g} m, {met}")
+    fluid_set, lines = scene.fluid_set, []
+    neighbours = f"{neighbours_at_rest(scene):.0f} neighbours at rest, {MAX_NEIGHBOURS[scene.dimensions]} at most"
+    lines.append(f"fluids: {fluid_set}; support {fluid_set.support:g} m, {neighbours}")
     for name, part in scene.fluids.items():
         notes = notes_of(type(part))
         for field, value in part.model_dump().items():
             if field in ("origin", "size", "capacity", "blocks", "dimensions", "velocity", "vortices"):
                 continue
-            told = "none" if value is None else f"{value:g}"
+            text = "none" if value is None else f"{value:g}"
             if field == "support" and value is None:
-                told = f"{part.support_radius:g}"
-            lines.append(f"  {name}.{field} = {told}  ({notes.get(field, '')})")
-        share, mass = smoothing(scene, part), part.density * found.spacing**found.dimensions
+                text = f"{part.support_radius:g}"
+            lines.append(f"  {name}.{field} = {text}  ({notes.get(field, '')})")
+        removed, mass = smoothing(scene, part), part.density * fluid_set.spacing**fluid_set.dimensions
         lines.append(
             f"  of {name}: speed limit {speed_limit(scene, part):.4g} m/s (half a support radius per substep); XSPH removes "
-            f"{share:.3g} of a velocity difference; particle mass {mass:.4g} kg"
+            f"{removed:.3g} of a velocity difference; particle mass {mass:.4g} kg"
         )
     return lines + flow_lines(scene)
 
 
 def flow_lines(scene: Scene) -> list[str]:
     """Return lines about capacities, emitters (rate, time until the capacity is reached) and sinks."""
-    lines, found, names = [], scene.fluid_set, list(scene.fluids)
+    lines, fluid_set, names = [], scene.fluid_set, list(scene.fluids)
     for number, name in enumerate(names):
-        if found.capacities[number] > found.starting[number]:
+        if fluid_set.capacities[number] > fluid_set.starting[number]:
             lines.append(
-                f"  {name}: {found.starting[number]} particles at the start, {found.capacities[number]} at most"
+                f"  {name}: {fluid_set.starting[number]} particles at the start, {fluid_set.capacities[number]} at most"
             )
     for name, part in scene.emitters.items():
         volume, each_second, points = rates(scene, name)
-        own = fluid_of(scene, name)
-        told = f"  {name}: {names[own]} from a nozzle of {points} particles, {part.speed:g} m/s: {volume:.4g} m^3/s, "
-        told += f"{each_second:.4g} particles/s"
-        waiting = found.capacities[own] - found.starting[own]
+        fluid = fluid_of(scene, name)
+        line = f"  {name}: {names[fluid]} from a nozzle of {points} particles, {part.speed:g} m/s: {volume:.4g} m^3/s, "
+        line += f"{each_second:.4g} particles/s"
+        waiting = fluid_set.capacities[fluid] - fluid_set.starting[fluid]
         if each_second:
             lasts = part.start + waiting / each_second
             ends = part.stop is not None and part.stop < lasts
-            told += (
+            line += (
                 f", until {part.stop:g} s"
                 if ends
                 else f"; all {waiting} inactive particles are emitted by {lasts:.3g} s"
             )
-        lines.append(told)
+        lines.append(line)
     if scene.sinks:
         lines.append(
             f"  {' and '.join(scene.sinks)} remove the particles that reach them; an emitter of the same fluid reuses them"

@@ -21,8 +21,8 @@ def grid_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
     sums = scene.method.integrator == "rk4" or own_forces(plan.parts) or "alternating" in plan.parts
     loops = "through rows of sums" if sums else "one loop along a row"
     note = {"tiled": f"{loops}, {LEVELS} steps in flight"}.get(kernel, f"{loops}, a band of rows per thread")
-    way = 1 / LEVELS if kernel == "tiled" else 1.0
-    passes = fused_passes(plan, precision, way, note)
+    memory_fraction = 1 / LEVELS if kernel == "tiled" else 1.0
+    passes = fused_passes(plan, precision, memory_fraction, note)
     return cpu_plan(kernel, why, passes)
 
 
@@ -32,7 +32,7 @@ def grid_on_gpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
 
     device, limits = gpu_device("of the table")
     kernel, tile, why = default_kernel(scene, PRECISIONS[precision], limits)
-    springs, way, note = SPRINGS_OF_A_MASS, 1.0, "one thread per mass"
+    springs, memory_fraction, note = SPRINGS_OF_A_MASS, 1.0, "one thread per mass"
     if tile is not None:
         from softlab.gpu_backend.mass_spring.grid.tile_launch import blocks_of
 
@@ -41,15 +41,15 @@ def grid_on_gpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
         note = f"{tile.strip} masses per thread" if tile.strip > 1 else "one thread per mass"
         halos = across * down * tile.masses / scene.grid.particle_count if across * down > 1 else 1.0
         if kernel == "one-block":
-            way, note = 0.0, f"{note}, all on the chip"
+            memory_fraction, note = 0.0, f"{note}, all on the chip"
         elif kernel == "resident":
-            way = (halos - 1) / max(tile.halo, 1)
+            memory_fraction = (halos - 1) / max(tile.halo, 1)
             note += f", {across} x {down} tiles on the chip, borders exchanged every {tile.halo} steps"
         else:
-            way = (halos + 1) / 2 / tile.halo
+            memory_fraction = (halos + 1) / 2 / tile.halo
             note += f", {tile.halo} steps per pass through memory"
         if halos > 1:
             note += f"; with the halos {halos:.2f} x the masses"
     more = (springs - EACH_ONCE) * OPERATIONS_SPRING_2D
-    passes = fused_passes(plan, precision, way, note, more=more)
+    passes = fused_passes(plan, precision, memory_fraction, note, more=more)
     return BackendPlan("gpu", device, kernel, tile.name if tile else None, why, passes)

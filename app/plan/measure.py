@@ -56,12 +56,12 @@ def measure_stages(scene: Scene, backend: str, precision: str, required: bool = 
             raise
         return StageTimes(missing=str(error))
     except SceneError as error:  # a solver without a stage-by-stage kernel
-        found = StageTimes(missing=str(error))
+        times = StageTimes(missing=str(error))
     else:
         with simulation:
-            found = _stage_times(simulation)
+            times = _stage_times(simulation)
     with open_simulation(scene, backend, precision=precision, allow_unstable=True) as whole:
-        return replace(found, step=_step_time(whole))
+        return replace(times, step=_step_time(whole))
 
 
 def _step_time(simulation: Simulation) -> float:
@@ -129,7 +129,7 @@ def _replayed(simulation: Any, stages: Moments, runs: Runs) -> StageTimes:
     from softlab.gpu_backend.core.launch import Graphs
 
     _warm_up(simulation, stages, runs)
-    found = []
+    seconds = []
     for stage, moment in stages:
 
         def launch(parity: int, count: int, run: StageRun = runs[stage.name], moment: Moment = moment) -> None:
@@ -149,7 +149,7 @@ def _replayed(simulation: Any, stages: Moments, runs: Runs) -> StageTimes:
         one = timed(MIN_REPLAYS) / MIN_REPLAYS
         chunks = max(1, int(SECONDS / len(stages) / one / MIN_REPLAYS))
         count = MIN_REPLAYS * min(chunks, MAX_STEPS)
-        found.append(timed(count) / count)
+        seconds.append(timed(count) / count)
         graphs.close()
         simulation.rewind()
-    return StageTimes(tuple(found))
+    return StageTimes(tuple(seconds))

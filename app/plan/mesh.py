@@ -77,13 +77,13 @@ def newton_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
     time."""
     stages = [*dict.fromkeys(stages_of(plan))]
     why = "matrix blocks in rows, each summed by its own particle; all substeps of a call in one kernel"
-    made = merged_passes([[stage] for stage in stages], plan, precision, "a loop over the threads")
-    return cpu_plan("fused", why, made)
+    passes = merged_passes([[stage] for stage in stages], plan, precision, "a loop over the threads")
+    return cpu_plan("fused", why, passes)
 
 
 def newton_on_gpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
     """Return the plan on a GPU: all passes in one kernel, whose blocks synchronise after each. Works without a GPU."""
     stages = [*dict.fromkeys(stages_of(plan))]
     why = "whole steps per launch; thread blocks synchronize after every pass, and the device decides what follows"
-    made = merged_passes([[stage] for stage in stages], plan, precision, "all blocks")
-    return BackendPlan("gpu", gpu_device()[0], "cooperative", None, why, made)
+    passes = merged_passes([[stage] for stage in stages], plan, precision, "all blocks")
+    return BackendPlan("gpu", gpu_device()[0], "cooperative", None, why, passes)

@@ -23,13 +23,13 @@ class Pass:
     note: str
 
 
-def merged_pass(stages: Sequence[Stage], item: int, dimensions: int, note: str, way: float = 1.0) -> Pass:
+def merged_pass(stages: Sequence[Stage], item: int, dimensions: int, note: str, memory_fraction: float = 1.0) -> Pass:
     """Return one pass that does all `stages`.
 
-    Values are `item` bytes; results passed from one stage to the next are not counted. `way`: fraction of the bytes
-    that go through memory.
+    Values are `item` bytes; results passed from one stage to the next are not counted. `memory_fraction`: fraction of
+    the bytes that go through memory.
     """
-    moved = way * max(stage.bytes(item, dimensions) for stage in stages)
+    moved = memory_fraction * max(stage.bytes(item, dimensions) for stage in stages)
     operations = sum(stage.operations for stage in stages)
     return Pass(tuple(stage.name for stage in stages), float(moved), float(operations), note)
 
@@ -93,17 +93,17 @@ def stages_of(plan: Plan) -> list[Stage]:
 
 
 def merged_passes(
-    groups: Sequence[Sequence[Stage]], plan: Plan, precision: str, note: str, way: float = 1.0
+    groups: Sequence[Sequence[Stage]], plan: Plan, precision: str, note: str, memory_fraction: float = 1.0
 ) -> tuple[Pass, ...]:
     """Return a `merged_pass` for each group of stages."""
-    return tuple(merged_pass(group, item_bytes(precision), plan.dimensions, note, way) for group in groups)
+    return tuple(merged_pass(group, item_bytes(precision), plan.dimensions, note, memory_fraction) for group in groups)
 
 
-def fused_groups(plan: Plan, meet: bool) -> list[list[Stage]]:
+def fused_groups(plan: Plan, combine_kicks: bool) -> list[list[Stage]]:
     """Return the stages of each pass of a fused kernel of explicit steps over a sheet in a step, in order.
 
-    `meet`: velocity Verlet's force at the end of a step is that at the start of the next one, so one pass does the end
-    of one and the start of the next; its random force is computed for both.
+    `combine_kicks`: velocity Verlet's force at the end of a step is that at the start of the next one, so one pass does
+    the end of one and the start of the next; its random force is computed for both.
     """
     children = plan.root.children
     halves = [list(leaves(child)) for child in children if isinstance(child, Node)]
@@ -111,7 +111,7 @@ def fused_groups(plan: Plan, meet: bool) -> list[list[Stage]]:
         (first, last), named = halves, {stage.name: stage for stage in plan.root.stages()}
         kick = named["second half kick"]
         moved = [named[name] for name in ("first half kick and drift", "collide", "pins") if name in named]
-        if meet:
+        if combine_kicks:
             changing = {force.stage for force in own_forces(plan.parts) if force.changes}
             again = [stage for stage in first if stage.name in changing]
             return [[*last, *again, kick, *moved]]
@@ -122,23 +122,23 @@ def fused_groups(plan: Plan, meet: bool) -> list[list[Stage]]:
 
 
 def fused_passes(
-    plan: Plan, precision: str, way: float, note: str, *, meet: bool = True, more: float = 0.0
+    plan: Plan, precision: str, memory_fraction: float, note: str, *, combine_kicks: bool = True, more: float = 0.0
 ) -> tuple[Pass, ...]:
     """Return the passes of `fused_groups`.
 
-    `way`: fraction of the state's bytes that a pass moves through memory; `more`: operations per mass if springs are
-    computed again.
+    `memory_fraction`: fraction of the state's bytes that a pass moves through memory; `more`: operations per mass if
+    springs are computed again.
     """
-    groups = fused_groups(plan, meet)
+    groups = fused_groups(plan, combine_kicks)
     verlet = plan.has("second half kick")
-    moved = way * plan.bytes(item_bytes(precision)) / (1 if verlet else len(groups))
-    if verlet and meet:
+    moved = memory_fraction * plan.bytes(item_bytes(precision)) / (1 if verlet else len(groups))
+    if verlet and combine_kicks:
         note += "; the end of a step and the start of the next are one pass"
     elif verlet:
         note += "; two passes per step, because a force depends on the velocity of neighbours"
-    found = []
+    passes = []
     for stages in groups:
         operations = float(sum(stage.operations for stage in stages))
         operations += more * any(stage.name == "spring forces" for stage in stages)
-        found.append(Pass(tuple(stage.name for stage in stages), moved, operations, note))
-    return tuple(found)
+        passes.append(Pass(tuple(stage.name for stage in stages), moved, operations, note))
+    return tuple(passes)

@@ -47,9 +47,9 @@ def counts_of(scene: Scene) -> dict[str, Any]:
         members = scene.members.items()
         return {"members": {name: {"particles": one.grid.particle_count} | counts_of(one) for name, one in members}}
     if scene.tetrahedra:
-        found = scene.tetrahedra_set
-        counts = {"bodies": len(found.parts), "tetrahedra": len(found.tetrahedra)}
-        return counts | ({"triangles": len(found.sheet.mesh.triangles)} if found.sheet else {})
+        tetrahedra = scene.tetrahedra_set
+        counts = {"bodies": len(tetrahedra.parts), "tetrahedra": len(tetrahedra.tetrahedra)}
+        return counts | ({"triangles": len(tetrahedra.sheet.mesh.triangles)} if tetrahedra.sheet else {})
     if scene.fluids:
         return {"fluids": len(scene.fluids)}
     if scene.bodies:
@@ -115,15 +115,15 @@ class PlanReport:
         }  # fmt: skip
 
     def _row_as_dict(self, row: Row) -> dict[str, Any]:
-        found: dict[str, Any] = {"name": row.name, "depth": row.depth, "runs": row.runs, "branch": row.stage is None}
+        entry: dict[str, Any] = {"name": row.name, "depth": row.depth, "runs": row.runs, "branch": row.stage is None}
         if row.stage is None:
-            return found
+            return entry
         moved, done = row.runs * row.stage.bytes(self.item, self.plan.dimensions), row.runs * row.stage.operations
-        return found | {
-            "bytes": moved, "bytes_share": share(moved, self.bytes),
-            "operations": done, "operations_share": share(done, self.operations),
+        return entry | {
+            "bytes": moved, "bytes_share": fraction(moved, self.bytes),
+            "operations": done, "operations_share": fraction(done, self.operations),
             "seconds": row.seconds,
-            "seconds_share": {name: share(value, self.seconds(name)) for name, value in row.seconds.items()},
+            "seconds_share": {name: fraction(value, self.seconds(name)) for name, value in row.seconds.items()},
         }  # fmt: skip
 
     def _backend_as_dict(self, one: BackendPlan) -> dict[str, Any]:
@@ -138,7 +138,7 @@ class PlanReport:
         }  # fmt: skip
 
 
-def share(part: float, whole: float) -> float:
+def fraction(part: float, whole: float) -> float:
     """Return part / whole, or 0 if `whole` is 0."""
     return part / whole if whole else 0.0
 
@@ -176,24 +176,24 @@ def plan_report(
     family = family_of(scene)
     plan = family.plan(scene, frozenset())
     rows, order = flatten(plan.root)
-    found, unknown = [], {}
+    plans, unknown = [], {}
     for name in backends:
         if name not in family.passes:
             unknown[name] = f"does not support scenes of the kind {family.name}"
             continue
         try:
-            found.append(named(family.passes[name])(scene, precision, plan))
+            plans.append(named(family.passes[name])(scene, precision, plan))
         except ImportError as error:
             unknown[name] = f"no CUDA support is installed ({error})"
     if measure:
         from softlab.app.plan.measure import measure_stages
 
-        for place, one in enumerate(found):
+        for place, one in enumerate(plans):
             times = measure_stages(scene, one.name, precision, required=len(backends) == 1)
-            found[place] = replace(one, unmeasured=times.missing, empty=times.empty, step=times.step)
+            plans[place] = replace(one, unmeasured=times.missing, empty=times.empty, step=times.step)
             for line, value in zip(order, times.seconds, strict=times.missing is None):
                 rows[line].seconds[one.name] = rows[line].seconds.get(one.name, 0.0) + value
-    return PlanReport(scene, precision, stability_limit(scene), plan, tuple(rows), tuple(found), unknown)
+    return PlanReport(scene, precision, stability_limit(scene), plan, tuple(rows), tuple(plans), unknown)
 
 
 def limit_line(report: PlanReport) -> str:

@@ -72,16 +72,18 @@ class SharedPlan:
     @property
     def most_masses(self) -> float:
         """Masses/s at which messages take as long as a step: an upper bound for any number of GPUs."""
-        found = self.decomposition
-        return found.rows * found.columns / self.step_seconds if self.step_seconds else float("inf")
+        decomposition = self.decomposition
+        return decomposition.rows * decomposition.columns / self.step_seconds if self.step_seconds else float("inf")
 
     def as_dict(self) -> dict[str, Any]:
         """Return the object for `--json`."""
-        found = self.decomposition
+        decomposition = self.decomposition
         return {
-            "gpus": found.count, "exchange_every": found.interval, "halo_rows": found.halo,
-            "repeated_rows": found.repeated - 1,
-            "domains": [{"first_row": d.first, "end_row": d.end, "window_rows": d.window_rows} for d in found.domains],
+            "gpus": decomposition.count, "exchange_every": decomposition.interval, "halo_rows": decomposition.halo,
+            "repeated_rows": decomposition.repeated - 1,
+            "domains": [
+                {"first_row": d.first, "end_row": d.end, "window_rows": d.window_rows} for d in decomposition.domains
+            ],
             "bytes_per_exchange": self.message, "bytes_per_step": self.bytes_per_step,
             "link": _link(self.link),
             "exchange_seconds": self.exchange_seconds, "step_seconds": self.step_seconds,
@@ -90,14 +92,17 @@ class SharedPlan:
 
     def lines(self) -> list[str]:
         """Return the lines for a person."""
-        found = self.decomposition
-        lines = [f"shared by {found.count} GPUs, by rows; halos of {found.halo} rows, exchanged {found.told}"]
-        for domain in found.domains[:LINES]:
-            state = readable(domain.window_rows * found.columns * self.mass_bytes)
-            held = f"stores {domain.window_first} to {domain.window_end - 1} ({state} per state)"
-            lines.append(f"  GPU {domain.number}: owns rows {domain.first} to {domain.end - 1}, {held}")
-        lines += _more(found.count)
-        lines.append(f"  {100 * (found.repeated - 1):.2g} % of the rows are computed twice")
+        decomposition = self.decomposition
+        lines = [
+            f"shared by {decomposition.count} GPUs, by rows; halos of {decomposition.halo} rows, "
+            f"exchanged {decomposition.told}"
+        ]
+        for domain in decomposition.domains[:LINES]:
+            state = readable(domain.window_rows * decomposition.columns * self.mass_bytes)
+            window = f"stores {domain.window_first} to {domain.window_end - 1} ({state} per state)"
+            lines.append(f"  GPU {domain.number}: owns rows {domain.first} to {domain.end - 1}, {window}")
+        lines += _more(decomposition.count)
+        lines.append(f"  {100 * (decomposition.repeated - 1):.2g} % of the rows are computed twice")
         lines.append(
             f"  {readable(self.message)} to each neighbour per exchange, {readable(self.bytes_per_step)} per step, each way"
         )
@@ -115,38 +120,38 @@ class BodiesPlan:
 
     def as_dict(self) -> dict[str, Any]:
         """Return the object for `--json`."""
-        found = self.division
+        split = self.division
         return {
-            "gpus": found.count, "balanced_by": found.counted, "balance": found.balance,
+            "gpus": split.count, "balanced_by": split.counted, "balance": split.balance,
             "shares": [
                 {
                     "first_body": s.first, "end_body": s.end, "parts": list(s.parts),
-                    "particles": s.end_particle - s.first_particle, found.counted: s.weight,
+                    "particles": s.end_particle - s.first_particle, split.counted: s.weight,
                 }
-                for s in found.shares
+                for s in split.shares
             ],
             "bytes_per_step": 0,
         }  # fmt: skip
 
     def lines(self) -> list[str]:
         """Return the lines for a person."""
-        found = self.division
+        split = self.division
         lines = [
-            f"shared by {found.count} GPUs, body by body, balanced by {found.counted}; no data is exchanged during a step"
+            f"shared by {split.count} GPUs, body by body, balanced by {split.counted}; no data is exchanged during a step"
         ]
-        for share in found.shares[:LINES]:
+        for block in split.shares[:LINES]:
             bodies = (
-                f"body {share.first}" if share.end == share.first + 1 else f"bodies {share.first} to {share.end - 1}"
+                f"body {block.first}" if block.end == block.first + 1 else f"bodies {block.first} to {block.end - 1}"
             )
-            names = share.parts if len(share.parts) < 4 else (share.parts[0], "...", share.parts[-1])
-            particles = share.end_particle - share.first_particle
-            told = f"{number(particles)} particles ({readable(particles * self.particle_bytes)} per state)"
-            if found.counted != "particles":
-                told = f"{number(share.weight)} {found.counted}, {told}"
-            lines.append(f"  GPU {share.number}: owns {bodies} ({', '.join(names)}), {told}")
-        lines += _more(found.count)
-        fair = f"the largest part has {100 / (found.count * found.balance):.3g} % of the {found.counted}"
-        return [*lines, f"  {fair}: at most {found.count * found.balance:.3g} times as fast as one"]
+            names = block.parts if len(block.parts) < 4 else (block.parts[0], "...", block.parts[-1])
+            particles = block.end_particle - block.first_particle
+            amount = f"{number(particles)} particles ({readable(particles * self.particle_bytes)} per state)"
+            if split.counted != "particles":
+                amount = f"{number(block.weight)} {split.counted}, {amount}"
+            lines.append(f"  GPU {block.number}: owns {bodies} ({', '.join(names)}), {amount}")
+        lines += _more(split.count)
+        fair = f"the largest part has {100 / (split.count * split.balance):.3g} % of the {split.counted}"
+        return [*lines, f"  {fair}: at most {split.count * split.balance:.3g} times as fast as one"]
 
 
 @dataclass(frozen=True)
@@ -169,13 +174,13 @@ class PartitionsPlan:
 
     def as_dict(self) -> dict[str, Any]:
         """Return the object for `--json`."""
-        found, mesh = self.partitions, self.partitions.mesh
+        all_partitions, mesh = self.partitions, self.partitions.mesh
         return {
-            "gpus": found.count, "exchanges_per_step": mesh.exchanges, "balance": found.balance,
-            "repeated_particles": found.repeated - 1,
+            "gpus": all_partitions.count, "exchanges_per_step": mesh.exchanges, "balance": all_partitions.balance,
+            "repeated_particles": all_partitions.repeated - 1,
             "shares": [
                 {"particles": len(p.owned), "window_particles": len(p.particles), f"window_{mesh.counted}": len(p.elements)}
-                for p in found.parts
+                for p in all_partitions.parts
             ],
             "bytes_per_exchange": self.message, "bytes_per_step": self.message * mesh.exchanges,
             "link": _link(self.link),
@@ -184,17 +189,19 @@ class PartitionsPlan:
 
     def lines(self) -> list[str]:
         """Return the lines for a person."""
-        found, mesh = self.partitions, self.partitions.mesh
+        all_partitions, mesh = self.partitions, self.partitions.mesh
         times = "once" if mesh.exchanges == 1 else f"{mesh.exchanges} times"
-        lines = [f"shared by {found.count} GPUs, by partitions of the mesh; halos are exchanged {times} per step"]
-        for part in found.parts[:LINES]:
-            held = f"stores {number(len(part.particles))} and {number(len(part.elements))} of {number(mesh.elements)}"
-            lines.append(f"  GPU {part.number}: owns {number(len(part.owned))} particles, {held} {mesh.counted}")
-        lines += _more(found.count)
+        lines = [
+            f"shared by {all_partitions.count} GPUs, by partitions of the mesh; halos are exchanged {times} per step"
+        ]
+        for part in all_partitions.parts[:LINES]:
+            window = f"stores {number(len(part.particles))} and {number(len(part.elements))} of {number(mesh.elements)}"
+            lines.append(f"  GPU {part.number}: owns {number(len(part.owned))} particles, {window} {mesh.counted}")
+        lines += _more(all_partitions.count)
         return [
             *lines,
-            f"  {100 * (found.repeated - 1):.3g} % of the particles are computed twice: at most "
-            f"{found.count * found.balance:.3g} times as fast as one",
+            f"  {100 * (all_partitions.repeated - 1):.3g} % of the particles are computed twice: at most "
+            f"{all_partitions.count * all_partitions.balance:.3g} times as fast as one",
             f"  {readable(self.message)} to a neighbour per exchange at most, "
             f"{readable(self.message * mesh.exchanges)} per step",
             _adds(self.link, self.step_seconds),
@@ -215,8 +222,8 @@ class SlabsPlan:
     @property
     def repeated(self) -> float:
         """Particles that are computed besides their owner's, relative to all."""
-        owned, held, _ = self.counts.sum(axis=0)
-        return float(held / owned - 1)
+        owned, stored, _ = self.counts.sum(axis=0)
+        return float(stored / owned - 1)
 
     @property
     def bytes_per_step(self) -> int:
@@ -234,8 +241,8 @@ class SlabsPlan:
             "gpus": self.slabs.count, "axis": "xyz"[self.slabs.axis], "halo": self.slabs.halo,
             "bounds": self.slabs.bounds.tolist(), "repeated_particles": self.repeated, "most_gain": self.gain,
             "shares": [
-                {"particles": int(owned), "window_particles": int(held), "sent_particles": int(sent)}
-                for owned, held, sent in self.counts
+                {"particles": int(owned), "window_particles": int(stored), "sent_particles": int(sent)}
+                for owned, stored, sent in self.counts
             ],
             "bytes_per_step": self.bytes_per_step,
         }  # fmt: skip
@@ -248,12 +255,12 @@ class SlabsPlan:
             f"shared by {slabs.count} GPUs, by slabs along {axis} with as many particles each; halos of {slabs.halo:.3g} m, "
             "exchanged every substep; at the start:"
         ]
-        for share, (owned, held, _) in enumerate(self.counts[:LINES]):
-            low, high = slabs.ends(share)
-            place = [f"from {low:.3g} m" * (share > 0), f"to {high:.3g} m" * (share + 1 < slabs.count)]
-            told = f"stores {number(held)} ({readable(int(held) * self.particle_bytes)} per state)"
+        for slab, (owned, stored, _) in enumerate(self.counts[:LINES]):
+            low, high = slabs.ends(slab)
+            place = [f"from {low:.3g} m" * (slab > 0), f"to {high:.3g} m" * (slab + 1 < slabs.count)]
+            window = f"stores {number(stored)} ({readable(int(stored) * self.particle_bytes)} per state)"
             lines.append(
-                f"  GPU {share}: owns {number(owned)} particles {' '.join(filter(None, place)) or 'all'}, {told}"
+                f"  GPU {slab}: owns {number(owned)} particles {' '.join(filter(None, place)) or 'all'}, {window}"
             )
         lines += _more(slabs.count)
         return [
@@ -266,11 +273,11 @@ class SlabsPlan:
 def _slabs_plan(scene: Scene, gpus: int, exchange_every: int | None, item: int, particle_bytes: int) -> SlabsPlan:
     slabs = slabs_at_start(scene, gpus, exchange_every, "--gpus")
     along = scene.fluid_set.position[:, slabs.axis]
-    owned, counts = [slabs.owned(along, share) for share in range(gpus)], np.zeros((gpus, 3), np.int64)
-    for share in range(gpus):
-        held = slabs.held(along, share)
-        counts[share, :2] = owned[share].sum(), held.sum()
-        counts[:, 2] += [(own & held).sum() if other != share else 0 for other, own in enumerate(owned)]
+    owned, counts = [slabs.owned(along, slab) for slab in range(gpus)], np.zeros((gpus, 3), np.int64)
+    for slab in range(gpus):
+        stored = slabs.held(along, slab)
+        counts[slab, :2] = owned[slab].sum(), stored.sum()
+        counts[:, 2] += [(of_other & stored).sum() if other != slab else 0 for other, of_other in enumerate(owned)]
     return SlabsPlan(slabs, counts, scene.method.substeps, particle_bytes, bytes_each(item, scene.dimensions))
 
 

@@ -8,7 +8,7 @@ from rich.table import Column, Table
 from softlab.app.command.tables import number
 from softlab.app.plan.fluid import fluid_lines
 from softlab.app.plan.passes import BackendPlan
-from softlab.app.plan.report import PlanReport, Row, limit_line, share
+from softlab.app.plan.report import PlanReport, Row, fraction, limit_line
 from softlab.model.core.families import family_of
 from softlab.model.core.stability.limit import frequency_lines
 from softlab.model.scene.scene import Scene
@@ -16,7 +16,7 @@ from softlab.model.shape_matching.spare import counts
 
 
 def _percent(part: float, whole: float) -> str:
-    return f"{100 * share(part, whole):.0f} %"
+    return f"{100 * fraction(part, whole):.0f} %"
 
 
 def _cells(report: PlanReport, row: Row, measured: list[str]) -> list[str]:
@@ -51,11 +51,11 @@ def _print_backend(console: Console, one: BackendPlan) -> None:
     console.print(f"{one.name} ({one.device})", soft_wrap=True, markup=False)
     console.print(f"  kernel {kernel}: {one.why}", soft_wrap=True, markup=False)
     if one.tile:
-        console.print(f"    {tile_told(one.tile)}", soft_wrap=True)
-    for found in one.passes:
-        console.print(f"  {' + '.join(found.stages)}", soft_wrap=True, markup=False)
-        amounts = f"{found.bytes:.3g} bytes, {found.operations:.3g} operations per mass"
-        console.print(f"    {amounts}; {found.note}", soft_wrap=True, markup=False)
+        console.print(f"    {tile_description(one.tile)}", soft_wrap=True)
+    for merged in one.passes:
+        console.print(f"  {' + '.join(merged.stages)}", soft_wrap=True, markup=False)
+        amounts = f"{merged.bytes:.3g} bytes, {merged.operations:.3g} operations per mass"
+        console.print(f"    {amounts}; {merged.note}", soft_wrap=True, markup=False)
     if one.step is not None:
         whole = f"  measured: a whole step with this kernel takes {1e6 * one.step:.3g} us"
         console.print(f"{whole}; the stages above were run one by one", soft_wrap=True)
@@ -65,10 +65,10 @@ def _print_backend(console: Console, one: BackendPlan) -> None:
         console.print(f"  not measured: {one.unmeasured}", soft_wrap=True, markup=False)
 
 
-def tile_told(name: str) -> str:
+def tile_description(name: str) -> str:
     """Return the meaning of a tile's name (gpu_backend/core/tiling.py, `Tile.name`).
 
-    >>> tile_told("32x8x4h10")
+
     '32x8x4h10: a block of 32 columns of 8 threads, 4 masses each; blocks exchange masses every 10 steps'
     """
     columns, threads, masses, steps = (int(part) for part in name.replace("h", "x").split("x"))
@@ -101,9 +101,11 @@ def amounts(scene: Scene) -> str:
         return str(scene.tetrahedra_set)
     if not scene.bodies:
         return f"{number(scene.grid.particle_count)} masses, {number(family_of(scene).spring_count(scene))} springs"
-    body_set, told = scene.body_set, counts(scene)
+    body_set, totals = scene.body_set, counts(scene)
     waiting = (
-        f" ({number(told.waiting)} inactive, of {number(told.waiting_particles)} particles)" if told.waiting else ""
+        f" ({number(totals.waiting)} inactive, of {number(totals.waiting_particles)} particles)"
+        if totals.waiting
+        else ""
     )
     bodies = "1 body" if len(body_set.copies) == 1 else f"{number(len(body_set.copies))} bodies"
     entries = len(body_set.clusters.indices) / body_set.particle_count

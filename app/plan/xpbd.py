@@ -8,13 +8,13 @@ from softlab.model.core.simulation import PRECISIONS
 from softlab.model.scene.scene import Scene
 
 
-def _substep(plan: Plan, precision: str, note: str, way: float = 1.0) -> tuple[Pass, ...]:
+def _substep(plan: Plan, precision: str, note: str, memory_fraction: float = 1.0) -> tuple[Pass, ...]:
     """Return the single pass that a fused kernel makes of a substep: it reads and writes the state and nothing else."""
     substeps = plan.root.children[0].times  # type: ignore[union-attr]
     stages = list(plan.root.stages())
     each = stages[: len(stages) // substeps]
     names = tuple(dict.fromkeys(stage.name for stage in each))
-    moved = way * plan.bytes(item_bytes(precision)) / substeps
+    moved = memory_fraction * plan.bytes(item_bytes(precision)) / substeps
     return (Pass(names, moved, float(sum(s.operations for s in each)), note),)
 
 
@@ -60,7 +60,7 @@ def xpbd_on_gpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
 
     device, limits = gpu_device("that the choice was measured on")
     kernel, why = default_xpbd_kernel(scene, PRECISIONS[precision], plan.parts, limits)
-    note, way = "per substep; one thread per mass", 4 / plan.dimensions
+    note, memory_fraction = "per substep; one thread per mass", 4 / plan.dimensions
     if kernel == "one-block":
-        note, way = f"{note}, all on the chip", 0.0
-    return BackendPlan("gpu", device, kernel, None, why, _substep(plan, precision, note, way))
+        note, memory_fraction = f"{note}, all on the chip", 0.0
+    return BackendPlan("gpu", device, kernel, None, why, _substep(plan, precision, note, memory_fraction))

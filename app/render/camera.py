@@ -1,4 +1,4 @@
-"""Where the drawing looks: world metres <-> window pixels, and which mass the pointer means. Of space: camera3d.py. Pure
+"""The camera of a plane: world metres <-> window pixels, and the mass under the pointer. In space: camera3d.py. Pure
 arithmetic, no OpenGL.
 
 Window coordinates count from the lower left corner, y up, in frame-buffer pixels.
@@ -45,8 +45,8 @@ def joined_bounds(every: Sequence[Sequence[float]]) -> tuple[float, ...]:
 
 @dataclass
 class Camera(ABC):
-    """What the camera of a plane and that of space share: looking at a point in the middle of a window of `width` x `height`
-    pixels, and being moved over it."""
+    """Common part of the cameras of a plane and of space: the point in the middle of a window of `width` x `height` pixels,
+    and its motion."""
 
     width: int
     height: int
@@ -116,10 +116,11 @@ class Camera(ABC):
         self.magnify(factor)
         self._aim(self.target + before - self.on_plane(x, y, self.target))
 
-    def approach(self, other: Self, share: float) -> None:
-        """Go `share` (0 to 1) of the way to what another camera shows; how this one is turned stays, it is the user's."""
-        self._aim(self.target + (other.target - self.target) * share)
-        self.magnify((other.scale / self.scale) ** share)
+    def approach(self, other: Self, fraction: float) -> None:
+        """Move by `fraction` (0 to 1) toward the target and scale of another camera. The rotation, which is the user's,
+        stays."""
+        self._aim(self.target + (other.target - self.target) * fraction)
+        self.magnify((other.scale / self.scale) ** fraction)
 
 
 @dataclass
@@ -146,9 +147,9 @@ class Camera2D(Camera):
     def matrix(self) -> np.ndarray:
         """(4, 4): homogeneous world coordinates (a column, z = 0) -> clip coordinates of OpenGL."""
         across, up = 2 * self.scale / self.width, 2 * self.scale / self.height
-        found = np.diag([across, up, 0.0, 1.0])
-        found[:2, 3] = -across * self.x, -up * self.y
-        return found
+        transform = np.diag([across, up, 0.0, 1.0])
+        transform[:2, 3] = -across * self.x, -up * self.y
+        return transform
 
     def project(self, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(..., 2) metres -> (..., 2) pixels, and 1."""
@@ -160,12 +161,12 @@ class Camera2D(Camera):
         """The point [m] under the pixel (x, y)."""
         return self.x + (x - self.width / 2) / self.scale, self.y + (y - self.height / 2) / self.scale
 
-    def told(self) -> dict[str, float]:
-        """What another program is told of it."""
+    def as_dict(self) -> dict[str, float]:
+        """Return the scale for the state file."""
         return {"pixels_per_metre": self.scale}
 
     def magnify(self, factor: float) -> None:
-        """As of Camera."""
+        """Implement `Camera.magnify`."""
         self.scale = min(max(self.scale * factor, MIN_SCALE), MAX_SCALE)
 
     def framing(self, bounds: Sequence[float], margins: Margins, least: float) -> Camera2D:
@@ -191,9 +192,10 @@ class Camera2D(Camera):
         return np.array([points.min(axis=0), points.max(axis=0)])
 
 
-def pick(camera: Camera, position: np.ndarray, x: float, y: float, reach: float | np.ndarray) -> int | None:
-    """The mass of `position` (particles, dimensions) within `reach` pixels, or (particles,), of the window point (x, y) that
-    is meant, or None.
+def pick(camera: Camera, position: np.ndarray, x: float, y: float, max_distance: float | np.ndarray) -> int | None:
+    """Return the mass at the window point (x, y), or None.
+
+    `position` (particles, dimensions) [m]; `max_distance` [pixels], one for all or (particles,).
 
     The nearest in the window, unless it lies behind another: a pixel's length further from the eye than the foremost
     candidate counts as BEHIND pixels further from the pointer.
@@ -201,7 +203,7 @@ def pick(camera: Camera, position: np.ndarray, x: float, y: float, reach: float 
     place, depth = camera.project(position)
     with np.errstate(invalid="ignore", over="ignore"):
         away = np.hypot(place[:, 0] - x, place[:, 1] - y)
-    candidates = np.flatnonzero(away <= reach)  # false for NaN
+    candidates = np.flatnonzero(away <= max_distance)  # false for NaN
     if not len(candidates):
         return None
     behind = depth[candidates] - depth[candidates].min()

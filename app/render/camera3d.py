@@ -1,4 +1,4 @@
-"""Where a drawing in space looks: world metres <-> window pixels in perspective.
+"""The camera of space: world metres <-> window pixels in perspective.
 
 Pure arithmetic, no OpenGL. Window coordinates count from the lower left corner, y up, in frame-buffer pixels.
 """
@@ -68,15 +68,15 @@ class Camera3D(Camera):
     def matrix(self) -> np.ndarray:
         """(4, 4): homogeneous world coordinates (a column) -> clip coordinates of OpenGL."""
         near, far = NEAREST * self.distance, FARTHEST * self.distance
-        look = np.eye(4)
-        look[:3, :3] = self.axes
-        look[:3, 3] = -self.axes @ self.eye
+        view = np.eye(4)
+        view[:3, :3] = self.axes
+        view[:3, 3] = -self.axes @ self.eye
         project = np.zeros((4, 4))
         project[0, 0] = 2 * self.focal / self.width
         project[1, 1] = 2 * self.focal / self.height
         project[2, 2], project[2, 3] = (far + near) / (near - far), 2 * far * near / (near - far)
         project[3, 2] = -1.0
-        return project @ look
+        return project @ view
 
     def project(self, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(..., 3) metres -> (..., 2) pixels and (...,) metres of depth; pixels are NaN for what is not in front."""
@@ -94,8 +94,8 @@ class Camera3D(Camera):
         ray = (x - self.width / 2) / self.focal * right + (y - self.height / 2) / self.focal * up - back
         return tuple((self.eye + depth * ray).tolist())
 
-    def told(self) -> dict[str, float]:
-        """What another program is told of it."""
+    def as_dict(self) -> dict[str, float]:
+        """Return scale, rotation and distance for the state file."""
         return {"pixels_per_metre": self.scale, "yaw": self.yaw, "pitch": self.pitch, "distance": self.distance}
 
     def orbit(self, dx: float, dy: float) -> None:
@@ -103,26 +103,26 @@ class Camera3D(Camera):
         self.yaw -= TURN * dx
         self.pitch = min(max(self.pitch - TURN * dy, -MAX_PITCH), MAX_PITCH)
 
-    def keep_above(self, point: np.ndarray, normal: np.ndarray) -> None:
-        """Turn up, and where that is not enough move up, until the eye is above the plane through `point` [m] of this
-        `normal` (3,), a unit vector, by as much as the nearest that is drawn is away. A wall or ceiling changes nothing.
+    def stay_above(self, point: np.ndarray, normal: np.ndarray) -> None:
+        """Raise the eye above the plane through `point` [m] with unit `normal` (3,), by as much as the near plane is
+        away: by pitch, and if that is not enough by moving up. Walls and ceilings change nothing.
 
-        The eye lies at target + distance * back, and back . normal = n_y sin(pitch) + h cos(pitch) with h the normal's part
-        toward the viewer along the horizon: r cos(pitch - steepest), which must reach `wanted`.
+        The eye lies at target + distance * back, and back . normal = n_y sin(pitch) + h cos(pitch) with h the normal's
+        part toward the viewer along the horizon: r cos(pitch - steepest), which must be at least `wanted`.
         """
         if normal[1] < MIN_FLOOR:
             return
         wanted = NEAREST + float(normal @ (point - self.target)) / self.distance
         toward = float(normal[0] * sin(self.yaw) + normal[2] * cos(self.yaw))
-        reach, steepest = hypot(normal[1], toward), atan2(normal[1], toward)
-        least = steepest - acos(min(max(wanted / reach, -1.0), 1.0))
+        length, steepest = hypot(normal[1], toward), atan2(normal[1], toward)
+        least = steepest - acos(min(max(wanted / length, -1.0), 1.0))
         self.pitch = min(max(self.pitch, least), MAX_PITCH)
         missing = wanted - float(self.axes[2] @ normal)
         if missing > 0:
             self._aim(self.target + missing * self.distance * np.asarray(normal))
 
     def magnify(self, factor: float) -> None:
-        """As of Camera: go nearer."""
+        """Implement `Camera.magnify` by a change of the distance."""
         self.distance = min(max(self.distance / factor, MIN_DISTANCE), MAX_DISTANCE)
 
     def framing(self, bounds: Sequence[float], margins: Margins, least: float) -> Camera3D:
@@ -158,17 +158,18 @@ class Camera3D(Camera):
         return replace(self, x=x, y=y, z=z, distance=distance)
 
     def outermost(self, points: np.ndarray, margins: Margins, radius: float = 0.0) -> np.ndarray:
-        """Those of `points` (n, 3) [m] that this camera, which holds them, goes by: it would be the same for them alone."""
+        """Return those of `points` (n, 3) [m] that determine this camera, which shows all of them: for them alone it
+        would be the same."""
         seen, sides = np.asarray(points, dtype=np.float64) @ self.axes.T, self._tangents(margins)
-        found = [int(np.argmin(seen[:, 2])), int(np.argmax(seen[:, 2]))]
+        indices = [int(np.argmin(seen[:, 2])), int(np.argmax(seen[:, 2]))]
         eye = self.axes @ self.eye
         for axis, (limit, side) in enumerate(zip(_limits(seen, sides), sides, strict=True)):
-            found += [int(np.argmax(one)) for one in limit]
-            found += _outer(seen[:, axis] - eye[axis], eye[2] - seen[:, 2], radius, side)
-        return points[found]
+            indices += [int(np.argmax(one)) for one in limit]
+            indices += _outer(seen[:, axis] - eye[axis], eye[2] - seen[:, 2], radius, side)
+        return points[indices]
 
     def _tangents(self, margins: Margins) -> Sides:
-        """Of a window's margins."""
+        """Return the tangents from the middle of the window to its margins."""
         left, bottom, right, top = margins
         return (
             (max(self.width / 2 - left, 8.0) / self.focal, max(self.width / 2 - right, 8.0) / self.focal),
@@ -203,7 +204,8 @@ def _middle(place: np.ndarray, depth: np.ndarray, radius: float, side: Side, lea
 
 
 def _outer(away: np.ndarray, depth: np.ndarray, radius: float, side: Side) -> list[int]:
-    """Which balls of `radius` [m], `away` (n,) from the middle and `depth` (n,) [m] from the eye, are seen outermost."""
+    """Return the indices of the balls of `radius` [m], `away` (n,) from the middle and `depth` (n,) [m] from the eye,
+    that are seen outermost."""
     below, above = (radius * hypot(1, tangent) for tangent in side)
     return [int(np.argmin((away - below) / depth)), int(np.argmax((away + above) / depth))]
 

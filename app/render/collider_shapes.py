@@ -35,11 +35,11 @@ class Mesh:
 
     @property
     def turns(self) -> bool:
-        """Whether it does more than move."""
+        """True if the mesh does more than move."""
         return bool(self.spin.any())
 
-    def turned(self, time: float) -> tuple[np.ndarray, np.ndarray]:
-        """(vertices, normals) (vertices, 3) float32 at `time` [s], where nothing but the spin has moved them."""
+    def rotated(self, time: float) -> tuple[np.ndarray, np.ndarray]:
+        """Return (vertices, normals) (vertices, 3) float32 at `time` [s], rotated by the spin alone."""
         turn = turn_matrix(self.spin * time).T
         vertices, normals = (self.vertices - self.origin) @ turn + self.origin, self.normals @ turn
         return _vectors(vertices), _vectors(normals)
@@ -126,24 +126,25 @@ def surface_mesh(collider: SurfaceCollider) -> Mesh:
 
 
 def corner_normals(triangles: np.ndarray, facets: np.ndarray) -> np.ndarray:
-    """(3 n, 3): of each corner of `triangles` (n, 3) the mean of the facets at its vertex that lean away from its own by less
-    than EDGE, weighted by their size. `facets` (n, 3): their normals, as long as they are large."""
+    """Return the normals (3 n, 3) of the corners of `triangles` (n, 3): the mean over the facets at the corner's vertex
+    whose angle to the corner's facet is below EDGE, weighted by area. `facets` (n, 3): their normals, with their area
+    as length."""
     vertex = triangles.ravel()
     order = np.argsort(vertex, kind="stable")  # corners, those of a vertex together
     valence = np.bincount(vertex)
     first, count = (np.cumsum(valence) - valence)[vertex], valence[vertex]
     # every corner with each one of its vertex
-    own = np.repeat(np.arange(len(vertex)), count)
-    other = order[np.arange(len(own)) - np.repeat(np.cumsum(count) - count, count) + np.repeat(first, count)]
+    corner = np.repeat(np.arange(len(vertex)), count)
+    other = order[np.arange(len(corner)) - np.repeat(np.cumsum(count) - count, count) + np.repeat(first, count)]
     unit = facets / np.linalg.norm(facets, axis=1)[:, None]
-    near = np.einsum("ij,ij->i", unit[own // 3], unit[other // 3]) > np.cos(EDGE)
-    own, weighed = own[near], facets[other[near] // 3]
-    normals = np.stack([np.bincount(own, axis, len(vertex)) for axis in weighed.T], axis=1)
+    near = np.einsum("ij,ij->i", unit[corner // 3], unit[other // 3]) > np.cos(EDGE)
+    corner, weighed = corner[near], facets[other[near] // 3]
+    normals = np.stack([np.bincount(corner, axis, len(vertex)) for axis in weighed.T], axis=1)
     return np.asarray(normals / np.linalg.norm(normals, axis=1)[:, None])
 
 
 def collider_mesh(collider: Collider) -> Mesh | None:
-    """What is drawn of a collider; None of a plane, which has no end."""
+    """Return the mesh of a collider, or None for a plane, which has no end."""
     if isinstance(collider, Sphere):
         return sphere_mesh(collider.center, collider.radius, collider.velocity)
     if isinstance(collider, Capsule):
@@ -156,7 +157,8 @@ def collider_mesh(collider: Collider) -> Mesh | None:
 
 
 def _extent(collider: Collider, time: float) -> tuple[np.ndarray, np.ndarray] | None:
-    """Lowest and highest (3,) [m], turned as at `time` [s] and not moved; None of a plane."""
+    """Return the lowest and the highest corner (3,) [m] of a collider, rotated as at `time` [s] and not moved; None for
+    a plane."""
     if isinstance(collider, Sphere):
         return np.array(collider.center) - collider.radius, np.array(collider.center) + collider.radius
     if isinstance(collider, Capsule):
@@ -176,22 +178,22 @@ def _extent(collider: Collider, time: float) -> tuple[np.ndarray, np.ndarray] | 
 
 
 def grounds(scene: Scene, time: float, lowest: float) -> list[Ground]:
-    """The scene's planes at `time` [s], or a level ground a little below `lowest` [m], where it has none and no mesh to
-    fall on."""
+    """Return the scene's planes at `time` [s]. Without planes and meshes to fall on: a level ground a little below
+    `lowest` [m]."""
     planes = [collider for _, collider in scene.colliders if isinstance(collider, Plane)]
-    found = []
+    surfaces = []
     for plane in planes:
         across, along, normal = plane_axes(plane.normal)
-        found.append(Ground(np.array(plane.point) + time * np.array(plane.velocity), normal, across, along))
-    if not found:
+        surfaces.append(Ground(np.array(plane.point) + time * np.array(plane.velocity), normal, across, along))
+    if not surfaces:
         if any(isinstance(collider, SurfaceCollider) for _, collider in scene.colliders):
             return []  # it has a ground of its own
         size = scene.grid.extent
         step = size / GROUND_STEPS
         across, along, normal = plane_axes(UP)
         height = step * np.floor((lowest - GROUND_GAP * size) / step)
-        found.append(Ground(np.array([0.0, height, 0.0]), normal, across, along))
-    return found
+        surfaces.append(Ground(np.array([0.0, height, 0.0]), normal, across, along))
+    return surfaces
 
 
 def shadow_matrix(ground: Ground, light: np.ndarray) -> np.ndarray:
@@ -204,7 +206,7 @@ def shadow_matrix(ground: Ground, light: np.ndarray) -> np.ndarray:
 
 
 def line_distance(size: float) -> float:
-    """Between the lines of the ground [m]: 1, 2 or 5 times a power of ten, about a fifth of the scene's size."""
+    """Distance of the lines of the ground [m]: 1, 2 or 5 times a power of ten, about a fifth of the scene's size."""
     most = size / 5
     power = 10.0 ** np.floor(np.log10(most))
     return float(max(step * power for step in (1, 2, 5) if step * power <= most * (1 + 1e-9)))

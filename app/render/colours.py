@@ -54,17 +54,17 @@ LEVELS = np.array(
 
 def level_colours(level: np.ndarray, most: float) -> np.ndarray:
     """(...,) levels of 0 to `most` -> (..., 3) float32 colours in 0 to 1; what is not finite is as dark as the most."""
-    share = np.clip(np.nan_to_num(np.asarray(level) / most, nan=1.0, posinf=1.0), 0, 1)
+    fraction = np.clip(np.nan_to_num(np.asarray(level) / most, nan=1.0, posinf=1.0), 0, 1)
     places = np.linspace(0, 1, len(LEVELS))
-    return np.stack([np.interp(share, places, LEVELS[:, k]) for k in range(3)], axis=-1).astype(np.float32)
+    return np.stack([np.interp(fraction, places, LEVELS[:, k]) for k in range(3)], axis=-1).astype(np.float32)
 
 
 def strain_colours(strain: np.ndarray, strain_range: float) -> np.ndarray:
     """(...,) strain -> (..., 3) float32 colours in 0 to 1; saturates at +-strain_range. The shader does the same."""
     place = (np.clip(np.asarray(strain) / strain_range, -1, 1) + 1) * (len(STOPS) - 1) / 2
     low = np.minimum(place.astype(int), len(STOPS) - 2)
-    share = (place - low)[..., None]
-    return (STOPS[low] * (1 - share) + STOPS[low + 1] * share).astype(np.float32)
+    fraction = (place - low)[..., None]
+    return (STOPS[low] * (1 - fraction) + STOPS[low + 1] * fraction).astype(np.float32)
 
 
 def strain_range(strain: np.ndarray) -> float:

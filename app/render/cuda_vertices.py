@@ -27,15 +27,16 @@ MAX_DEVICES = 64  # GPUs that one OpenGL context may draw with
 
 
 class NotShared(Exception):
-    """Why CUDA cannot write into this context's buffers."""
+    """Reason why CUDA cannot write into this context's buffers."""
 
 
 class CudaVertices(HostVertices):
-    """As HostVertices, and straight from the GPU where that is possible. Needs the same current OpenGL context in each call.
+    """HostVertices that are also filled straight from the GPU where that is possible. Needs the same current OpenGL
+    context in each call.
 
-    `way`: how the last state came, in words, and why not straight where a GPU computed it. `shared` False: always through
-    the host (to compare both); so does a state of under `few` bytes. A buffer is registered only while simulations write
-    into it: what comes through the host gets a fresh store, which a registered buffer may not.
+    `transfer`: path of the last state in words, and why it is not straight if a GPU computed it. `shared` False: always
+    through the host (to compare both), as are states of fewer than `few` bytes. A buffer is registered only while
+    simulations write into it: data from the host gets a fresh store, which a registered buffer may not.
     """
 
     def __init__(self, scene: Scene):
@@ -52,24 +53,24 @@ class CudaVertices(HostVertices):
         return simulation.backend == "gpu" and wanted and not self._refused
 
     def upload(self, simulation: Simulation, normals: bool = True, position: np.ndarray | None = None) -> None:
-        """As of HostVertices; `position` is not looked at where the simulation writes by itself."""
+        """Send a state; `position` is not used if the simulation writes by itself."""
         if self.straight(simulation):
             try:
                 self._write(simulation, normals)
-                self.way = STRAIGHT
+                self.transfer = STRAIGHT
                 return
             except Exception as error:  # drivers fail in many ways; what is wrong with the simulation is raised below
                 self._refused = _reason(error)
         self._unregister()
         super().upload(simulation, normals, position)
-        told = simulation.backend == "gpu" and self._refused
-        self.way = f"{HostVertices.way}: {self._refused}" if told else HostVertices.way
+        indirect = simulation.backend == "gpu" and self._refused
+        self.transfer = f"{HostVertices.transfer}: {self._refused}" if indirect else HostVertices.transfer
 
     def upload_state(self, position: np.ndarray, normals: bool = True, normal: np.ndarray | None = None) -> None:
-        """As of HostVertices, through the host."""
+        """Send a state through the host."""
         self._unregister()
         super().upload_state(position, normals, normal)
-        self.way = HostVertices.way
+        self.transfer = HostVertices.transfer
 
     def delete(self) -> None:
         """Free the buffers, CUDA's hold on them first."""
@@ -79,7 +80,7 @@ class CudaVertices(HostVertices):
     # ------------------------------------------------------------------ sharing
 
     def _write(self, simulation: Any, normals: bool) -> None:
-        """The simulation's kernels write into the buffers. Raises NotShared."""
+        """Let the simulation's kernels write into the buffers. Raises NotShared."""
         if not self._resources:
             self._register()
         handle = (
@@ -98,15 +99,15 @@ class CudaVertices(HostVertices):
             self._runtime = load_runtime()
         require_same_gpu(self._runtime)
         discard = self._runtime.cudaGraphicsRegisterFlags.cudaGraphicsRegisterFlagsWriteDiscard
-        kept = {self.position_buffer: self._position} | ({} if self.flat else {self.normal_buffer: self._normal})
-        for buffer, array in kept.items():
+        arrays = {self.position_buffer: self._position} | ({} if self.flat else {self.normal_buffer: self._normal})
+        for buffer, array in arrays.items():
             self.send(buffer, array, gl.GL_DYNAMIC_COPY)  # a store for what the GPU writes and the GPU draws
             registered = self._runtime.cudaGraphicsGLRegisterBuffer(buffer, int(discard))
             (self._resources[buffer],) = _checked(registered, "sharing a buffer")
 
     @contextmanager
     def _mapped(self, buffer: int, stream: Any) -> Iterator[Any]:
-        """The buffer as a (particles, dimensions) float32 array of CUDA, for what runs in `stream`."""
+        """Return the buffer as a (particles, dimensions) float32 array of CUDA, for kernels in `stream`."""
         runtime, resource = self._runtime, self._resources[buffer]
         _checked(runtime.cudaGraphicsMapResources(1, resource, stream), "mapping a buffer")
         try:
@@ -126,7 +127,7 @@ class CudaVertices(HostVertices):
         _checked(unmapped, "unmapping a buffer")
 
     def _unregister(self) -> None:
-        """The buffers are OpenGL's alone again. A failure is of no use to anybody: the buffers are freed or refilled next."""
+        """Return the buffers to OpenGL alone. Failures are ignored: the buffers are freed or refilled next."""
         for resource in self._resources.values():
             self._runtime.cudaGraphicsUnregisterResource(resource)
         self._resources.clear()
@@ -146,9 +147,9 @@ def load_runtime() -> Any:
 
 
 def require_same_gpu(runtime: Any) -> None:
-    """Raises NotShared where another GPU than CUDA's draws, or none.
+    """Raise NotShared if another GPU than CUDA's draws, or none.
 
-    Not every driver can tell its devices; then registering a buffer will show.
+    Not every driver can list its devices; then registering a buffer will show.
     """
     vendor, renderer = drawn_by()
     if "nvidia" not in vendor.lower():  # CUDA is not even asked about a context it cannot know
@@ -170,7 +171,7 @@ def drawn_by() -> tuple[str, str]:
 
 
 def _checked(result: tuple[Any, ...], what: str) -> tuple[Any, ...]:
-    """What a call of the runtime gave beside its status. Raises NotShared."""
+    """Return the results of a call of the runtime, without its status. Raises NotShared."""
     status, *values = result
     if int(status) != 0:
         raise NotShared(f"{what} failed ({getattr(status, 'name', status)})")

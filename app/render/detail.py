@@ -1,4 +1,4 @@
-"""How much goes into a picture in space: what a graphics card draws at once takes a processor many milliseconds."""
+"""Quality of a picture in space: a graphics card draws it at once, a processor takes many milliseconds."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ SOFTWARE = ("llvmpipe", "softpipe", "swiftshader", "swrast")  # in the names of 
 
 @dataclass(frozen=True)
 class Detail:
-    """`samples` a pixel smooth the edges, or as many as the driver has; one pixel is drawn for `coarse` x `coarse` of the
-    window's; `shadows` are thrown on the ground. `meaning`: all that in words."""
+    """Quality of a picture: `samples` per pixel for smooth edges, or as many as the driver has; one pixel is drawn for
+    `coarse` x `coarse` of the window's; `shadows` on the ground. `meaning`: description."""
 
     name: str
     samples: int
@@ -26,15 +26,15 @@ DETAILS = (FINE, PLAIN, QUICK)
 
 
 def by_software(renderer: str) -> bool:
-    """Whether a processor does the drawing, by the driver's name for itself."""
+    """Return True if a processor draws, by the driver's name for itself."""
     return any(word in renderer.lower() for word in SOFTWARE)
 
 
 def usual_detail(renderer: str) -> Detail:
-    """What the window starts with."""
+    """Return the quality with which the window starts."""
     return QUICK if by_software(renderer) else FINE
 
 
 def next_detail(detail: Detail) -> Detail:
-    """The one after it, round and round."""
+    """Return the next quality, in a cycle."""
     return DETAILS[(DETAILS.index(detail) + 1) % len(DETAILS)]

@@ -33,10 +33,10 @@ def drawn_lines(scene: Scene) -> list[tuple[np.ndarray, float]]:
         return alike(*scene.tetrahedra_set.edges)
     if not scene.mesh:
         return [(spring_ends(grid.rows, grid.columns, k), REACH[k] * grid.spacing) for k in drawn_kinds(scene)]
-    found = []
+    lines = []
     for kind in drawn_kinds(scene):
-        found += alike(*edges_of(scene, kind))
-    return found
+        lines += alike(*edges_of(scene, kind))
+    return lines
 
 
 def alike(ends: np.ndarray, rest: np.ndarray) -> list[tuple[np.ndarray, float]]:
@@ -46,8 +46,12 @@ def alike(ends: np.ndarray, rest: np.ndarray) -> list[tuple[np.ndarray, float]]:
 
 
 def drawn_strain(scene: Scene, position: np.ndarray) -> np.ndarray:
-    """(springs,) float64: (length - rest) / rest of the springs that are drawn, of a grid or a cloth; (0,) without. Of bodies
-    (entries,), how far particles are from their goals, in spacings; of a world of one member after the other."""
+    """Return the strain (springs,) float64, (length - rest) / rest, of the springs that are drawn, of a grid or a
+    cloth; (0,) without springs.
+
+    For bodies (entries,): distances of particles from their goals, in spacings. For a world: its members one after the
+    other.
+    """
     if scene.is_world:
         places = scene.world_set.slices()
         return np.concatenate([drawn_strain(one, position[places[name]]) for name, one in scene.members.items()])

@@ -1,4 +1,4 @@
-"""What a picture is to hold: the masses, and in space the colliders near them and the ground that they fall on."""
+"""Framing of a picture: the masses, and in space the colliders near them and the ground that they fall on."""
 
 from __future__ import annotations
 
@@ -15,17 +15,20 @@ MIN_SLOPE = 0.2  # of a plane's unit normal upward: a steeper one is a wall, whi
 
 
 def seen_radius(scene: Scene) -> float:
-    """[m], how far what is drawn reaches about a mass: half the spacing, of bodies the largest one of their particles."""
+    """Radius [m] of the drawing of a mass: half the spacing, for bodies the largest one of their particles."""
     return max((part.baked.spacing for part in scene.bodies.values()), default=scene.grid.spacing) / 2
 
 
 def seen_points(scene: Scene, position: np.ndarray, time: float) -> np.ndarray:
-    """(n, 3) float64 [m]: those of `position` (particles, 3) that are finite, the corners of what is near of the colliders at
-    `time` [s], and below bodies the places where they would land; none where nothing is finite. In a plane two corners
-    (2, 2). Of fluids without the drops that fly far, and with the tank (app/render/fluid/framing.py).
+    """Return the points (n, 3) float64 [m] that a picture is to hold; none if no position is finite. In a plane two
+    corners (2, 2).
 
-    Landing places, as colliders, count up to half the masses' own size away: of what falls from the sky the ground would
-    leave nothing to see.
+    They are the finite rows of `position` (particles, 3), the corners of near colliders at `time` [s], and the places
+    where bodies would land. Drops of fluids that fly far are left out, and the tank is included
+    (app/render/fluid/framing.py).
+
+    Landing places and colliders count up to half the masses' own size away: the ground far below falling bodies would
+    leave nothing of them to see.
     """
     position = main_part(scene, position)
     bounds = finite_bounds(position)
@@ -37,22 +40,22 @@ def seen_points(scene: Scene, position: np.ndarray, time: float) -> np.ndarray:
     points = np.asarray(position, dtype=np.float64)
     if not np.isfinite(points).all():
         points = points[np.isfinite(points).all(axis=1)]
-    found = [points, *(box_corners(low, high) for low, high in collider_boxes(scene, bounds, time))]
+    seen = [points, *(box_corners(low, high) for low, high in collider_boxes(scene, bounds, time))]
     if scene.fluids:
-        found.append(box_corners(np.array(tank[:3]), np.array(tank[3:])))
+        seen.append(box_corners(np.array(tank[:3]), np.array(tank[3:])))
     least = bounds[1] - scene.grid.extent / 2
     for _, collider in scene.colliders if scene.bodies else ():
         if isinstance(collider, Plane):
-            found.append(_landing(points, collider, time, least))
-    return np.concatenate(found)
+            seen.append(_landing(points, collider, time, least))
+    return np.concatenate(seen)
 
 
 def _landing(points: np.ndarray, plane: Plane, time: float, least: float) -> np.ndarray:
-    """Where the vertical through each point meets a plane at `time` [s], but no lower than `least` [m]."""
+    """Return the points where the verticals through `points` meet a plane at `time` [s], but no lower than `least` [m]."""
     normal = np.asarray(plane.normal) / np.linalg.norm(plane.normal)
     if normal[1] < MIN_SLOPE:
         return np.zeros((0, 3))
     away = (points - np.asarray(plane.point) - time * np.asarray(plane.velocity)) @ normal
-    found = points.copy()
-    found[:, 1] = np.maximum(points[:, 1] - np.maximum(away, 0.0) / normal[1], least)
-    return found
+    landing = points.copy()
+    landing[:, 1] = np.maximum(points[:, 1] - np.maximum(away, 0.0) / normal[1], least)
+    return landing

@@ -18,7 +18,7 @@ EDGE_TITLE = f"strain of an edge: (length {MINUS} rest) / rest"
 ZERO_REST_TITLE = "strain of a spring: length / spacing"
 AT_MOST, AT_LEAST = "\N{LESS-THAN OR EQUAL TO}", "\N{GREATER-THAN OR EQUAL TO}"  # what is beyond an end has its colour
 LEGEND_WIDTH, LEGEND_HEIGHT, LEGEND_PARTS = 260, 14, 64  # pixels, pixels, rectangles
-LEGEND_ROOM = 72  # pixels, that a bar of colours takes
+LEGEND_SPACE = 72  # pixels, that a bar of colours takes
 ROW, CHIP = 18, 12  # pixels, of a legend of names
 Named = Sequence[tuple[str, tuple[float, float, float]]]  # a name and its colour
 
@@ -138,7 +138,7 @@ class Legends:
         )
 
     def needed(self, view: Any) -> bool:
-        """Whether one goes with what a view shows, or will, once a state is there."""
+        """Return True if a legend belongs to what a view shows, or will show once it has a state."""
         return view.shows_levels or self._chosen(view) is not None or bool(view.name_legend())
 
     def _chosen(self, view: Any) -> Legend | None:
@@ -155,9 +155,9 @@ class Legends:
         self._names.draw()
 
     def draw(self, view: Any, width: int, strain_range: float) -> None:
-        """Those that go with what a view shows, if any, in a window `width` pixels wide."""
+        """Draw the legends of a view, if any, in a window `width` pixels wide."""
         chosen = self._chosen(view)
-        self._draw_names(view.name_legend(), width, 0 if chosen is None else LEGEND_ROOM)
+        self._draw_names(view.name_legend(), width, 0 if chosen is None else LEGEND_SPACE)
         if chosen is None:
             return
         levels = view.level_legend()

@@ -84,7 +84,7 @@ def open_window(headless: bool, width: int, height: int, **options: Any) -> Any:
 
 
 def renderer_name() -> str:
-    """Who draws, in the driver's words. Needs a current context."""
+    """Return the name of the renderer, from the driver. Needs a current context."""
     import pyglet.gl
 
     context = pyglet.gl.current_context
@@ -109,7 +109,7 @@ def shader_program(vertex: str, fragment: str, geometry: str | None = None) -> A
 
 @contextmanager
 def drawing_text() -> Iterator[None]:
-    """Turns what pyglet raises where there is no font, fontconfig or freetype into BackendUnavailable."""
+    """Turn the errors of pyglet without a font, fontconfig or freetype into BackendUnavailable."""
     from pyglet.font.base import FontException
 
     try:

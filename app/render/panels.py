@@ -1,4 +1,4 @@
-"""What lies over the picture: panels of text, an arrow for a force. Legends: app/render/legends.py."""
+"""Overlays of the picture: panels of text, an arrow for a force. Legends: app/render/legends.py."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def rgba(colour: tuple[float, float, float], alpha: int = 255) -> tuple[int, int
 
 @dataclass(frozen=True)
 class Style:
-    """How text looks: its size in points, its colour."""
+    """Style of text: its size in points, its colour."""
 
     size: int = 10
     bold: bool = False
@@ -87,19 +87,22 @@ class Panel:
 
 
 def divided(text: str, parts: int) -> list[str]:
-    """Its lines, one a part, all that are left over in the last."""
+    """Return the lines of a text, one per style; the last style gets all remaining lines."""
     lines = text.split("\n", parts - 1)
     return lines + [""] * (parts - len(lines))
 
 
 def beside_tip(start: Pair, end: Pair, size: Pair, window: Pair) -> Pair:
-    """The lower left corner of a label of `size` for an arrow from `start` to `end` in a `window` (all pixels): beyond the
-    tip, clear of it and of the pointer there; where that is outside of the window, beside the arrow, behind its tip; inside
-    of it in any case."""
+    """Return the lower left corner of a label of `size` for an arrow from `start` to `end` in a `window` (all pixels).
+
+    The label lies beyond the tip, clear of it and of the pointer; if that is outside of the window, beside the arrow,
+    behind its tip; in any case inside of the window.
+    """
     half, middle = np.asarray(size) / 2, np.asarray(end, dtype=float)
     along = np.subtract(end, start) / max(float(np.hypot(*np.subtract(end, start))), 1e-9)
     across = np.array([-along[1], along[0]])
-    ahead, aside = (float(np.abs(way) @ half) for way in (along, across))  # how far the label reaches from its middle
+    # half the label's extent along the arrow and across it
+    ahead, aside = (float(np.abs(direction) @ half) for direction in (along, across))
     beside = [-ahead * along + side * (TIP_GAP + aside) * across for side in (1, -1)]
     places: list[Pair] = []
     for away in ((TIP_GAP + ahead) * along, *beside):

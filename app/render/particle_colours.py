@@ -12,14 +12,14 @@ COLOURINGS = ("body", "group", "cluster")  # the first is how bodies are shown a
 
 
 def of_numbers(number: np.ndarray) -> np.ndarray:
-    """(n, 3) float32: the colours of numbers (n,), which repeat."""
-    found: np.ndarray = np.array(colours.BODIES, np.float32)[np.asarray(number) % len(colours.BODIES)]
-    return found
+    """Return the colours (n, 3) float32 of numbers (n,); colours repeat."""
+    repeated: np.ndarray = np.array(colours.BODIES, np.float32)[np.asarray(number) % len(colours.BODIES)]
+    return repeated
 
 
 def particle_colours(scene: Scene, colouring: str) -> np.ndarray:
-    """(particles, 3) float32: by `body`, by the `group` that contacts know it by, or by the `cluster` whose middle is nearest
-    at rest, of those that it is in."""
+    """Return the colours (particles, 3) float32 by `body`, by `group` of contacts, or by the `cluster` of the particle
+    whose middle is nearest at rest."""
     body_set = scene.body_set
     if colouring == "group":
         groups = np.array([scene.bodies[copy.name].group for copy in body_set.copies])
@@ -30,17 +30,17 @@ def particle_colours(scene: Scene, colouring: str) -> np.ndarray:
 
 
 def cluster_colours(body_set: BodySet) -> np.ndarray:
-    """(clusters, 3) float32: by their numbers in their body."""
+    """Return the colours (clusters, 3) float32 by the clusters' numbers in their body."""
     return of_numbers(np.concatenate([np.arange(copy.baked.clusters.count) for copy in body_set.in_cluster_order]))
 
 
 def nearest_clusters(body_set: BodySet) -> np.ndarray:
-    """(particles,) int64: of the clusters that a particle is in the one whose middle is nearest to it at rest; 0 of an
-    orphan."""
+    """Return for each particle (particles,) int64 its cluster whose middle is nearest at rest; 0 for a particle without
+    one."""
     clusters = body_set.clusters
     away = np.linalg.norm(clusters.rest, axis=1)
     order = np.lexsort((away, clusters.indices))
     particles, first = np.unique(clusters.indices[order], return_index=True)
-    found = np.zeros(body_set.particle_count, np.int64)
-    found[particles] = clusters.owner[order][first]
-    return found
+    nearest = np.zeros(body_set.particle_count, np.int64)
+    nearest[particles] = clusters.owner[order][first]
+    return nearest

@@ -1,4 +1,4 @@
-"""What a cloth or bodies are seen among: colliders at their place, the ground under it all, and shadows on the ground."""
+"""Surroundings of a cloth or bodies: colliders at their place, the ground under it all, and shadows on the ground."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from softlab.model.scene.cloth import Plane
 from softlab.model.scene.scene import Scene
 
 KEY = np.array([-0.45, 0.95, 0.60]) / np.linalg.norm([-0.45, 0.95, 0.60])  # toward the light that throws shadows
-GROUND_REACH = 2.6  # times the scene's size, to where nothing is left of the ground
+GROUND_RADIUS = 2.6  # times the scene's size, to where nothing is left of the ground
 GROUND_COVER = 0.55  # how much of what lies behind the ground it hides, seen from above
 MIN_SLOPE = 0.15  # cosine between a plane's normal and the light from which on it bears shadows
 SQUARE = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], dtype=np.float32)
@@ -34,15 +34,15 @@ Shade = Callable[[Camera3D, np.ndarray, np.ndarray], None]  # draws a shadow: ca
 
 
 class Lit:
-    """The program of lit surfaces. `use(camera)` for each frame, then `look(...)` for each surface. Shaders of another kind
-    of surface have the same lights."""
+    """The program of lit surfaces: `use(camera)` for each frame, then `set_material(...)` for each surface. Shaders of
+    other kinds of surfaces have the same lights."""
 
     def __init__(self, vertex: str = shaders3d.SURFACE_VERTEX, fragment: str = shaders3d.SURFACE_FRAGMENT) -> None:
         self.program = shader_program(vertex, fragment)
         self.shine(KEY)
 
     def shine(self, light: np.ndarray) -> None:
-        """The light that throws shadows comes from there (3,), a unit vector, from now on."""
+        """Set the direction (3,) to the light that throws shadows, a unit vector."""
         self.program.use()
         self.program["key"] = tuple(light.tolist())
         self.program.stop()
@@ -56,8 +56,8 @@ class Lit:
         self.program["eye"] = tuple(camera.eye.tolist())
         self.program["fill"] = tuple((fill / np.linalg.norm(fill)).tolist())
 
-    def look(self, front: Any, back: Any, shine: float, shift: np.ndarray) -> None:
-        """Colours of both sides, strength of the highlight, and how far what is drawn has moved [m]."""
+    def set_material(self, front: Any, back: Any, shine: float, shift: np.ndarray) -> None:
+        """Set the colours of both sides, the strength of the highlight, and the displacement of the surface [m]."""
         self.program["front"], self.program["back"] = front, back
         self.program["shine"] = shine
         self.program["shift"] = tuple(shift.tolist())
@@ -80,7 +80,7 @@ class Scenery:
         self._buffers: list[int] = []
         self._meshes: list[tuple[Drawn, np.ndarray]] = []
         self._turning: list[tuple[int, int, Mesh]] = []  # buffers of vertices and normals
-        self._turned_to = 0.0  # s
+        self._rotation_time = 0.0  # s
         meshes = [collider_mesh(collider) for _, collider in scene.colliders]
         for mesh in [*(mesh for mesh in meshes if mesh is not None), *tank_frame(scene)]:
             drawn = (self._array(mesh.vertices, mesh.triangles, mesh), gl.GL_TRIANGLES, mesh.triangles.size)
@@ -98,12 +98,12 @@ class Scenery:
 
     def _turn_to(self, time: float) -> None:
         """Send anew what turns, where it is at `time` [s]."""
-        if time != self._turned_to:
+        if time != self._rotation_time:
             for place, facing, mesh in self._turning:
-                vertices, normals = mesh.turned(time)
+                vertices, normals = mesh.rotated(time)
                 refill(place, vertices)
                 refill(facing, normals)
-            self._turned_to = time
+            self._rotation_time = time
 
     def _ground_constants(self) -> None:
         program = self._ground_program
@@ -114,39 +114,39 @@ class Scenery:
         self.shadow_constants(self._shadow_program)
 
     def shadow_constants(self, program: Any) -> None:
-        """What never changes in a program of shadows."""
+        """Set the constants of a program of shadows."""
         program.use()
         program["dark"], program["light"] = colours.SHADOW, colours.BACKGROUND
         self._end_planes(program)
         program.stop()
 
     def _end_planes(self, program: Any) -> None:
-        """Where nothing is left of a plane, and of what falls on it: far away, and behind the other planes, if they stand
-        still and are no more than the shaders know."""
+        """Set where a plane and the shadows on it fade out: far away, and behind the other planes, if these stand still
+        and are no more than the shaders support."""
         planes = [collider for _, collider in self.scene.colliders if isinstance(collider, Plane)]
         if len(planes) > shaders3d.LIMITS or any(any(plane.velocity) for plane in planes):
             planes = []
-        found = np.zeros((shaders3d.LIMITS, 4))
-        for row, plane in zip(found, planes, strict=False):
+        limits = np.zeros((shaders3d.LIMITS, 4))
+        for row, plane in zip(limits, planes, strict=False):
             row[:3] = np.array(plane.normal) / np.linalg.norm(plane.normal)
             row[3] = -row[:3] @ np.array(plane.point)
-        program["limits"], program["limit_count"] = tuple(map(tuple, found.tolist())), len(planes)
-        program["reach"] = GROUND_REACH * self.size
+        program["limits"], program["limit_count"] = tuple(map(tuple, limits.tolist())), len(planes)
+        program["reach"] = GROUND_RADIUS * self.size
 
     def draw_colliders(self, lit: Lit, time: float) -> None:
-        """Every collider but planes where it is at `time` [s]; `lit` is in use."""
+        """Draw every collider but planes at `time` [s]; `lit` is in use."""
         if not self.shows_colliders:
             return
         self._turn_to(time)
         for drawn, velocity in self._meshes:
-            lit.look(colours.COLLIDER, colours.COLLIDER, 0.10, velocity * time)
+            lit.set_material(colours.COLLIDER, colours.COLLIDER, 0.10, velocity * time)
             draw_elements(*drawn)
 
     def draw_shadows(
         self, camera: Camera3D, time: float, lowest: float, cloth: Iterable[Drawn], others: Sequence[Shade] = ()
     ) -> None:
-        """Shadows of the cloth, of the colliders and, each by itself, of `others` on the planes that the light falls on and
-        that are seen from above."""
+        """Draw the shadows of the cloth, of the colliders and, each by itself, of `others`, on the lit planes that are
+        seen from above."""
         from pyglet import gl
 
         things = [(drawn, np.zeros(3)) for drawn in cloth]
@@ -178,8 +178,8 @@ class Scenery:
         gl.glDisable(gl.GL_POLYGON_OFFSET_FILL)
 
     def draw_ground(self, camera: Camera3D, time: float, lowest: float) -> None:
-        """The planes, or a ground under `lowest` [m] where there is none; see-through from below. Walls and ceilings are left
-        out where they are seen from behind: they would hide what they hold."""
+        """Draw the planes, or without any a ground under `lowest` [m]; transparent from below. Walls and ceilings are
+        left out if they are seen from behind, where they would hide the scene."""
         from pyglet import gl
 
         program = self._ground_program
@@ -200,7 +200,7 @@ class Scenery:
 
     @staticmethod
     def _centre(ground: Ground, camera: Camera3D) -> np.ndarray:
-        """Where the ground is drawn about: below what the camera looks at."""
+        """Return the point about which the ground is drawn: below the camera's target."""
         return camera.target - ((camera.target - ground.point) @ ground.normal) * ground.normal
 
     def delete(self) -> None:

@@ -62,11 +62,11 @@ TINTED_VERTEX = SURFACE_VERTEX.replace("uniform mat4", "layout(location = 4) in 
     "out vec3 outward;\nvoid main() {", "out vec3 outward;\nout vec3 tint;\nvoid main() {\n    tint = colour;"
 )  # every vertex of a colour of its own
 TINTED_FRAGMENT = (
-    SURFACE_FRAGMENT.replace("uniform vec3 front;\nuniform vec3 back;", "in vec3 tint;\nuniform float told;")
+    SURFACE_FRAGMENT.replace("uniform vec3 front;\nuniform vec3 back;", "in vec3 tint;\nuniform float unlit;")
     .replace("gl_FrontFacing ? front : back, facing", "tint, facing")
     .replace("pixel = vec4(lit(", "pixel = vec4(mix(lit(")
-    .replace("look), look), 1.0);", "look), look), tint, told), 1.0);")
-)  # `told`, 0 to 1: how little light changes a colour that is a number
+    .replace("look), look), 1.0);", "look), look), tint, unlit), 1.0);")
+)  # `unlit`, 0 to 1: how little light changes a colour that is a number
 
 LIMITS = 6  # planes that end each other
 FADE = (
@@ -100,7 +100,7 @@ void main() {
 
 
 def shadow_fragment(inputs: str = "", outside: str = "false") -> str:
-    """Of what throws a shadow; more `inputs` tell which fragments are `outside` of it."""
+    """Return the fragment shader of shadows; more `inputs` decide which fragments are `outside` of the shadow's source."""
     uniforms = "uniform vec3 dark;\nuniform vec3 light;\nout vec4 pixel;\n"
     return f"""#version 330 core
 in vec3 place;

@@ -36,8 +36,8 @@ PIN_TOWARD, MASS_TOWARD = 0.002, 0.0005  # in clip depth: pins and masses show o
 
 @dataclass(frozen=True)
 class Sizes:
-    """Of half a `spring`'s width and of a `mass`: (share of what neighbours are apart, least, most [pixels]); `soft`
-    [pixels]: what a spring's fading edges take, where pixels have one sample."""
+    """Sizes of half a `spring`'s width and of a `mass`: (fraction of the distance of neighbours, least, most [pixels]);
+    `soft` [pixels]: width of a spring's fading edges, where pixels have one sample."""
 
     spring: tuple[float, float, float]
     mass: tuple[float, float, float]
@@ -50,24 +50,24 @@ OF_A_ROPE = Sizes((0.035, 0.8, 2.0), (0.4, 4.0, 12.0), 0.0)
 
 
 def of_distance(apart: float, size: tuple[float, float, float]) -> float:
-    """Pixels of what has such a size, where neighbours are `apart` pixels apart."""
-    share, least, most = size
-    return min(max(share * apart, least), most)
+    """Return the pixels of a `size` if neighbours are `apart` pixels apart."""
+    fraction, least, most = size
+    return min(max(fraction * apart, least), most)
 
 
 def heavy_masses(scene: Scene) -> list[tuple[np.ndarray, float]]:
-    """[(its index (1,) uint32, how many times as wide as the others it is drawn)]: of loads that are heavier than the others,
-    as wide as balls of the same stuff are, up to HEAVIEST."""
-    found = []
+    """Return [(index (1,) uint32, width relative to the other masses)] of the loads that are heavier than the others:
+    as wide as balls of the same density, up to HEAVIEST."""
+    heavy = []
     for load in scene.loads.values():
         wide = min(float(np.cbrt(load.mass / scene.grid.mass)), HEAVIEST)
         if wide > 1:
-            found.append((np.array([load.at[0] * scene.grid.columns + load.at[1]], np.uint32), wide))
-    return found
+            heavy.append((np.array([load.at[0] * scene.grid.columns + load.at[1]], np.uint32), wide))
+    return heavy
 
 
 class SheetView(View):
-    """See View; `lines`: as springs and not as a surface, which a plane has not."""
+    """A View of a sheet. `lines`: as springs and not as a surface, which a plane does not have."""
 
     def __init__(self, scene: Scene, detail: Detail = FINE):
         from pyglet import gl
@@ -89,7 +89,6 @@ class SheetView(View):
         self._heavy = [(self._drawn_points(index), factor) for index, factor in heavy_masses(scene)]
 
     def pin(self, scene: Scene) -> None:
-        """See View."""
         if scene is not self._pinned:
             delete_all([self._pins[0]], [])
             self._pinned, self._pins = scene, self._drawn_points(pinned_indices(scene.grid))
@@ -106,7 +105,8 @@ class SheetView(View):
         return array, mode, elements.size
 
     def toggle_lines(self) -> bool:
-        """Surface or springs; whether it is springs now. A sheet without springs, or without a surface, has no choice."""
+        """Exchange surface and springs. Returns True if springs are shown now. A sheet without springs, or without a
+        surface, has no choice."""
         if self._lines and self._surface[2]:
             self.lines = not self.lines
         return self.lines
@@ -116,7 +116,7 @@ class SheetView(View):
             self._draw_springs(camera, strain_range)
             return
         self._lit.use(camera)
-        self._lit.look(colours.CLOTH_FRONT, colours.CLOTH_BACK, 0.06, np.zeros(3))
+        self._lit.set_material(colours.CLOTH_FRONT, colours.CLOTH_BACK, 0.06, np.zeros(3))
         draw_elements(*self._surface)
         self._lit.program.stop()
 

@@ -32,7 +32,7 @@ class SmoothTarget:
 
     @property
     def frame(self) -> int:
-        """The frame buffer that is drawn to."""
+        """The frame buffer of the target."""
         return int(self._frames[0])
 
     def begin(self, width: int, height: int) -> None:

@@ -31,7 +31,7 @@ class Spheres:
         self.shine(KEY)
 
     def shine(self, light: np.ndarray) -> None:
-        """As of Lit; the shadow of a sphere is that of its disc across the light."""
+        """Set the direction to the light. The shadow of a sphere is that of its disc across the light."""
         self._lit.shine(light)
         side = np.cross(light, (0.0, 0.0, 1.0))
         side /= np.linalg.norm(side)
@@ -63,7 +63,7 @@ class Spheres:
 
 
 def use_shadow(program: Any, camera: Camera3D, flatten: np.ndarray, centre: np.ndarray) -> None:
-    """A program of shadows, in use from now on."""
+    """Use a program of shadows from now on."""
     program.use()
     program["transform"], program["flatten"] = uniform_matrix(camera.matrix()), uniform_matrix(flatten)
     program["centre"] = tuple(centre.tolist())

@@ -26,43 +26,44 @@ from softlab.model.tetrahedra.material import at_particles, largest_strain, von_
 from softlab.model.tetrahedra.skin import Skin, plain_skin
 
 SHINE = 0.12
-TOLD = 0.6  # of a colour that is a number: what light and shade leave alone
+UNLIT = 0.6  # of a colour that is a number: what light and shade leave alone
 COLOURINGS = ("body", "stress", "strain")  # the first is how bodies are shown at first
 TITLES = {"stress": "von Mises stress / {}Pa", "strain": "largest strain of a tetrahedron"}
 LEVELS = {"stress": von_mises, "strain": largest_strain}
 LEAST = {"stress": 1e-3, "strain": 1e-4}  # Pa, 1: the smallest range
-SHARE = 0.98  # of the vertices that the range holds
+RANGE_QUANTILE = 0.98  # of the vertices that the range holds
 INNER_PIN = 7.0  # pixels, of a pin that is seen through what it lies in
-LOOKS = ("skin", "mesh", "edges", *COLOURINGS)
+VIEW_OPTIONS = ("skin", "mesh", "edges", *COLOURINGS)
 
 
-def outer_faces(found: TetrahedraSet) -> Skin:
-    """The tetrahedra's own surface, and a cloth's, as a skin whose points are the particles."""
-    body = np.searchsorted(found.first_particle, found.surface[:, 0], side="right") - 1
-    faces = tuple(found.surface[body == k] for k in range(len(found.names)))
-    return plain_skin(np.arange(found.particle_count), faces)
+def outer_faces(tetrahedra: TetrahedraSet) -> Skin:
+    """Return the tetrahedra's own surface, and a cloth's, as a skin whose points are the particles."""
+    body = np.searchsorted(tetrahedra.first_particle, tetrahedra.surface[:, 0], side="right") - 1
+    faces = tuple(tetrahedra.surface[body == k] for k in range(len(tetrahedra.names)))
+    return plain_skin(np.arange(tetrahedra.particle_count), faces)
 
 
 class _Surface:
-    """A skin on the graphics card: points, normals and colours, renewed by `send`; `drawn`: all of it."""
+    """A skin on the graphics card: points, normals and colours, renewed by `send`; `drawn`: arguments of
+    `draw_elements`."""
 
     def __init__(self, skin: Skin, first_colour: int = 0):
         from pyglet import gl
 
         self.skin = skin
-        own = np.zeros(skin.count, np.int64)
+        body = np.zeros(skin.count, np.int64)
         for number, faces in enumerate(skin.triangles):
-            own[faces] = first_colour + number
-        self._own = of_numbers(own)
+            body[faces] = first_colour + number
+        self._body_colours = of_numbers(body)
         zero = np.zeros((skin.count, 3), np.float32)
-        self._buffers = [static_buffer(zero), static_buffer(zero), static_buffer(self._own)]
+        self._buffers = [static_buffer(zero), static_buffer(zero), static_buffer(self._body_colours)]
         self._buffers.append(static_buffer(skin.faces.astype(np.uint32)))
         array = vertex_array(self._buffers[0], self._buffers[3], self._buffers[1], colour=self._buffers[2])
         self.drawn: Drawn = array, gl.GL_TRIANGLES, skin.faces.size
 
     def send(self, position: np.ndarray, level: np.ndarray | None, most: float) -> None:
-        """Where the particles are (particles, 3) [m], and their levels (particles,) of 0 to `most`; None: in the bodies' own
-        colours."""
+        """Send the places of the particles (particles, 3) [m], and their levels (particles,) of 0 to `most`; None: in
+        the bodies' colours."""
         with np.errstate(over="ignore", invalid="ignore"):
             points = self.skin.points(position)
             normals = mesh_normals(points, self.skin.faces)
@@ -73,8 +74,8 @@ class _Surface:
             refill(self._buffers[2], colours.level_colours(carried, most))
 
     def plain(self) -> None:
-        """In the bodies' own colours again."""
-        refill(self._buffers[2], self._own)
+        """Restore the bodies' colours."""
+        refill(self._buffers[2], self._body_colours)
 
     def delete(self) -> None:
         """Free the buffers."""
@@ -82,8 +83,9 @@ class _Surface:
 
 
 class TetrahedraView(SheetView):
-    """See View; `lines`: as the edges of the tetrahedra and not as surfaces. Particles, pins and edges are a sheet's. `skin`:
-    skins, or else the outer faces of the tetrahedra; `colouring`: of COLOURINGS, the range of which only grows."""
+    """A View of tetrahedral bodies. `lines`: as the edges of the tetrahedra and not as surfaces. Particles, pins and
+    edges are drawn as a sheet's. `skin`: skins, or else the outer faces of the tetrahedra; `colouring`: of COLOURINGS,
+    the range of which only grows."""
 
     subject, colourings = "tetrahedra", COLOURINGS
 
@@ -91,21 +93,20 @@ class TetrahedraView(SheetView):
         """`first_colour`: the first body's, of those that bodies have."""
 
         super().__init__(scene, detail)
-        found = scene.tetrahedra_set
+        tetrahedra = scene.tetrahedra_set
         self.skin, self.colouring, self._most = True, COLOURINGS[0], 0.0
         self._surfaces = {
-            True: _Surface(found.skin, first_colour),
-            False: _Surface(outer_faces(found), first_colour),
+            True: _Surface(tetrahedra.skin, first_colour),
+            False: _Surface(outer_faces(tetrahedra), first_colour),
         }
         self._inner_pins = self._inner_pins_of(scene)
         self._tinted = Lit(shaders3d.TINTED_VERTEX, shaders3d.TINTED_FRAGMENT)
 
     def _inner_pins_of(self, scene: Scene) -> Drawn:
-        """Bones: the pins that no surface shows."""
+        """Return the pins that no surface shows, such as bones."""
         return self._drawn_points(np.setdiff1d(pinned_indices(scene.grid), self.scene.tetrahedra_set.surface))
 
     def pin(self, scene: Scene) -> None:
-        """See View."""
         if scene is not self._pinned:
             delete_all([self._inner_pins[0]], [])
             self._inner_pins = self._inner_pins_of(scene)
@@ -116,23 +117,23 @@ class TetrahedraView(SheetView):
 
     # ------------------------------------------------------------------ how they look
 
-    def look(self, names: Sequence[str]) -> None:
-        """As LOOKS say, each instead of those of its kind. Raises InputError."""
+    def set_view_options(self, names: Sequence[str]) -> None:
+        """Apply names of VIEW_OPTIONS; each replaces the others of its kind. Raises InputError."""
         for name in names:
-            if name not in LOOKS:
-                raise InputError(f"look {name}: must be one of {', '.join(LOOKS)}")
+            if name not in VIEW_OPTIONS:
+                raise InputError(f"look {name}: must be one of {', '.join(VIEW_OPTIONS)}")
             if name in COLOURINGS:
                 self._colour_by(name)
             else:
                 self.skin, self.lines = name != "mesh", name == "edges"
 
     def toggle_skin(self) -> bool:
-        """Skins or the outer faces of the tetrahedra; whether it is skins now."""
+        """Exchange skins and the outer faces of the tetrahedra. Returns True if skins are shown now."""
         self.skin = not self.skin
         return self.skin
 
     def next_colouring(self) -> None:
-        """By body, by stress, by strain."""
+        """Colour by body, by stress, by strain, in turn."""
         self._colour_by(COLOURINGS[(COLOURINGS.index(self.colouring) + 1) % len(COLOURINGS)])
 
     def _colour_by(self, name: str) -> None:
@@ -141,7 +142,6 @@ class TetrahedraView(SheetView):
             surface.plain()
 
     def level_legend(self) -> tuple[str, float] | None:
-        """See View."""
         if self.lines or self.colouring not in LEVELS:
             return None
         if self.colouring == "strain":
@@ -152,12 +152,11 @@ class TetrahedraView(SheetView):
     # ------------------------------------------------------------------ the frame
 
     def upload(self, position: np.ndarray, normal: np.ndarray | None = None) -> None:
-        """See View: surfaces follow from the positions (particles, 3) [m]."""
+        """Send a state, and the surfaces that follow from the positions (particles, 3) [m]."""
         self.vertices.upload_state(position, False)
         self._send(position)
 
     def upload_from(self, simulation: Simulation, position: np.ndarray | None = None) -> None:
-        """See View."""
         if not self.lines and position is None:
             position = simulation.read("position")  # once, for particles and skins
         self.vertices.upload(simulation, False, position)
@@ -168,10 +167,10 @@ class TetrahedraView(SheetView):
         level = None
         if self.colouring in LEVELS:
             with np.errstate(over="ignore", invalid="ignore"):
-                found = self.scene.tetrahedra_set
-                level = at_particles(found, LEVELS[self.colouring](found, position))
+                tetrahedra = self.scene.tetrahedra_set
+                level = at_particles(tetrahedra, LEVELS[self.colouring](tetrahedra, position))
             known = level[np.isfinite(level)]
-            worst = float(np.quantile(known, SHARE)) if len(known) else 0.0
+            worst = float(np.quantile(known, RANGE_QUANTILE)) if len(known) else 0.0
             self._most = max(self._most, colours.round_up(max(worst, LEAST[self.colouring])))
         self._surfaces[self.skin].send(position, level, self._most)
 
@@ -182,7 +181,7 @@ class TetrahedraView(SheetView):
         self._tinted.use(camera)
         program = self._tinted.program
         program["shine"], program["shift"] = SHINE, (0.0, 0.0, 0.0)
-        program["told"] = TOLD if self.colouring in LEVELS else 0.0
+        program["unlit"] = UNLIT if self.colouring in LEVELS else 0.0
         draw_elements(*self._surfaces[self.skin].drawn)
         self._tinted.program.stop()
 

@@ -1,4 +1,4 @@
-"""Small things that every drawing does with OpenGL: fill a buffer once, tell where vertices lie, set a matrix."""
+"""Helpers for OpenGL: fill a buffer once, describe its vertices, set a matrix."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 POSITION, NORMAL = 0, 1  # where shaders look for them
-LOOK = 4  # likewise, those of app/render/bodies/shaders.py
+APPEARANCE = 4  # likewise, those of app/render/bodies/shaders.py
 
 
 def static_buffer(data: np.ndarray) -> int:
@@ -58,22 +58,22 @@ def vertex_array(
     """A vertex array of (vertices, dimensions) float32 buffers, drawn in the order of the buffer `elements`; `colour`: of
     each vertex (vertices, 3)."""
     normals = [] if normal is None else [(NORMAL, normal, dimensions)]
-    looks = [] if colour is None else [(LOOK, colour, 3)]
-    return _array_of([(POSITION, position, dimensions), *normals, *looks], elements)
+    appearances = [] if colour is None else [(APPEARANCE, colour, 3)]
+    return _array_of([(POSITION, position, dimensions), *normals, *appearances], elements)
 
 
-def square_array(position: int, look: int, dimensions: int = 3) -> Any:
+def square_array(position: int, appearance: int, dimensions: int = 3) -> Any:
     """A vertex array of a square a vertex: (vertices, dimensions) positions, and colours and sizes (vertices, 4); float32."""
-    return _array_of([(POSITION, position, dimensions), (LOOK, look, 4)])
+    return _array_of([(POSITION, position, dimensions), (APPEARANCE, appearance, 4)])
 
 
-def point_array(position: int, look: int, dimensions: int = 3) -> Any:
+def point_array(position: int, appearance: int, dimensions: int = 3) -> Any:
     """A vertex array of points: (vertices, dimensions) positions, and colours with alpha (vertices, 4); float32."""
     from pyglet import gl
 
-    array = square_array(position, look, dimensions)
+    array = square_array(position, appearance, dimensions)
     gl.glBindVertexArray(array)
-    for place in (POSITION, LOOK):
+    for place in (POSITION, APPEARANCE):
         gl.glVertexAttribDivisor(place, 0)
     gl.glBindVertexArray(0)
     return array

@@ -22,10 +22,10 @@ class HostVertices:
     """Two vertex buffers of (particles, dimensions) float32, one copy each for a frame; normals in space alone. Needs a
     current OpenGL 3.3 context.
 
-    `way`: how states come here, in words for the window.
+    `transfer`: path of a state into the buffers, in words for the window.
     """
 
-    way = "through the host's memory"
+    transfer = "through the host's memory"
 
     def __init__(self, scene: Scene):
         from pyglet import gl
@@ -41,7 +41,7 @@ class HostVertices:
         self.send(self.normal_buffer, self._normal)
 
     def straight(self, simulation: Simulation) -> bool:
-        """Whether `upload` means to have the simulation's state without the host: then nobody needs to read it for it."""
+        """Return True if `upload` gets the simulation's state without the host, so that it need not be read."""
         return False
 
     def upload(self, simulation: Simulation, normals: bool = True, position: np.ndarray | None = None) -> None:

@@ -1,12 +1,12 @@
-"""What every drawing of a scene shares: points and a ring; in space also smooth edges, light, colliders, and a ground with
-shadows. The window and the off-screen pictures both draw through here.
+"""Common part of every drawing of a scene: points and a ring; in space also smooth edges, light, colliders, and a
+ground with shadows. The window and the off-screen pictures both draw through it.
 
-A plane is drawn as space is, by the same shaders, seen without perspective (app/render/camera.py). It has no depth and
+A plane is drawn with the same shaders as space, seen without perspective (app/render/camera.py). It has no depth and
 nothing around it: what is drawn later lies on top, straight into the window, lines with edges that fade.
 
-Plain buffers of OpenGL are used for the masses and not pyglet's vertex lists, whose element-wise interface takes tens of
-milliseconds for a large grid; here the upload is one copy of the float32 positions, or none where the GPU that computes also
-draws (app/render/cuda_vertices.py).
+Plain OpenGL buffers are used for the masses instead of pyglet's vertex lists, whose element-wise interface takes tens
+of milliseconds for a large grid; here the upload is one copy of the float32 positions, or none if the GPU that computes
+also draws (app/render/cuda_vertices.py).
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ RING = 22.0  # pixels
 
 
 class View(ABC):
-    """`scene` on the graphics card. Needs a current OpenGL 3.3 context, the same in every call.
+    """Draws `scene` on the graphics card. Needs a current OpenGL 3.3 context, the same in every call.
 
-    `upload(position)` sends a state, `upload_from(simulation)` a simulation's; `draw(camera, ...)` draws it; `delete()` frees
-    the buffers. `detail`: how much goes into it, in space. `lines`: shown as what holds it together, and not as its surface
-    (a change needs a new upload). Raises BackendUnavailable.
+    `upload(position)` sends a state, `upload_from(simulation)` a simulation's; `draw(camera, ...)` draws it; `delete()`
+    frees the buffers. `detail`: quality in space. `lines`: springs, edges or particles are drawn instead of surfaces (a
+    change needs a new upload). Raises BackendUnavailable.
     """
 
     lines = False
@@ -65,7 +65,7 @@ class View(ABC):
     onto: SmoothTarget | None = None  # of a view that this is a part of: what that draws into
 
     def show_in(self, detail: Detail) -> None:
-        """Draw in this detail from now on; in space."""
+        """Draw in this quality from now on; in space."""
         self._target.delete()
         self.detail, self._target = detail, SmoothTarget(detail)
 
@@ -75,13 +75,13 @@ class View(ABC):
         return self._scenery.light
 
     def shine(self, light: np.ndarray) -> None:
-        """That light comes from there (3,) from now on, a unit vector that points upward; in space."""
+        """Set the direction (3,) to the light, a unit vector that points upward; in space."""
         self._scenery.light = light
         for lit in self._lits():
             lit.shine(light)
 
     def _lits(self) -> list[Any]:
-        """Whatever is lit, in space: each has a `shine`."""
+        """Return everything lit, in space: each has a `shine`."""
         return [self._lit]
 
     def show_colliders(self, shown: bool) -> None:
@@ -99,45 +99,45 @@ class View(ABC):
 
     @abstractmethod
     def toggle_lines(self) -> bool:
-        """The other way of `lines`; whether it is that now. Where there is no choice nothing changes."""
+        """Toggle `lines` and return its new value. Views without a choice change nothing."""
 
     @property
     def wants_velocity(self) -> bool:
-        """Whether velocities are drawn, or what follows from them: speeds, foam."""
+        """True if velocities are drawn, or what follows from them: speeds, foam."""
         return False
 
     def toggle_foam(self) -> bool | None:
-        """Of fluids: spray, foam and bubbles, from now on, or none; whether they are shown now. None: there are no fluids."""
+        """Show or hide spray, foam and bubbles of fluids. Returns True if they are shown now, None without fluids."""
         return None
 
     def level_legend(self) -> tuple[str, float] | None:
-        """(title with its unit, the range in that unit) of the colours of what is shown; None where they are no levels."""
+        """Return (title with its unit, range in that unit) of the colours of levels; None if there are none."""
         return None
 
     def name_legend(self) -> tuple[tuple[str, tuple[float, float, float]], ...]:
-        """(name, colour) of what has a colour of its own; none where they tell nothing."""
+        """Return (name, colour) of everything that has a colour of its own; empty if the colours have no names."""
         return ()
 
     def know(self, velocity: np.ndarray | None, time: float) -> None:
-        """Set what is known of the state that is uploaded next: velocities (particles, dimensions) [m/s] or None, and its
-        time [s]. Most views draw nothing of them."""
+        """Set the velocities (particles, dimensions) [m/s] or None, and the time [s], of the state that is uploaded
+        next. Most views do not use them."""
         self._velocity, self._when = velocity, time
 
     def pin(self, scene: Scene) -> None:  # noqa: B027 - most views mark no pins
-        """Mark the pins of `scene`, this one at another time, from now on."""
+        """Mark the pins of `scene`, the view's scene at another time, from now on."""
 
-    def keep_above_ground(self, lowest: float) -> None:
-        """The ground that a scene in space without a plane gets lies below `lowest` [m] from now on."""
+    def lower_ground(self, lowest: float) -> None:
+        """Move the ground of a scene in space without a plane below `lowest` [m]."""
         if np.isfinite(lowest):
             self.lowest = min(self.lowest, lowest)
 
     def grounds(self, time: float) -> list[Ground]:
-        """What is drawn to stand on, at `time` [s]; in space."""
+        """Return the grounds that are drawn at `time` [s]; in space."""
         return grounds(self.scene, time, self.lowest)
 
     def draw(self, camera: Any, strain_range: float, selected: int | None = None, time: float = 0.0) -> None:
-        """Draw what was uploaded last, in space with the colliders where they are at `time` [s]. `strain_range`: the strain
-        at both ends of the colour map."""
+        """Draw the last upload, in space with the colliders at `time` [s]. `strain_range`: the strain at both ends of
+        the colour map."""
         from pyglet import gl
 
         self.pin(self.scene.at(time))
@@ -162,7 +162,7 @@ class View(ABC):
             self._target.finish()
 
     def _begin_space(self, camera: Camera3D, time: float) -> None:
-        """What is there before the masses."""
+        """Draw what lies behind the masses."""
         from pyglet import gl
 
         self._target.begin(camera.width, camera.height)
@@ -177,18 +177,18 @@ class View(ABC):
 
     @abstractmethod
     def _draw_solid(self, camera: Any, strain_range: float) -> None:
-        """What hides what is behind it."""
+        """Draw what is opaque."""
 
     @abstractmethod
     def _draw_shadows(self, camera: Camera3D, time: float) -> None:
-        """All shadows, through the scenery."""
+        """Draw all shadows, through the scenery."""
 
     @abstractmethod
     def _draw_over(self, camera: Any, selected: int | None) -> None:
-        """What is seen through, and marks."""
+        """Draw what is transparent, and marks."""
 
     def _use_points(self, camera: Any, array: Any) -> None:
-        """Points of a vertex array from now on; `_style` says how they look."""
+        """Use the points of a vertex array from now on; `_style` sets their style."""
         from pyglet import gl
 
         self._point_program.use()
@@ -206,7 +206,7 @@ class View(ABC):
         program["square"], program["hollow"] = int(square), int(hollow)
 
     def _ring(self, selected: int) -> None:
-        """About the selected mass; points are in use. Where it is must be seen, in a fold and inside a body too."""
+        """Draw a ring about the selected mass, visible in a fold and inside a body too; points are in use."""
         from pyglet import gl
 
         gl.glDisable(gl.GL_DEPTH_TEST)
@@ -222,7 +222,7 @@ class View(ABC):
 
 
 def _blend() -> None:
-    """What is drawn from now on covers as much of what is there as its alpha says."""
+    """Blend everything that is drawn from now on with what is there, by its alpha."""
     from pyglet import gl
 
     gl.glEnable(gl.GL_BLEND)

@@ -1,4 +1,4 @@
-"""Which view and which camera a scene needs: those of a plane or those of space, of a sheet, of bodies or of a world."""
+"""Choice of the view and the camera of a scene: of a plane or of space, of a sheet, of bodies or of a world."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from softlab.model.scene.scene import Scene
 
 
 def view_of(scene: Scene, quick: bool = False) -> Any:
-    """A SheetView or, for bodies, a BodiesView or a TetrahedraView, for fluids a FluidView, for a world of these a WorldView,
-    in the current OpenGL context. Raises BackendUnavailable.
+    """Return a SheetView or, for bodies, a BodiesView or a TetrahedraView, for fluids a FluidView, for a world of these
+    a WorldView, in the current OpenGL context. Raises BackendUnavailable.
 
-    `quick`: frames matter more than edges and shadows, which are left out where a processor does the drawing.
+    `quick`: frames matter more than edges and shadows, which are left out if a processor draws.
     """
     from softlab.app.render.world_view import WorldView
 
@@ -31,7 +31,7 @@ def view_of(scene: Scene, quick: bool = False) -> Any:
 
 
 def _view_of_family(scene: Scene, detail: Detail, quick: bool, first_colour: int) -> Any:
-    """Of particles of one family."""
+    """Return the view of particles of one family."""
     from softlab.app.render.bodies.view import BodiesView
     from softlab.app.render.fluid.view import FluidView
     from softlab.app.render.sheet_view import SheetView
@@ -57,13 +57,13 @@ def camera_of(scene: Scene, width: int, height: int) -> Any:
     return camera
 
 
-def check_look(scene: Scene, look: Sequence[str]) -> None:
-    """Raise InputError for a look that scenes of this kind, or all scenes, lack."""
-    from softlab.app.render.fluid.view import LOOKS as OF_FLUIDS
-    from softlab.app.render.tetrahedra_view import LOOKS as OF_TETRAHEDRA
+def check_view_options(scene: Scene, view_options: Sequence[str]) -> None:
+    """Raise InputError for a view option that scenes of this kind, or all scenes, lack."""
+    from softlab.app.render.fluid.view import VIEW_OPTIONS as OF_FLUIDS
+    from softlab.app.render.tetrahedra_view import VIEW_OPTIONS as OF_TETRAHEDRA
 
     known = OF_TETRAHEDRA if scene.tetrahedra else OF_FLUIDS if scene.fluids else ()
-    for name in look:
+    for name in view_options:
         if not known:
             raise InputError(f"--look {name}: applies to tetrahedral bodies and fluids; leave it out")
         if name not in known:

@@ -18,7 +18,7 @@ Parts = Callable[[Scene, Detail, int], Any]  # its scene, the detail, the first 
 
 
 class WorldView(View):
-    """See View. `parts`: the members' views by name, each made by `make`; `lines`: of all that know them."""
+    """A View of a world. `parts`: the members' views by name, each made by `make`; `lines`: of all that support them."""
 
     subject = "world"
 
@@ -33,25 +33,21 @@ class WorldView(View):
         self._slices = scene.world_set.slices()
 
     def show_in(self, detail: Detail) -> None:
-        """See View."""
         super().show_in(detail)
         for part in self.parts.values():
             part.show_in(detail)
 
     def shine(self, light: np.ndarray) -> None:
-        """See View."""
         super().shine(light)
         for part in self.parts.values():
             part.shine(light)
 
     def show_colliders(self, shown: bool) -> None:
-        """See View."""
         super().show_colliders(shown)
         for part in self.parts.values():
             part.show_colliders(shown)
 
     def toggle_lines(self) -> bool:
-        """See View."""
         self.lines = not self.lines
         for part in self.parts.values():
             part.toggle_lines()
@@ -59,44 +55,41 @@ class WorldView(View):
 
     @property
     def wants_velocity(self) -> bool:
-        """See View."""
         return any(part.wants_velocity for part in self.parts.values())
 
     def toggle_foam(self) -> bool | None:
-        """See View; of every fluid."""
+        """Show or hide the foam of every fluid."""
         shown = [part.toggle_foam() for part in self.parts.values()]
         return next((one for one in shown if one is not None), None)
 
     def name_legend(self) -> tuple[tuple[str, tuple[float, float, float]], ...]:
-        """See View: of every member."""
+        """Return the legends of all members."""
         return tuple(named for part in self.parts.values() for named in part.name_legend())
 
     # ------------------------------------------------------------------ the state
 
     def know(self, velocity: np.ndarray | None, time: float) -> None:
-        """See View."""
         super().know(velocity, time)
         for name, part in getattr(self, "parts", {}).items():
-            own = None if velocity is None else np.ascontiguousarray(velocity[self._slices[name]])
-            part.know(own, time)
+            member_velocity = None if velocity is None else np.ascontiguousarray(velocity[self._slices[name]])
+            part.know(member_velocity, time)
 
     def pin(self, scene: Scene) -> None:
-        """See View; of each member."""
+        """Mark the pins of each member."""
         for name, part in self.parts.items():
             part.pin(scene.members[name])
 
     def upload(self, position: np.ndarray, normal: np.ndarray | None = None) -> None:
-        """See View; each member's normals follow from its positions."""
+        """Send a state; each member's normals follow from its positions."""
         self.vertices.upload_state(position, False)
         for name, part in self.parts.items():
             part.upload(np.ascontiguousarray(position[self._slices[name]]))
 
     def upload_from(self, simulation: Simulation, position: np.ndarray | None = None) -> None:
-        """See View."""
         members: Mapping[str, Simulation] = simulation.members  # type: ignore[attr-defined]
         for name, part in self.parts.items():
-            own = None if position is None else np.ascontiguousarray(position[self._slices[name]])
-            part.upload_from(members[name], own)
+            member_position = None if position is None else np.ascontiguousarray(position[self._slices[name]])
+            part.upload_from(members[name], member_position)
 
     # ------------------------------------------------------------------ the frame
 

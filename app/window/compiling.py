@@ -37,7 +37,7 @@ class Compiling:
         return self._generation != self.demo.generation
 
     def update(self) -> bool:
-        """Begin what is due. Returns True while it goes on. Raises what warming up raised."""
+        """Begin the warm-up that is due. Returns True while it goes on. Raises its errors."""
         if self.running:
             return True
         if self.due:

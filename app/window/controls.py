@@ -6,17 +6,17 @@ from collections.abc import Callable
 from functools import partial
 
 from softlab.app.window.mouse import Mouse
-from softlab.app.window.shown import Shown
+from softlab.app.window.window_protocol import WindowProtocol
 
 
 class Controls:
     """Turns the events of a Viewer's window into actions of its Demo and its Camera; `mouse` does so for the mouse."""
 
-    def __init__(self, viewer: Shown):
+    def __init__(self, viewer: WindowProtocol):
         self.viewer, self.demo, self.window = viewer, viewer.demo, viewer.window
         self.mouse = Mouse(viewer)
         self.key = viewer.pyglet.window.key
-        key, demo, looks = self.key, self.demo, viewer.looks
+        key, demo, view_options = self.key, self.demo, viewer.view_options
         self._key_actions: dict[int, Callable[[], object]] = {
             key.TAB: demo.next_world,
             key.G: demo.toggle_gravity,
@@ -30,14 +30,14 @@ class Controls:
             key.M: viewer.overlay.toggle_graph,
             key.N: viewer.overlay.toggle_numbers,
             key.F: viewer.frame_everything,
-            key.L: looks.toggle_lines,
-            key.V: looks.next_detail,
-            key.W: looks.toggle_foam,
-            key.P: partial(looks.toggle, "particles"),
-            key.K: partial(looks.toggle, "skin"),
-            key.C: partial(looks.toggle, "clusters"),
-            key.I: partial(looks.toggle, "links"),
-            key.O: looks.next_colouring,
+            key.L: view_options.toggle_lines,
+            key.V: view_options.next_detail,
+            key.W: view_options.toggle_foam,
+            key.P: partial(view_options.toggle, "particles"),
+            key.K: partial(view_options.toggle, "skin"),
+            key.C: partial(view_options.toggle, "clusters"),
+            key.I: partial(view_options.toggle, "links"),
+            key.O: view_options.next_colouring,
             key.D: self._drop_body,
             key.X: demo.remove_body,
             key.DELETE: demo.remove_body,
@@ -108,11 +108,11 @@ class Controls:
 
     def _motion(self, motion: int) -> None:
         if motion in self._motions and not self.viewer.panel.takes_keys and self.demo.compiling is None:
-            way = self._motions[motion]
-            self.demo.move_selection(*way, self.viewer.camera.direction(*way))
+            step = self._motions[motion]
+            self.demo.move_selection(*step, self.viewer.camera.direction(*step))
 
     def _drop_body(self) -> None:
-        """D: over the pointer, or, where it is elsewhere, over the middle of what is seen."""
+        """Drop a body over the pointer, or over the middle of the view if the pointer is elsewhere (D)."""
         viewer = self.viewer
         pane = viewer.panes[self.demo.current]
         place = pane.width / 2, pane.height / 2
@@ -135,12 +135,12 @@ class Controls:
         return x * ratio, y * ratio
 
     def _in_pane(self, x: float, y: float) -> tuple[float, float]:
-        """In frame-buffer pixels from the lower left corner of the pane in which a button went down."""
+        """Return frame-buffer pixels from the lower left corner of the pane in which a button went down."""
         across, up = self._pixels(x, y)
         return across - self._corner[0], up - self._corner[1]
 
     def _enter(self, x: float, y: float) -> int:
-        """The number of the world under the pointer, whose pane coordinates are of from now on."""
+        """Return the number of the world under the pointer; pane coordinates refer to it from now on."""
         number = self.viewer.world_at(*self._pixels(x, y))
         pane = self.viewer.panes[number]
         self._corner = pane.left, pane.bottom

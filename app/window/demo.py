@@ -1,8 +1,8 @@
-"""What the interactive demo does, without a window: every key and drag is a method here, and can be tested as one.
+"""The interactive demo without a window: every key and drag is a method here, and can be tested as one.
 
-`Demo` owns a list of simulations (worlds) that run side by side. Gravity, step size and stiffness are changed in all of them
-or, once one was chosen, in that one alone; all else is for all. It never raises for what a user does: the reason goes to
-`message`, and the old state goes on.
+`Demo` owns a list of simulations (worlds) that run side by side. Gravity, step size and stiffness are changed in all of
+them or, once one was chosen, in that one alone; everything else applies to all. It never raises for what a user does:
+the reason goes to `message`, and the old state goes on.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class Demo(Steering):
     # ------------------------------------------------------------------ keys
 
     def next_world(self) -> None:
-        """Tab: all worlds, the first alone, the second alone ..."""
+        """Change all worlds, the first alone, the second alone, in turn (Tab)."""
         if len(self.worlds) == 1:
             self.say("only one scene is open; softlab demo SCENE SCENE shows two side by side")
             return
@@ -36,14 +36,14 @@ class Demo(Steering):
         self.choose(following if following < len(self.worlds) else None)
 
     def toggle_gravity(self) -> None:
-        """G"""
+        """Switch gravity on or off (G)."""
         if self._blocked():
             return
         on = not self.gravity
         if self._change([(world, {"gravity.enabled": on}) for world in self.changed]):
             parts = [world.scene.gravity for world in self.changed]
-            found = dict.fromkeys(f"{part.acceleration:g}" for part in parts if part)
-            self.say(f"{self.whose}gravity " + (f"on: {', '.join(found)} m/s² downward" if on else "off"))
+            accelerations = dict.fromkeys(f"{part.acceleration:g}" for part in parts if part)
+            self.say(f"{self.whose}gravity " + (f"on: {', '.join(accelerations)} m/s² downward" if on else "off"))
 
     @property
     def gravity(self) -> bool:
@@ -51,12 +51,12 @@ class Demo(Steering):
         return bool(gravity and gravity.enabled)
 
     def toggle_pause(self) -> None:
-        """Space"""
+        """Pause or go on (space)."""
         self.paused = not self.paused
         self.say("paused; press space to continue" if self.paused else "running")
 
     def change_dt(self, presses: int) -> None:
-        """[ (-1) and ] (+1): the step size by a factor of 1.25."""
+        """Change the step size by a factor of 1.25, down (-1, key [) or up (+1, key ])."""
         if self._blocked():
             return
         factor = FACTOR**presses
@@ -64,7 +64,7 @@ class Demo(Steering):
             self.say(f"{self.whose}dt {self.world.scene.method.dt:.4g} s, {self.limit_text()}")
 
     def change_stiffness(self, presses: int) -> None:
-        """{ (-1) and } (+1): the spring stiffness by a factor of 1.25."""
+        """Change the spring stiffness by a factor of 1.25, down (-1, key {) or up (+1, key })."""
         if self.world.scene.tetrahedra:
             self.change_material("young_modulus", presses)
             return
@@ -74,19 +74,22 @@ class Demo(Steering):
             (world, {path: stiffness * FACTOR**presses for path, stiffness in stiffness_paths(world.scene).items()})
             for world in self.changed
         ]
-        told = next((fields for _, fields in wanted if fields), None)
-        if told is None:
+        first = next((fields for _, fields in wanted if fields), None)
+        if first is None:
             self.say(f"{self.whose}this scene has no elastic springs")
         elif self._change(wanted):
             texts = [
                 f"{'' if path.startswith('springs.') else path.partition('.')[0] + ' '}stiffness {stiffness:.4g} N/m"
-                for path, stiffness in told.items()
+                for path, stiffness in first.items()
             ]
             self.say(f"{self.whose}{', '.join(texts)}; dt {self.world.scene.method.dt:.4g} s, {self.limit_text()}")
 
     def change_material(self, field: str, presses: int) -> None:
-        """( ) < > and, of tetrahedra, { }: Young's modulus (by 1.25), Poisson's ratio (the way to 1/2 by 1.25) or the damping
-        (by 2) of all bodies, down (-1) or up (+1). Their constraints are made of them, so that worlds are opened anew."""
+        """Change Young's modulus (by 1.25), Poisson's ratio (its distance from 1/2 by 1.25) or the damping (by 2) of
+        all bodies, down (-1) or up (+1): keys ( ) < > and, for tetrahedra, { }.
+
+        Constraints depend on the material, so that the worlds are opened anew.
+        """
         if self._blocked():
             return
         if not self.world.scene.tetrahedra:
@@ -96,13 +99,13 @@ class Demo(Steering):
         self.set_fields(wanted, lambda: material_text(self.world.scene, field))
 
     def change_material_to(self, field: str, value: float) -> None:
-        """The panel's: of the first body a `field` is `value` then; the others change alike."""
+        """Set `field` of the first body to `value`; the others change by the same factor (for the panel)."""
         if self._guard(lambda: self.world.scene.replace({f"{next(iter(self.world.scene.tetrahedra))}.{field}": value})):
             wanted = [material_at(world.scene, field, value) for world in self.changed]
             self.set_fields(wanted, lambda: material_text(self.world.scene, field))
 
     def limit_text(self) -> str:
-        """The step size against its limit, in words."""
+        """Return the step size relative to its limit, in words."""
         method, limit = self.world.scene.method.name, self.world.limit
         if limit == 0:
             return f"unstable at every dt with {method}"
@@ -112,12 +115,12 @@ class Demo(Steering):
         return f"{relation} {limit:.4g} s"
 
     def change_steps(self, presses: int) -> None:
-        """- (-1) and + (+1): steps per frame along 1, 2, 5, 10, 20 ..."""
+        """Change the steps per frame along 1, 2, 5, 10, 20 ..., down (-1, key -) or up (+1, key +)."""
         place = STEPS_PER_FRAME.index(self.steps_per_frame) + presses
         self.set_steps(STEPS_PER_FRAME[min(max(place, 0), len(STEPS_PER_FRAME) - 1)])
 
     def restart(self) -> None:
-        """R: masses, and everything that was changed, back to what the scene says."""
+        """Reset the masses and all settings to those of the scene (R)."""
 
         def back() -> None:
             for world, scene in zip(self.worlds, self.scenes, strict=True):
@@ -127,10 +130,10 @@ class Demo(Steering):
                 for path, value in live_fields(scene).items():
                     world.set(path, value)
 
-        self.hand.held = None
+        self.picker.poke = None
         if self.world.scene.bodies:  # it may wait again
-            self.hand.selected = None
-        self.hand.forget()
+            self.picker.selected = None
+        self.picker.forget()
         self.frozen, self.failure = False, ""
         if self.rebuilt and not self._reopen(self.backend, self.threads, self.scenes, from_start=True):
             return
@@ -141,13 +144,13 @@ class Demo(Steering):
             self.say("restarted with the original settings of the scene")
 
     def switch_backend(self) -> None:
-        """B: from the CPU to the GPU or back, with the state as it is."""
+        """Switch from the CPU to the GPU or back, with the current state (B)."""
         other = "gpu" if self.backend == "cpu" else "cpu"
         if self.run_with(backend=other):
             self.say(f"now on the {other}: {self.world.device}, state kept")
 
     def cycle_threads(self) -> None:
-        """T: 1x, 2x, 4x the cores."""
+        """Use 1x, 2x, 4x as many threads as cores, in turn (T)."""
         if self._blocked():
             return
         if self.backend != "cpu":
@@ -161,7 +164,7 @@ class Demo(Steering):
     # ------------------------------------------------------------------ bodies that come and go
 
     def drop_body(self, place: Sequence[float]) -> None:
-        """D: a body that waits comes in above `place` [m]; of several parts each in turn."""
+        """Activate a body above `place` [m]; each part in turn (D)."""
         if self._blocked():
             return
         if not self.world.scene.bodies:
@@ -181,17 +184,17 @@ class Demo(Steering):
         self.refresh(force=True)
 
     def remove_body(self) -> None:
-        """X: the body of the selected particle leaves, and waits from then on."""
+        """Deactivate the body of the selected particle (X)."""
         if self._blocked():
             return
-        selected, body_set = self.hand.selected, self.world.scene.body_set if self.world.scene.bodies else None
+        selected, body_set = self.picker.selected, self.world.scene.body_set if self.world.scene.bodies else None
         if selected is None or body_set is None:
             self.say("select a body first: click it or press an arrow key" if body_set is not None else NO_BODIES)
             return
         copy = body_set.copies[body_set.body[selected]]
         if self._guard(lambda: self.world.remove_body(copy.number)):
-            self.hand.held = self.hand.selected = None
-            self.hand.forget()
+            self.picker.poke = self.picker.selected = None
+            self.picker.forget()
             self._moved = True
             self.say(f"{copy.name} removed: {counts_text(self.world)}")
             self.refresh(force=True)

@@ -1,4 +1,4 @@
-"""What the demo tells: the lines of numbers over its picture, and its state for another program."""
+"""Report of the demo: the lines of numbers over its picture, and its state for another program."""
 
 from __future__ import annotations
 
@@ -23,15 +23,19 @@ FAR = 100  # steps: a limit beyond so many tells nothing of this step
 
 
 def milliseconds(seconds: float) -> str:
-    """Three digits, or more where there are more before the point."""
+    """Return milliseconds with at least three digits."""
     value = 1e3 * seconds
     return f"{value:.0f} ms" if value >= 1000 else f"{value:.3g} ms"
 
 
-def numbers_text(demo: Demo, frame_seconds: float, draw_seconds: float, way: str = "", brief: bool = False) -> str:
-    """Three lines, the most important first: when and how fast; what is set and what comes of it; who computes and draws.
-    `frame_seconds`, `draw_seconds`: of a frame, smoothed. `way`: how it is drawn, where there is more than one. `brief`:
-    without what the panel tells beside it."""
+def numbers_text(
+    demo: Demo, frame_seconds: float, draw_seconds: float, drawing_path: str = "", brief: bool = False
+) -> str:
+    """Return three lines, the most important first: time and speed; settings and energy; backend and timings.
+
+    `frame_seconds`, `draw_seconds`: of a frame, smoothed. `drawing_path`: how it is drawn, if there are several ways.
+    `brief`: without what the panel shows beside it.
+    """
     if demo.compiling is not None:
         return (
             f"compiling this scene: {demo.compiling:.0f} s so far\n"
@@ -46,25 +50,25 @@ def numbers_text(demo: Demo, frame_seconds: float, draw_seconds: float, way: str
     state = "   DIVERGED" if demo.frozen else "   paused" if demo.paused else ""
     state += f"   INCOMPLETE: {demo.statistics.faults}" if demo.statistics.faults else ""
     gravity = "on" if demo.gravity else "off"
-    way = f" ({way})" if way else ""
+    drawing_path = f" ({drawing_path})" if drawing_path else ""
     whose = f"{demo.titles[demo.current]}: " if len(demo.worlds) > 1 else ""
     steps = demo.steps_of(world)
     physics, drawing = milliseconds(demo.physics_seconds), milliseconds(draw_seconds)
-    told = f"   gravity {gravity}   {springs}energy {demo.statistics.energy:.4g} J   {strain_text(demo)}"
+    details = f"   gravity {gravity}   {springs}energy {demo.statistics.energy:.4g} J   {strain_text(demo)}"
     limit = "" if FAR * scene.method.dt < world.limit < math.inf else f", {demo.limit_text()}"
     masses = f"   {masses_text(scene, world.body.inverse_mass)}"
     return "\n".join(
         (
             f"{whose}time {world.time:.2f} s   {rates_text(demo, frame_seconds)}{state}",
-            f"dt {scene.method.dt:.4g} s{limit} ({scene.method.name}){'' if brief else told}",
+            f"dt {scene.method.dt:.4g} s{limit} ({scene.method.name}){'' if brief else details}",
             f"{world.backend}, {threads}, {world.options.precision}{'' if brief else masses}   "
-            f"per frame: {steps} step{'s' * (steps != 1)}, physics {physics}, drawing {drawing}{way}",
+            f"per frame: {steps} step{'s' * (steps != 1)}, physics {physics}, drawing {drawing}{drawing_path}",
         )
     )
 
 
 def rates_text(demo: Demo, frame_seconds: float) -> str:
-    """Frames and steps per second, and the real-time factor: simulated seconds per second of wall time."""
+    """Return frames and steps per second, and the real-time factor: simulated seconds per second of wall time."""
     speed, steps = 1 / max(frame_seconds, 1e-6), demo.steps_of(demo.world)
     frames = f"{speed:.0f} frame{'s' * (round(speed) != 1)}/s"
     if demo.paused or demo.frozen:
@@ -74,12 +78,12 @@ def rates_text(demo: Demo, frame_seconds: float) -> str:
 
 
 def gravity_of(scene: Scene) -> float:
-    """Downward [m/s^2]; 0 where it is off."""
+    """Downward acceleration [m/s^2]; 0 if gravity is off."""
     return scene.gravity.acceleration if scene.gravity and scene.gravity.enabled else 0.0
 
 
 def title_text(demo: Demo, number: int) -> str:
-    """A world beside others: what it is, and what may be different in it."""
+    """Return the title of a world beside others, with the settings that may differ."""
     world = demo.worlds[number]
     gravity, method = gravity_of(world.scene), world.scene.method
     stiffness = "/".join(f"{value:.4g}" for value in stiffness_paths(world.scene).values())
@@ -94,7 +98,8 @@ def title_text(demo: Demo, number: int) -> str:
 
 
 def strain_text(demo: Demo) -> str:
-    """The worst strain, how far a particle of bodies is from its goal, or how much a fluid is pressed and how fast it is."""
+    """Return the worst strain, the largest distance of a body's particle from its goal, or the compression and speed of
+    a fluid."""
     worst = demo.statistics.worst_strain
     if demo.world.scene.fluids:
         fastest = f"fastest {demo.statistics.fastest:.3g} m/s"
@@ -105,47 +110,52 @@ def strain_text(demo: Demo) -> str:
 
 
 def counts_of(world: Simulation) -> dict[str, int]:
-    """How many there are of what a world has, by name."""
+    """Return the number of particles, bodies, clusters and so on of a world, by name."""
     scene = world.scene
-    told, springs = counts(scene, world.body.inverse_mass), family_of(scene).spring_count(scene)
-    found = {
-        "Particles": told.particles,
-        "Bodies": told.bodies or len(scene.tetrahedra),
-        "Inactive bodies": told.waiting,
-        "Clusters": told.clusters,
+    totals, springs = counts(scene, world.body.inverse_mass), family_of(scene).spring_count(scene)
+    amounts = {
+        "Particles": totals.particles,
+        "Bodies": totals.bodies or len(scene.tetrahedra),
+        "Inactive bodies": totals.waiting,
+        "Clusters": totals.clusters,
         "Tetrahedra": len(scene.tetrahedra_set.tetrahedra) if scene.tetrahedra else 0,
         "Springs": 0 if scene.bodies or scene.tetrahedra else springs,
         "Colliders": len(scene.colliders),
     }
-    return {name: count for name, count in found.items() if count or name == "Particles"}
+    return {name: count for name, count in amounts.items() if count or name == "Particles"}
 
 
 def masses_text(scene: Scene, inverse_mass: np.ndarray | None = None) -> str:
-    """How many masses there are, in words; of bodies also how many clusters and bodies, and how many more bodies wait, by
-    inverse masses as in State (None: when the scene starts); and colliders."""
+    """Return the number of masses in words, with clusters, active and inactive bodies, and colliders.
+
+    `inverse_mass`, as in State, marks inactive bodies (None: when the scene starts).
+    """
     colliders = len(scene.colliders)
-    found = f"{scene.grid.rows} x {scene.grid.columns} masses"
+    text = f"{scene.grid.rows} x {scene.grid.columns} masses"
     if scene.fluids:
-        found = str(scene.fluid_set)
+        text = str(scene.fluid_set)
     if scene.tetrahedra:
-        found = str(scene.tetrahedra_set)
+        text = str(scene.tetrahedra_set)
     if scene.bodies:
-        told = counts(scene, inverse_mass)
-        found = f"{told.particles} particles in {told.clusters} clusters of {told.bodies} bodies"
-        found += f" + {told.waiting} inactive" if told.waiting else ""
-    return found + (f", {colliders} collider{'s' * (colliders > 1)}" if colliders else "")
+        totals = counts(scene, inverse_mass)
+        text = f"{totals.particles} particles in {totals.clusters} clusters of {totals.bodies} bodies"
+        text += f" + {totals.waiting} inactive" if totals.waiting else ""
+    return text + (f", {colliders} collider{'s' * (colliders > 1)}" if colliders else "")
 
 
 def demo_state(demo: Demo, camera: Camera, pane: Pane, height: int) -> dict[str, Any]:
-    """The demo as plain JSON values, of its current world, which is drawn in `pane` of a window `height` pixels high; of each
-    of the `worlds` what its title tells. `masses`: for the corners, the middle and the selected mass, the place in the
-    `window` (pixels from its upper left corner) and the `position` [m]; `mean`, `low`, `high` [m] of all positions, but of
-    `waiting` bodies, which are counted."""
-    world, position, held = demo.world, demo.position, demo.hand.held
+    """Return the state of the demo as plain JSON values.
+
+    Most are of the current world, which is drawn in `pane` of a window `height` pixels high; `worlds` has the numbers
+    of each title. `masses`: for the corners, the middle and the selected mass, the place in the `window` (pixels from
+    its upper left corner) and the `position` [m]; `mean`, `low`, `high` [m] of all positions of active bodies;
+    `waiting`: number of inactive bodies.
+    """
+    world, position, poke = demo.world, demo.position, demo.picker.poke
     columns, last = world.body.columns, len(position) - 1
     sample = {0, columns - 1, world.body.rows // 2 * columns + columns // 2, last - columns + 1, last}
-    if demo.hand.selected is not None:
-        sample.add(demo.hand.selected)
+    if demo.picker.selected is not None:
+        sample.add(demo.picker.selected)
     masses = {}
     for particle in sorted(sample):
         if np.isfinite(position[particle]).all():
@@ -156,8 +166,8 @@ def demo_state(demo: Demo, camera: Camera, pane: Pane, height: int) -> dict[str,
                     "window": [pane.left + float(x), height - pane.bottom - float(y)],
                     "position": metres,
                 }
-    there = present(world.scene, position, world.body.inverse_mass)
-    finite = there[np.isfinite(there).all(axis=1)].astype(np.float64)
+    active = present(world.scene, position, world.body.inverse_mass)
+    finite = active[np.isfinite(active).all(axis=1)].astype(np.float64)
     some = finite if len(finite) else np.zeros((1, world.scene.dimensions))
     stiffness = list(stiffness_paths(world.scene).values())
     return {
@@ -178,8 +188,8 @@ def demo_state(demo: Demo, camera: Camera, pane: Pane, height: int) -> dict[str,
         "incomplete": demo.statistics.faults,
         "message": demo.message,
         "message_count": demo.message_count,
-        "selected": demo.hand.selected,
-        "poke": {"particle": held.particle, "force": list(demo.force())} if held else None,
+        "selected": demo.picker.selected,
+        "poke": {"particle": poke.particle, "force": list(demo.force())} if poke else None,
         "energy": demo.statistics.energy,
         "worst_strain": None if math.isnan(demo.statistics.worst_strain) else demo.statistics.worst_strain,
         "mean": some.mean(axis=0).tolist(),
@@ -197,6 +207,6 @@ def demo_state(demo: Demo, camera: Camera, pane: Pane, height: int) -> dict[str,
 
 
 def write_state(path: Path, state: dict[str, Any]) -> None:
-    """Replace the JSON file `path`, so that a reader never sees half of it."""
+    """Replace the JSON file `path` at once, so that a reader never sees half of it."""
     with replacing(path) as temporary:
         temporary.write_text(json.dumps(state), encoding="utf-8")

@@ -1,4 +1,4 @@
-"""How the demo's camera goes with what is to be seen, and where above it a body is dropped."""
+"""Motion of the demo's camera with the scene, and the place above the scene where a body is dropped."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from softlab.app.render.camera import Margins, joined_bounds
 from softlab.app.render.collider_shapes import with_colliders
 from softlab.app.render.fluid.framing import main_part, with_fluids, with_tank
 from softlab.app.window.panes import IN_A_ROW
-from softlab.app.window.shown import Shown
+from softlab.app.window.window_protocol import WindowProtocol
 
 MARGINS = (50.0, 130.0, 50.0, 130.0)  # pixels left, bottom (legend), right, top (numbers)
 TITLE = 80.0  # of a pane, instead of the numbers
@@ -16,9 +16,9 @@ FOLLOW_SIZE = 4.0  # times the scene: a state that blows up is to be seen blowin
 
 
 class Following:
-    """The camera of a viewer's worlds, from where they are when this is made."""
+    """Moves the camera with a viewer's worlds, from their places at construction."""
 
-    def __init__(self, viewer: Shown):
+    def __init__(self, viewer: WindowProtocol):
         self.viewer, self.demo = viewer, viewer.demo
         starts = [main_part(world.scene, world.body.position) for world in self.demo.worlds]
         axes = self.demo.world.scene.dimensions
@@ -28,55 +28,57 @@ class Following:
         self._start = np.min([low for low, _ in ends], axis=0), np.max([high for _, high in ends], axis=0)
 
     def drop_place(self, x: float, y: float) -> tuple[float, float, float]:
-        """Where D drops a body: above everything and over a place in the pane (frame-buffer pixels), at the depth that the
-        camera looks at."""
+        """Return the place where D drops a body: above everything and over a place in the pane (frame-buffer pixels),
+        at the depth of the camera's target."""
         everything, camera = self._everything(), self.viewer.camera
         across, above, toward = camera.on_plane(x, y, camera.target)
         return across, max(above, everything[4]) if everything else above, toward
 
     def _everything(self) -> tuple[float, ...] | None:
-        """The box [m] that the view is to hold, as `finite_bounds` gives it."""
+        """Return the box [m] of the view, as `finite_bounds` returns it."""
         bounds, worlds = self.demo.statistics.bounds, self.demo.worlds
         low, high = self._start
         space = self.viewer.space
         middle = (low + high) / 2 if space else np.array([low[0], high[1]])
-        reach = FOLLOW_SIZE * max(world.body.size for world in worlds)
+        half_size = FOLLOW_SIZE * max(world.body.size for world in worlds)
         half = len(middle)
-        least, most = np.maximum(bounds[:half], middle - reach), np.minimum(bounds[half:], middle + reach)
+        least, most = np.maximum(bounds[:half], middle - half_size), np.minimum(bounds[half:], middle + half_size)
         if not (least <= most).all():
             return None
         if space:
             for view in self.viewer.views:
-                view.keep_above_ground(float(least[1]))
+                view.lower_ground(float(least[1]))
         seen = (*least.tolist(), *most.tolist())
         return joined_bounds(
             [with_tank(world.scene, with_colliders(world.scene, seen, world.time), world.time) for world in worlds]
         )
 
-    def approach(self, share: float) -> None:
-        """Go `share` of the way to the view that shows everything. With fluids it only widens until a share of 1: drops that
-        fly and land would change the size of the tank."""
-        kept = self._everything()
-        if kept is None:
+    def approach(self, fraction: float) -> None:
+        """Move the camera by `fraction` of the way to the view that shows everything.
+
+        With fluids the view only widens unless `fraction` is 1: flying drops would change the size of the tank.
+        """
+        bounds = self._everything()
+        if bounds is None:
             return
         if self._widens:
-            kept = kept if self._widest is None or share == 1.0 else joined_bounds([self._widest, kept])
-            self._widest = kept
+            bounds = bounds if self._widest is None or fraction == 1.0 else joined_bounds([self._widest, bounds])
+            self._widest = bounds
         spacing = max(world.scene.grid.spacing for world in self.demo.worlds)
         camera = self.viewer.camera
-        wanted = camera.framing(kept, self._margins(), spacing)
+        wanted = camera.framing(bounds, self._margins(), spacing)
         wanted.aim(self.demo.world.scene.camera)
-        camera.approach(wanted, share)
+        camera.approach(wanted, fraction)
 
     def stay_above_ground(self) -> None:
-        """In space, above what is drawn as the ground."""
+        """Keep the camera above the ground, in space."""
         if self.viewer.space:
             for view, world in zip(self.viewer.views, self.demo.worlds, strict=True):
                 for ground in view.grounds(world.time):
-                    self.viewer.camera.keep_above(ground.point, ground.normal)
+                    self.viewer.camera.stay_above(ground.point, ground.normal)
 
     def _margins(self) -> Margins:
-        """Of a pane."""
+        """Return the margins of a pane."""
         panes = self.viewer.panes
         if len(panes) == 1:
             return MARGINS

@@ -20,7 +20,7 @@ class FrameTimes:
         self.seconds = np.zeros((FRAMES, 2))
 
     def add(self, physics: float, drawing: float) -> None:
-        """One frame more."""
+        """Append one frame."""
         self.seconds[:-1] = self.seconds[1:]
         self.seconds[-1] = physics, drawing
 

@@ -93,7 +93,7 @@ TETRAHEDRA_HINT = (
 )
 FLUID_HINT = f"H: keys    A: panel    L: surface, particles    O: colours    drag beside the fluid: rotate    {_END}"
 WORLD_HINT = f"H: keys    A: panel    L: skins, particles and edges    drag beside the bodies: rotate    {_END}"
-OWN = {  # of what a view shows (View.subject), or of sheets in space and in a plane: keys, and those needed first
+BY_SUBJECT = {  # of what a view shows (View.subject), or of sheets in space and in a plane: keys, and those needed first
     "bodies": (BODY_KEYS, BODY_HINT),
     "tetrahedra": (TETRAHEDRA_KEYS, TETRAHEDRA_HINT),
     "fluid": (FLUID_KEYS, FLUID_HINT),
@@ -104,25 +104,25 @@ OWN = {  # of what a view shows (View.subject), or of sheets in space and in a p
 IN_SPACE = (DETAIL_KEY, ("left", "drag beside: rotate (middle)"))  # keys that a plane has no use for
 
 
-def _own(subject: str, space: bool) -> tuple[tuple[tuple[str, str], ...], str]:
-    return OWN.get(subject) or OWN["space" if space else "plane"]
+def _keys_and_hint(subject: str, space: bool) -> tuple[tuple[tuple[str, str], ...], str]:
+    return BY_SUBJECT.get(subject) or BY_SUBJECT["space" if space else "plane"]
 
 
 def hint(subject: str = "sheet", space: bool = False, several: bool = False) -> str:
-    """The keys that a user needs first; as `keys_text`."""
-    _, found = _own(subject, space)
+    """Return the keys that a user needs first. Parameters as of `keys_text`."""
+    _, text = _keys_and_hint(subject, space)
     if several:  # the last keys give way to it: the legend is beside them
-        return found.replace("H: keys", "H: keys    Tab: change one scene only").replace(
+        return text.replace("H: keys", "H: keys    Tab: change one scene only").replace(
             "    R: restart    Escape: close", ""
         )
-    return found
+    return text
 
 
 def keys_text(width: int, subject: str = "sheet", space: bool = False, several: bool = False) -> str:
-    """What the keys do, in lines that fit a window of `width` pixels. `subject`: of what is shown (View.subject); `space`: in
-    three dimensions; `several`: worlds side by side."""
-    own = tuple(key for key in _own(subject, space)[0] if space or key not in IN_SPACE)
-    keys = (*((WORLDS_KEY,) if several else ()), *own)
+    """Return the keys and their effects, in lines that fit a window of `width` pixels. `subject`: the thing that is
+    shown (View.subject); `space`: in three dimensions; `several`: worlds side by side."""
+    listed = tuple(key for key in _keys_and_hint(subject, space)[0] if space or key not in IN_SPACE)
+    keys = (*((WORLDS_KEY,) if several else ()), *listed)
     lines = [f"{key:8}{meaning:35}" for key, meaning in keys]
     if width >= TWO_COLUMNS_FROM:
         half = (len(lines) + 1) // 2

@@ -1,4 +1,4 @@
-"""What the demo can change in a scene while it runs, without opening it anew."""
+"""Fields of a scene that the demo can change while it runs, without opening it anew."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from softlab.model.scene.scene import Scene
 
 
 def stiffness_paths(scene: Scene) -> dict[str, float]:
-    """Dotted path -> stiffness [N/m] of every kind of spring in the scene that gives, as it is now; pbd asks for none."""
+    """Return dotted path -> current stiffness [N/m] of every elastic kind of spring; pbd has none."""
     if scene.method.solver == "pbd":
         return {}
     springs = {"springs": scene.springs} if scene.springs else scene.constraints
@@ -18,26 +18,28 @@ def stiffness_paths(scene: Scene) -> dict[str, float]:
 
 
 def live_parts(scene: Scene) -> tuple[str, ...]:
-    """What the demo can change in this scene while it runs: gravity always, stiffness where springs give, pokes but of
-    bodies, which are pulled through their state (app/window/grip.py); dampers and wind where there are any, which compiles
-    nothing that is not there anyway."""
+    """Return what the demo can change in this scene while it runs.
+
+    Gravity always; stiffness of elastic springs; pokes, except of bodies, which are pulled through their state
+    (app/window/mouse_constraint.py); dampers and wind if the scene has them, since their code is compiled anyway.
+    """
     blows = bool(scene.wind and (scene.wind.drag > 0 or scene.wind.lift > 0))
     damped = bool(scene.damping and scene.damping.coefficient > 0)
     present = {
         "gravity": True, "poke": not scene.bodies, "dt": True, "stiffness": bool(stiffness_paths(scene)),
         "damping": damped, "wind": blows,
     }  # fmt: skip
-    return tuple(name for name, there in present.items() if there)
+    return tuple(name for name, is_live in present.items() if is_live)
 
 
 def live_fields(scene: Scene) -> dict[str, Any]:
-    """Dotted path -> value of all that is live in a scene; gravity is, where there is none too."""
-    found: dict[str, Any] = {}
+    """Return dotted path -> value of all live fields of a scene. Gravity is one even if the scene has none."""
+    values: dict[str, Any] = {}
     for name in live_parts(scene):
         for path in LIVE_PATHS[name]:
             part, _, field = path.partition(".")
             if part in scene.parts and name != "stiffness":
-                found[path] = getattr(scene.parts[part], field)
+                values[path] = getattr(scene.parts[part], field)
     if scene.gravity is None:
-        found |= {"gravity.enabled": False, "gravity.acceleration": Gravity().acceleration}
-    return found | stiffness_paths(scene)
+        values |= {"gravity.enabled": False, "gravity.acceleration": Gravity().acceleration}
+    return values | stiffness_paths(scene)

@@ -1,4 +1,4 @@
-"""What the window's keys change of tetrahedral bodies' material, as fields of a scene."""
+"""Changes of tetrahedral bodies' material by the window's keys, as fields of a scene."""
 
 from __future__ import annotations
 
@@ -11,10 +11,13 @@ TEXTS = {"young_modulus": "E {:.3g} Pa", "poisson_ratio": "Poisson's ratio {:.3g
 
 
 def material_changes(scene: Scene, field: str, presses: int) -> dict[str, float]:
-    """Dotted path -> value of a `field` of every body, after so many presses upward. Of Poisson's ratio it is what is left to
-    1/2 that changes by the factor, of which stiffness against a change of volume is the inverse."""
+    """Return dotted path -> value of a `field` of every body after `presses` presses upward.
+
+    For Poisson's ratio its distance from 1/2 changes by the factor: the stiffness against a change of volume is inverse
+    to it.
+    """
     factor = FACTORS[field] ** presses
-    found = {}
+    changes = {}
     for name, part in scene.tetrahedra.items():
         value = getattr(part, field)
         if field == "poisson_ratio":
@@ -24,13 +27,13 @@ def material_changes(scene: Scene, field: str, presses: int) -> dict[str, float]
             value = value if value >= LAST_DAMPING else 0.0
         else:
             value *= factor
-        found[f"{name}.{field}"] = value
-    return found
+        changes[f"{name}.{field}"] = value
+    return changes
 
 
 def material_at(scene: Scene, field: str, value: float) -> dict[str, float]:
-    """Dotted path -> value of a `field` of every body, where the first one's is to be `value`: others change as that does, by
-    the same factor, or from and to 0 with it. Of Poisson's ratio it is what is left to 1/2 that has a factor."""
+    """Return dotted path -> value of a `field` of every body if the first one's is to be `value`: the others change by
+    the same factor, or from and to 0 with it. For Poisson's ratio the factor is that of its distance from 1/2."""
     bodies = list(scene.tetrahedra.items())
     first = getattr(bodies[0][1], field)
 
@@ -45,6 +48,6 @@ def material_at(scene: Scene, field: str, value: float) -> dict[str, float]:
 
 
 def material_text(scene: Scene, field: str) -> str:
-    """What it is now: of all bodies, each value once."""
+    """Return the current values of all bodies, each value once."""
     values = dict.fromkeys(TEXTS[field].format(getattr(part, field)) for part in scene.tetrahedra.values())
     return ", ".join(values)

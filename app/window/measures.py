@@ -22,16 +22,19 @@ from softlab.model.scene.scene import Scene
 from softlab.model.shape_matching.spare import absent, present
 
 ASKED = 30_000  # particles of a fluid whose densities are asked for in passing: a tenth of a second
-KEEP_RANGE = 2.6  # times the wanted range of colours: a legend that flickers between two ranges cannot be read
+RANGE_HYSTERESIS = 2.6  # times the wanted range of colours: a legend that flickers between two ranges cannot be read
 
 
 @dataclass(frozen=True)
 class Statistics:
-    """What is shown about a world: energy [J], the strain of largest size (relative to the rest length; of fluids the largest
-    density over that at rest, less 1, NaN where there are more than ASKED particles), the `momentum` [kg m/s] along each
-    axis, where it is asked for; of all worlds the range of colours and the `bounds` [m], as `finite_bounds` gives them;
-    `fastest` [m/s]: of a fluid's particles; `faults`: what is incomplete by now, in a few words, of the tetrahedra and the
-    lists of contacts alone, which are quickly counted."""
+    """Numbers that are shown about a world.
+
+    Energy [J]; the strain of largest size, relative to the rest length (of fluids the largest density over that at
+    rest, less 1, NaN for more than ASKED particles); the `momentum` [kg m/s] along each axis, if requested; of all
+    worlds the range of colours and the `bounds` [m], as `finite_bounds` returns them; `fastest` [m/s]: of a fluid's
+    particles; `faults`: what is incomplete so far, in a few words, of the tetrahedra and the lists of contacts alone,
+    which are quickly counted.
+    """
 
     energy: float = 0.0
     kinetic: float = 0.0
@@ -50,17 +53,17 @@ def measure(
     before: Statistics,
     momentum: bool = False,
 ) -> Statistics:
-    """The statistics of the world `current` of `worlds` now; of the others their `positions` (each (particles, dimensions))
-    are enough. Raises Diverged."""
+    """Return the statistics of the world `current` of `worlds`; of the others only `positions` (each (particles,
+    dimensions)) are needed. Raises Diverged."""
     world = worlds[current]
     state = world.state()
     energy = energies(world.scene, state.position, state.velocity, state.arrays, state.inverse_mass)
     strain = drawn_strain(world.scene, state.position)
     others = [drawn_strain(w.scene, p) for w, p in zip(worlds, positions, strict=True) if w is not world]
     wanted = max(map(strain_range, [strain, *others]))
-    if wanted < before.strain_range <= KEEP_RANGE * wanted:
+    if wanted < before.strain_range <= RANGE_HYSTERESIS * wanted:
         wanted = before.strain_range
-    there = [
+    active = [
         main_part(w.scene, p) if with_fluids(w.scene) else present(w.scene, p, w.body.inverse_mass)
         for w, p in zip(worlds, positions, strict=True)
     ]
@@ -70,7 +73,7 @@ def measure(
         pushed = tuple(np.atleast_1d(np.sum(mass * state.velocity, axis=0, dtype=np.float64)).tolist())
     fastest = float(np.sqrt((state.velocity**2).sum(axis=1).max())) if world.scene.fluids else 0.0
     worst = _worst(world.scene, state.position, strain)
-    bounds = _bounds(there, before)
+    bounds = _bounds(active, before)
     faults = fault_words({**lost(world), **inverted_elements(world.scene, state.position)})
     return Statistics(energy["total"], energy["kinetic"], worst, wanted, bounds, pushed, fastest, faults)
 
@@ -78,18 +81,19 @@ def measure(
 def measure_picture(
     scenes: Sequence[Scene], current: int, positions: Sequence[np.ndarray], before: Statistics
 ) -> Statistics:
-    """`before` (its energy), with strain and bounds of another picture: the one that is shown after divergence."""
+    """Return `before` (with its energy) with strain and bounds of another picture: the one that is shown after
+    divergence."""
     strains = [drawn_strain(scene, position) for scene, position in zip(scenes, positions, strict=True)]
-    there = [main_part(scene, position) for scene, position in zip(scenes, positions, strict=True)]
-    wanted, bounds = max(map(strain_range, strains)), _bounds(there, before)
+    active = [main_part(scene, position) for scene, position in zip(scenes, positions, strict=True)]
+    wanted, bounds = max(map(strain_range, strains)), _bounds(active, before)
     worst = _worst(scenes[current], positions[current], strains[current])
     return replace(before, worst_strain=worst, strain_range=wanted, bounds=bounds)
 
 
 def _worst(scene: Scene, position: np.ndarray, strain: np.ndarray) -> float:
     if scene.fluids:
-        told = len(position) <= ASKED and bool(np.isfinite(position).all())
-        return compression(scene, position)[1] if told else np.nan
+        measurable = len(position) <= ASKED and bool(np.isfinite(position).all())
+        return compression(scene, position)[1] if measurable else np.nan
     return float(strain[np.argmax(np.abs(strain))]) if len(strain) else 0.0
 
 

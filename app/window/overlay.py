@@ -1,4 +1,4 @@
-"""What lies over the demo's picture, put together: numbers, legend, messages, keys, the graph of frame times, the hand."""
+"""The overlays of the demo's picture: numbers, legend, messages, keys, the graph of frame times, the force's arrow."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from softlab.app.render.panels import Arrow, Panel, Style
 from softlab.app.window.demo_report import numbers_text, title_text
 from softlab.app.window.frame_times import FrameGraph, FrameTimes
 from softlab.app.window.keys import hint, keys_text
-from softlab.app.window.shown import Shown
+from softlab.app.window.window_protocol import WindowProtocol
 
 NUMBERS = Style(13, bold=True), Style(10), Style(9, colour=colours.FAINT)  # the first line matters most
 TITLE = Style(11, bold=True), Style(10)
@@ -26,7 +26,7 @@ class Overlay:
     """Text and marks over a Viewer's picture. `show_keys`, `show_numbers`, `show_graph`: which of them are there; `times` of
     the last frames. Needs the window's OpenGL context."""
 
-    def __init__(self, viewer: Shown):
+    def __init__(self, viewer: WindowProtocol):
         self.viewer, self.demo = viewer, viewer.demo
         with drawing_text():
             self._numbers, self._keys = Panel("top-left", *NUMBERS), Panel("centre", Style(11))
@@ -42,7 +42,7 @@ class Overlay:
         self._message = (self.demo.message_count, perf_counter())
 
     def renew(self) -> None:
-        """What belongs to these scenes, in this number."""
+        """Make the legends and titles of the current scenes."""
         with drawing_text():
             self._legends = Legends(self.demo.world.scene)
             several = len(self.demo.worlds) if len(self.demo.worlds) > 1 else 0
@@ -50,20 +50,20 @@ class Overlay:
             self._chosen = [Panel("top-left", *TITLE, edge=colours.SELECTED) for _ in range(several)]
 
     def toggle_keys(self) -> None:
-        """H"""
+        """Show or hide the keys (H)."""
         self.show_keys = not self.show_keys
         self._keys_seen = True
 
     def toggle_numbers(self) -> None:
-        """N: the lines about speed, counts and settings."""
+        """Show or hide the lines about speed, counts and settings (N)."""
         self.show_numbers = not self.show_numbers
 
     def toggle_graph(self) -> None:
-        """M: the milliseconds of the last frames."""
+        """Show or hide the milliseconds of the last frames (M)."""
         self.show_graph = not self.show_graph
 
     def draw(self, now: float) -> None:
-        """All of it, at `now` [s] of perf_counter."""
+        """Draw all overlays, at `now` [s] of perf_counter."""
         self._draw_hand()
         viewer, demo = self.viewer, self.demo
         width, height = viewer.shown_width, viewer.height
@@ -92,26 +92,27 @@ class Overlay:
             self._graph.draw(self.times, above)
 
     def _draw_numbers(self, now: float) -> int:
-        """Their height in pixels, with a gap."""
+        """Draw the numbers. Returns their height in pixels, with a gap."""
         viewer = self.viewer
         if now >= self._text_due:
             self._text_due = now + TEXT_INTERVAL
             view = viewer.views[self.demo.current]
-            way = [f"{view.detail.name}{viewer.drawn_by}"] if viewer.space else []
-            if self.demo.world.backend == "gpu":  # of a CPU there is one way
-                way.append(view.vertices.way)
-            text = numbers_text(self.demo, viewer.frame_seconds, viewer.draw_seconds, ", ".join(way), viewer.panel.open)
+            notes = [f"{view.detail.name}{viewer.drawn_by}"] if viewer.space else []
+            if self.demo.world.backend == "gpu":  # a CPU has only one path to the drawing
+                notes.append(view.vertices.transfer)
+            drawn = ", ".join(notes)
+            text = numbers_text(self.demo, viewer.frame_seconds, viewer.draw_seconds, drawn, viewer.panel.open)
             self._numbers.place(text, viewer.shown_width, viewer.height)
         self._numbers.draw()
         return self._numbers.height + 8
 
     @property
     def numbers_height(self) -> int:
-        """Pixels that the numbers take at the top."""
+        """Height of the numbers at the top [pixels]."""
         return self._numbers.height + 16 if self.show_numbers else 0
 
     def _draw_titles(self) -> int:
-        """Of worlds side by side; how high the first is, with a gap."""
+        """Draw the titles of worlds side by side. Returns the height of the first, with a gap."""
         viewer, demo = self.viewer, self.demo
         for number, (plain, chosen) in enumerate(zip(self._titles, self._chosen, strict=True)):
             pane = viewer.panes[number]
@@ -123,18 +124,18 @@ class Overlay:
         return first[0].height + 8 if first else 0
 
     def _draw_hand(self) -> None:
-        """The arrow of the held force."""
-        held, demo, camera = self.demo.hand.held, self.demo, self.viewer.camera
-        if held is None:
+        """Draw the arrow of the poke's force."""
+        poke, demo, camera = self.demo.picker.poke, self.demo, self.viewer.camera
+        if poke is None:
             return
-        place = demo.position[held.particle].astype(float)
+        place = demo.position[poke.particle].astype(float)
         start, pane = camera.to_window(place), self.viewer.panes[demo.current]
         force = demo.force()
-        if held.target is not None:
-            end = camera.to_window(np.array(held.target))
+        if poke.target is not None:
+            end = camera.to_window(np.array(poke.target))
         else:
-            way = camera.to_window(place + demo.world.scene.grid.spacing * np.array(held.direction)) - start
-            end = start + 70 * way / (np.hypot(*way) or 1.0)
+            direction = camera.to_window(place + demo.world.scene.grid.spacing * np.array(poke.direction)) - start
+            end = start + 70 * direction / (np.hypot(*direction) or 1.0)
         if np.isfinite([start, end]).all():
             corner = np.array([pane.left, pane.bottom])
             window = self.viewer.shown_width, self.viewer.height

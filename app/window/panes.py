@@ -32,22 +32,22 @@ def check_alike(scenes: Sequence[Scene]) -> None:
 
 
 def view_kind(scene: Scene) -> str:
-    """What a scene shows, in words. Scenes side by side must agree in it."""
+    """Return the kind of a scene, in words. Scenes side by side must be of one kind."""
     return kind_of_tables(scene.kinds, scene.dimensions)
 
 
 def kind_of_tables(kinds: Mapping[str, str], fluid_dimensions: int = 3) -> str:
-    """What a scene shows, from the kinds of its tables by name, without reading its meshes."""
-    found = set(kinds.values())
-    if found & set(BODY_KINDS) and not members_of(kinds):
+    """Return the kind of a scene from the kinds of its tables by name, without reading its meshes."""
+    used = set(kinds.values())
+    if used & set(BODY_KINDS) and not members_of(kinds):
         return "bodies"
-    if "fluid" in found and not members_of(kinds):
+    if "fluid" in used and not members_of(kinds):
         return f"a fluid in {fluid_dimensions} dimensions"
-    return "masses in a plane" if "grid" in found else "masses in space"
+    return "masses in a plane" if "grid" in used else "masses in space"
 
 
 def titles_of(scenes: Sequence[Scene]) -> list[str]:
-    """What scenes are called side by side: their titles, numbered where several have the same."""
+    """Return the titles of scenes side by side, numbered if several are the same."""
     titles = [scene.title for scene in scenes]
     return [
         title if titles.count(title) == 1 else f"{title} ({titles[: place + 1].count(title)})"

@@ -6,20 +6,21 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from softlab.app.window.hand import Poke, neighbour
+from softlab.app.window.picker import Poke, neighbour
 from softlab.app.window.worlds import Worlds
 
 PULLED = "a mass was pulled"
 
 
 class Poking(Worlds):
-    """See `Worlds`. Never raises for what a user does."""
+    """Worlds that can be selected, pulled and poked. Never raises for what a user does."""
 
     def name(self, particle: int) -> str:
-        """`row, column` of a mass; of bodies the particle's number, and whose it is; of a world the same of its member."""
+        """Return `row, column` of a mass; of bodies the particle's number and its body; of a world the number in its
+        member."""
         if self.world.scene.is_world:
             places = self.world.scene.world_set.slices().items()
-            return next(f"{particle - own.start} of {name}" for name, own in places if particle < own.stop)
+            return next(f"{particle - rows.start} of {name}" for name, rows in places if particle < rows.stop)
         if self.world.scene.bodies:
             body_set = self.world.scene.body_set
             copy = body_set.copies[body_set.body[particle]]
@@ -27,60 +28,62 @@ class Poking(Worlds):
         return "{}, {}".format(*divmod(particle, self.world.body.columns))
 
     def force(self) -> tuple[float, ...]:
-        """The held force [N], of as many components as the world has; 0 without one."""
-        return self.hand.force(self.world, self.position, self._hold_time())
+        """Force of the poke [N], with as many components as the world has dimensions; 0 without one."""
+        return self.picker.force(self.world, self.position, self._force_interval())
 
-    def _tell_selection(self, particle: int) -> None:
+    def _report_selection(self, particle: int) -> None:
         pinned = self.world.body.inverse_mass[particle] == 0
         what = "particle" if self.world.scene.bodies or self.world.scene.is_world else "mass"
         self.say(f"{what} {self.name(particle)} selected" + ("; it is pinned" if pinned else ""))
 
     def move_selection(self, columns: int, rows: int, direction: Sequence[float] | None = None) -> None:
-        """Arrows: select the neighbour `columns` to the right and `rows` up; the first press selects the middle.
+        """Select the neighbour `columns` to the right and `rows` up; the first press selects the middle (arrow keys).
 
-        The `direction` (in the plane that same way) is also where Enter pokes to from then on.
+        The `direction` (in a plane the same) is also that of the next poke with Enter.
         """
         towards = (float(columns), float(rows)) if direction is None else tuple(direction)
         if self.world.scene.bodies and not self.world.body.inverse_mass.any():
             self.say("no active body to select")
             return
-        if self.hand.selected is not None and self.world.scene.bodies:
+        if self.picker.selected is not None and self.world.scene.bodies:
             body_set = self.world.scene.body_set
-            own = np.flatnonzero(body_set.body == body_set.body[self.hand.selected])
-            self._tell_selection(self.hand.move_to(neighbour(self.position, own, self.hand.selected, towards), towards))
+            body_particles = np.flatnonzero(body_set.body == body_set.body[self.picker.selected])
+            self._report_selection(
+                self.picker.move_to(neighbour(self.position, body_particles, self.picker.selected, towards), towards)
+            )
             return
-        self._tell_selection(self.hand.move(columns, rows, self.world, towards))
+        self._report_selection(self.picker.move(columns, rows, self.world, towards))
 
     def take(self, particle: int, target: Sequence[float]) -> bool:
         """Select a mass and pull it toward `target` [m] until `release`."""
         if self._blocked():
             return False
         self.disturb(PULLED)
-        self.hand.selected = particle
-        self.hand.held = Poke(particle, tuple(target))
-        self._tell_selection(particle)
+        self.picker.selected = particle
+        self.picker.poke = Poke(particle, tuple(target))
+        self._report_selection(particle)
         return self._guard(self._push)
 
     def drag(self, *target: float) -> None:
-        """The pointer is at `target` [m] now."""
-        held = self.hand.held
-        if held is not None and held.target is not None:
-            self.hand.held = Poke(held.particle, target)
+        """Move the target of the poke to `target` [m]."""
+        poke = self.picker.poke
+        if poke is not None and poke.target is not None:
+            self.picker.poke = Poke(poke.particle, target)
 
     def press_key(self) -> None:
-        """Enter down: poke the selected mass downward, or the way of the last arrow key."""
+        """Poke the selected mass downward, or along the last arrow key (Enter down)."""
         if self._blocked():
             return
-        if self.hand.selected is None:
+        if self.picker.selected is None:
             self.move_selection(0, 0)
-            self.hand.direction = self.hand.down
-        if self.hand.selected is not None and self.hand.held is None:
+            self.picker.direction = self.picker.down
+        if self.picker.selected is not None and self.picker.poke is None:
             self.disturb(PULLED)
-            self.hand.held = Poke(self.hand.selected, None, self.hand.direction)
+            self.picker.poke = Poke(self.picker.selected, None, self.picker.direction)
             self._guard(self._push)
 
     def release(self) -> None:
-        """Mouse or Enter up."""
-        if self.hand.held is not None:
-            self.hand.held = None
+        """End the poke (mouse or Enter up)."""
+        if self.picker.poke is not None:
+            self.picker.poke = None
             self._guard(self._push)

@@ -14,7 +14,7 @@ FPS = 60
 
 
 def free_path(demo: Demo, suffix: str) -> Path:
-    """A file in the working folder that is not there yet, named by the current world and its step."""
+    """Return the path of a file in the working folder that does not exist yet, named by the current world and its step."""
     name = "".join(c if c.isalnum() or c in "-_" else "-" for c in demo.world.scene.name)
     stem = f"softlab-{name}-step{demo.world.step}"
     path, number = Path.cwd() / f"{stem}{suffix}", 2
@@ -35,15 +35,15 @@ class Shots:
 
     @property
     def recording(self) -> bool:
-        """Whether frames go into a clip."""
+        """True if frames go into a clip."""
         return self._clip is not None
 
     def ask(self) -> None:
-        """S: save the next frame, which is then complete."""
+        """Save the next frame, which is then complete (S)."""
         self._wanted = True
 
     def toggle_clip(self) -> None:
-        """Begin a clip with the next frame, or end it: the file is there then."""
+        """Begin a clip with the next frame, or end it and write its file."""
         if self._clip is None:
             self._begins = True
         else:
@@ -86,7 +86,7 @@ class Shots:
             self.demo.say(str(error))
 
     def end_clip(self, why: str = "") -> None:
-        """Finish it, if there is one."""
+        """Finish the clip, if there is one."""
         clip, self._clip = self._clip, None
         if clip is None:
             return

@@ -14,14 +14,14 @@ GAP = 0.1  # of a body's longest side: between it and what it is dropped on
 
 
 def next_spare(world: Simulation, last: str | None) -> str:
-    """The part of which a copy is brought in next, in a scene with bodies: of those that one waits of the first
-    after `last`, in turn. Raises SceneError where none waits."""
+    """Return the part whose copy is activated next: the first after `last`, in turn, that has inactive copies. Raises
+    SceneError if there is none."""
     scene = world.scene
     names = list(scene.bodies)
     if not any(part.spare for part in scene.bodies.values()):
         raise SceneError("spare", 0, f"this scene has no spare bodies; set spare = 5 in [{names[0]}] for five")
-    there = copies_there(scene, world.body.inverse_mass)
-    waiting = {copy.name for copy in scene.body_set.copies if not there[copy.number]}
+    active = copies_there(scene, world.body.inverse_mass)
+    waiting = {copy.name for copy in scene.body_set.copies if not active[copy.number]}
     if not waiting:
         name = next(name for name, part in scene.bodies.items() if part.spare)
         raise SceneError(
@@ -34,8 +34,8 @@ def next_spare(world: Simulation, last: str | None) -> str:
 
 
 def drop(world: Simulation, name: str, place: Sequence[float]) -> int:
-    """Bring in a copy of a part at rest, its middle over or under `place` [m], all of it above that. Its number. Raises
-    SceneError."""
+    """Activate a copy of a part at rest, its middle over or under `place` [m], all of it above that. Returns its
+    number. Raises SceneError."""
     part, body_set = world.scene.bodies[name], world.scene.body_set
     first = next(copy for copy in body_set.copies if copy.name == name)
     at_rest = body_set.position[first.particles] - part.places()[0]
@@ -46,6 +46,6 @@ def drop(world: Simulation, name: str, place: Sequence[float]) -> int:
 
 
 def counts_text(world: Simulation) -> str:
-    """How many bodies there are, and how many wait."""
-    told = counts(world.scene, world.body.inverse_mass)
-    return f"{told.bodies} bod{'y' if told.bodies == 1 else 'ies'}, {told.waiting} inactive"
+    """Return the numbers of active and inactive bodies in words."""
+    totals = counts(world.scene, world.body.inverse_mass)
+    return f"{totals.bodies} bod{'y' if totals.bodies == 1 else 'ies'}, {totals.waiting} inactive"

@@ -1,8 +1,8 @@
-"""What steers the worlds of the demo: fields of scenes, and how they are run. Keys (app/window/demo.py) and the panel
+"""Steering of the demo's worlds: fields of scenes, and how they run. Keys (app/window/demo.py) and the panel
 (app/window/panel) both go through here.
 
-A field that is live changes while the world runs. Any other is compiled into a world, which is then opened anew, with the
-state as it was where the masses are still the same.
+A live field changes while the world runs. Any other is compiled into a world, which is then opened anew, with its state
+if the masses are still the same.
 """
 
 from __future__ import annotations
@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from softlab.app.window.hand import Hand
 from softlab.app.window.live import stiffness_paths
+from softlab.app.window.picker import Picker
 from softlab.app.window.poking import Poking
 from softlab.app.window.worlds import STEPS_PER_FRAME
 from softlab.model.core.errors import SoftlabError
@@ -23,27 +23,28 @@ CHANGED = "a setting was changed while it ran"
 
 
 class Steering(Poking):
-    """See `Worlds`. `generation`: how often the worlds became others, of which views are to be made anew; `rebuilt`: whether
-    they were opened with other fields than `scenes`, how they began, say. Never raises for what a user does."""
+    """Worlds whose settings can be changed. `generation`: number of times that the worlds were replaced, so that their
+    views are made anew; `rebuilt`: they were opened with fields other than those of `scenes`. Never raises for what a
+    user does."""
 
     generation = 0
     rebuilt = False
 
     @property
     def changed(self) -> list[Simulation]:
-        """The worlds that are changed: all, or the chosen one alone."""
+        """The worlds that settings change: all, or the chosen one alone."""
         return [self.world] if self.alone else self.worlds
 
     @property
     def whose(self) -> str:
-        """How a message about one world alone begins."""
+        """Prefix of a message about one world alone."""
         return f"{self.titles[self.current]}: " if self.alone else ""
 
     def turn_to(self, number: int) -> None:
-        """The hand and the numbers are in another world from now on."""
+        """Select and report another world from now on."""
         if number != self.current:
             self.release()
-            self.current, self.hand = number, Hand(self.scenes[number].dimensions)
+            self.current, self.picker = number, Picker(self.scenes[number].dimensions)
             self.refresh(force=True)
 
     def choose(self, number: int | None) -> None:
@@ -55,11 +56,11 @@ class Steering(Poking):
     # ------------------------------------------------------------------ fields
 
     def is_live(self, path: str) -> bool:
-        """Whether a field changes while the world runs."""
+        """Return True if a field changes while the world runs."""
         return any(path in LIVE_PATHS[name] for name in self.world.options.live)
 
     def set_field(self, path: str, value: Any) -> bool:
-        """A field of the worlds that are changed, and have that table, live or by opening them anew."""
+        """Set a field of the changed worlds that have its table, live or by opening them anew."""
         if self._blocked():
             return False
         part = path.partition(".")[0]
@@ -74,8 +75,8 @@ class Steering(Poking):
         self.say(f"{self.whose}{path} = {_text(value)}")
         return True
 
-    def set_fields(self, wanted: Sequence[Mapping[str, Any]], told: Callable[[], str]) -> bool:
-        """Other fields of each changed world, which are opened anew in them; `told` of it."""
+    def set_fields(self, wanted: Sequence[Mapping[str, Any]], message: Callable[[], str]) -> bool:
+        """Reopen each changed world with the `wanted` fields, and show `message()`. Returns True on success."""
         if self._blocked():
             return False
         changes = {id(world): fields for world, fields in zip(self.changed, wanted, strict=True)}
@@ -92,7 +93,7 @@ class Steering(Poking):
             return False
         self._moved = True
         self.refresh(force=True)
-        self.say(f"{self.whose}{told()}, " + ("state kept" if same else "restarted because the masses changed"))
+        self.say(f"{self.whose}{message()}, " + ("state kept" if same else "restarted because the masses changed"))
         return True
 
     def _change(self, wanted: Sequence[tuple[Simulation, Mapping[str, Any]]]) -> bool:
@@ -116,19 +117,19 @@ class Steering(Poking):
         return True
 
     def set_steps(self, steps: int) -> None:
-        """Steps per frame, one of STEPS_PER_FRAME."""
+        """Set the steps per frame, one of STEPS_PER_FRAME."""
         self.steps_per_frame = min(STEPS_PER_FRAME, key=lambda known: abs(known - steps))
         self.say(f"{self.steps_per_frame} steps per frame")
 
     def one_step(self) -> None:
-        """A single step of the world with the longest dt, and a pause after it."""
+        """Do a single step of the world with the longest dt, and pause."""
         if self._blocked():
             return
         self.paused = True
         if self._guard(lambda: self._pull_and_advance(1)):
             self._moved = True
             self.refresh(force=True)
-            self.say(f"step {self._pace.step}; press space to continue")
+            self.say(f"step {self._leading_world.step}; press space to continue")
 
     # ------------------------------------------------------------------ how they are run
 
@@ -138,8 +139,8 @@ class Steering(Poking):
         return {"kernel": None, **self._options}
 
     def run_with(self, *, backend: str | None = None, threads: str | None = None, **options: str | None) -> bool:
-        """Another backend, number of threads, `precision`, `math` or `kernel`, with the state as it is. Whether it went well;
-        else the reason is said, and all is as before."""
+        """Change backend, number of threads, `precision`, `math` or `kernel`, with the current state. Returns True on
+        success; else the reason becomes the message, and everything stays."""
         if self._blocked():
             return False
         before = self._options
@@ -173,12 +174,12 @@ class Steering(Poking):
             else:
                 self.disturb(CHANGED)
         self.backend, self.threads = backend, threads
-        self.hand.forget()
+        self.picker.forget()
         self._guard(self._push)
         return True
 
     def show(self, scenes: Sequence[Scene], states: Sequence[State | None] | None = None) -> bool:
-        """Other scenes in place of these, from their start, or from `states`. The old ones go on where that fails."""
+        """Replace the scenes by others, from their start or from `states`. If that fails, the old ones go on."""
         fresh: list[Simulation] = []
         states = states or [None] * len(scenes)
 
@@ -195,7 +196,7 @@ class Steering(Poking):
         return True
 
     def _opened(self, opening: Callable[[], None], fresh: list[Simulation]) -> bool:
-        """Whether `opening` filled `fresh`, which then are the worlds."""
+        """Return True if `opening` filled `fresh`, which then replaces the worlds."""
         if not self._guard(opening):
             for world in fresh:
                 world.close()
@@ -205,16 +206,17 @@ class Steering(Poking):
             world.close()
         return True
 
-    def keep_current(self) -> None:
-        """Of several worlds the current one alone, as it is."""
+    def show_current_only(self) -> None:
+        """Show the current world alone, with its state."""
         self._show_as_it_is(1)
 
     def guarded(self, action: Callable[[], object]) -> bool:
-        """Whether `action` went well; else the reason is said."""
+        """Run `action`. Returns True on success; else the reason becomes the message."""
         return not self._blocked() and self._guard(action)
 
     def goes_on_from(self, load: Callable[[], object], why: str) -> bool:
-        """Whether `load` put the worlds into other states, after which no reference knows them, for the reason `why`."""
+        """Replace the states by `load`, after which no reference is valid, for the reason `why`. Returns True on
+        success."""
         self.release()
         if not self.guarded(load):
             return False
@@ -224,14 +226,14 @@ class Steering(Poking):
         return True
 
     def compare(self) -> bool:
-        """The current world twice, side by side, each as it is now: what is changed from now on is changed in the second."""
+        """Show the current world twice, side by side, with its state; later changes apply to the second."""
         if not self._show_as_it_is(2):
             return False
         self.choose(1)
         return True
 
     def _show_as_it_is(self, times: int) -> bool:
-        """The current world so many times, and no other."""
+        """Show the current world that many times, with its state, and no other."""
         states: list[State] = []
         if not self.guarded(lambda: states.append(self.world.state())):
             return False
@@ -243,7 +245,7 @@ class Steering(Poking):
 
 
 def field_of(world: Simulation, path: str) -> Any:
-    """A field that is live, as it is now."""
+    """Return the current value of a live field."""
     if path == "gravity.enabled":
         return bool(world.scene.gravity and world.scene.gravity.enabled)
     if path in (known := stiffness_paths(world.scene)):
@@ -253,7 +255,7 @@ def field_of(world: Simulation, path: str) -> Any:
 
 
 def _same_masses(scene: Scene, other: Scene) -> bool:
-    """Whether a state of the one is one of the other: as many masses, with the same weights and pins."""
+    """Return True if a state of one scene is valid in the other: as many masses, with the same weights and pins."""
     from softlab.model.core.build import build
 
     one, two = build(scene.whole), build(other.whole)

@@ -21,16 +21,16 @@ from softlab.app.window.controls import Controls
 from softlab.app.window.demo import Demo
 from softlab.app.window.demo_report import demo_state, write_state
 from softlab.app.window.following import Following
-from softlab.app.window.looks import Looks
+from softlab.app.window.idle_redraw import IdleRedraw
 from softlab.app.window.overlay import Overlay
 from softlab.app.window.panes import GAP, Pane, check_alike, panes
 from softlab.app.window.shots import Shots
-from softlab.app.window.shown import Judge, panel_of
-from softlab.app.window.stillness import Stillness
+from softlab.app.window.view_options import ViewOptions
+from softlab.app.window.window_protocol import Judge, panel_of
 from softlab.model.scene.scene import Scene
 
 WIDTH, HEIGHT = 1200, 900
-FOLLOW_SHARE = 0.12  # of the way to the view that shows everything, per frame
+FOLLOW_FRACTION = 0.12  # of the way to the view that shows everything, per frame
 COMPILING_INTERVAL = 0.25  # s between two frames while something is compiled
 STATE_FRAMES = 3  # frames between two writes of the state file
 
@@ -50,7 +50,7 @@ class Viewer:
             self.window.set_minimum_size(480, 360)
             self.views: list[Any] = [view_of(scene, quick=True) for scene in demo.scenes]
             self.drawn_by = ", by software" if by_software(renderer_name()) else ""
-            self.looks = Looks(demo, self.views)
+            self.view_options = ViewOptions(demo, self.views)
             self.overlay = Overlay(self)
         except BaseException:
             self.window.close()
@@ -70,23 +70,23 @@ class Viewer:
         self.following.approach(1.0)
         self.controls = Controls(self)
         self.window.push_handlers(on_draw=self._draw)
-        self.stillness = Stillness(self)
+        self.idle_redraw = IdleRedraw(self)
 
     def frame_everything(self) -> None:
-        """F: show everything now, and follow it from now on."""
+        """Show everything now, and follow it from now on (F)."""
         self.demo.refresh(force=True)
         self.follow = True
         self.following.approach(1.0)
 
     def close(self) -> bool:
-        """Escape: end the event loop; `run` closes the window."""
+        """End the event loop; `run` closes the window (Escape)."""
         self.pyglet.app.exit()
         return True
 
     # ------------------------------------------------------------------ the frame
 
     def _lay_out(self) -> None:
-        """A pane a world, as large as the window is now; several under the numbers, so that all show as much."""
+        """Divide the window into a pane per world; several lie under the numbers, so that all show as much."""
         self.width, self.height = self.window.get_framebuffer_size()
         self.shown_width = max(self.width - self.panel.width, 64)
         several = len(self.demo.worlds) > 1
@@ -94,15 +94,16 @@ class Viewer:
         self.camera.width, self.camera.height = self.panes[0].width, self.panes[0].height
 
     def world_at(self, x: float, y: float) -> int:
-        """The number of the world that is drawn at a place in the window (frame-buffer pixels), or nearest to it."""
+        """Return the number of the world that is drawn at a place in the window (frame-buffer pixels), or nearest to
+        it."""
         return min(range(len(self.panes)), key=lambda number: self.panes[number].away(x, y))
 
     def drop_place(self, x: float, y: float) -> tuple[float, float, float]:
-        """Where D drops a body (see Following)."""
+        """Return the place where D drops a body (see Following)."""
         return self.following.drop_place(x, y)
 
     def _upload(self) -> None:
-        """The state of every world, as it is drawn."""
+        """Send the state of every world to its view."""
         demo = self.demo
         for number, (view, world) in enumerate(zip(self.views, demo.worlds, strict=True)):
             if demo.frozen:  # what is frozen is no world's state any more
@@ -113,7 +114,7 @@ class Viewer:
                 view.upload_from(world, demo.positions[number])
 
     def _draw(self) -> None:
-        """One frame: physics, then the picture, both timed."""
+        """Draw one frame: physics, then the picture, both timed."""
         now = perf_counter()
         self.frame_seconds += 0.1 * (now - self._last_frame - self.frame_seconds)
         self._last_frame = now
@@ -128,7 +129,7 @@ class Viewer:
         self.controls.mouse.pull()
         demo.frame()
         if self.follow:
-            self.following.approach(FOLLOW_SHARE)
+            self.following.approach(FOLLOW_FRACTION)
         self.following.stay_above_ground()
         drawing = self._paint()
         self.overlay.times.add(demo.physics_seconds, drawing)
@@ -141,12 +142,13 @@ class Viewer:
             self.close()
 
     def _renew(self) -> None:
-        """The worlds became others: views of them that look as those before, and, of other scenes, all about them."""
+        """Make views of the new worlds, with the options of those before; for other scenes replace everything about
+        them."""
         demo, before = self.demo, self.views
         self._generation = demo.generation
         space, bodies = demo.world.scene.dimensions == 3, bool(demo.world.scene.bodies)
         self.views = [view_of(world.scene, quick=True) for world in demo.worlds]
-        self.looks.renew(self.views, before, alike=demo.scenes[0].name == self._scenes[0].name)
+        self.view_options.renew(self.views, before, alike=demo.scenes[0].name == self._scenes[0].name)
         for view in before:
             view.delete()
         if (space, bodies) != (self.space, self.bodies):
@@ -196,7 +198,7 @@ class Viewer:
         for number, (view, world, pane) in enumerate(zip(self.views, demo.worlds, self.panes, strict=True)):
             gl.glViewport(pane.left, pane.bottom, pane.width, pane.height)
             self._clear(pane)
-            selected = demo.hand.selected if number == demo.current else None
+            selected = demo.picker.selected if number == demo.current else None
             view.draw(self.camera, demo.statistics.strain_range, selected, world.time)
         gl.glViewport(0, 0, self.width, self.height)
         self.overlay.draw(start)
@@ -217,16 +219,16 @@ class Viewer:
     # ------------------------------------------------------------------ running
 
     def state(self) -> dict[str, Any]:
-        """What the demo is doing and what its window shows, for a state file (see `run_demo`)."""
+        """Return the state of the demo and its window, for a state file (see `run_demo`)."""
         shown = {
             "frame": self.frame_count,
             "window": [self.width, self.height],
             "keys_shown": self.overlay.show_keys,
             "numbers_shown": self.overlay.show_numbers,
             "graph_shown": self.overlay.show_graph,
-            "panel": self.panel.told(),
+            "panel": self.panel.widget_places(),
             "screenshot": str(self.shots.screenshot) if self.shots.screenshot else None,
-            "way": self.views[0].vertices.way,
+            "way": self.views[0].vertices.transfer,
         }
         if self.space:
             shown |= {"lines": self.views[0].lines}
@@ -236,14 +238,16 @@ class Viewer:
             names = ("particles", "skin", "clusters", "links", "colouring")
             shown |= {name: getattr(self.views[0], name) for name in names}
         return (
-            demo_state(self.demo, self.camera, self.panes[self.demo.current], self.height) | self.camera.told() | shown
+            demo_state(self.demo, self.camera, self.panes[self.demo.current], self.height)
+            | self.camera.as_dict()
+            | shown
         )
 
     def _tick(self, passed: float) -> None:
-        """A frame, if there is anything to draw, `passed` [s] after the last one."""
+        """Draw a frame, if there is anything new, `passed` [s] after the last one."""
         if self.compiling.running and perf_counter() < self._last_frame + COMPILING_INTERVAL:
             return  # a processor that draws compiles more slowly
-        if self.frames is not None or self.stillness.wanted(perf_counter()):
+        if self.frames is not None or self.idle_redraw.wanted(perf_counter()):
             self.window.draw(passed)
         else:
             self._last_frame = perf_counter()
@@ -277,9 +281,10 @@ def run_demo(
 ) -> None:
     """Show one or more scenes, side by side, in a window until it is closed, or for `frames` frames.
 
-    `state_file`: a JSON file, replaced every few frames, that tells another program what the demo is doing (its keys:
-    `Viewer.state`). `judge`: (scene, state, None) -> (error, why there is none), for the panel. Raises SceneError (scenes
-    that cannot be side by side), BackendUnavailable (no display, no OpenGL, no GPU) and what opening a scene raises.
+    `state_file`: a JSON file, replaced every few frames, with the state of the demo for another program (its keys:
+    `Viewer.state`). `judge`: (scene, state, None) -> (error, reason if there is none), for the panel. Raises SceneError
+    (scenes that cannot be side by side), BackendUnavailable (no display, no OpenGL, no GPU) and what opening a scene
+    raises.
     """
     check_alike(scenes)
     load_pyglet(False)  # no display: say so before anything is compiled

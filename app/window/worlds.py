@@ -13,27 +13,29 @@ import numpy as np
 
 from softlab.app.driver import open_simulation
 from softlab.app.render.camera import finite_bounds
-from softlab.app.window.hand import Hand
 from softlab.app.window.live import live_parts
 from softlab.app.window.measures import Statistics, measure, measure_picture
 from softlab.app.window.panes import check_alike, titles_of
+from softlab.app.window.picker import Picker
 from softlab.model.core.errors import Diverged, SoftlabError
 from softlab.model.core.simulation import Simulation, State
 from softlab.model.scene.scene import Scene
 
-ALWAYS_KEPT = 50_000  # masses: up to here the last picture that fits is kept in every frame, beyond it when dt is over
+MAX_SNAPSHOT_MASSES = (
+    50_000  # up to here the last picture that fits is stored in every frame, beyond if dt is too large
+)
 WATCHABLE = 3.0  # times the scene's size: what still fits the window, and is shown of a state that diverged
 STEPS_PER_FRAME = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10000)
 FRAME = 1 / 60  # s
 MAX_BATCHES, BODY_BATCHES = 20, 4  # in a frame, while a cloth or a body is pulled
 STATISTICS_INTERVAL = 0.1  # s, at least
-STATISTICS_SHARE = 0.1  # of the time, at most: on large grids energies are looked at less often
+STATISTICS_FRACTION = 0.1  # of the time, at most: on large grids energies are looked at less often
 
 OpenWorld = Callable[..., Simulation]
 
 
 def first_steps(scene: Scene) -> int:
-    """Steps per frame at first: 10, but of bodies of any kind those that come nearest to a frame's time."""
+    """Initial number of steps per frame: 10; for bodies, tetrahedra and fluids that nearest to a frame's time."""
     if not (scene.bodies or scene.tetrahedra or scene.fluids or scene.is_world):
         return 10
     return min(STEPS_PER_FRAME, key=lambda steps: abs(log(steps * scene.method.dt / FRAME)))
@@ -89,12 +91,12 @@ class Worlds:
     _check = staticmethod(check_alike)
 
     def _begin(self, scenes: Sequence[Scene]) -> None:
-        """With the worlds of these scenes, as they are when opened."""
+        """Start with the worlds of these scenes, as they are when opened."""
         self.scenes, self.titles = list(scenes), titles_of(scenes)
         self.current, self.alone = 0, False
         self.statistics = Statistics()
         self.steps_per_frame = first_steps(max(self.scenes, key=lambda scene: scene.method.dt))
-        self._statistics_due, self._look_seconds = 0.0, inf
+        self._statistics_due, self._measure_seconds = 0.0, inf
         self._dropped: str | None = None  # the part of which a body was brought in last
         self._start_anew()
 
@@ -105,12 +107,12 @@ class Worlds:
         self._watchable = [position.copy() for position in self._positions]
         self.failure, self.disturbed = "", ""
         self.frozen = False
-        self.hand = Hand(self.scenes[0].dimensions)
+        self.picker = Picker(self.scenes[0].dimensions)
         self._at = 0  # of the world that is stepped or looked at
         self.refresh(force=True)
 
     def disturb(self, reason: str) -> None:
-        """No reference knows how the worlds move from now on, for this reason (`disturbed`)."""
+        """Record the reason why no reference describes the motion of the worlds from now on."""
         if any(world.step for world in self.worlds):
             self.disturbed = self.disturbed or reason
 
@@ -139,23 +141,23 @@ class Worlds:
 
     @property
     def world(self) -> Simulation:
-        """The one that is picked in, and whose numbers are shown."""
+        """The current world: the picked one, whose numbers are shown."""
         return self.worlds[self.current]
 
     @property
     def position(self) -> np.ndarray:
-        """Of `positions` that world's."""
+        """Positions of the current world."""
         return self.positions[self.current]
 
     def steps_of(self, world: Simulation) -> int:
-        """That a world does in a frame."""
-        if world is self._pace:
+        """Return the number of steps of a world in a frame."""
+        if world is self._leading_world:
             return self.steps_per_frame
-        return self._steps(world, self.steps_per_frame * self._pace.scene.method.dt)
+        return self._steps(world, self.steps_per_frame * self._leading_world.scene.method.dt)
 
     @property
     def positions(self) -> list[np.ndarray]:
-        """As the worlds are now, or as they were when they froze."""
+        """Positions of the worlds now, or when they froze."""
         if self._moved:
             self._read()
         return self._positions
@@ -163,7 +165,7 @@ class Worlds:
     # ------------------------------------------------------------------ the frame
 
     def frame(self) -> None:
-        """The physics of one frame: `steps_per_frame` steps of every world."""
+        """Do the physics of one frame: `steps_per_frame` steps of every world."""
         self.physics_seconds = 0.0
         if self.frozen:
             return  # the picture stays as it was when the state went bad
@@ -178,7 +180,7 @@ class Worlds:
             self.refresh()
 
     def _step(self) -> None:
-        """The steps of a frame, the held force renewed before each of its batches."""
+        """Do the steps of a frame; the force of a poke is renewed before each batch."""
         done = 0
         for batch in range(1, self._batches() + 1):
             if done:
@@ -190,37 +192,41 @@ class Worlds:
             done += steps
 
     def _batches(self) -> int:
-        """Of a frame's steps. A cloth gives way to a pull across it without resistance, and little dampens it: it would swing
-        up about the pointer, were the force as old as a frame. A body weighs more than what is pulled of it."""
-        if self.hand.held is None or self.world.scene.dimensions == 2:
+        """Return the number of batches into which a frame's steps are divided.
+
+        A cloth does not resist a pull across it, and little dampens it: with a force as old as a frame it would swing
+        up about the pointer. A body is heavier than its pulled part.
+        """
+        if self.picker.poke is None or self.world.scene.dimensions == 2:
             return 1
         return min(self.steps_per_frame, BODY_BATCHES if self.world.scene.bodies else MAX_BATCHES)
 
     @property
-    def _pace(self) -> Simulation:
-        """The world whose steps are counted: the one with the longest."""
+    def _leading_world(self) -> Simulation:
+        """The world whose steps are counted: the one with the longest step."""
         return max(self.worlds, key=lambda world: world.scene.method.dt)
 
     @staticmethod
     def _steps(world: Simulation, seconds: float) -> int:
-        """That come nearest to so much time; not more than a frame may have, since dt can be made as short as one likes."""
+        """Return the steps of a world that come nearest to this time, at most as many as a frame may have, since dt can
+        be arbitrarily short."""
         return min(max(round(seconds / world.scene.method.dt), 0), STEPS_PER_FRAME[-1])
 
     def _pull_and_advance(self, steps: int) -> None:
-        pace = self._pace
-        seconds = steps * pace.scene.method.dt
-        until = pace.time + seconds
-        self.hand.pull(self.world, seconds)
+        leader = self._leading_world
+        seconds = steps * leader.scene.method.dt
+        until = leader.time + seconds
+        self.picker.pull(self.world, seconds)
         for number, world in enumerate(self.worlds):
             self._at = number
-            world.advance(steps if world is pace else self._steps(world, until - world.time))
+            world.advance(steps if world is leader else self._steps(world, until - world.time))
         for number, world in enumerate(self.worlds):
             self._at = number
             world.synchronize()
 
     def _keeps_pictures(self) -> bool:
-        """Whether the last picture that fits the window is kept in every frame."""
-        return any(map(_over_limit, self.worlds)) or sum(map(len, self._positions)) <= ALWAYS_KEPT
+        """Return True if the last picture that fits the window is stored in every frame."""
+        return any(map(_over_limit, self.worlds)) or sum(map(len, self._positions)) <= MAX_SNAPSHOT_MASSES
 
     def _read(self) -> None:
         self._moved = False
@@ -237,24 +243,24 @@ class Worlds:
     def over_limit(self) -> bool:
         return _over_limit(self.world)
 
-    def _hold_time(self) -> float:
-        """For which a held force stays as it is [s]."""
-        return self.steps_per_frame // self._batches() * self._pace.scene.method.dt
+    def _force_interval(self) -> float:
+        """Time for which a force stays constant [s]."""
+        return self.steps_per_frame // self._batches() * self._leading_world.scene.method.dt
 
     def _push(self) -> None:
-        positions = self.positions if self.hand.held else self._positions  # with nothing held not looked at
-        self.hand.push(self.world, positions[self.current], self._hold_time())
+        positions = self.positions if self.picker.poke else self._positions  # with nothing held not looked at
+        self.picker.push(self.world, positions[self.current], self._force_interval())
 
     def refresh(self, force: bool = False) -> None:
-        """Energies, strain and bounds, if they are due (they need the whole state on the host)."""
+        """Measure energies, strain and bounds, if they are due (they need the whole state on the host)."""
         now = perf_counter()
         if self.frozen or (now < self._statistics_due and not force):
             return
         self._guard(self._measure)
         cost = perf_counter() - now
-        usual = min(cost, self._look_seconds)  # one that waits for a compiler tells nothing of the next
-        self._look_seconds = cost
-        self._statistics_due = now + max(STATISTICS_INTERVAL, usual / STATISTICS_SHARE)
+        usual = min(cost, self._measure_seconds)  # one that waits for a compiler tells nothing of the next
+        self._measure_seconds = cost
+        self._statistics_due = now + max(STATISTICS_INTERVAL, usual / STATISTICS_FRACTION)
 
     def _measure(self) -> None:
         self._at, before = self.current, self.statistics.faults
@@ -263,7 +269,8 @@ class Worlds:
             self.say(f"incomplete: {self.statistics.faults}; press R to restart")
 
     def _guard(self, action: Callable[[], object]) -> bool:
-        """Do `action`; on one of the lab's errors say so (and freeze, if the state diverged). True if it went well."""
+        """Do `action`. On one of the lab's errors show its message (and freeze, if the state diverged). Returns True on
+        success."""
         try:
             action()
         except Diverged as error:
@@ -283,7 +290,7 @@ class Worlds:
     def _freeze(self, failure: str) -> None:
         self.frozen, self.failure = True, failure
         self.message = ""
-        self.hand.held = None
+        self.picker.poke = None
         self._moved = False  # what is shown from now on is no world's state
         for position, watchable in zip(self._positions, self._watchable, strict=True):
             position[...] = watchable

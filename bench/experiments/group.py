@@ -201,7 +201,7 @@ class GroupRunner:
 
     def _tell_drawing(self, case: Case, drawn: Renderer) -> None:
         """Who drew, how large, and how the state came there."""
-        who, way = (getattr(drawn, name, "unknown") for name in ("renderer", "way"))
+        who, way = (getattr(drawn, name, "unknown") for name in ("renderer", "transfer"))
         self._keep(case, {DRAWN_BY: (None, "", f"{who}, {PICTURE[0]} x {PICTURE[1]} pixels, {way}")})
 
     def _renderer(self, case: Case, stack: ExitStack) -> Renderer | str:

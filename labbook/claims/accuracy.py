@@ -21,7 +21,7 @@ FAMILIES = ("explicit", "position-based", "implicit")
 SCENE = "S1"  # the scene whose numbers the text quotes; tables have both
 
 
-def found_points(results: Results) -> list[Point]:
+def quoted_points(results: Results) -> list[Point]:
     """Return the accuracy runs of the chapter's source, for the scene that the text quotes."""
     source = accurate_source(results)
     return points(source, SCENE) if source else []
@@ -29,11 +29,11 @@ def found_points(results: Results) -> list[Point]:
 
 def lab_newton(results: Results) -> Claim:
     """Error and order of the hand-out's step against Newton's law."""
-    mine = order_points(found_points(results), "lab")
-    order = observed_order([(p.dt, p.error) for p in mine])
+    runs = order_points(quoted_points(results), "lab")
+    order = observed_order([(p.dt, p.error) for p in runs])
     if order is None:
         return Claim("The hand-out's step was not compared with Newton's law.")
-    coarse, fine = max(mine, key=lambda p: p.dt), min(mine, key=lambda p: p.dt)
+    coarse, fine = max(runs, key=lambda p: p.dt), min(runs, key=lambda p: p.dt)
     flat = abs(order) < NEAR
     text = (
         f"In {SCENE}, its error against Newton's law is {number(coarse.error, 2)} spacings at "
@@ -45,11 +45,11 @@ def lab_newton(results: Results) -> Claim:
 
 def lab_half(results: Results) -> Claim:
     """Error and order of the hand-out's step against the equation with half the acceleration."""
-    mine = [p for p in order_points(found_points(results), "lab") if p.half]
-    order = observed_order([(p.dt, p.half or 0.0) for p in mine])
+    runs = [p for p in order_points(quoted_points(results), "lab") if p.half]
+    order = observed_order([(p.dt, p.half or 0.0) for p in runs])
     if order is None:
         return Claim("It was not compared with the equation with half the acceleration.")
-    fine = min(mine, key=lambda p: p.dt)
+    fine = min(runs, key=lambda p: p.dt)
     first = abs(order - 1) < NEAR
     text = (
         f"Against the equation with half the acceleration it is {number(fine.half or 0.0, 2)} spacings at "
@@ -61,10 +61,10 @@ def lab_half(results: Results) -> Claim:
 
 def orders(results: Results) -> Claim:
     """Observed and declared orders of the integrators that have a declared order."""
-    found = found_points(results)
+    runs = quoted_points(results)
     parts, numbers, near = [], {}, True
     for name in ("semi-implicit-euler", "velocity-verlet", "rk4"):
-        order = observed_order([(p.dt, p.error) for p in order_points(found, name) if p.resolved])
+        order = observed_order([(p.dt, p.error) for p in order_points(runs, name) if p.resolved])
         if order is not None:
             parts.append(f"{order:.2f} for {name} (declared {INTEGRATORS[name].order})")
             numbers[name] = order
@@ -77,22 +77,22 @@ def orders(results: Results) -> Claim:
 
 def broken(results: Results) -> Claim:
     """Number of diverged runs, and their integrators."""
-    found = found_points(results)
-    lost = [p for p in found if p.diverged]
-    if not found:
+    runs = quoted_points(results)
+    lost = [p for p in runs if p.diverged]
+    if not runs:
         return Claim("No accuracy runs were measured.")
     names = list(dict.fromkeys(p.integrator for p in lost))
     if not lost:
-        return Claim(f"None of the {len(found)} runs of {SCENE} diverged.", {"diverged": 0}, True)
-    text = f"Of the {len(found)} runs of {SCENE}, {len(lost)} diverged, all with {words.listed(names)}."
+        return Claim(f"None of the {len(runs)} runs of {SCENE} diverged.", {"diverged": 0}, True)
+    text = f"Of the {len(runs)} runs of {SCENE}, {len(lost)} diverged, all with {words.listed(names)}."
     return Claim(text, {"diverged": len(lost)}, True)
 
 
 def float32_floor(results: Results) -> Claim:
     """Resolution of float32: the smallest errors of rk4 in float32 and in float64."""
-    found = [p for p in found_points(results) if p.integrator == "rk4" and not p.diverged and p.backend == "cpu"]
+    runs = [p for p in quoted_points(results) if p.integrator == "rk4" and not p.diverged and p.backend == "cpu"]
     least = {
-        precision: min((p for p in found if p.precision == precision), key=lambda p: p.error, default=None)
+        precision: min((p for p in runs if p.precision == precision), key=lambda p: p.error, default=None)
         for precision in ("float32", "float64")
     }
     single, double = least["float32"], least["float64"]
@@ -110,11 +110,11 @@ def float32_floor(results: Results) -> Claim:
 
 def fastest(results: Results, target: float = 1e-3) -> Claim:
     """Fastest configuration that reaches an error, and whether the next integrator is clearly slower."""
-    able = reaching(found_points(results), target)
+    able = reaching(quoted_points(results), target)
     at = f"An error of {number(target, 1)} spacings in {SCENE}"
     if not able:
         return Claim(
-            f"{at} was reached by no timed configuration." if found_points(results) else "No costs were measured."
+            f"{at} was reached by no timed configuration." if quoted_points(results) else "No costs were measured."
         )
     best = able[0]
     other = next((p for p in able if p.integrator != best.integrator), None)
@@ -157,15 +157,15 @@ def equal_error(results: Results, target: float = 1e-3) -> Claim:
             and not small(ratio)
             and ((row.cpu.low or 0) > (row.gpu.high or 0) or (row.cpu.high or 0) < (row.gpu.low or 0))
         )
-        told = _times_as_fast(ratio) if clear else "GPU and CPU differ by no more than measurement noise"
+        comparison = _times_as_fast(ratio) if clear else "GPU and CPU differ by no more than measurement noise"
         if row.speed_up_copied is not None:
             numbers[f"copied{name}"] = row.speed_up_copied
             whole = "" if parts else " of the end state to the host"
             marked = suspicion([row.cpu, row.gpu, row.cpu_copied, row.gpu_copied], "; suspect")
-            told += f" ({words.times(row.speed_up_copied)} with the copy{whole}{marked})"
+            comparison += f" ({words.times(row.speed_up_copied)} with the copy{whole}{marked})"
         else:
-            told += suspicion([row.cpu, row.gpu], MARK)
-        parts.append(f"{words.masses(SIZES.get(label, (label, SIDE))[1] ** 2)}: {told}")
+            comparison += suspicion([row.cpu, row.gpu], MARK)
+        parts.append(f"{words.masses(SIZES.get(label, (label, SIDE))[1] ** 2)}: {comparison}")
     text = (
         f"{on_gpu(source)} and the {source.processor}, at an error of {number(target, 1)} spacings in {SCENE} and with the "
         f"fastest configuration of each, at {'; at '.join(parts)}."
@@ -217,10 +217,10 @@ def rope(results: Results, target: float = 1e-1) -> Claim:
     for source in results.everyone:
         (row,) = ways_to(points(source, "S6"), [target])
         if row.speed_up is not None:
-            told = _times_as_fast(row.speed_up) + suspicion([row.cpu, row.gpu], MARK)
+            comparison = _times_as_fast(row.speed_up) + suspicion([row.cpu, row.gpu], MARK)
             text = (
-                f"On {_machines(source)}, at an error of {number(target, 1)} spacings in S6, a rope of {masses}, {told} "
-                f"(admitted: {admitted(scene)})."
+                f"On {_machines(source)}, at an error of {number(target, 1)} spacings in S6, a rope of {masses}, "
+                f"{comparison} (admitted: {admitted(scene)})."
             )
             return Claim(text, {"ratio": row.speed_up}, True)
     return Claim("GPU and CPU were not compared on the stiff rope.")

@@ -19,20 +19,20 @@ def costs_of(results: Results) -> Claim:
     parts: list[str] = []
     numbers: dict[str, float] = {}
     busy = False
-    for backend, source, found in on_backends(results, on):
+    for backend, source, costs in on_backends(results, on):
         near: dict[str, Cost] = {}
-        for cost in sorted((c for c in found if c.close), key=lambda c: c.frame):
+        for cost in sorted((c for c in costs if c.close), key=lambda c: c.frame):
             near.setdefault(cost.solver, cost)
         if near:
             numbers |= {f"{backend} {name}": cost.frame for name, cost in near.items()}
-            told = [f"{words.seconds(cost.frame)} ({name}, {_substeps(cost)})" for name, cost in near.items()]
-            parts.append(f"on {where(backend, source)} {words.listed(told)}")
+            frames = [f"{words.seconds(cost.frame)} ({name}, {_substeps(cost)})" for name, cost in near.items()]
+            parts.append(f"on {where(backend, source)} {words.listed(frames)}")
             busy = busy or any(cost.suspect for cost in near.values())
-            judged = {c.solver for c in found if None not in (c.sag, c.frequency)}
-            never = [name for name in dict.fromkeys(c.solver for c in found) if name in judged - near.keys()]
+            judged = {c.solver for c in costs if None not in (c.sag, c.frequency)}
+            never = [name for name in dict.fromkeys(c.solver for c in costs) if name in judged - near.keys()]
             if never:
                 parts[-1] += f"; {_named(never)} {'is' if len(never) == 1 else 'are'} not so near"
-            timed = [name for name in dict.fromkeys(c.solver for c in found) if name not in judged]
+            timed = [name for name in dict.fromkeys(c.solver for c in costs) if name not in judged]
             if timed:
                 parts[-1] += f"; of {_named(timed)} the time alone was measured"
     if not parts:

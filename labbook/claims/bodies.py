@@ -33,16 +33,16 @@ EQUAL = 1e-6  # relative: largest difference between two backends in exact math
 
 def measured_bars(results: Results) -> list[Bar]:
     """Return the rows that the chapter uses, from one backend."""
-    found, _ = bars(results)
-    return first_backend(found) if found else []
+    rows, _ = bars(results)
+    return first_backend(rows) if rows else []
 
 
 def _strips(results: Results, solver: str, size: float = 1) -> list[Bar]:
     return series(measured_bars(results), solver, lambda bar: bar.fine, size=size)
 
 
-def _one(found: list[Bar], fine: int, substeps: int) -> Bar | None:
-    return next((bar for bar in found if (bar.fine, bar.substeps) == (fine, substeps)), None)
+def _one(rows: list[Bar], fine: int, substeps: int) -> Bar | None:
+    return next((bar for bar in rows if (bar.fine, bar.substeps) == (fine, substeps)), None)
 
 
 def _off(bar: Bar, name: str, exact: float) -> float:
@@ -86,13 +86,13 @@ def iterations(results: Results) -> Claim:
 
     Too few substeps make the bar softer, and more so the finer it is.
     """
-    found = {name: _strips(results, name) for name in ("xpbd", "xpbd, converged")}
-    few = [bar for bar in found["xpbd"] if bar.fine == SOME_LINKS and SAG in bar.values]
-    fine = [bar for bar in found["xpbd"] if bar.substeps == FINEST and SAG in bar.values]
+    by_solver = {name: _strips(results, name) for name in ("xpbd", "xpbd, converged")}
+    few = [bar for bar in by_solver["xpbd"] if bar.fine == SOME_LINKS and SAG in bar.values]
+    fine = [bar for bar in by_solver["xpbd"] if bar.substeps == FINEST and SAG in bar.values]
     if len(few) < 2 or len({bar.fine for bar in fine} | {SOME_LINKS}) < 2 or _one(few, SOME_LINKS, FINEST) is None:
         return Claim("One iteration of XPBD a substep was not measured on the bar.")
     worst, finest = min(few, key=lambda b: b.substeps), max(fine, key=lambda b: b.fine)
-    right = _one(found["xpbd, converged"], worst.fine, worst.substeps)
+    right = _one(by_solver["xpbd, converged"], worst.fine, worst.substeps)
     numbers = {
         "few": worst.values[SAG] / chain_sag(worst.fine), "fine": finest.values[SAG] / chain_sag(finest.fine),
         "converged": right.values[SAG] / chain_sag(right.fine) if right and SAG in right.values else 1.0,
@@ -104,8 +104,8 @@ def iterations(results: Results) -> Claim:
         f"and {percent(numbers['fine'] - 1)} with {finest.fine}"
     )
     grows = numbers["few"] > 1.1 and numbers["fine"] > _sag(few, FINEST)
-    told = ": an iteration carries a load on by a mass or a colour, so that a finer bar asks for more of them."
-    return Claim(text + (told if grows else "."), numbers, grows)
+    reason = ": an iteration carries a load on by a mass or a colour, so that a finer bar asks for more of them."
+    return Claim(text + (reason if grows else "."), numbers, grows)
 
 
 def substeps_of(bar: Bar) -> str:
@@ -113,27 +113,27 @@ def substeps_of(bar: Bar) -> str:
     return f"{bar.substeps} substep{'' if bar.substeps == 1 else 's'}"
 
 
-def _sag(found: list[Bar], substeps: int) -> float:
+def _sag(rows: list[Bar], substeps: int) -> float:
     """Return the sag over the chain's, of SOME_LINKS with that many substeps; 1 where it was not measured."""
-    bar = _one(found, SOME_LINKS, substeps)
+    bar = _one(rows, SOME_LINKS, substeps)
     return bar.values[SAG] / chain_sag(bar.fine) if bar and SAG in bar.values else 1.0
 
 
 def windows(results: Results) -> Claim:
     """Agreement of the lattice of clusters with its linear system; effect of cut-off windows and of too few substeps."""
-    found = [
+    lattices = [
         bar for bar in measured_bars(results) if bar.solver == "shape-matching" and {SAG, FREQUENCY} <= set(bar.values)
     ]
-    if not found:
+    if not lattices:
         return Claim("A bar by shape matching was not measured.")
     sags, swings = [], []
-    for bar in found:
+    for bar in lattices:
         method = method_of(bar.solver, bar.substeps, region=int(bar.size))
         sag, frequency = chain_of_clusters(strip(bar.fine, method))
         sags.append(_off(bar, SAG, sag))
         swings.append(_off(bar, FREQUENCY, frequency))
-    large = max(found, key=lambda b: (b.size, -b.fine, b.substeps))
-    small = _one([b for b in found if b.size == 1], large.fine, large.substeps)
+    large = max(lattices, key=lambda b: (b.size, -b.fine, b.substeps))
+    small = _one([b for b in lattices if b.size == 1], large.fine, large.substeps)
     numbers = {"sag": max(sags), "frequency": max(swings), "largest": large.part(SAG) or 0.0}
     text = (
         f"Shape matching is the linear system of its clusters: sags agree with it to {number(max(sags), 1)}, frequencies to "
@@ -158,10 +158,10 @@ def shear(results: Results) -> Claim:
     """Displacement of a bar that is fixed at its side: springs hang down, clusters bend."""
     hanging: list[Bar] = []
     bending: list[Bar] = []
-    for solver, found in (("mass-spring", hanging), ("xpbd", hanging), ("shape-matching", bending)):
+    for solver, group in (("mass-spring", hanging), ("xpbd", hanging), ("shape-matching", bending)):
         bar = _one(_strips(results, solver), SOME_LINKS, FINEST)
         if bar and ACROSS in bar.values:
-            found.append(bar)
+            group.append(bar)
     if not hanging or not bending:
         return Claim("What resists shear was not measured.")
     least, clusters = min(bar.values[ACROSS] for bar in hanging), bending[0]
@@ -180,12 +180,12 @@ def losses(results: Results) -> Claim:
     """Damping of an undamped vibration by each solver."""
     parts, numbers = [], {}
     for solver, name in (("mass-spring", "mass-spring"), ("xpbd", "XPBD"), ("shape-matching", "shape matching")):
-        found = [bar for bar in _strips(results, solver) if bar.fine == SOME_LINKS and DECAY in bar.values]
-        bar = _one(found, SOME_LINKS, FINEST)
+        rows = [bar for bar in _strips(results, solver) if bar.fine == SOME_LINKS and DECAY in bar.values]
+        bar = _one(rows, SOME_LINKS, FINEST)
         if bar:
             numbers[solver] = abs(bar.values[DECAY])
-            told = "nothing" if numbers[solver] < 1e-9 else f"{number(numbers[solver], 2)} of it a second"
-            parts.append(f"{name} takes {told}")
+            loss = "nothing" if numbers[solver] < 1e-9 else f"{number(numbers[solver], 2)} of it a second"
+            parts.append(f"{name} takes {loss}")
     if len(parts) < 3:
         return Claim("The damping of the bar's swing by the solvers was not measured.")
     text = f"Of the amplitude of an undamped swing, at {FINEST} steps or substeps a frame, {words.listed(parts)}."
@@ -194,8 +194,8 @@ def losses(results: Results) -> Claim:
 
 def overlap(results: Results) -> Claim:
     """Stiffness of the jelly bar against overlap and spacing, and where clusters give one material."""
-    found = [bar for bar in measured_bars(results) if bar.solver == JELLY and FREQUENCY in bar.values]
-    by_size = [b for b in found if (b.fine, b.substeps) == (SOME_LAYERS, FINEST)]
+    jellies = [bar for bar in measured_bars(results) if bar.solver == JELLY and FREQUENCY in bar.values]
+    by_size = [b for b in jellies if (b.fine, b.substeps) == (SOME_LAYERS, FINEST)]
     if len(by_size) < 2:
         return Claim("A jelly bar was not measured at several overlaps.")
     by_size.sort(key=lambda b: b.size)
@@ -216,10 +216,12 @@ def overlap(results: Results) -> Claim:
 
 def tetrahedra(results: Results) -> Claim:
     """Comparison of the bar of tetrahedra with the rod's material in sag and frequency, and with the beam in bending."""
-    found = {name: _strips(results, f"tetrahedra, {name}") for name in ("xpbd", "newton")}
-    finest = {name: _one(some, SOME_VOXELS, FINEST) for name, some in found.items()}
+    by_solver = {name: _strips(results, f"tetrahedra, {name}") for name in ("xpbd", "newton")}
+    finest = {name: _one(some, SOME_VOXELS, FINEST) for name, some in by_solver.items()}
     few = min(
-        (b for b in found["xpbd"] if b.fine == SOME_VOXELS and SAG in b.values), key=lambda b: b.substeps, default=None
+        (b for b in by_solver["xpbd"] if b.fine == SOME_VOXELS and SAG in b.values),
+        key=lambda b: b.substeps,
+        default=None,
     )
     rows, newton = finest["xpbd"], finest["newton"]
     if few is None or rows is None or newton is None or not {SAG, FREQUENCY} <= set(rows.values) & set(newton.values):
@@ -234,25 +236,25 @@ def tetrahedra(results: Results) -> Claim:
         f"{number(numbers['rows'], 4)} times with one position-based sweep at {substeps_of(few)} and at {FINEST}, and "
         f"swings at {percent(numbers['frequency'])} of a rod's frequency"
     )
-    bent = [b for b in found["newton"] if ACROSS in b.values]
+    bent = [b for b in by_solver["newton"] if ACROSS in b.values]
     if bent:
         numbers |= {f"across {b.fine}": b.part(ACROSS) or 0.0 for b in bent}
-        told = words.listed([f"{percent(b.part(ACROSS) or 0.0)} with {b.fine}" for b in bent])
-        text += f"; loaded across, solved to the end, it bends by {told} voxels of what a beam does: the mesh locks"
+        bends = words.listed([f"{percent(b.part(ACROSS) or 0.0)} with {b.fine}" for b in bent])
+        text += f"; loaded across, solved to the end, it bends by {bends} voxels of what a beam does: the mesh locks"
     return Claim(text + ".", numbers, abs(numbers["newton"] - 1) < 0.02 < numbers["few"] - 1)
 
 
 def backends(results: Results) -> Claim:
     """Largest difference between the results of both backends."""
-    held: dict[object, dict[str, Bar]] = {}
+    by_setting: dict[object, dict[str, Bar]] = {}
     for bar in bars(results)[0]:
         key = (bar.precision, bar.solver, bar.fine, bar.size, bar.substeps, bar.law)
-        held.setdefault(key, {})[bar.backend] = bar
-    if not held:
+        by_setting.setdefault(key, {})[bar.backend] = bar
+    if not by_setting:
         return Claim("The bar was not measured on any backend.")
-    both = [pair for pair in held.values() if len(pair) == 2]
+    both = [pair for pair in by_setting.values() if len(pair) == 2]
     if not both:
-        (name,) = {name for pair in held.values() for name in pair} or {"cpu"}
+        (name,) = {name for pair in by_setting.values() for name in pair} or {"cpu"}
         return Claim(f"These are of the {name.upper()} alone, so that the backends are not compared.")
     off = 0.0
     for pair in both:

@@ -13,52 +13,52 @@ from softlab.plots.core.data import Results
 
 def _laws(results: Results, law: str) -> list[Bar]:
     """Return the float64 rows of a law, by substeps."""
-    found = [bar for bar in measured_bars(results) if bar.law == law]
-    return sorted((b for b in found if b.precision == "float64"), key=lambda b: b.substeps)
+    rows = [bar for bar in measured_bars(results) if bar.law == law]
+    return sorted((b for b in rows if b.precision == "float64"), key=lambda b: b.substeps)
 
 
 def spin(results: Results) -> Claim:
     """S7 and A8: loss of spin of a rigid body, compared with its law."""
-    found = [bar for bar in _laws(results, SPIN) if {KEPT, SPIN_LAW} <= set(bar.values)]
-    if not found:
+    rows = [bar for bar in _laws(results, SPIN) if {KEPT, SPIN_LAW} <= set(bar.values)]
+    if not rows:
         return Claim("The spin of a rigid body was not measured.")
-    off = max(abs(bar.values[KEPT] - bar.values[SPIN_LAW]) for bar in found)
-    parts = [f"{percent(bar.values[KEPT])} at {substeps_of(bar)} a frame" for bar in found]
+    off = max(abs(bar.values[KEPT] - bar.values[SPIN_LAW]) for bar in rows)
+    parts = [f"{percent(bar.values[KEPT])} at {substeps_of(bar)} a frame" for bar in rows]
     return Claim(
         f"A rigid body that turns once a second keeps, after {seconds(SECONDS[SPIN], 1)}, {words.listed(parts)} of its spin. "
         f"Newton's law keeps all of it; the loss agrees with the law of the method to {number(off, 1)}.",
-        {"off": off, "kept": found[-1].values[KEPT]}, off < EQUAL,
+        {"off": off, "kept": rows[-1].values[KEPT]}, off < EQUAL,
     )  # fmt: skip
 
 
 def flight(results: Results) -> Claim:
     """Linear and angular momentum of a thrown, spinning soft body."""
-    found = [bar for bar in _laws(results, FLIGHT) if {KEPT, MOMENTUM} <= set(bar.values)]
-    if not found:
+    rows = [bar for bar in _laws(results, FLIGHT) if {KEPT, MOMENTUM} <= set(bar.values)]
+    if not rows:
         return Claim("The momenta of a thrown soft body were not measured.")
-    off = max(bar.values[MOMENTUM] for bar in found)
-    parts = [f"{percent(1 - bar.values[KEPT])} at {substeps_of(bar)} a frame" for bar in found]
+    off = max(bar.values[MOMENTUM] for bar in rows)
+    parts = [f"{percent(1 - bar.values[KEPT])} at {substeps_of(bar)} a frame" for bar in rows]
     return Claim(
         f"A soft body that is thrown spinning keeps its linear momentum to {number(off, 1)} of what gravity adds; it loses "
         f"{words.listed(parts)} of its angular momentum within {seconds(SECONDS[FLIGHT], 1)}, as position-based solvers do.",
-        {"momentum": off, "kept": found[-1].values[KEPT]}, off < EQUAL,
+        {"momentum": off, "kept": rows[-1].values[KEPT]}, off < EQUAL,
     )  # fmt: skip
 
 
 def rest(results: Results) -> Claim:
     """Kinetic energy of a dropped soft body, and whether it comes to rest."""
-    found = [bar for bar in _laws(results, DROP) if ENERGY in bar.values]
-    if not found:
+    rows = [bar for bar in _laws(results, DROP) if ENERGY in bar.values]
+    if not rows:
         return Claim("Whether a dropped soft body comes to rest was not measured.")
-    parts = [f"{number(bar.values[ENERGY], 1)} at {substeps_of(bar)} a frame" for bar in found]
-    still = [bar for bar in found if bar.values[ENERGY] < STILL]
+    parts = [f"{number(bar.values[ENERGY], 1)} at {substeps_of(bar)} a frame" for bar in rows]
+    still = [bar for bar in rows if bar.values[ENERGY] < STILL]
     text = (
         f"A soft body that was dropped has, after {seconds(SECONDS[DROP], 2)}, a kinetic energy of {words.listed(parts)} of "
         f"the drop's; less than {number(STILL, 1)} counts as rest"
     )
-    if 0 < len(still) < len(found):
+    if 0 < len(still) < len(rows):
         text += ": nothing in that scene damps but friction and the step itself, and smaller steps damp less"
-    numbers = {str(bar.substeps): bar.values[ENERGY] for bar in found}
+    numbers = {str(bar.substeps): bar.values[ENERGY] for bar in rows}
     return Claim(text + ".", numbers, bool(still))
 
 

@@ -16,20 +16,20 @@ NAMES = {
 
 def busy(results: Results) -> Claim:
     """Largest ratio of a step's time on all threads to that on one, for each kind of other program."""
-    found: list[BusyPoint] = []
+    measured: list[BusyPoint] = []
     for source in results.everyone:
-        found = found or points(source.measures)
-    if not found:
+        measured = measured or points(source.measures)
+    if not measured:
         return Claim("What another program costs threads was not measured.")
     parts, numbers = [], {}
     for kind, name in NAMES.items():
-        mine = [p for p in found if p.beside == kind]
-        if mine:
-            worst = max(mine, key=lambda p: p.ratio)
+        of_kind = [p for p in measured if p.beside == kind]
+        if of_kind:
+            worst = max(of_kind, key=lambda p: p.ratio)
             numbers[kind] = worst.ratio
             parts.append(f"{name} at most {words.number(worst.ratio)} times ({worst.scene})")
-    policies = words.listed(sorted({p.wait_policy for p in found}))
-    scenes, threads = len({p.scene for p in found}), words.listed(sorted({str(p.threads) for p in found}))
+    policies = words.listed(sorted({p.wait_policy for p in measured}))
+    scenes, threads = len({p.scene for p in measured}), words.listed(sorted({str(p.threads) for p in measured}))
     text = (
         f"Compared with one thread under the same load, a step on {threads} threads takes {words.listed(parts)} as long: the "
         f"worst of {words.count(scenes)} scenes, wait policy {policies}."

@@ -38,9 +38,9 @@ Claims = dict[str, Callable[[Results], Claim]]  # claims of a module by name
 
 def cpu_source(results: Results) -> Source | None:
     """Return the machine whose CPU times the text quotes: the first featured one with any, at least of forced kernels."""
-    for held in ("timings", "kernels"):
+    for kind in ("timings", "kernels"):
         for source in results.featured:
-            if any(timing.backend == "cpu" for timing in getattr(source, held)):
+            if any(timing.backend == "cpu" for timing in getattr(source, kind)):
                 return source
     return None
 
@@ -75,13 +75,13 @@ MARK = " (suspect)"  # for one of several in a sentence
 SUSPECT = " (from times that are marked as suspect)"
 
 
-def trusted(found: Sequence[tuple[Timing, ...]]) -> tuple[list[tuple[Timing, ...]], str]:
+def trusted(comparisons: Sequence[tuple[Timing, ...]]) -> tuple[list[tuple[Timing, ...]], str]:
     """Return the comparisons without a suspect time and an empty string.
 
     If every comparison has a suspect time: all of them, and the words that say so.
     """
-    clean = [timings for timings in found if not any(is_suspect(timing) for timing in timings)]
-    return (clean, "") if clean else (list(found), SUSPECT if found else "")
+    clean = [timings for timings in comparisons if not any(is_suspect(timing) for timing in timings)]
+    return (clean, "") if clean else (list(comparisons), SUSPECT if comparisons else "")
 
 
 def suspicion(points: Iterable[AccuracyPoint | None], said: str = SUSPECT) -> str:
@@ -100,15 +100,15 @@ def thread_pairs(source: Source, word: str) -> list[tuple[Timing, Timing]]:
 def threads_at(results: Results, end: int) -> Claim:
     """2x and 4x threads compared with 1x, at the smallest (`end` 0) or largest (-1) size that all were measured at."""
     source = cpu_source(results)
-    found = {word: trusted(thread_pairs(source, word)) for word in THREAD_WORDS[1:]} if source else {}
-    found = {word: both for word, both in found.items() if both[0]}
-    sizes = [{base.particles for base, _ in both} for both, _ in found.values()]
+    by_word = {word: trusted(thread_pairs(source, word)) for word in THREAD_WORDS[1:]} if source else {}
+    by_word = {word: both for word, both in by_word.items() if both[0]}
+    sizes = [{base.particles for base, _ in both} for both, _ in by_word.values()]
     shared = sorted(set.intersection(*sizes)) if sizes else []
     if source is None or not shared:
         return Claim("More threads than cores were not measured.")
     size = shared[end]
     parts, same, numbers, supported = [], [], {}, True
-    for word, (both, suspect) in found.items():
+    for word, (both, suspect) in by_word.items():
         base, more = next(pair for pair in both if pair[0].particles == size)
         verdict = apart(more, base)
         ratio = more.median / base.median
@@ -131,18 +131,18 @@ def threads_at(results: Results, end: int) -> Claim:
 def threads_best(results: Results) -> Claim:
     """Number of sizes at which more threads than cores are clearly faster than as many."""
     source = cpu_source(results)
-    found = {word: trusted(thread_pairs(source, word)) for word in THREAD_WORDS[1:]} if source else {}
-    sizes = sorted({base.particles for both, _ in found.values() for base, _ in both})
+    by_word = {word: trusted(thread_pairs(source, word)) for word in THREAD_WORDS[1:]} if source else {}
+    sizes = sorted({base.particles for both, _ in by_word.values() for base, _ in both})
     if source is None or not sizes:
         return Claim("Whether more threads than cores ever help was not measured.")
-    faster = {base.particles for both, _ in found.values() for base, more in both if apart(more, base) < 0}
-    slower = {base.particles for both, _ in found.values() for base, more in both if apart(more, base) > 0} - faster
+    faster = {base.particles for both, _ in by_word.values() for base, more in both if apart(more, base) < 0}
+    slower = {base.particles for both, _ in by_word.values() for base, more in both if apart(more, base) > 0} - faster
     numbers = {"sizes": len(sizes), "faster": len(faster), "slower": len(slower)}
     unsure = (
-        {base.particles for both, _ in found.values() for base, more in both if too_few(more, base)} - faster - slower
+        {base.particles for both, _ in by_word.values() for base, more in both if too_few(more, base)} - faster - slower
     )
-    left_out = len({base.particles for word in found for base, _ in thread_pairs(source, word)}) - len(sizes)
-    suspect = max((marked for _, marked in found.values()), default="")
+    left_out = len({base.particles for word in by_word for base, _ in thread_pairs(source, word)}) - len(sizes)
+    suspect = max((marked for _, marked in by_word.values()), default="")
     if left_out:
         suspect = f" that were timed undisturbed ({words.count(left_out)} more are suspect)"
     start, of = on(source, "cpu"), f"of the {len(sizes)} square sizes{suspect}"
@@ -185,26 +185,27 @@ def region_cost(results: Results) -> Claim:
 
 def bandwidth_reached(source: Source | None, backend: str, word: str | None) -> Claim:
     """Fraction of the copy bandwidth that a backend reaches at its largest grid."""
-    found, suspect = trusted([(t,) for t in sound(source.select(backend, word))]) if source else ([], "")
-    largest = [t for (t,) in found][-1:]
-    share = fraction(source, largest[0]) if source and largest else None
+    timings, suspect = trusted([(t,) for t in sound(source.select(backend, word))]) if source else ([], "")
+    largest = [t for (t,) in timings][-1:]
+    reached = fraction(source, largest[0]) if source and largest else None
     limit = copy_bandwidth(source, backend) if source else None
-    if source is None or share is None or limit is None:
+    if source is None or reached is None or limit is None:
         return Claim(f"How much of the {backend.upper()}'s copy bandwidth a step reaches was not measured.")
-    told = f"{percent(share)} of the measured copy bandwidth"
+    comparison = f"{percent(reached)} of the measured copy bandwidth"
     if doubted := disturbed(source):
-        told = "which is not compared with the copy bandwidth, because other programs disturbed that measurement"
+        comparison = "which is not compared with the copy bandwidth, because other programs disturbed that measurement"
     beyond = (
         "; more than all of it is possible where the grid stays in a cache, or where a pass over memory does several steps"
-        if share > 1 and not doubted
+        if reached > 1 and not doubted
         else ""
     )
     threads = ", with 1x threads" if word else ""
     text = (
         f"{on(source, backend)}{threads}, a step of {masses(largest[0].particles)} has an effective bandwidth (the bytes "
-        f"that one step a pass would move, over its time) of {words.bandwidth(share * limit)}, {told}{beyond}{suspect}."
+        f"that one step a pass would move, over its time) of {words.bandwidth(reached * limit)}, "
+        f"{comparison}{beyond}{suspect}."
     )
-    return Claim(text, {"share": share, "masses": largest[0].particles}, not doubted)
+    return Claim(text, {"share": reached, "masses": largest[0].particles}, not doubted)
 
 
 def float64_cost(source: Source | None, backend: str, word: str | None) -> Claim:

@@ -13,10 +13,10 @@ SIZE = 256  # rows and columns of the sheet whose rates are quoted
 NAMES = {"gauss-seidel": "coloured Gauss-Seidel", "jacobi": "Jacobi"}
 
 
-def _point(found: list[ProjectionPoint], ordering: str, neighbours: int, iterations: int) -> ProjectionPoint | None:
+def _point(rows: list[ProjectionPoint], ordering: str, neighbours: int, iterations: int) -> ProjectionPoint | None:
     wanted = (SIZE, SIZE, ordering, neighbours, 10, iterations)
-    keys = ((p.rows, p.columns, p.ordering, p.neighbours, p.substeps, p.iterations) for p in found)
-    return next((p for p, key in zip(found, keys, strict=True) if key == wanted), None)
+    keys = ((p.rows, p.columns, p.ordering, p.neighbours, p.substeps, p.iterations) for p in rows)
+    return next((p for p, key in zip(rows, keys, strict=True) if key == wanted), None)
 
 
 def _rate(value: float) -> str:
@@ -28,15 +28,15 @@ def rates(results: Results) -> Claim:
     """Projections per second of both orderings on each backend, at one size."""
     parts: list[str] = []
     numbers: dict[str, float] = {}
-    for backend, source, found in panels(results):
-        told = []
+    for backend, source, rows in panels(results):
+        texts = []
         for ordering, name in NAMES.items():
-            point = _point(found, ordering, 4, 1)
+            point = _point(rows, ordering, 4, 1)
             if point:
                 numbers[f"{backend} {ordering}"] = point.rate
-                told.append(f"{name} does {_rate(point.rate)}")
-        if told:
-            parts.append(f"on {where(backend, source)} {words.listed(told)}")
+                texts.append(f"{name} does {_rate(point.rate)}")
+        if texts:
+            parts.append(f"on {where(backend, source)} {words.listed(texts)}")
     if not parts:
         return Claim("Projections were not timed at this size.")
     size = f"{SIZE}{words.SPACE}{words.TIMES}{words.SPACE}{SIZE}"
@@ -51,9 +51,9 @@ def per_projection(results: Results) -> Claim:
     """Rate of Jacobi, all constraints at once, over that of Gauss-Seidel in colours, over all sizes."""
     parts: list[str] = []
     numbers: dict[str, float] = {}
-    for backend, source, found in panels(results):
+    for backend, source, rows in panels(results):
         pairs: dict[tuple[int, ...], dict[str, float]] = {}
-        for p in found:
+        for p in rows:
             if p.rows == p.columns and p.substeps == 10:
                 pairs.setdefault((p.rows, p.neighbours, p.iterations), {})[p.ordering] = p.rate
         ratios = [both["jacobi"] / both["gauss-seidel"] for both in pairs.values() if set(NAMES) <= set(both)]
@@ -74,12 +74,12 @@ def per_projection(results: Results) -> Claim:
 def discretisation(results: Results) -> Claim:
     """Effect of cutting a sheet along one diagonal, or along alternating ones."""
     for source in results.everyone:
-        told = [m for m in source.measures if m.description.get("finding") == FINDING and m.value is not None]
-        found = {(m.description["diagonals"], m.name): m.value for m in reversed(told)}
-        if {(way, name) for way in WAYS for name in (BIAS, RATIO)} <= set(found):
-            one, both = (found[way, BIAS] or 0.0 for way in WAYS)
-            ratios = [found[way, RATIO] or 0.0 for way in WAYS]
-            exact = [words.number(exact_ratio(way)) for way in WAYS]
+        measures = [m for m in source.measures if m.description.get("finding") == FINDING and m.value is not None]
+        values = {(m.description["diagonals"], m.name): m.value for m in reversed(measures)}
+        if {(cut, name) for cut in WAYS for name in (BIAS, RATIO)} <= set(values):
+            one, both = (values[cut, BIAS] or 0.0 for cut in WAYS)
+            ratios = [values[cut, RATIO] or 0.0 for cut in WAYS]
+            exact = [words.number(exact_ratio(cut)) for cut in WAYS]
             return Claim(
                 f"A square sheet held at its corners sags to its own mirror image. Cut along one diagonal it lies "
                 f"{words.number(one, 2)} spacings off its mirror image, with alternating diagonals {words.number(both, 2)}; "

@@ -25,10 +25,10 @@ def compared(results: Results, graphics: bool = False) -> tuple[Source | None, l
     remain.
     """
     for source in results.everyone:
-        found = pairs(source, graphics=graphics)
-        clean = [pair for pair in found if not (is_suspect(pair.cpu) or is_suspect(pair.gpu))]
-        if found:
-            return source, clean or found, "" if clean else SUSPECT
+        both = pairs(source, graphics=graphics)
+        clean = [pair for pair in both if not (is_suspect(pair.cpu) or is_suspect(pair.gpu))]
+        if both:
+            return source, clean or both, "" if clean else SUSPECT
     return None, [], ""
 
 
@@ -37,11 +37,11 @@ NOT_COMPARED = "no machine in the data has timed both with one version of the co
 
 def overtakes(results: Results) -> Claim:
     """Size from which the GPU is faster than the CPU's fastest thread count, and the ratio at the largest size."""
-    source, found, suspect = compared(results)
+    source, usable, suspect = compared(results)
     if source is None:
         return Claim(f"GPU and CPU were not compared: {NOT_COMPARED}.")
-    first, last = found[0], found[-1]
-    crossed, everything = crossing(found), pairs(source)
+    first, last = usable[0], usable[-1]
+    crossed, everything = crossing(usable), pairs(source)
     smallest, largest = (
         f"the {word} size{'' if one.gpu is other.gpu else ' that was timed undisturbed'}"
         for word, one, other in (("smallest", first, everything[0]), ("largest", last, everything[-1]))
@@ -100,11 +100,11 @@ def drawing(results: Results) -> Claim:
 
 def overtakes_drawing(results: Results) -> Claim:
     """GPU compared with CPU with graphics: the size up to which the CPU is ahead, and the largest size."""
-    source, found, suspect = compared(results, graphics=True)
+    source, usable, suspect = compared(results, graphics=True)
     if source is None:
         return Claim("GPU and CPU were not compared with graphics.")
-    last = found[-1]
-    ahead = [pair for pair in found if pair.clear and pair.ratio < 1]
+    last = usable[-1]
+    ahead = [pair for pair in usable if pair.clear and pair.ratio < 1]
     numbers = {"ratio": last.ratio, "masses": last.gpu.particles, "cpu ahead": ahead[-1].gpu.particles if ahead else 0}
     start = f"{on_gpu(source)} and the {source.processor}, with graphics"
     if ahead and ahead[-1] is last:
@@ -122,18 +122,18 @@ def overtakes_drawing(results: Results) -> Claim:
 def crossing_drawing(results: Results) -> Claim:
     """Size at which the GPU overtakes with graphics, interpolated between two sizes."""
     source = results.first(lambda one: pairs(one, graphics=True))
-    found = pairs(source, graphics=True) if source else []
-    crossed = crossing(found)
-    if source is None or not found:
+    measured = pairs(source, graphics=True) if source else []
+    crossed = crossing(measured)
+    if source is None or not measured:
         return Claim("Where the GPU overtakes with graphics was not measured.")
-    doubtful = sum(is_suspect(pair.cpu) or is_suspect(pair.gpu) for pair in found)
-    marked = f" ({words.count(doubtful)} of the {len(found)} sizes rest on suspect times)" if doubtful else ""
+    doubtful = sum(is_suspect(pair.cpu) or is_suspect(pair.gpu) for pair in measured)
+    marked = f" ({words.count(doubtful)} of the {len(measured)} sizes rest on suspect times)" if doubtful else ""
     if crossed is None:
-        side = "GPU" if found[-1].ratio >= 1 else "CPU"
+        side = "GPU" if measured[-1].ratio >= 1 else "CPU"
         text = f"With graphics there is no crossing: the {side} is the faster at the largest size{marked}."
-        return Claim(text, {"crossing": 0.0, "ratio": found[-1].ratio}, False)
+        return Claim(text, {"crossing": 0.0, "ratio": measured[-1].ratio}, False)
     text = f"With graphics the CPU is the faster below about {masses(crossed, exact=False)}, the GPU above{marked}."
-    return Claim(text, {"crossing": crossed, "ratio": found[-1].ratio}, True)
+    return Claim(text, {"crossing": crossed, "ratio": measured[-1].ratio}, True)
 
 
 def shape(results: Results) -> Claim:
@@ -141,13 +141,13 @@ def shape(results: Results) -> Claim:
     source = cpu_source(results)
     everything = shape_ratios(source, "cpu", "1x") if source else []
     clean = [(timing, square) for timing, square in everything if not is_suspect(timing)]
-    found, suspect = (clean, "") if clean else (everything, SUSPECT)
-    if source is None or not found:
+    usable, suspect = (clean, "") if clean else (everything, SUSPECT)
+    if source is None or not usable:
         return Claim("Whether the shape of the grid matters was not measured.")
-    ratios = [timing.median / square for timing, square in found]
-    off = [timing for timing, square in found if timing.low > square or timing.high < square]
+    ratios = [timing.median / square for timing, square in usable]
+    off = [timing for timing, square in usable if timing.low > square or timing.high < square]
     numbers = {"least": min(ratios), "most": max(ratios), "off": len(off)}
-    start = f"{on(source, 'cpu')}, against squares of as many masses, {len(found)} long, tall and odd grids"
+    start = f"{on(source, 'cpu')}, against squares of as many masses, {len(usable)} long, tall and odd grids"
     if not off:
         return Claim(f"{start} show no difference beyond measurement noise{suspect}.", numbers, False)
     text = f"{start} take between {percent(min(ratios))} and {percent(max(ratios))} of the time{suspect}."
@@ -181,21 +181,21 @@ def peers(results: Results) -> Claim:
     """Time of a step of the grid by peers over the lab's, at the largest size that most of them ran on each backend."""
     parts: list[str] = []
     numbers: dict[str, float] = {}
-    for backend, source, found in on_backends(results, square_ratios):
-        right = [one for one in found if not one.wrong]
+    for backend, source, ratios in on_backends(results, square_ratios):
+        right = [one for one in ratios if not one.wrong]
         sizes = [one.particles for one in right]
         size = max(sizes, key=lambda n: (sizes.count(n), n), default=0)
         here = sorted((one for one in right if one.particles == size), key=lambda one: one.ratio)
-        told = []
+        factors = []
         for one in here:
             numbers[f"{backend} {one.peer}"] = one.ratio
             same = one.low <= 1 <= one.high
             mark = MARK if one.suspect and not all(each.suspect for each in here) else ""
             long = "as long, within measurement noise," if same else f"{times(one.ratio)} as long"
-            told.append(f"{long} with {label(one.peer)}{mark}")
-        if told:
+            factors.append(f"{long} with {label(one.peer)}{mark}")
+        if factors:
             suspect = SUSPECT if all(one.suspect for one in here) else ""
-            parts.append(f"on {where(backend, source)}, at {masses(size)}, {words.listed(told)}{suspect}")
+            parts.append(f"on {where(backend, source)}, at {masses(size)}, {words.listed(factors)}{suspect}")
     if not parts:
         return Claim("Nothing was timed beside the lab.")
     return Claim(f"Compared with the lab, a step of the grid takes, {'; '.join(parts)}.", numbers, True)

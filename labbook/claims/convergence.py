@@ -19,27 +19,27 @@ STIFF = "S4"  # the scene on which the orderings are compared
 ORDERING_TARGETS = (1.0, 0.3, 0.1, 0.03, 0.01)  # spacings
 
 
-def _ways(results: Results, name: str, scene: str = SCENE) -> list[Point]:
+def _ordering_runs(results: Results, name: str, scene: str = SCENE) -> list[Point]:
     """Return the float64 runs of an ordering, from the first source and backend that has any.
 
     An error does not depend on the machine.
     """
     for source in results.everyone:
         for backend in ("cpu", "gpu"):
-            mine = [
+            runs = [
                 p for p in points(source, scene) if (p.integrator, p.precision, p.backend) == (name, "float64", backend)
             ]
-            if mine:
-                return mine
+            if runs:
+                return runs
     return []
 
 
 def iterations_or_substeps(results: Results) -> Claim:
     """Effect of more iterations and of smaller steps on the error against Newton's law."""
-    mine = [p for p in _ways(results, XPBD[0]) if not p.diverged and p.iterations]
-    at = {(p.dt, p.iterations): p for p in mine}
-    counts = sorted({p.iterations or 0 for p in mine})
-    sizes = sorted({p.dt for p in mine}, reverse=True)
+    runs = [p for p in _ordering_runs(results, XPBD[0]) if not p.diverged and p.iterations]
+    at = {(p.dt, p.iterations): p for p in runs}
+    counts = sorted({p.iterations or 0 for p in runs})
+    sizes = sorted({p.dt for p in runs}, reverse=True)
     if len(counts) < 3 or len(sizes) < 2 or not all((sizes[0], n) in at for n in counts):
         return Claim("What iterations of xpbd are worth to a whole motion was not measured.")
     few, some, many = (at[sizes[0], n] for n in (counts[0], counts[-2], counts[-1]))
@@ -57,7 +57,7 @@ def iterations_or_substeps(results: Results) -> Claim:
             f" (the error of the iterations falls from {number(some.solver, 2)} to {number(many.solver, 2)}; the rest is the "
             "error of the scheme)"
         )
-    order = observed_order([(p.dt, p.error) for p in mine if p.iterations == counts[-1] and p.resolved])
+    order = observed_order([(p.dt, p.error) for p in runs if p.iterations == counts[-1] and p.resolved])
     if order is not None:
         numbers["order"] = order
         text += f". With smaller steps the error falls by order {order:.2f}"
@@ -67,11 +67,13 @@ def iterations_or_substeps(results: Results) -> Claim:
 
 def wrong_ordering(results: Results) -> Claim:
     """Limit to which averaged Jacobi converges."""
-    wrong, right = ([p for p in _ways(results, name) if not p.diverged and p.iterations] for name in (XPBD[2], XPBD[1]))
+    wrong, right = (
+        [p for p in _ordering_runs(results, name) if not p.diverged and p.iterations] for name in (XPBD[2], XPBD[1])
+    )
     if not wrong or not right:
         return Claim("Averaged Jacobi was not compared with Newton's law.")
     n, dt = max(p.iterations or 0 for p in wrong), min(p.dt for p in wrong)
-    pair = [next((p for p in found if (p.iterations, p.dt) == (n, dt)), None) for found in (wrong, right)]
+    pair = [next((p for p in runs if (p.iterations, p.dt) == (n, dt)), None) for runs in (wrong, right)]
     if pair[0] is None or pair[1] is None:
         return Claim("Averaged Jacobi was not compared with Newton's law.")
     off, good = pair[0].error, pair[1].error
@@ -88,14 +90,14 @@ def in_float32(results: Results) -> Claim:
     """Largest loss of accuracy of position-based steps in float32 by smaller substeps."""
     worst: tuple[float, Point, Point, Point] | None = None
     for source in results.everyone:
-        found = [
+        runs = [
             p for p in points(source) if p.integrator in XPBD[:2] and not p.diverged and not p.refused and p.iterations
         ]
-        ways = {(p.scene, p.integrator, p.iterations, p.backend) for p in found}
-        for way in sorted(ways, key=str):
-            mine = [p for p in found if (p.scene, p.integrator, p.iterations, p.backend) == way]
+        methods = {(p.scene, p.integrator, p.iterations, p.backend) for p in runs}
+        for method in sorted(methods, key=str):
+            same_method = [p for p in runs if (p.scene, p.integrator, p.iterations, p.backend) == method]
             single, double = (
-                sorted((p for p in mine if p.precision == name), key=lambda p: p.dt) for name in PRECISIONS
+                sorted((p for p in same_method if p.precision == name), key=lambda p: p.dt) for name in PRECISIONS
             )
             least = min(single, key=lambda p: p.error, default=None)
             same = next((p for p in double if single and p.dt == single[0].dt), None)
@@ -124,13 +126,13 @@ def against_integrators(results: Results, target: float = 1e-2) -> Claim:
     for scene in ("S1", "S2", "S4", "S5"):
         for source in results.everyone:
             able = reaching(points(source, scene), target)
-            ways = [next((p for p in able if (p.integrator in XPBD) is xpbd), None) for xpbd in (True, False)]
-            if ways[0] is not None and ways[1] is not None:
-                numbers[scene] = ratio = (ways[0].seconds or 0.0) / (ways[1].seconds or 1.0)
-                way, _, effort = method_words(ways[0].integrator, ways[0].iterations).rpartition(", ")
-                told = f"in {scene} {way} ({effort}) takes {words.times(ratio)} as long as {ways[1].integrator}"
-                told += f" ({source.place})"
-                parts.append(told + suspicion(ways, MARK))
+            best = [next((p for p in able if (p.integrator in XPBD) is xpbd), None) for xpbd in (True, False)]
+            if best[0] is not None and best[1] is not None:
+                numbers[scene] = ratio = (best[0].seconds or 0.0) / (best[1].seconds or 1.0)
+                method, _, effort = method_words(best[0].integrator, best[0].iterations).rpartition(", ")
+                text = f"in {scene} {method} ({effort}) takes {words.times(ratio)} as long as {best[1].integrator}"
+                text += f" ({source.place})"
+                parts.append(text + suspicion(best, MARK))
                 break
     if not parts:
         return Claim("Position-based methods were not timed beside integrators.")
@@ -144,15 +146,15 @@ def orderings(results: Results) -> Claim:
     numbers: dict[str, float] = {}
     for source in results.everyone:
         for backend in ("cpu", "gpu"):
-            mine = [p for p in points(source, STIFF) if p.backend == backend]
+            runs = [p for p in points(source, STIFF) if p.backend == backend]
             ratios: dict[float, float] = {}
             used: list[Point | None] = []
             for target in ORDERING_TARGETS:
-                able = reaching(mine, target)
-                ways = [next((p for p in able if p.integrator == name), None) for name in XPBD[:2]]
-                if ways[0] is not None and ways[1] is not None:
-                    ratios[target] = (ways[1].seconds or 0.0) / (ways[0].seconds or 1.0)
-                    used += ways
+                able = reaching(runs, target)
+                best = [next((p for p in able if p.integrator == name), None) for name in XPBD[:2]]
+                if best[0] is not None and best[1] is not None:
+                    ratios[target] = (best[1].seconds or 0.0) / (best[0].seconds or 1.0)
+                    used += best
             if ratios:
                 low, high = min(ratios), max(ratios)
                 numbers |= {f"{backend} {target:g}": ratio for target, ratio in ratios.items()}

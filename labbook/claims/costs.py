@@ -19,15 +19,15 @@ from softlab.plots.findings.points import Cost, costs, look_costs
 BOUND = 1.0  # per cent of the time: largest cost of the divergence check
 
 
-def looks_cost(results: Results) -> Claim:
+def check_cost(results: Results) -> Claim:
     """Largest relative cost of a check on each backend, and whether it is below the bound."""
     parts, numbers, busy = [], {}, False
-    for backend, source, found in on_backends(results, look_costs):
-        worst = max(found, key=lambda cost: cost.share or 0.0)
-        share = numbers[backend] = worst.share or 0.0
-        busy = busy or any(cost.suspect for cost in found)
+    for backend, source, checks in on_backends(results, look_costs):
+        worst = max(checks, key=lambda cost: cost.share or 0.0)
+        largest = numbers[backend] = worst.share or 0.0
+        busy = busy or any(cost.suspect for cost in checks)
         parts.append(
-            f"{percent(share)} of the time on the {named(source, backend)} (the most of {len(found)} grids: "
+            f"{percent(largest)} of the time on the {named(source, backend)} (the most of {len(checks)} grids: "
             f"{words.masses(worst.particles)}, {worst.precision}, every {words.count(worst.interval)} steps)"
         )
     if not parts:
@@ -45,50 +45,50 @@ def determinism_cost(results: Results) -> Claim:
     In float32, at the largest grid of each backend.
     """
     parts, numbers, supported = [], {}, False
-    held = on_backends(results, lambda source, backend: costs(source, DETERMINISM, backend))
-    of = {backend: (source, found) for backend, source, found in held}
+    measured = on_backends(results, lambda source, backend: costs(source, DETERMINISM, backend))
+    of = {backend: (source, rows) for backend, source, rows in measured}
     if "gpu" in of:
-        gpu, found = of["gpu"]
-        ways = _largest(found)
-        if "atomics" in ways:
-            atomics = ways["atomics"]
+        gpu, rows = of["gpu"]
+        variants = _largest(rows)
+        if "atomics" in variants:
+            atomics = variants["atomics"]
             numbers["atomics"] = atomics.ratio
             supported = atomics.least > 1 or atomics.most < 1
-            every = [c for c in found if c.way == "atomics" and c.different is not None]
+            every = [c for c in rows if c.way == "atomics" and c.different is not None]
             other, runs = sum(c.different or 0 for c in every), len(every) * (RUNS - 1)
             numbers["different"] = other
             parts.append(
                 f"{on_gpu(gpu)} a scatter with atomic additions {_compared(atomics)} the gather "
                 f"({words.masses(atomics.particles)}, float32), and {words.count(other)} of {words.count(runs)} repeated "
-                "runs gave other bits than the first" + _coloured(ways, numbers)
+                "runs gave other bits than the first" + _coloured(variants, numbers)
             )
     if "cpu" in of:
-        cpu, found = of["cpu"]
-        ways = _largest(found)
-        told = [
-            f"{text} {_compared(ways[way])} the lab's kernel"
-            for way, text in (
+        cpu, rows = of["cpu"]
+        variants = _largest(rows)
+        texts = [
+            f"{text} {_compared(variants[variant])} the lab's kernel"
+            for variant, text in (
                 ("colours", "a scatter in four colours"),
                 ("twice", "a gather that evaluates each spring twice"),
             )
-            if way in ways
+            if variant in variants
         ]
-        if told:
-            numbers |= {f"cpu {way}": cost.ratio for way, cost in ways.items()}
-            supported = supported or all(cost.least > 1 or cost.most < 1 for cost in ways.values())
-            size = words.masses(next(iter(ways.values())).particles)
+        if texts:
+            numbers |= {f"cpu {variant}": cost.ratio for variant, cost in variants.items()}
+            supported = supported or all(cost.least > 1 or cost.most < 1 for cost in variants.values())
+            size = words.masses(next(iter(variants.values())).particles)
             parts.append(
                 f"{on(cpu, 'cpu')}, where the lab's kernel evaluates each spring once and in a fixed order, "
-                f"{words.listed(told)} ({size}, float32)"
+                f"{words.listed(texts)} ({size}, float32)"
             )
     if not parts:
         return Claim("What determinism costs was not measured.")
     return Claim(". ".join(parts) + ".", numbers, supported)
 
 
-def _largest(found: list[Cost]) -> dict[str, Cost]:
+def _largest(rows: list[Cost]) -> dict[str, Cost]:
     """Return the costs in float32 at the largest grid, by variant."""
-    single = [cost for cost in found if cost.precision == "float32"]
+    single = [cost for cost in rows if cost.precision == "float32"]
     most = max((cost.particles for cost in single), default=0)
     return {cost.way: cost for cost in single if cost.particles == most}
 
@@ -99,11 +99,11 @@ def _compared(cost: Cost) -> str:
     return f"takes {words.times(cost.ratio)} as long as"
 
 
-def _coloured(ways: dict[str, Cost], numbers: dict[str, float]) -> str:
-    if "colours" not in ways:
+def _coloured(variants: dict[str, Cost], numbers: dict[str, float]) -> str:
+    if "colours" not in variants:
         return ""
-    numbers["gpu colours"] = ways["colours"].ratio
-    return f"; in four colours, which repeats, it {_compared(ways['colours'])} the gather"
+    numbers["gpu colours"] = variants["colours"].ratio
+    return f"; in four colours, which repeats, it {_compared(variants['colours'])} the gather"
 
 
 # ---------------------------------------------------------------------- state, step size and length of a run
@@ -121,13 +121,13 @@ def steady(results: Results) -> Claim:
     """Largest ratio of the costs of a step of S1 over step sizes and states."""
     parts: list[str] = []
     numbers: dict[str, float] = {}
-    for backend, source, found in on_backends(results, lambda source, backend: _quickest(source, STEADY, backend)):
-        times = [seconds for _, seconds in found]
+    for backend, source, runs in on_backends(results, lambda source, backend: _quickest(source, STEADY, backend)):
+        times = [seconds for _, seconds in runs]
         numbers[backend] = max(times) / min(times) - 1
         parts.append(f"{percent(numbers[backend])} on {where(backend, source)}")
     if not parts:
         return Claim("Whether the cost of a step depends on its size or on the state was not measured.")
-    flat = all(small(1 + share) for share in numbers.values())
+    flat = all(small(1 + spread) for spread in numbers.values())
     verdict = "less than" if flat else "not everywhere less than"
     text = (
         f"Over all step sizes, in motion and at rest ({words.seconds(REST, 2)} from the start), the cost of a step of S1 in "
@@ -141,21 +141,21 @@ def run_length(results: Results) -> Claim:
     parts: list[str] = []
     numbers: dict[str, float] = {}
     for source in results.everyone:
-        held = {backend: _quickest(source, LENGTH, backend) for backend in BACKENDS}
-        if not all(held.values()):
+        by_backend = {backend: _quickest(source, LENGTH, backend) for backend in BACKENDS}
+        if not all(by_backend.values()):
             continue
         times: dict[tuple[str, int, int], float] = {}
-        for backend, found in held.items():
-            for what, seconds in found:
+        for backend, runs in by_backend.items():
+            for what, seconds in runs:
                 rows = tables_by_kind(what["scene"])["grid"]["rows"]
                 times[backend, rows, what["steps"]] = seconds
         for rows in sorted({rows for _, rows, _ in times}):
             both = sorted(steps for backend, n, steps in times if (backend, n) == ("gpu", rows))
-            told = []
+            texts = []
             for steps in [steps for steps in both if ("cpu", rows, steps) in times]:
                 ratio = numbers[f"{rows} {steps}"] = times["cpu", rows, steps] / times["gpu", rows, steps]
-                told.append(f"{number(ratio, 2)} for {words.seconds(steps * LENGTH_DT, 2)}")
-            parts.append(f"at {words.masses(rows * rows)}, {words.listed(told)}")
+                texts.append(f"{number(ratio, 2)} for {words.seconds(steps * LENGTH_DT, 2)}")
+            parts.append(f"at {words.masses(rows * rows)}, {words.listed(texts)}")
         text = (
             f"{on_gpu(source)} over the {source.processor}, one run from the start state to the end state on the host is so "
             f"many times as fast, by its simulated time: {'; '.join(parts)}."
@@ -165,7 +165,7 @@ def run_length(results: Results) -> Claim:
 
 
 CLAIMS: Claims = {
-    "looks-cost": looks_cost,
+    "looks-cost": check_cost,
     "determinism-cost": determinism_cost,
     "cost-steady": steady,
     "run-length": run_length,

@@ -13,7 +13,7 @@ import numpy as np
 
 from softlab.bench.experiments.findings.experiment import AWAY, DAMPERS, DAMPING, DISSIPATION, FLOOR, oscillator
 from softlab.labbook import words
-from softlab.labbook.claims.accuracy import NEAR, SCENE, found_points
+from softlab.labbook.claims.accuracy import NEAR, SCENE, quoted_points
 from softlab.labbook.claims.claim import Claim, Claims, named
 from softlab.labbook.words import number, percent, seconds
 from softlab.model.core.integrators import INTEGRATORS, amplification_matrix
@@ -31,13 +31,13 @@ CLOTH = {"stiffness": 8000.0, "mass": 0.1, "damping": 0.25, "dt": 5e-6, "eigenva
 
 def verlet_damping(results: Results) -> Claim:
     """Order of velocity Verlet with an explicit damper (first) and with an implicit one (second)."""
-    _, found = of_finding(results, DAMPING)
-    mine = {scheme: [row for row in found if row.scheme == scheme] for scheme in DAMPERS}
-    orders = {scheme: observed_order([(row.dt, row.value) for row in rows]) for scheme, rows in mine.items()}
+    _, measured = of_finding(results, DAMPING)
+    by_scheme = {scheme: [row for row in measured if row.scheme == scheme] for scheme in DAMPERS}
+    orders = {scheme: observed_order([(row.dt, row.value) for row in rows]) for scheme, rows in by_scheme.items()}
     implicit, explicit = (orders[scheme] for scheme in DAMPERS)
     if implicit is None or explicit is None:
         return Claim("What an explicit damper costs velocity Verlet was not measured.")
-    fine, plain = (min(mine[scheme], key=lambda row: row.dt) for scheme in DAMPERS)
+    fine, plain = (min(by_scheme[scheme], key=lambda row: row.dt) for scheme in DAMPERS)
     numbers = {"implicit": implicit, "explicit": explicit, "ratio": plain.value / fine.value}
     text = (
         f"With the damper implicit in the second half kick the observed order is {implicit:.2f}, with an explicit one "
@@ -66,20 +66,20 @@ def cloth_limit(results: Results) -> Claim:
 
 
 def _least(rows: Sequence[Row], scheme: str, precision: str) -> Row | None:
-    mine = [row for row in rows if (row.scheme, row.precision) == (scheme, precision) and math.isfinite(row.value)]
-    return min(mine, key=lambda row: row.value, default=None)
+    finite = [row for row in rows if (row.scheme, row.precision) == (scheme, precision) and math.isfinite(row.value)]
+    return min(finite, key=lambda row: row.value, default=None)
 
 
 def floor(results: Results) -> Claim:
     """Smallest error in float32, and the increase of the error at smaller steps."""
-    _, found = of_finding(results, FLOOR)
+    _, measured = of_finding(results, FLOOR)
     parts, numbers, worse = [], {}, True
-    for scheme in dict.fromkeys(row.scheme for row in found):
-        least = _least(found, scheme, "float32")
-        mine = [row for row in found if (row.scheme, row.precision) == (scheme, "float32")]
+    for scheme in dict.fromkeys(row.scheme for row in measured):
+        least = _least(measured, scheme, "float32")
+        runs = [row for row in measured if (row.scheme, row.precision) == (scheme, "float32")]
         if least is None:
             continue
-        smallest = min(mine, key=lambda row: row.dt)
+        smallest = min(runs, key=lambda row: row.dt)
         numbers[scheme] = least.value
         worse = worse and smallest.value > 2 * least.value
         parts.append(f"{number(least.value, 2)} spacings with {scheme}, at {seconds(least.dt, 2)}")
@@ -93,9 +93,9 @@ def floor(results: Results) -> Claim:
 
 def far_away(results: Results) -> Claim:
     """B14: the hand-out's step and velocity Verlet far from the origin in float32."""
-    _, found = of_finding(results, AWAY)
-    farthest = max((row.offset for row in found), default=0.0)
-    at = {row.scheme: row.value for row in found if row.offset == farthest}
+    _, measured = of_finding(results, AWAY)
+    farthest = max((row.offset for row in measured), default=0.0)
+    at = {row.scheme: row.value for row in measured if row.offset == farthest}
     if farthest == 0 or not {"lab", "velocity-verlet"} <= set(at):
         return Claim("Far from the origin, float32 was not measured.")
     lab, verlet = at["lab"], at["velocity-verlet"]
@@ -125,37 +125,37 @@ def _frequency() -> float:
 
 def dissipation(results: Results) -> Claim:
     """Change of an undamped oscillation by each integrator, compared with theory."""
-    _, found = of_finding(results, DISSIPATION)
-    if not found:
+    _, measured = of_finding(results, DISSIPATION)
+    if not measured:
         return Claim("What a step damps by itself was not measured.")
-    off = max((abs(row.value - theory(row.scheme, row.dt)) for row in found if abs(row.value) <= NOTHING), default=0.0)
-    shown = [row for row in found if abs(row.value) > NOTHING]
+    off = max(
+        (abs(row.value - theory(row.scheme, row.dt)) for row in measured if abs(row.value) <= NOTHING), default=0.0
+    )
+    shown = [row for row in measured if abs(row.value) > NOTHING]
     relative = max((abs(row.value / theory(row.scheme, row.dt) - 1) for row in shown), default=0.0)
-    dt = max((row.dt for row in found if row.dt <= 0.01), default=found[0].dt)
-    schemes = list(dict.fromkeys(row.scheme for row in found))
-    none = [name for name in schemes if all(abs(row.value) <= NOTHING for row in found if row.scheme == name)]
+    dt = max((row.dt for row in measured if row.dt <= 0.01), default=measured[0].dt)
+    schemes = list(dict.fromkeys(row.scheme for row in measured))
+    none = [name for name in schemes if all(abs(row.value) <= NOTHING for row in measured if row.scheme == name)]
     parts = []
     for row in (row for row in shown if row.dt == dt):
-        share = math.expm1(-row.value)
+        gain = math.expm1(-row.value)
         change = (
-            f"grows to {words.times(1 + share)} its size"
-            if share > 1
-            else f"{_changes(share)} by {percent(abs(share))}"
+            f"grows to {words.times(1 + gain)} its size" if gain > 1 else f"{_changes(gain)} by {percent(abs(gain))}"
         )
         parts.append(f"{change} under {row.scheme}")
     numbers = {"relative": relative, "off": off}
     start = (
         f"Within a second of steps of {seconds(dt, 2)} an undamped oscillation {words.listed(parts)}" if parts else ""
     )
-    kept = f"{words.listed(none)} keep it to rounding" if none else ""
-    text = "; ".join(filter(None, (start, kept)))
+    neutral = f"{words.listed(none)} keep it to rounding" if none else ""
+    text = "; ".join(filter(None, (start, neutral)))
     agree = relative < 1e-2
     verdict = "as the eigenvalues of a step say" if agree else "which is not what the eigenvalues of a step say"
     return Claim(f"{text}, {verdict} (to {number(relative, 1)} of it).", numbers, agree)
 
 
-def _changes(share: float) -> str:
-    return "grows" if share > 0 else "shrinks"
+def _changes(gain: float) -> str:
+    return "grows" if gain > 0 else "shrinks"
 
 
 def exact_cost(results: Results) -> Claim:
@@ -178,7 +178,7 @@ def exact_cost(results: Results) -> Claim:
 
 def growth(results: Results) -> Claim:
     """Growth of a disturbance up to the end time, which decides whether errors of trajectories have a meaning."""
-    known = [p.growth for p in found_points(results) if p.growth is not None]
+    known = [p.growth for p in quoted_points(results) if p.growth is not None]
     if not known:
         return Claim("How much a disturbance grows was not measured.")
     text = f"By the end of {SCENE} a disturbance of a billionth of a spacing has changed by a factor of {number(known[0], 2)}"

@@ -25,12 +25,12 @@ BOUND_WORDS = (
 FEWEST = (2, 3)  # substeps, iterations: those of particle libraries
 
 
-def _held(results: Results, kind: str) -> tuple[str, Source, list[Judged]] | None:
+def _runs_of(results: Results, kind: str) -> tuple[str, Source, list[Judged]] | None:
     """Return (backend, machine, rows of a kind) of the first backend that has some."""
-    for backend, source, found in on_backends(results, truth.on):
-        mine = [row for row in found if row.kind == kind]
-        if mine:
-            return backend, source, mine
+    for backend, source, rows in on_backends(results, truth.on):
+        of_kind = [row for row in rows if row.kind == kind]
+        if of_kind:
+            return backend, source, of_kind
     return None
 
 
@@ -40,11 +40,11 @@ def _all_at_once(row: Judged) -> bool:
 
 def column(results: Results) -> Claim:
     """Efforts that preserve a column in all respects, and the height of the column with others."""
-    held = _held(results, COLUMN)
-    if held is None:
+    selection = _runs_of(results, COLUMN)
+    if selection is None:
         return Claim("A standing column of water was not measured.")
-    backend, source, found = held
-    able = sorted((r for r in found if _all_at_once(r) and r.frame), key=lambda r: r.frame or 0.0)
+    backend, source, runs = selection
+    able = sorted((r for r in runs if _all_at_once(r) and r.frame), key=lambda r: r.frame or 0.0)
     parts: list[str] = []
     numbers: dict[str, float] = {}
     if able:
@@ -52,17 +52,17 @@ def column(results: Results) -> Claim:
         numbers |= {f"{best.who} frame": best.frame or 0.0, f"{best.who} mean": best.numbers[laws.MEAN]}
         parts.append(
             f"{best.who} with {best.effort} substeps x iterations does, in {words.seconds(best.frame or 0.0)} a frame of "
-            f"{words.count(best.particles)} particles, its mean density error {_share(best.numbers[laws.MEAN])}"
+            f"{words.count(best.particles)} particles, its mean density error {_percentage(best.numbers[laws.MEAN])}"
         )
-    never = [who for who in dict.fromkeys(r.who for r in found) if who not in {r.who for r in able}]
+    never = [who for who in dict.fromkeys(r.who for r in runs) if who not in {r.who for r in able}]
     if never:
         parts.append(f"{words.listed(never)} {'does' if len(never) == 1 else 'do'} not with any effort that was tried")
-    few = [r for r in found if (r.substeps, r.iterations) == FEWEST and laws.HEIGHT in r.numbers]
+    few = [r for r in runs if (r.substeps, r.iterations) == FEWEST and laws.HEIGHT in r.numbers]
     if few:
         numbers |= {f"{r.who} height": 1 + r.numbers[laws.HEIGHT] for r in few}
-        told = [f"{1 + r.numbers[laws.HEIGHT]:.2f} by {r.who}" for r in few]
+        heights = [f"{1 + r.numbers[laws.HEIGHT]:.2f} by {r.who}" for r in few]
         parts.append(
-            f"with {few[0].effort}, as particle libraries have it, the column is {words.listed(told)} of its height"
+            f"with {few[0].effort}, as particle libraries have it, the column is {words.listed(heights)} of its height"
         )
     text = f"A column should keep {BOUND_WORDS}, all at once"
     busy = SUSPECT if any(r.suspect for r in able[:1]) else ""
@@ -71,54 +71,55 @@ def column(results: Results) -> Claim:
 
 def fastest(results: Results) -> Claim:
     """Fastest effort that preserves a column, in one sentence."""
-    held = _held(results, COLUMN)
-    able = [] if held is None else [r for r in held[2] if _all_at_once(r) and r.frame]
-    if held is None or not able:
+    selection = _runs_of(results, COLUMN)
+    able = [] if selection is None else [r for r in selection[2] if _all_at_once(r) and r.frame]
+    if selection is None or not able:
         return Claim("The fastest setting for a standing column of water was not measured.")
     best = min(able, key=lambda r: r.frame or 0.0)
     text = (
         f"A column keeps {BOUND_WORDS} fastest with {best.who}, {best.effort} substeps x iterations, on "
-        f"{where(held[0], held[1])}{SUSPECT if best.suspect else ''}."
+        f"{where(selection[0], selection[1])}{SUSPECT if best.suspect else ''}."
     )
     return Claim(text, {"frame": best.frame or 0.0}, True)
 
 
 def dam(results: Results) -> Claim:
     """Error of the front against the experiment, and the first point, which no scheme can reach."""
-    held = _held(results, DAM)
-    found = [] if held is None else [r for r in held[2] if not r.peer and laws.FRONT in r.numbers]
-    if held is None or not found:
+    selection = _runs_of(results, DAM)
+    lab_runs = [] if selection is None else [r for r in selection[2] if not r.peer and laws.FRONT in r.numbers]
+    if selection is None or not lab_runs:
         return Claim("The front of a breaking dam was not measured.")
-    best = min(found, key=lambda r: r.numbers[laws.FRONT])
-    later = min(found, key=lambda r: r.numbers[laws.FRONT_LATER])
+    best = min(lab_runs, key=lambda r: r.numbers[laws.FRONT])
+    later = min(lab_runs, key=lambda r: r.numbers[laws.FRONT_LATER])
     numbers = {"front": best.numbers[laws.FRONT], "later": later.numbers[laws.FRONT_LATER], "start": start_off()}
     text = (
-        f"With the best setting ({best.who}) the front of Martin and Moyce's dam is {_share(best.numbers[laws.FRONT])} off "
-        f"at its worst point, and finer particles do not help: that point is the first, which lies {_share(start_off())} "
-        "above the parabola that the next two make from rest, so that no flow that starts at rest meets all three. All "
-        f"others are met within {_share(later.numbers[laws.FRONT_LATER])} ({later.who}, {later.effort})."
+        f"With the best setting ({best.who}) the front of Martin and Moyce's dam is {_percentage(numbers['front'])} off "
+        "at its worst point, and finer particles do not help: that point is the first, which lies "
+        f"{_percentage(numbers['start'])} above the parabola that the next two make from rest, so that no flow that starts "
+        "at rest meets all three. All "
+        f"others are met within {_percentage(later.numbers[laws.FRONT_LATER])} ({later.who}, {later.effort})."
     )
-    others = [r for r in held[2] if r.peer and laws.FRONT in r.numbers]
+    others = [r for r in selection[2] if r.peer and laws.FRONT in r.numbers]
     if others:
-        told = [
-            f"{r.who} {_share(r.numbers[laws.FRONT])}, and {_share(r.numbers[laws.FRONT_LATER])} without the first"
+        errors = [
+            f"{r.who} {_percentage(r.numbers[laws.FRONT])}, and {_percentage(r.numbers[laws.FRONT_LATER])} without the first"
             for r in others
         ]
         numbers |= {r.who: r.numbers[laws.FRONT] for r in others}
-        text += f" Other programs have the same trouble: {words.listed(told)}."
+        text += f" Other programs have the same trouble: {words.listed(errors)}."
     return Claim(text, numbers, best.numbers[laws.FRONT_LATER] <= best.numbers[laws.FRONT])
 
 
 def viscosity(results: Results) -> Claim:
     """Numerical viscosity at the finest spacing, where the scene has none, and its fall with the spacing."""
-    held = _held(results, VORTICES)
-    if held is None:
+    selection = _runs_of(results, VORTICES)
+    if selection is None:
         return Claim("The numerical viscosity was not measured.")
     parts: list[str] = []
     numbers: dict[str, float] = {}
-    for who in dict.fromkeys(r.who for r in held[2]):
-        mine = sorted((r for r in held[2] if r.who == who), key=lambda r: r.spacing)
-        fine, coarse = mine[0], mine[-1]
+    for who in dict.fromkeys(r.who for r in selection[2]):
+        runs = sorted((r for r in selection[2] if r.who == who), key=lambda r: r.spacing)
+        fine, coarse = runs[0], runs[-1]
         numbers[who] = fine.numbers[laws.VISCOSITY]
         more = ""
         if coarse.spacing > fine.spacing:
@@ -126,7 +127,7 @@ def viscosity(results: Results) -> Claim:
             wider = coarse.spacing / fine.spacing
             more = f" ({coarse.numbers[laws.VISCOSITY]:.2g} m²/s at {wider:.2g} times the particle spacing)"
         parts.append(f"{numbers[who]:.2g} m²/s by {who}{more}")
-    fine = min(held[2], key=lambda r: r.spacing)
+    fine = min(selection[2], key=lambda r: r.spacing)
     text = (
         f"Asked for none, vortices in a box of a metre at 1 m/s meet a viscosity of {words.listed(parts)}, with particles "
         f"{100 * fine.spacing:g} cm apart: syrup, not water."
@@ -136,17 +137,17 @@ def viscosity(results: Results) -> Claim:
 
 def drop(results: Results) -> Claim:
     """Pressure in a drop, which does not fall with the radius: cohesion is not a surface tension by Laplace's law."""
-    held = _held(results, DROP)
-    told = [] if held is None else [r for r in held[2] if r.numbers.get(laws.INSIDE, 0.0) > 0]
-    sizes = [sorted((r for r in told if r.who == who), key=lambda r: r.particles) for who in {r.who: 0 for r in told}]
-    found = next((rows for rows in sizes if len(rows) > 1), [])
-    if not found:
+    selection = _runs_of(results, DROP)
+    drops = [] if selection is None else [r for r in selection[2] if r.numbers.get(laws.INSIDE, 0.0) > 0]
+    sizes = [sorted((r for r in drops if r.who == who), key=lambda r: r.particles) for who in {r.who: 0 for r in drops}]
+    series = next((rows for rows in sizes if len(rows) > 1), [])
+    if not series:
         return Claim("The pressure in a drop was not measured.")
-    small, large = found[0], found[-1]
+    small, large = series[0], series[-1]
     larger = (large.particles / small.particles) ** (1 / 3)
     ratio = large.numbers[laws.INSIDE] / small.numbers[laws.INSIDE]
     text = (
-        f"A drop becomes a ball (its longest axis {max(r.numbers[laws.ASPECT] for r in found):.3f} times its shortest), but "
+        f"A drop becomes a ball (its longest axis {max(r.numbers[laws.ASPECT] for r in series):.3f} times its shortest), but "
         "cohesion is no surface tension in newtons a metre: by Laplace's law the pressure in a drop "
         f"{larger:.2g} times as wide is {1 / larger:.2g} of that in the small one, and {ratio:.2g} was found. It is how hard "
         "particles pull one another, at any radius."
@@ -156,22 +157,24 @@ def drop(results: Results) -> Claim:
 
 def peers(results: Results) -> Claim:
     """Time of other programs for the tank, compared with the lab's at equal error."""
-    held = _held(results, TANK)
-    others = [] if held is None else [r for r in held[2] if r.peer and r.frame and laws.MEAN in r.numbers]
-    if held is None or not others:
+    selection = _runs_of(results, TANK)
+    others = [] if selection is None else [r for r in selection[2] if r.peer and r.frame and laws.MEAN in r.numbers]
+    if selection is None or not others:
         return Claim("Other fluid programs were not timed.")
     parts: list[str] = []
     numbers: dict[str, float] = {}
     for other in others:
         able = [
-            r for r in held[2] if not r.peer and r.frame and r.numbers.get(laws.MEAN, 1.0) <= other.numbers[laws.MEAN]
+            r
+            for r in selection[2]
+            if not r.peer and r.frame and r.numbers.get(laws.MEAN, 1.0) <= other.numbers[laws.MEAN]
         ]
         if able:
             best = min(able, key=lambda r: r.frame or 0.0)
             numbers[other.who] = ratio = (other.frame or 0.0) / (best.frame or 1.0)
             parts.append(
                 f"{other.who} takes {words.times(ratio)} as long as {best.who} with {best.effort}, whose density error, "
-                f"{_share(best.numbers[laws.MEAN])}, is no larger than its {_share(other.numbers[laws.MEAN])}"
+                f"{_percentage(best.numbers[laws.MEAN])}, is no larger than its {_percentage(other.numbers[laws.MEAN])}"
             )
     if not parts:
         return Claim(
@@ -179,40 +182,42 @@ def peers(results: Results) -> Claim:
             {},
             False,
         )
-    busy = SUSPECT if any(r.suspect for r in held[2]) else ""
+    busy = SUSPECT if any(r.suspect for r in selection[2]) else ""
     return Claim(
-        f"In a tank at rest, sampled in turn on {where(held[0], held[1])}, {words.listed(parts)}{busy}.", numbers, True
+        f"In a tank at rest, sampled in turn on {where(selection[0], selection[1])}, {words.listed(parts)}{busy}.",
+        numbers,
+        True,
     )
 
 
 def rest(results: Results) -> Claim:
     """Which schemes and substeps leave a still tank at rest, beside another program."""
-    held = on_backends(results, rest_figure.on)
-    if not held:
+    measured = on_backends(results, rest_figure.on)
+    if not measured:
         return Claim("Water at rest was not measured.")
-    backend, source, found = held[0]
-    tanks = [r for r in found if r.kind == STILL_TANK]
+    backend, source, rows = measured[0]
+    tanks = [r for r in rows if r.kind == STILL_TANK]
     numbers: dict[str, float] = {}
     parts: list[str] = []
     for who in dict.fromkeys(r.who for r in tanks if not r.peer):
-        mine = [r for r in tanks if r.who == who]
-        still = [r for r in mine if r.rests]
+        runs = [r for r in tanks if r.who == who]
+        still = [r for r in runs if r.rests]
         numbers[f"{who} still"] = len(still)
-        kept = "none of the numbers of substeps that were tried"
+        resting = "none of the numbers of substeps that were tried"
         if still:
             numbers[who] = max(r.late for r in still)
             few = f"{min(r.substeps for r in still)} to {max(r.substeps for r in still)} substeps"
-            every = f"each of {len(mine)} numbers of substeps"
-            kept = f"{every if len(still) == len(mine) else few} (rms speed at most {_share(numbers[who])})"
-        parts.append(f"{who} with {kept}")
+            every = f"each of {len(runs)} numbers of substeps"
+            resting = f"{every if len(still) == len(runs) else few} (rms speed at most {_percentage(numbers[who])})"
+        parts.append(f"{who} with {resting}")
     text = (
         f"Water {DEPTH:g} m deep and without viscosity should stay at rest in its tank: gain no more energy than "
-        f"{ENERGY_BOUND:g} g H, and be slower than {_share(SPEED_BOUND)} of √(g H) from {SETTLED} s on. On "
+        f"{ENERGY_BOUND:g} g H, and be slower than {_percentage(SPEED_BOUND)} of √(g H) from {SETTLED} s on. On "
         f"{where(backend, source)} it does by {words.listed(parts)}"
     )
     for other in (r for r in tanks if r.peer):
         numbers[other.who] = other.late
-        text += f"; {other.who}, by its own steps, comes to {_share(other.late)}"
+        text += f"; {other.who}, by its own steps, comes to {_percentage(other.late)}"
     return Claim(f"{text}.", numbers, any(r.rests for r in tanks if not r.peer))
 
 
@@ -220,8 +225,8 @@ def rate(results: Results) -> Claim:
     """Particle-iterations per second at the largest pool, and the stage that takes longest."""
     parts: list[str] = []
     numbers: dict[str, float] = {}
-    for backend, source, found in on_backends(results, phases.on):
-        point = found[-1]
+    for backend, source, rows in on_backends(results, phases.on):
+        point = rows[-1]
         most = max(point.phases, key=lambda phase: point.phases[phase])
         numbers[backend] = point.rate
         parts.append(
@@ -238,7 +243,7 @@ def _rate(value: float) -> str:
     return words.power(value, 9) if value >= 1e9 else f"{value / 1e6:.3g}{words.SPACE}million"
 
 
-def _share(value: float) -> str:
+def _percentage(value: float) -> str:
     """Return e.g. `5.13 %`."""
     return f"{100 * value:.3g}{words.SPACE}%"
 

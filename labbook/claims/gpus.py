@@ -12,7 +12,7 @@ from softlab.plots.core.data import Results, Source
 from softlab.plots.figures.scaling.gpus import found_by, masses
 
 USUAL = "flags"  # the default link
-Told = Sequence[tuple[ScalingPoint, float, float | None]]
+Speedups = Sequence[tuple[ScalingPoint, float, float | None]]
 
 
 def _measured(results: Results) -> tuple[Source | None, Sequence[ScalingPoint]]:
@@ -25,15 +25,15 @@ def _ratio(value: float) -> str:
     return f"{words.number(value)}{words.SPACE}times"
 
 
-def _of_grids(told: Told, link: str) -> list[tuple[ScalingPoint, float, float | None]]:
-    return [one for one in told if one[0].scene == "grid" and one[0].link == link]
+def _of_grids(rows: Speedups, link: str) -> list[tuple[ScalingPoint, float, float | None]]:
+    return [one for one in rows if one[0].scene == "grid" and one[0].link == link]
 
 
 def strong(results: Results) -> Claim:
     """Strong scaling: speed-up over one GPU with one sheet for all."""
-    source, found = _measured(results)
-    told = speedups(found)
-    grids, cloths = _of_grids(told, USUAL), [one for one in told if one[0].scene == "xpbd" and one[0].link == USUAL]
+    source, measured = _measured(results)
+    ratios = speedups(measured)
+    grids, cloths = _of_grids(ratios, USUAL), [one for one in ratios if one[0].scene == "xpbd" and one[0].link == USUAL]
     if source is None or not grids:
         return Claim("A grid on several GPUs was not timed.")
     numbers = {f"{p.scene} {p.rows} {p.gpus}": faster for p, faster, _ in [*grids, *cloths]}
@@ -50,15 +50,15 @@ def strong(results: Results) -> Claim:
 
 def weak(results: Results) -> Claim:
     """Weak scaling: one grid for each GPU."""
-    _, found = _measured(results)
-    share = shares(found)
-    told = [(p, share[id(p)]) for p in found if id(p) in share and p.link == USUAL and p.scene == "grid"]
-    if not told:
+    _, measured = _measured(results)
+    efficiency = shares(measured)
+    rates = [(p, efficiency[id(p)]) for p in measured if id(p) in efficiency and p.link == USUAL and p.scene == "grid"]
+    if not rates:
         return Claim("A grid for each of several GPUs was not timed.")
-    numbers = {f"{p.rows} {p.gpus}": value for p, value in told}
+    numbers = {f"{p.rows} {p.gpus}": value for p, value in rates}
     parts = [
         f"with {words.masses(masses(p) // p.gpus)} on each, each of {p.gpus} reaches {words.number(100 * rate)}{words.SPACE}%"
-        for p, rate in told
+        for p, rate in rates
     ]
     return Claim(
         f"With one grid per GPU (weak scaling), {words.listed(parts)} of the rate of one alone.",
@@ -69,11 +69,11 @@ def weak(results: Results) -> Claim:
 
 def links(results: Results) -> Claim:
     """Speed-up with NCCL, from the smallest to the largest grid of each."""
-    _, found = _measured(results)
-    told = _of_grids(speedups(found), "nccl")
-    if not told:
+    _, measured = _measured(results)
+    ratios = _of_grids(speedups(measured), "nccl")
+    if not ratios:
         return Claim("NCCL was not timed.")
-    ends = told[:: max(1, len(told) - 1)]
+    ends = ratios[:: max(1, len(ratios) - 1)]
     numbers = {f"nccl {p.rows} {p.gpus}": faster for p, faster, _ in ends}
     span = " to ".join(words.number(faster) for _, faster, _ in ends)
     return Claim(
@@ -86,8 +86,8 @@ def links(results: Results) -> Claim:
 
 def bits(results: Results) -> Claim:
     """Comparison of states with one GPU's."""
-    _, found = _measured(results)
-    off = [p.difference for p in found if p.gpus > 1 and p.difference is not None]
+    _, measured = _measured(results)
+    off = [p.difference for p in measured if p.gpus > 1 and p.difference is not None]
     if not off:
         return Claim("No state of several GPUs was compared with that of one.")
     same = f"{words.things(sum(d == 0 for d in off), 'sheet')} of {len(off)}"
@@ -97,25 +97,27 @@ def bits(results: Results) -> Claim:
 
 def energy(results: Results) -> Claim:
     """Energy per step of all GPUs over that of one GPU with the same grid."""
-    _, found = _measured(results)
-    alone = {p.rows: p.joules for p in found if p.gpus == 1 and p.scene == "grid" and p.rows == p.columns and p.joules}
-    told = [
+    _, measured = _measured(results)
+    alone = {
+        p.rows: p.joules for p in measured if p.gpus == 1 and p.scene == "grid" and p.rows == p.columns and p.joules
+    }
+    ratios = [
         (p, p.joules / (alone[p.rows] or 1))
-        for p in found
+        for p in measured
         if p.gpus > 1 and p.joules and p.link == USUAL and p.scene == "grid" and p.rows == p.columns and p.rows in alone
     ]
-    if not told:
+    if not ratios:
         return Claim("The energy of several GPUs was not measured.")
-    numbers = {f"{p.rows} {p.gpus}": value for p, value in told}
+    numbers = {f"{p.rows} {p.gpus}": value for p, value in ratios}
     span = " to ".join(dict.fromkeys(words.number(value) for value in (min(numbers.values()), max(numbers.values()))))
     return Claim(f"All of them together take {span} times the energy of one GPU for the same step.", numbers, True)
 
 
 def model(results: Results) -> Claim:
     """Error of the model."""
-    _, found = _measured(results)
-    off = {p.link: [] for p in found if p.gpus > 1}  # type: dict[str, list[float]]
-    for p, faster, by_model in speedups(found):
+    _, measured = _measured(results)
+    off = {p.link: [] for p in measured if p.gpus > 1}  # type: dict[str, list[float]]
+    for p, faster, by_model in speedups(measured):
         if by_model is not None:
             off[p.link].append(by_model / faster - 1)
     usual, others = off.pop(USUAL, []), [value for values in off.values() for value in values]

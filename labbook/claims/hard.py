@@ -17,12 +17,12 @@ NOT_RUN = "The hard cases were not run."
 HOME = 1e-6  # m: a smaller distance from the hanging grid counts as having returned to it
 
 
-def found_rows(results: Results) -> list[HardRow]:
+def verdict_rows(results: Results) -> list[HardRow]:
     """Return the verdicts of the chapter."""
     return hard_rows(results)[0]
 
 
-def told(row: HardRow, name: str) -> float | None:
+def measured_value(row: HardRow, name: str) -> float | None:
     """Return a measured number of a run by its name, or None."""
     return next((check.value for check in row.checks if check.name == name), None)
 
@@ -43,14 +43,16 @@ def count_verdicts(rows: Sequence[HardRow], sources: Sequence[Source] = ()) -> C
     counts = {verdict: sum(row.verdict == verdict for row in rows) for verdict in CODES}
     cases = len({row.case for row in rows})
     one, more = ("was", "its"), ("were", "their")
-    told = [f"{count(counts['pass'])} passed"]
+    outcomes = [f"{count(counts['pass'])} passed"]
     if counts["refused"]:
-        told.append(
+        outcomes.append(
             f"{count(counts['refused'])} {(one if counts['refused'] == 1 else more)[0]} refused with a diagnosis"
         )
     if counts["known"]:
-        told.append(f"{count(counts['known'])} failed as {(one if counts['known'] == 1 else more)[1]} method implies")
-    text = f"Of {count(len(rows))} runs of {count(cases)} cases, {words.listed(told)}; "
+        outcomes.append(
+            f"{count(counts['known'])} failed as {(one if counts['known'] == 1 else more)[1]} method implies"
+        )
+    text = f"Of {count(len(rows))} runs of {count(cases)} cases, {words.listed(outcomes)}; "
     if counts["fail"]:
         bad = [f"“{title}”" for title in dict.fromkeys(row.in_full for row in rows if row.verdict == "fail")]
         text += f"{count(counts['fail'])} failed otherwise, which is a bug of this lab: {words.listed(bad)}."
@@ -99,7 +101,7 @@ def compare_backends(rows: Sequence[HardRow], sources: Sequence[Source] = ()) ->
 def known(results: Results) -> Claim:
     """Failures that are inherent in a method, with the reasons."""
     reasons: dict[str, dict[str, set[str]]] = {}
-    for row in found_rows(results):
+    for row in verdict_rows(results):
         if row.verdict == "known":
             reasons.setdefault(row.diagnosis, {}).setdefault(row.integrator, set()).add(row.case)
     if not reasons:
@@ -115,11 +117,11 @@ def known(results: Results) -> Claim:
 
 def far(results: Results) -> Claim:
     """B14: distance of a chain far from the origin, in float32, from its run at the origin."""
-    rows = [r for r in found_rows(results) if r.case.startswith("B14") and r.precision == "float32"]
+    rows = [r for r in verdict_rows(results) if r.case.startswith("B14") and r.precision == "float32"]
     name = "distance from the run at the origin"
     parts, numbers = [], {}
     for integrator in ("velocity-verlet", "lab"):
-        values = [v for r in rows if r.integrator == integrator and (v := told(r, name)) is not None]
+        values = [v for r in rows if r.integrator == integrator and (v := measured_value(r, name)) is not None]
         if values:
             numbers[integrator] = max(values)
             parts.append(f"{number(max(values), 2)} units in the last place with {integrator}")
@@ -135,8 +137,8 @@ def far(results: Results) -> Claim:
 
 def collapsed(results: Results) -> Claim:
     """B5: end states of a grid that was collapsed to a point."""
-    rows = [r for r in found_rows(results) if r.case == "B5 point" and r.precision == "float64"]
-    away = [v for r in rows if (v := told(r, "distance from the hanging grid")) is not None]
+    rows = [r for r in verdict_rows(results) if r.case == "B5 point" and r.precision == "float64"]
+    away = [v for r in rows if (v := measured_value(r, "distance from the hanging grid")) is not None]
     if not away:
         return Claim("A grid collapsed to a point was not run.")
     home = sum(value < HOME for value in away)
@@ -149,10 +151,10 @@ def collapsed(results: Results) -> Claim:
 
 def denormal(results: Results) -> Claim:
     """B15: cost of denormal numbers."""
-    rows = [r for r in found_rows(results) if r.case == "B15"]
+    rows = [r for r in verdict_rows(results) if r.case == "B15"]
     ratios: dict[str, float] = {}
     for row in rows:
-        value = told(row, "time over that of ordinary numbers")
+        value = measured_value(row, "time over that of ordinary numbers")
         if value is not None:
             ratios[row.backend] = max(value, ratios.get(row.backend, 0.0))
     if not ratios:

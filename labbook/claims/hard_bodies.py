@@ -7,7 +7,7 @@ from softlab.bench.stress.bodies import OFF_LAW, OFF_NEWTON, OUT_OF_SHAPE, SPIN_
 from softlab.bench.stress.results import HardRow
 from softlab.labbook import words
 from softlab.labbook.claims.claim import Claim, Claims
-from softlab.labbook.claims.hard import compare_backends, count_verdicts, told
+from softlab.labbook.claims.hard import compare_backends, count_verdicts, measured_value
 from softlab.labbook.words import count, number, percent, seconds
 from softlab.plots.core.data import Results
 from softlab.plots.figures.hard_bodies import body_rows
@@ -32,28 +32,28 @@ def _one(rows: list[HardRow], case: str, precision: str = "float64") -> HardRow 
 
 def _values(row: HardRow | None, *names: str) -> list[float]:
     """Return the numbers of a run by name, or an empty list if one is missing."""
-    found = [told(row, name) for name in names] if row else [None]
-    return [value for value in found if value is not None] if None not in found else []
+    values = [measured_value(row, name) for name in names] if row else [None]
+    return [value for value in values if value is not None] if None not in values else []
 
 
 def spin(results: Results) -> Claim:
     """S7 and A8: remaining spin of a rigid body, and where float32 deviates from the law."""
     rows = _rows(results)
     cases = sorted({row.case for row in rows if row.case.startswith("S7 ")}, key=_substeps)
-    found = {case: values for case in cases if (values := _values(_one(rows, case), SPIN_KEPT, OFF_LAW, OFF_NEWTON))}
-    if not found:
+    by_case = {case: values for case in cases if (values := _values(_one(rows, case), SPIN_KEPT, OFF_LAW, OFF_NEWTON))}
+    if not by_case:
         return Claim("The spin of a rigid body was not judged.")
-    parts = [f"{percent(kept)} with {_substeps(case)}" for case, (kept, _, _) in found.items()]
-    off = max(values[1] for values in found.values())
-    last = list(found)[-1]
+    parts = [f"{percent(remaining)} with {_substeps(case)}" for case, (remaining, _, _) in by_case.items()]
+    off = max(values[1] for values in by_case.values())
+    last = list(by_case)[-1]
     text = (
         f"A rigid body that turns once a second keeps of its spin, after {seconds(SECONDS[SPIN], 1)}, {words.listed(parts)} "
         f"substeps a frame. This agrees with the law of the method, by which these rows are judged, to {number(off, 1)}. "
-        f"Newton's law keeps all of it: with {_substeps(last)} substeps the body is {number(found[last][2], 2)} spacings "
+        f"Newton's law keeps all of it: with {_substeps(last)} substeps the body is {number(by_case[last][2], 2)} spacings "
         "from where that law puts it."
     )
-    numbers = {"off": off, "kept": found[last][0]}
-    single = {case: values for case in found if (values := _values(_one(rows, case, "float32"), SPIN_KEPT, OFF_LAW))}
+    numbers = {"off": off, "kept": by_case[last][0]}
+    single = {case: values for case in by_case if (values := _values(_one(rows, case, "float32"), SPIN_KEPT, OFF_LAW))}
     worst = max(single, key=lambda case: single[case][1], default="")
     if worst and single[worst][1] > FEW:
         numbers["float32"] = single[worst][0]
@@ -70,14 +70,16 @@ def _substeps(case: str) -> int:
 
 def shapes(results: Results) -> Claim:
     """A10: recovery of squashed and mirrored bodies."""
-    rows = [row for row in _rows(results) if row.case.startswith("A10") and told(row, OUT_OF_SHAPE) is not None]
+    rows = [
+        row for row in _rows(results) if row.case.startswith("A10") and measured_value(row, OUT_OF_SHAPE) is not None
+    ]
     if not rows:
         return Claim("Bodies were not squashed.")
-    worst = max(told(row, OUT_OF_SHAPE) or 0.0 for row in rows)
-    ways = len({row.case for row in rows})
+    worst = max(measured_value(row, OUT_OF_SHAPE) or 0.0 for row in rows)
+    starts = len({row.case for row in rows})
     return Claim(
         "A jelly that was squashed flat, onto a line or into a point, mirrored or turned inside out finds its shape again, "
-        f"in {count(len(rows))} runs of {count(ways)} such starts to {percent(worst)} of a spacing.",
+        f"in {count(len(rows))} runs of {count(starts)} such starts to {percent(worst)} of a spacing.",
         {"worst": worst, "runs": float(len(rows))}, all(row.verdict == "pass" for row in rows),
     )  # fmt: skip
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from softlab.bench.stress.results import OF_TETRAHEDRA, HardRow, rows_of
 from softlab.bench.stress.tetrahedra import OF_FOUR, RATIO, RECOVERY, STORED, STRETCH, VOLUME
 from softlab.labbook.claims.claim import Claim, Claims
-from softlab.labbook.claims.hard import count_verdicts, told
+from softlab.labbook.claims.hard import count_verdicts, measured_value
 from softlab.labbook.words import count, percent, seconds
 from softlab.plots.core.data import Results, judgements
 
@@ -18,8 +18,8 @@ def _rows(results: Results) -> list[HardRow]:
 
 def _values(rows: list[HardRow], case: str, name: str) -> list[float]:
     """Return a number of the runs of a case, and of all cases that begin with it and a space."""
-    mine = [row for row in rows if row.case == case or row.case.startswith(f"{case} ")]
-    return [value for row in mine if (value := told(row, name)) is not None]
+    runs = [row for row in rows if row.case == case or row.case.startswith(f"{case} ")]
+    return [value for row in runs if (value := measured_value(row, name)) is not None]
 
 
 def verdicts(results: Results) -> Claim:

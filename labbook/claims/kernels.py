@@ -26,7 +26,7 @@ def choice(results: Results, backend: str) -> Claim:
     timed = len(fastest(source, backend))
     pairs, suspect = trusted([(chosen[t.particles], t) for t in best])
     best = [t for _, t in pairs]
-    slower = [(mine.median / t.median, t) for mine, t in pairs if apart(mine, t) > 0]
+    slower = [(default.median / t.median, t) for default, t in pairs if apart(default, t) > 0]
     good = len(best) - len(slower)
     text = (
         f"{on(source, backend)}, the default kernel is the fastest, or not slower beyond measurement noise, "
@@ -36,7 +36,7 @@ def choice(results: Results, backend: str) -> Claim:
         text += f" that were timed undisturbed, of {timed}"
     numbers: dict[str, float] = {"good": good, "sizes": len(best)}
     if slower:
-        ratio, worst = max(slower, key=lambda found: found[0])
+        ratio, worst = max(slower, key=lambda pair: pair[0])
         numbers["worst"] = ratio
         text += f"; at worst, at {masses(worst.particles)}, it takes {times(ratio)} as long as {worst.kernel}"
     return Claim(f"{text}{suspect}.", numbers, True)
@@ -45,25 +45,27 @@ def choice(results: Results, backend: str) -> Claim:
 def roof(results: Results, backend: str) -> Claim:
     """Largest fraction of the roof of one step per pass that any kernel reaches, and of the arithmetic roof."""
     source = machine_of(results, backend, lambda s: ceilings(s, backend) is not None and not disturbed(s))
-    found = ceilings(source, backend) if source else None
+    limits = ceilings(source, backend) if source else None
     beyond = [(t,) for t in fastest(source, backend) if from_memory(source, t)] if source else []
     ranked, suspect = trusted(beyond)
-    if source is None or found is None or not ranked:
+    if source is None or limits is None or not ranked:
         return Claim(
             f"How the {backend.upper()}'s kernels stand against its ceilings beyond the caches was not measured."
         )
-    best = max((t for (t,) in ranked), key=found.share)
-    share = found.share(best)
-    numbers = {"share": share, "masses": best.particles}
-    more = "more" if share > 1 else "no more"
+    best = max((t for (t,) in ranked), key=limits.share)
+    fraction = limits.share(best)
+    numbers = {"share": fraction, "masses": best.particles}
+    more = "more" if fraction > 1 else "no more"
     text = (
-        f"{on(source, backend)}, the highest rate on grids beyond the last cache is {percent(share)} of that of one step per "
-        f"pass ({best.kernel}, {masses(best.particles)}): {more} than a kernel that does one step per pass from memory could "
-        f"reach{suspect}"
+        f"{on(source, backend)}, the highest rate on grids beyond the last cache is {percent(fraction)} of that of one step "
+        f"per pass ({best.kernel}, {masses(best.particles)}): {more} than a kernel that does one step per pass from memory "
+        f"could reach{suspect}"
     )
-    if found.arithmetic_share and found.rate:
-        numbers["arithmetic"] = share / found.arithmetic_share
-        text += f". It uses {percent(share / found.arithmetic_share)} of the measured {words.operations(found.rate)}"
+    if limits.arithmetic_share and limits.rate:
+        numbers["arithmetic"] = fraction / limits.arithmetic_share
+        text += (
+            f". It uses {percent(fraction / limits.arithmetic_share)} of the measured {words.operations(limits.rate)}"
+        )
     return Claim(f"{text}.", numbers, True)
 
 
@@ -73,7 +75,7 @@ def energy(results: Results) -> Claim:
     numbers: dict[str, float] = {}
     for backend, source, counted in on_backends(results, counted_joules):
         size = max(t.particles for t, _ in counted)
-        here = sorted(((j, t) for t, j in counted if t.particles == size), key=lambda found: found[0])
+        here = sorted(((j, t) for t, j in counted if t.particles == size), key=lambda entry: entry[0])
         (least, thrifty), (most, wasteful) = here[0], here[-1]
         numbers |= {f"{backend} least": least, f"{backend} most": most}
         text = (
@@ -93,9 +95,9 @@ def energy(results: Results) -> Claim:
 
 def _starts(source: Source, backend: str) -> list[float]:
     """Return [cold, warm] [s], or an empty list where one of them was not measured."""
-    held = {m.name: m.value for m in source.measures if m.backend == backend}
-    found = [value for name in (COLD, WARM) if (value := held.get(name)) is not None]
-    return found if len(found) == 2 else []
+    values = {m.name: m.value for m in source.measures if m.backend == backend}
+    durations = [value for name in (COLD, WARM) if (value := values.get(name)) is not None]
+    return durations if len(durations) == 2 else []
 
 
 def starts(results: Results) -> Claim:

@@ -15,7 +15,7 @@ CLOSE = 0.01  # largest relative difference of a measured edge from the analytic
 TRAP, REPAIR = "taylor", "semi-implicit-euler"
 
 
-def found(results: Results) -> tuple[list[MapPoint], list[Edge]]:
+def chapter_runs(results: Results) -> tuple[list[MapPoint], list[Edge]]:
     """Return the map and the edges of the chapter."""
     points, edges, _ = stability_runs(results)
     return points, edges
@@ -35,7 +35,7 @@ def _where(results: Results, entries: list[Edge] | list[MapPoint]) -> str:
 
 def edges(results: Results) -> Claim:
     """Largest difference of the measured edges of the chain from the analytic limits."""
-    chain = [e for e in found(results)[1] if e.place.chain]
+    chain = [e for e in chapter_runs(results)[1] if e.place.chain]
     if not chain:
         return Claim("The edges of the linear chain were not measured.")
     worst = max(chain, key=lambda e: abs(e.off))
@@ -56,7 +56,7 @@ def edges(results: Results) -> Claim:
 
 def under(results: Results) -> Claim:
     """Runs that diverged at or below their limit."""
-    points = found(results)[0]
+    points = chapter_runs(results)[0]
     if not points:
         return Claim("The map of stability was not measured.")
     safe = [p for p in points if not p.over]
@@ -73,16 +73,16 @@ def under(results: Results) -> Claim:
 
 def over(results: Results) -> Claim:
     """Runs above the limit that stayed bounded: the margin of the bound for any state on this grid."""
-    points = [p for p in found(results)[0] if p.over and p.place.limit > 0]
+    points = [p for p in chapter_runs(results)[0] if p.over and p.place.limit > 0]
     lost = [p for p in points if p.lost]
     if not points:
         return Claim("No run was over its limit.")
     numbers: dict[str, float] = {"over": len(points), "diverged": len(lost)}
-    kept = [p for p in points if not p.diverged]
+    bounded = [p for p in points if not p.diverged]
     text = f"Of the {len(points)} runs over it, {len(lost)} diverged or grew"
-    if not kept:
+    if not bounded:
         return Claim(f"{text}: here the bound for any state is the edge itself.", numbers, True)
-    farthest = max(kept, key=lambda p: p.place.dt / p.place.limit)
+    farthest = max(bounded, key=lambda p: p.place.dt / p.place.limit)
     numbers["farthest"] = farthest.place.dt / farthest.place.limit
     text += (
         f"; the others stayed bounded, with step sizes up to {times(numbers['farthest'])} the limit "
@@ -94,7 +94,7 @@ def over(results: Results) -> Claim:
 def agreement(results: Results, between: str, words_of: tuple[str, str]) -> Claim:
     """Number of points at which backends, or precisions, differ."""
     one, many = words_of
-    differing, shared = disagreements(found(results)[0], between)
+    differing, shared = disagreements(chapter_runs(results)[0], between)
     if not shared:
         return Claim(f"The map was run {one} only, so {many} were not compared.")
     numbers = {"differing": differing, "shared": shared}
@@ -105,7 +105,7 @@ def agreement(results: Results, between: str, words_of: tuple[str, str]) -> Clai
 
 def trap(results: Results) -> Claim:
     """Step size at the edge of taylor and of semi-implicit Euler, damped: the cost of the plausible repair."""
-    chain = [e for e in found(results)[1] if e.place.chain and e.place.damping > 0]
+    chain = [e for e in chapter_runs(results)[1] if e.place.chain and e.place.damping > 0]
     first = {name: next((e for e in chain if e.place.integrator == name), None) for name in (TRAP, REPAIR)}
     short, long = first[TRAP], first[REPAIR]
     if short is None or long is None or not 0 < short.measured < long.measured:
@@ -120,9 +120,9 @@ def trap(results: Results) -> Claim:
 
 def first_loss(results: Results) -> Claim:
     """Number of steps until divergence is detected."""
-    steps = sorted(p.step for p in found(results)[0] if p.step is not None)
+    steps = sorted(p.step for p in chapter_runs(results)[0] if p.step is not None)
     if not steps:
-        return Claim("No run of the map diverged." if found(results)[0] else "No run of the map was made.")
+        return Claim("No run of the map diverged." if chapter_runs(results)[0] else "No run of the map was made.")
     middle = steps[len(steps) // 2]
     text = (
         f"Half of the runs that diverge do so within {words.count(middle)} steps, the last after "

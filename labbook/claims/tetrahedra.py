@@ -22,7 +22,7 @@ DESCENT = (1, 30)  # substeps and sweeps of vertex block descent
 USUAL = (4, 1)  # substeps and sweeps per frame with which programs usually start
 
 
-def _found(source: Source, backend: str) -> list[Bar]:
+def _bars_of(source: Source, backend: str) -> list[Bar]:
     return [b for b in middle(bars(source.measures)) if (b.backend, b.precision) == (backend, PRECISION)]
 
 
@@ -44,24 +44,24 @@ def _pascal(young: float) -> str:
     return f"{power}{words.SPACE}Pa"
 
 
-def _count(found: list[Bar]) -> str:
+def _count(rows: list[Bar]) -> str:
     """Return e.g. `400 tetrahedra`: the mesh of bars that have one."""
-    return f"{words.count(found[0].elements)} tetrahedra"
+    return f"{words.count(rows[0].elements)} tetrahedra"
 
 
 def usual(results: Results) -> Claim:
     """Sag of bars with the usual few substeps over the exact sag, a ratio that does not depend on the machine."""
-    chosen = on_backends(results, _found)
-    for _, _, found in chosen[:1]:
-        mine = {
-            b.young: 1 + b.solver_error for b in found if b.solver == "xpbd" and (b.substeps, b.iterations) == USUAL
+    chosen = on_backends(results, _bars_of)
+    for _, _, rows in chosen[:1]:
+        ratios = {
+            b.young: 1 + b.solver_error for b in rows if b.solver == "xpbd" and (b.substeps, b.iterations) == USUAL
         }
-        if mine:
-            told = [f"{words.times(ratio)} as far at {_pascal(young)}" for young, ratio in mine.items()]
+        if ratios:
+            texts = [f"{words.times(ratio)} as far at {_pascal(young)}" for young, ratio in ratios.items()]
             return Claim(
                 f"With {USUAL[0]} substeps a frame and one sweep each, a bar of {_count(chosen[0][2])} sags "
-                f"{words.listed(told)} as the exact rest state of the same mesh.",
-                {f"{young:g}": ratio for young, ratio in mine.items()}, True,
+                f"{words.listed(texts)} as the exact rest state of the same mesh.",
+                {f"{young:g}": ratio for young, ratio in ratios.items()}, True,
             )  # fmt: skip
     return Claim("Bars of tetrahedra were not measured.")
 
@@ -71,11 +71,11 @@ def mesh(results: Results) -> Claim:
     for source in results.everyone:
         off = {b.elements: b.mesh_error for b in bars(source.measures)}
         if off:
-            told = [
+            texts = [
                 f"{words.percent(abs(error))} too little in {words.count(n)} tetrahedra" for n, error in off.items()
             ]
             return Claim(
-                f"That is the error of the solver, not of the mesh: solved to the end, the bar sags {words.listed(told)}, "
+                f"That is the error of the solver, not of the mesh: solved to the end, the bar sags {words.listed(texts)}, "
                 "five to a voxel, because a linear tetrahedron cannot bend.",
                 {str(n): error for n, error in off.items()}, True,
             )  # fmt: skip
@@ -86,24 +86,24 @@ def budget(results: Results) -> Claim:
     """Time of a frame within ENOUGH in motion, by the fastest position-based setting and by the fastest other solver."""
     parts: list[str] = []
     numbers: dict[str, float] = {}
-    for backend, source, found in _of_one_mesh(results):
-        told = []
-        for young in sorted({b.young for b in found}):
-            able = [b for b in found if b.young == young and abs(b.motion_error) <= ENOUGH and not b.suspect]
+    for backend, source, measured in _of_one_mesh(results):
+        texts = []
+        for young in sorted({b.young for b in measured}):
+            able = [b for b in measured if b.young == young and abs(b.motion_error) <= ENOUGH and not b.suspect]
             rows = min((b for b in able if b.solver.startswith("xpbd")), key=lambda b: b.seconds, default=None)
             other = min((b for b in able if not b.solver.startswith("xpbd")), key=lambda b: b.seconds, default=None)
             if rows is None:
-                told.append(f"at {_pascal(young)} no position-based setting that was measured gets there")
+                texts.append(f"at {_pascal(young)} no position-based setting that was measured gets there")
             else:
                 numbers[f"{backend} {young:g} xpbd"] = rows.seconds
-                told.append(f"at {_pascal(young)} {words.seconds(rows.seconds)} ({_budget(rows)}")
+                texts.append(f"at {_pascal(young)} {words.seconds(rows.seconds)} ({_budget(rows)}")
             if other is not None:
                 numbers[f"{backend} {young:g} {other.solver}"] = other.seconds
-                told[-1] += f"{'; ' if rows else ' ('}{words.seconds(other.seconds)} by {_solver(other)}"
+                texts[-1] += f"{'; ' if rows else ' ('}{words.seconds(other.seconds)} by {_solver(other)}"
             if rows is not None or other is not None:
-                told[-1] += ")"
-        if told:
-            parts.append(f"on {where(backend, source)}, {_count(found)}, {words.listed(told)}")
+                texts[-1] += ")"
+        if texts:
+            parts.append(f"on {where(backend, source)}, {_count(measured)}, {words.listed(texts)}")
     if not parts:
         return Claim("What a small error of the solver costs was not measured.")
     return Claim(
@@ -118,9 +118,9 @@ def _of_one_mesh(results: Results) -> list[tuple[str, Source, list[Bar]]]:
     chosen = on_backends(
         results, lambda source, backend: [b for b in _all(source, backend) if b.precision == PRECISION]
     )
-    shared = set.intersection(*({b.elements for b in found} for _, _, found in chosen)) if chosen else set()
-    sizes = {backend: max(shared, default=middle(found)[0].elements) for backend, _, found in chosen}
-    return [(name, source, [b for b in found if b.elements == sizes[name]]) for name, source, found in chosen]
+    shared = set.intersection(*({b.elements for b in rows} for _, _, rows in chosen)) if chosen else set()
+    sizes = {backend: max(shared, default=middle(rows)[0].elements) for backend, _, rows in chosen}
+    return [(name, source, [b for b in rows if b.elements == sizes[name]]) for name, source, rows in chosen]
 
 
 def total(results: Results) -> Claim:
@@ -128,21 +128,21 @@ def total(results: Results) -> Claim:
     parts: list[str] = []
     numbers: dict[str, float] = {}
     busy = False
-    for backend, source, found in on_backends(results, lambda s, backend: of_one_version(_all(s, backend))):
-        told = []
-        for young in sorted({b.young for b in found}):
-            able = [b for b in found if b.young == young and b.total_error <= WHOLE and moves(b) and not b.wrong]
+    for backend, source, measured in on_backends(results, lambda s, backend: of_one_version(_all(s, backend))):
+        texts = []
+        for young in sorted({b.young for b in measured}):
+            able = [b for b in measured if b.young == young and b.total_error <= WHOLE and moves(b) and not b.wrong]
             best = min(able, key=lambda b: b.seconds, default=None)
             if best is None:
-                told.append(f"at {_pascal(young)} none")
+                texts.append(f"at {_pascal(young)} none")
                 continue
             numbers[f"{backend} {young:g}"] = best.seconds
             busy = busy or best.suspect
-            told.append(
+            texts.append(
                 f"at {_pascal(young)} {_solver(best)} with {words.count(best.elements)} tetrahedra in "
                 f"{words.seconds(best.seconds)}, error {words.percent(best.total_error)}"
             )
-        parts.append(f"on {where(backend, source)} {words.listed(told)}")
+        parts.append(f"on {where(backend, source)} {words.listed(texts)}")
     if not numbers:
         return Claim("No bar was measured that is near the continuum, mesh and solver together.")
     return Claim(
@@ -160,26 +160,26 @@ def decided(results: Results) -> Claim:
     parts: list[str] = []
     numbers: dict[str, float] = {}
     busy = False
-    for backend, source, found in on_backends(results, _all):
-        stiff = [one for one in decisions(found) if one.young == STIFF and one.best is not None]
+    for backend, source, measured in on_backends(results, _all):
+        stiff = [one for one in decisions(measured) if one.young == STIFF and one.best is not None]
         largest = max((one.elements for one in stiff), key=lambda n: (_shared(stiff, n), n), default=0)
-        told = []
+        texts = []
         for one in stiff:
             if one.elements != largest or one.best is None:
                 continue
             busy = busy or one.best.suspect or (one.rows is not None and one.rows.suspect)
             if one.share is None:
                 numbers[f"{backend} {one.where} alone"] = one.best.seconds
-                told.append(
+                texts.append(
                     f"{one.where} {words.seconds(one.best.seconds)} a frame ({_solver(one.best)}), where none does"
                 )
             else:
                 numbers[f"{backend} {one.where}"] = one.share
-                told.append(f"{one.where} {words.percent(one.share)} of its time ({_solver(one.best)})")
-        if told:
-            parts.append(f"on {where(backend, source)}, {words.count(largest)} tetrahedra, {words.listed(told)}")
+                texts.append(f"{one.where} {words.percent(one.share)} of its time ({_solver(one.best)})")
+        if texts:
+            parts.append(f"on {where(backend, source)}, {words.count(largest)} tetrahedra, {words.listed(texts)}")
     if not parts:
-        stiffest = max((b.young for _, _, found in on_backends(results, _all) for b in found), default=0.0)
+        stiffest = max((b.young for _, _, measured in on_backends(results, _all) for b in measured), default=0.0)
         if stiffest == STIFF:
             return Claim(f"At {_pascal(STIFF)} nothing that was measured comes within {words.percent(WITHIN)}.")
         return Claim("Whether another solver is worth it for stiff bars was not measured.")
@@ -191,9 +191,9 @@ def decided(results: Results) -> Claim:
     )  # fmt: skip
 
 
-def _shared(found: list[Decision], elements: int) -> bool:
+def _shared(stiff: list[Decision], elements: int) -> bool:
     """Return True if a position-based setting on that mesh is available for comparison."""
-    return any(one.elements == elements and one.share is not None for one in found)
+    return any(one.elements == elements and one.share is not None for one in stiff)
 
 
 def _all(source: Source, backend: str) -> list[Bar]:
@@ -202,33 +202,33 @@ def _all(source: Source, backend: str) -> list[Bar]:
 
 def creeping(results: Results) -> Claim:
     """Motion of vertex block descent, whose error does not show at rest, since a step begins where the last one ended."""
-    for _, _, found in on_backends(results, _found)[:1]:
-        mine = {b.young: b for b in found if b.solver == "vbd" and (b.substeps, b.iterations) == DESCENT}
-        if mine:
-            told = [f"{words.percent(1 + b.motion_error)} at {_pascal(young)}" for young, b in mine.items()]
+    for _, _, rows in on_backends(results, _bars_of)[:1]:
+        by_young = {b.young: b for b in rows if b.solver == "vbd" and (b.substeps, b.iterations) == DESCENT}
+        if by_young:
+            texts = [f"{words.percent(1 + b.motion_error)} at {_pascal(young)}" for young, b in by_young.items()]
             return Claim(
-                f"Vertex block descent with {DESCENT[1]} sweeps a frame, with {_count(found)}, comes to rest in the right "
+                f"Vertex block descent with {DESCENT[1]} sweeps a frame, with {_count(rows)}, comes to rest in the right "
                 "place, because each step begins where the last one ended. Half a vibration after release, however, it has "
-                f"moved only {words.listed(told)} of the way.",
-                {f"{young:g}": b.motion_error for young, b in mine.items()}, True,
+                f"moved only {words.listed(texts)} of the way.",
+                {f"{young:g}": b.motion_error for young, b in by_young.items()}, True,
             )  # fmt: skip
     return Claim("Vertex block descent was not measured in motion.")
 
 
 def cuts(results: Results) -> Claim:
     """Five compared with six tetrahedra per voxel."""
-    found, _ = judgements(results, lambda measure: measure.description.get("finding") == MESH)
-    parts = {(m.cut, m.poisson, m.across): m for m in meshes(found)}
+    measured, _ = judgements(results, lambda measure: measure.description.get("finding") == MESH)
+    parts = {(m.cut, m.poisson, m.across): m for m in meshes(measured)}
     across = max((n for _, _, n in parts), default=0)
     ratios = sorted({ratio for cut, ratio, n in parts if n == across and (11 - cut, ratio, n) in parts})
     if not ratios:
         return Claim("Five and six tetrahedra to a voxel were not compared.")
     pairs = [(ratio, parts[5, ratio, across].part, parts[6, ratio, across].part) for ratio in ratios]
-    told = [f"{words.percent(five)} and {words.percent(six)} at {ratio:g}" for ratio, five, six in pairs]
+    texts = [f"{words.percent(five)} and {words.percent(six)} at {ratio:g}" for ratio, five, six in pairs]
     numbers = {f"{cut} {ratio:g}": part for ratio, *both in pairs for cut, part in zip((5, 6), both, strict=True)}
     return Claim(
         f"With five and with six tetrahedra to a voxel, {across} voxels across, a bar that is solved to the end reaches "
-        f"{words.listed(told)} (Poisson's ratios) of the continuum's sag: six lock where the material is nearly "
+        f"{words.listed(texts)} (Poisson's ratios) of the continuum's sag: six lock where the material is nearly "
         "incompressible.",
         numbers, all(five > six for _, five, six in pairs),
     )  # fmt: skip

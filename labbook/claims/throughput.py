@@ -13,17 +13,17 @@ def heaps(results: Results) -> Claim:
     """Frames per second of heaps that collide, the smallest and the largest."""
     parts: list[str] = []
     numbers: dict[str, float] = {}
-    for backend, source, found in panels(results):
-        mine = [p for p in found if p.kind == "heap"]
-        told = []
-        for point in mine[:: max(1, len(mine) - 1)]:
+    for backend, source, rows in panels(results):
+        of_kind = [p for p in rows if p.kind == "heap"]
+        texts = []
+        for point in of_kind[:: max(1, len(of_kind) - 1)]:
             numbers[f"{backend} {point.bodies}"] = 1 / point.step
-            told.append(
+            texts.append(
                 f"{words.count(point.bodies)} bodies of {words.count(point.particles)} particles do "
                 f"{words.number(1 / point.step)} frames a second"
             )
-        if told:
-            parts.append(f"on {where(backend, source)} {words.listed(told)}")
+        if texts:
+            parts.append(f"on {where(backend, source)} {words.listed(texts)}")
     if not parts:
         return Claim("Heaps of bodies were not timed.")
     return Claim(f"In a heap, with contacts and two substeps a frame: {'; '.join(parts)}.", numbers, True)
@@ -33,8 +33,8 @@ def clusters(results: Results) -> Claim:
     """Time of a step of bodies without contacts: the cost of clusters."""
     parts: list[str] = []
     numbers: dict[str, float] = {}
-    for backend, source, found in panels(results):
-        both = {p.kind: p for p in found if p.bodies == 50 and p.kind in ("soft", "rigid")}
+    for backend, source, rows in panels(results):
+        both = {p.kind: p for p in rows if p.bodies == 50 and p.kind in ("soft", "rigid")}
         if set(both) == {"soft", "rigid"}:
             numbers |= {f"{backend} {kind}": p.step for kind, p in both.items()}
             parts.append(
@@ -50,20 +50,20 @@ def contacts(results: Results) -> Claim:
     """Cost of contacts: a substep of a heap over one of the same bodies without contacts."""
     parts: list[str] = []
     numbers: dict[str, float] = {}
-    for backend, source, found in panels(results):
-        ratios = [(heap.bodies, _ratio(heap, found)) for heap in found if heap.kind == "heap"]
-        told = {bodies: ratio for bodies, ratio in ratios if ratio is not None}
-        if told:
-            numbers |= {f"{backend} {bodies}": ratio for bodies, ratio in told.items()}
-            span = sorted({min(told.values()), max(told.values())})
+    for backend, source, rows in panels(results):
+        ratios = [(heap.bodies, _ratio(heap, rows)) for heap in rows if heap.kind == "heap"]
+        by_bodies = {bodies: ratio for bodies, ratio in ratios if ratio is not None}
+        if by_bodies:
+            numbers |= {f"{backend} {bodies}": ratio for bodies, ratio in by_bodies.items()}
+            span = sorted({min(by_bodies.values()), max(by_bodies.values())})
             parts.append(f"{' to '.join(words.times(ratio) for ratio in span)} on {where(backend, source)}")
     if not parts:
         return Claim("What contacts cost was not timed.")
     return Claim(f"With contacts a substep takes {words.listed(parts)} as long as without.", numbers, True)
 
 
-def _ratio(heap: ThroughputPoint, found: list[ThroughputPoint]) -> float | None:
-    free = next((p for p in found if p.kind == "soft" and p.bodies == heap.bodies), None)
+def _ratio(heap: ThroughputPoint, rows: list[ThroughputPoint]) -> float | None:
+    free = next((p for p in rows if p.kind == "soft" and p.bodies == heap.bodies), None)
     return free.rate / heap.rate if free else None
 
 

@@ -71,7 +71,7 @@ def _drawn(panels: Sequence[Panel], area: Area, time: float) -> Image.Image:
         y = canvas.height - 56
         canvas.text(x, y, f"{counted(panel.moving)} particles, {time:.2f} s simulated", 20)
         if panel.took > 0:
-            share = panel.took / max(panel.simulation.time, panel.scene.method.dt)
-            told = f"{seconds(share, 2)} of computing a simulated second here ({panel.simulation.backend.upper()})"
-            canvas.text(x, y + 28, told, 16, FAINT)
+            cost = panel.took / max(panel.simulation.time, panel.scene.method.dt)
+            text = f"{seconds(cost, 2)} of computing a simulated second here ({panel.simulation.backend.upper()})"
+            canvas.text(x, y + 28, text, 16, FAINT)
     return canvas.image

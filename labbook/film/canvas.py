@@ -110,8 +110,8 @@ class Canvas:
         """Return the first of the texts, ordered from long to short, that fits that width; else the last one,
         shortened.
         """
-        found = next((text for text in texts if self.wide(text, size, bold) <= width), texts[-1])
-        return self.shortened(found, width, size, bold)
+        longest = next((text for text in texts if self.wide(text, size, bold) <= width), texts[-1])
+        return self.shortened(longest, width, size, bold)
 
     def paste(self, pixels: np.ndarray, x: float, y: float) -> None:
         """Draw (height, width, 3 or 4) uint8 true pixels, with their top left corner at x, y."""
@@ -183,16 +183,16 @@ class Stage:
             pieces = divided(text, count)
             lines = [canvas.balanced(piece, width, CAPTION_SIZE) for piece in pieces]
             if max(map(len, lines)) <= CAPTION_LINES or count >= len(text.split(" ")):
-                return ["\n".join(found) for found in lines]
+                return ["\n".join(piece_lines) for piece_lines in lines]
             count += 1
 
-    def frame(self, heading: str, picture: Image.Image, caption: str, share: float) -> np.ndarray:
-        """Return the frame (height, width, 3) uint8; `share`: fraction of the film that is over."""
+    def frame(self, heading: str, picture: Image.Image, caption: str, progress: float) -> np.ndarray:
+        """Return the frame (height, width, 3) uint8; `progress`: fraction of the film that is over."""
         if self._last is None or self._last[0] is not picture or self._last[1:3] != (heading, caption):
             self._last = (picture, heading, caption, self._composed(heading, picture, caption))
         pixels = self._last[3].copy()
         high = self.form.height - self.bottom
-        pixels[high : high + max(2, round(4 * self.scale)), : round(share * self.form.width)] = GPU
+        pixels[high : high + max(2, round(4 * self.scale)), : round(progress * self.form.width)] = GPU
         return pixels
 
     def _composed(self, heading: str, picture: Image.Image, caption: str) -> np.ndarray:

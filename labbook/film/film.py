@@ -54,7 +54,7 @@ def write_film(results: Results, path: Path, form: Format = FULL, voice: bool = 
     """
     check_target(path, (CLIP,), "a film")
     if not results.sources:
-        raise InputError("there are no measurements to tell of; measure first (softlab sweep)")
+        raise InputError("there are no measurements; measure first (softlab sweep)")
     ffmpeg_path()
     with OffscreenRenderer(load_scene("lab-grid"), 16, 16, legend=False):
         pass  # reports what is missing before all the work
@@ -63,7 +63,7 @@ def write_film(results: Results, path: Path, form: Format = FULL, voice: bool = 
         task = bar.add_task("film: script", total=1.0)
         shots = script(results, form, computing_backend())
         bar.update(task, description="film: narration", completed=BEGUN)
-        sounds, rate, told = _narration(shots, form, Path(work)) if voice else ({}, 1, "none was asked for")
+        sounds, rate, voice_name = _narration(shots, form, Path(work)) if voice else ({}, 1, "none was asked for")
         lengths = Lengths({text: len(samples) / rate for text, samples in sounds.items()})
         pauses = {text: breaths(samples, rate) for text, samples in sounds.items()}
         parts = timeline(fitted(shots, lengths, form), lengths, form.fps, stage.captions, pauses)
@@ -79,7 +79,7 @@ def write_film(results: Results, path: Path, form: Format = FULL, voice: bool = 
                     writer.write(frame)
                     done = begun + (1 - begun) * writer.frames / total
                     bar.update(task, description=f"film: {part.shot.name}", completed=done)
-    return Film(path, path.with_suffix(SUBTITLES), total / form.fps, total, told, bool(sounds))
+    return Film(path, path.with_suffix(SUBTITLES), total / form.fps, total, voice_name, bool(sounds))
 
 
 class Lengths(dict[str, float]):
@@ -97,11 +97,11 @@ def computing_backend() -> str:
 def _narration(shots: Sequence[Shot], form: Format, folder: Path) -> tuple[dict[str, np.ndarray], int, str]:
     """Return (sounds of all sentences that the film may have, their rate [1/s], the voice); empty without a voice."""
     texts = list(dict.fromkeys(line.text for shot in shots for line in shot.lines if line.rank <= form.rank))
-    files, told = speak([spoken(text) for text in texts], folder)
+    files, voice_name = speak([spoken(text) for text in texts], folder)
     if files is None:
-        return {}, 1, told
+        return {}, 1, voice_name
     read = [read_sound(file) for file in files]
-    return {text: samples for text, (samples, _) in zip(texts, read, strict=True)}, read[0][1], told
+    return {text: samples for text, (samples, _) in zip(texts, read, strict=True)}, read[0][1], voice_name
 
 
 def _frames(stage: Stage, parts: Sequence[Part], total: int) -> Iterator[tuple[Part, np.ndarray]]:

@@ -64,15 +64,15 @@ def states_of(
     """Return positions after each of the scene's steps, of `finer` steps each; the list ends where the run diverges."""
     changed = scene.replace({"method.integrator": integrator, "method.dt": scene.method.dt / finer})
     with open_simulation(changed, precision=precision, math="exact", threads=1, allow_unstable=True) as simulation:
-        found = [simulation.read("position").astype(np.float64)]
+        states = [simulation.read("position").astype(np.float64)]
         for _ in range(steps):
             try:
                 simulation.advance(finer)
                 simulation.check()
             except Diverged:
                 break
-            found.append(simulation.read("position").astype(np.float64))
-    return found
+            states.append(simulation.read("position").astype(np.float64))
+    return states
 
 
 @lru_cache(maxsize=2)
@@ -86,8 +86,8 @@ def judged(rows: int | None = None) -> Judged:
     states = {name: states_of(scene, name, steps) for name, _, _ in METHODS}
     free = build(scene).inverse_mass > 0
     errors = {
-        name: [distance(a, b, free, scene.grid.spacing)[0] for a, b in zip(mine, reference, strict=True)]
-        for name, mine in states.items()
+        name: [distance(a, b, free, scene.grid.spacing)[0] for a, b in zip(positions, reference, strict=True)]
+        for name, positions in states.items()
     }
     return Judged(scene, states, reference, errors)
 
@@ -95,51 +95,56 @@ def judged(rows: int | None = None) -> Judged:
 def stored(results: Results, integrator: str, dt: float) -> Point | None:
     """Return the store's result of that method in S1, on the CPU in float32: the time that is shown with the error."""
     source = accurate_source(results)
-    mine = [p for p in points(source, SCENE) if p.integrator == integrator and p.backend == "cpu"] if source else []
-    mine = [p for p in mine if abs(p.dt - dt) < 1e-12 and p.seconds is not None]
-    return min(mine, key=lambda p: p.precision, default=None)
+    candidates = (
+        [p for p in points(source, SCENE) if p.integrator == integrator and p.backend == "cpu"] if source else []
+    )
+    candidates = [p for p in candidates if abs(p.dt - dt) < 1e-12 and p.seconds is not None]
+    return min(candidates, key=lambda p: p.precision, default=None)
 
 
-def draw_errors(made: Judged, results: Results, area: Area, count: int, fps: int) -> Iterator[Image.Image]:
+def draw_errors(comparison: Judged, results: Results, area: Area, count: int, fps: int) -> Iterator[Image.Image]:
     """Yield a corner of the curtain by each method, over the reference, with the growing errors on the right."""
     moving = max(2, round(count * (1 - STILL)))
-    last = len(made.reference) - 1
+    last = len(comparison.reference) - 1
     image, shown = None, -1
     for frame in range(count):
         at = min(last, round(last * frame / (moving - 1)))
         if image is None or at != shown:
-            image, shown = _errors_at(made, results, at, area), at
+            image, shown = _errors_at(comparison, results, at, area), at
         yield image
 
 
-def _errors_at(made: Judged, results: Results, at: int, area: Area) -> Image.Image:
+def _errors_at(comparison: Judged, results: Results, at: int, area: Area) -> Image.Image:
     """Return the picture after that many steps."""
-    canvas, dt = area.canvas(), made.scene.method.dt
+    canvas, dt = area.canvas(), comparison.scene.method.dt
     panel = (canvas.width - 4 * MARGIN) / 3
-    told = f"{at} steps of {seconds(dt, 2)}: {at * dt:.2f} s simulated.   Lower right corner of the curtain; grey: reference"
-    canvas.text(MARGIN, 14, f"{told} (rk4, float64, {seconds(dt / FINER, 2)})", 20, anchor="lm")
+    text = f"{at} steps of {seconds(dt, 2)}: {at * dt:.2f} s simulated.   Lower right corner of the curtain; grey: reference"
+    canvas.text(MARGIN, 14, f"{text} (rk4, float64, {seconds(dt / FINER, 2)})", 20, anchor="lm")
     for side, (name, title, colour) in enumerate(METHODS):
         x = MARGIN + side * (panel + MARGIN)
         canvas.box(x, 36, panel, 3, colour)
         canvas.text(x, 42, canvas.shortened(title, panel, 20, True), 20, colour, bold=True)
         tall = area.pixels(canvas.height - 152)
-        canvas.paste(_overlay(made, name, at, area.pixels(panel), tall, colour), x, 72)
-        _draw_error(canvas, results, made, name, at, x, colour)
-    _draw_graph(canvas, made, at, MARGIN + 2 * (panel + MARGIN), panel)
+        canvas.paste(_overlay(comparison, name, at, area.pixels(panel), tall, colour), x, 72)
+        _draw_error(canvas, results, comparison, name, at, x, colour)
+    _draw_graph(canvas, comparison, at, MARGIN + 2 * (panel + MARGIN), panel)
     return canvas.image
 
 
-def _overlay(made: Judged, name: str, at: int, width: int, height: int, colour: Colour) -> np.ndarray:
+def _overlay(comparison: Judged, name: str, at: int, width: int, height: int, colour: Colour) -> np.ndarray:
     """Return the last CORNER rows and columns of masses: (height, width, 3).
 
     The reference is grey and stands still; the method is drawn over it.
     """
-    grid, fine = made.scene.grid, 3  # times as many pixels, for smooth edges
+    grid, fine = comparison.scene.grid, 3  # times as many pixels, for smooth edges
     image = Image.new("RGB", (fine * width, fine * height), WHITE)
     draw = ImageDraw.Draw(image)
     scale = fine * width / CORNER / grid.spacing
-    right, lowest = made.reference[at][-1] * (1, -1) + 0.5 * grid.spacing
-    for position, ink, thick in ((made.reference[at], REFERENCE, 0.06), (made.states[name][at], colour, 0.025)):
+    right, lowest = comparison.reference[at][-1] * (1, -1) + 0.5 * grid.spacing
+    for position, ink, thick in (
+        (comparison.reference[at], REFERENCE, 0.06),
+        (comparison.states[name][at], colour, 0.025),
+    ):
         places = position.reshape(grid.rows, grid.columns, 2) * (1, -1) - (right, lowest)
         pixels = places * scale + (fine * width, fine * height)
         for lines in (pixels, pixels.swapaxes(0, 1)):
@@ -148,26 +153,28 @@ def _overlay(made: Judged, name: str, at: int, width: int, height: int, colour: 
     return np.asarray(image.resize((width, height), Image.Resampling.BOX))
 
 
-def _draw_error(canvas: Canvas, results: Results, made: Judged, name: str, at: int, x: float, colour: Colour) -> None:
+def _draw_error(
+    canvas: Canvas, results: Results, comparison: Judged, name: str, at: int, x: float, colour: Colour
+) -> None:
     y = canvas.height - 74
-    canvas.text(x, y, f"error {number(made.errors[name][at], 2)} spacings", 24, colour, bold=True)
-    point = stored(results, name, made.scene.method.dt)
+    canvas.text(x, y, f"error {number(comparison.errors[name][at], 2)} spacings", 24, colour, bold=True)
+    point = stored(results, name, comparison.scene.method.dt)
     if point is not None and point.seconds is not None:
         least = f"{seconds(point.seconds, 2)} a simulated second (CPU)"
-        told = f"time {least[:-1]}, {point.precision})"
-        canvas.text(x, y + 38, canvas.fitting((told, least), 400, 16), 16, FAINT)
+        text = f"time {least[:-1]}, {point.precision})"
+        canvas.text(x, y + 38, canvas.fitting((text, least), 400, 16), 16, FAINT)
 
 
-def _draw_graph(canvas: Canvas, made: Judged, at: int, x: float, width: float) -> None:
+def _draw_graph(canvas: Canvas, comparison: Judged, at: int, x: float, width: float) -> None:
     """Draw both errors against time, on a logarithmic scale."""
     top, bottom = 76.0, canvas.height - 60
     left = x + 44
-    last = len(made.reference) - 1
+    last = len(comparison.reference) - 1
     decades = range(round(log10(LOW)), round(log10(HIGH)) + 1)
 
     def height(error: float) -> float:
-        share = (log10(min(max(error, LOW), HIGH)) - decades[0]) / (decades[-1] - decades[0])
-        return bottom - share * (bottom - top)
+        fraction = (log10(min(max(error, LOW), HIGH)) - decades[0]) / (decades[-1] - decades[0])
+        return bottom - fraction * (bottom - top)
 
     canvas.text(x, 42, "error / spacings", 18, INK, bold=True)
     for decade in decades:
@@ -175,9 +182,9 @@ def _draw_graph(canvas: Canvas, made: Judged, at: int, x: float, width: float) -
         canvas.box(left, y, width - 44, 1, LINE)
         canvas.text(left - 6, y, f"{10.0**decade:g}", 14, FAINT, anchor="rm")
     for name, _, colour in METHODS:
-        ran = [(left + k / last * (width - 44), height(made.errors[name][k])) for k in range(1, at + 1)]
+        ran = [(left + k / last * (width - 44), height(comparison.errors[name][k])) for k in range(1, at + 1)]
         canvas.path(ran, colour, 3)
-    end = last * made.scene.method.dt
+    end = last * comparison.scene.method.dt
     canvas.text(left, bottom + 8, "0 s", 14, FAINT)
     canvas.text(x + width, bottom + 8, f"{end:g} s simulated", 14, FAINT, anchor="ra")
 
@@ -195,7 +202,7 @@ class Breaking:
     limit: float
     times: float
     lost: int
-    held: list[np.ndarray]
+    stable: list[np.ndarray]
     broken: list[np.ndarray]
 
 
@@ -206,24 +213,24 @@ def breaking(rows: int | None = None) -> Breaking | None:
     if rows is not None:
         scene = scene.replace({"grid.rows": rows, "grid.columns": rows})
     limit = stability_limit(scene)
-    held = states_of(scene.replace({"method.dt": limit}), BREAKING, STEPS)
+    stable = states_of(scene.replace({"method.dt": limit}), BREAKING, STEPS)
     for times in OVER:
         states = states_of(scene.replace({"method.dt": times * limit}), BREAKING, STEPS)
-        if len(states) <= STEPS < len(held):
-            return Breaking(scene, limit, times, len(states), held, states)
+        if len(states) <= STEPS < len(stable):
+            return Breaking(scene, limit, times, len(states), stable, states)
     return None
 
 
-def draw_breaking(made: Breaking, area: Area, count: int, fps: int) -> Iterator[Image.Image]:
+def draw_breaking(case: Breaking, area: Area, count: int, fps: int) -> Iterator[Image.Image]:
     """Yield both runs side by side, a step at a time; one that has diverged keeps its last state."""
-    last = min(STEPS, made.lost + 20)
+    last = min(STEPS, case.lost + 20)
     moving = max(2, round(count * (1 - STILL)))
     wide, tall = area.pixels(area.width / area.scale / 2 - 2 * MARGIN), area.pixels(area.height / area.scale - 108)
     sides: Sequence[tuple[list[np.ndarray], float, Colour]] = (
-        (made.held, 1.0, GPU), (made.broken, made.times, WARNING),
+        (case.stable, 1.0, GPU), (case.broken, case.times, WARNING),
     )  # fmt: skip
-    with OffscreenRenderer(made.scene, wide, tall, legend=False) as renderer:
-        for position in (made.held[0], made.held[-1]):
+    with OffscreenRenderer(case.scene, wide, tall, legend=False) as renderer:
+        for position in (case.stable[0], case.stable[-1]):
             renderer.fit(position)
         for frame in range(count):
             at = min(last, round(last * frame / (moving - 1)))
@@ -234,9 +241,9 @@ def draw_breaking(made: Breaking, area: Area, count: int, fps: int) -> Iterator[
                 renderer.draw(states[min(at, len(states) - 1)])
                 canvas.paste(renderer.image(), x, 36)
                 canvas.box(x, 30, canvas.width / 2 - 2 * MARGIN, 3, colour)
-                dt = times * made.limit
+                dt = times * case.limit
                 what = "the stability limit" if times == 1.0 else f"{number(times, 2)} times the limit"
                 canvas.text(x, 4, f"step size {seconds(dt)}: {what}", 20, colour, bold=True)
-                told = f"diverged at step {len(states)}" if lost else f"{at} steps, {at * dt:.2f} s simulated"
-                canvas.text(x, canvas.height - 58, told, 24, WARNING if lost else INK, bold=lost)
+                text = f"diverged at step {len(states)}" if lost else f"{at} steps, {at * dt:.2f} s simulated"
+                canvas.text(x, canvas.height - 58, text, 24, WARNING if lost else INK, bold=lost)
             yield canvas.image

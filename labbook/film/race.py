@@ -39,20 +39,20 @@ class Runner:
     def error(self) -> str:
         """Error of the timed run, in words."""
         error = self.timing.error
-        told = "error not known" if error is None else f"error {number(error, 2)} spacings"
-        return f"{told}, suspect" if is_suspect(self.timing) else told
+        text = "error not known" if error is None else f"error {number(error, 2)} spacings"
+        return f"{text}, suspect" if is_suspect(self.timing) else text
 
 
 @dataclass(frozen=True)
 class Race:
     """The same scene on two processors, or with two numbers of threads, of one machine and one version of the code.
 
-    `own`: the machine is the reader's.
+    `is_local`: the machine is the reader's.
     """
 
     scene: Scene
     runners: tuple[Runner, Runner]
-    own: bool
+    is_local: bool
 
     @property
     def simulated(self) -> float:
@@ -83,22 +83,22 @@ def races(results: Results, most: int) -> list[Race]:
     If no machine has timed both: few threads against more, at the largest size. Empty if not even that was timed.
     """
     for source in results.everyone:
-        found = [(pair.cpu, pair.gpu) for pair in pairs(source) if pair.gpu.particles <= most]
-        if found:
-            found = _trusted(found)
-            return [_race(source, both) for both in ([found[0], found[-1]] if len(found) > 1 else found)]
+        timed = [(pair.cpu, pair.gpu) for pair in pairs(source) if pair.gpu.particles <= most]
+        if timed:
+            timed = _trusted(timed)
+            return [_race(source, both) for both in ([timed[0], timed[-1]] if len(timed) > 1 else timed)]
     for source in results.featured:
         for words in (("1", "1x"), ("1x", "4x")):
             few, many = ({t.particles: t for t in source.select("cpu", word) if not is_wrong(t)} for word in words)
-            found = [(few[size], many[size]) for size in few if size in many and size <= most]
-            if found:
-                return [_race(source, _trusted(found)[-1])]
+            timed = [(few[size], many[size]) for size in few if size in many and size <= most]
+            if timed:
+                return [_race(source, _trusted(timed)[-1])]
     return []
 
 
-def _trusted(found: list[tuple[Timing, Timing]]) -> list[tuple[Timing, Timing]]:
+def _trusted(timed: list[tuple[Timing, Timing]]) -> list[tuple[Timing, Timing]]:
     """Return the pairs without suspect times, if there are any."""
-    return [both for both in found if not any(map(is_suspect, both))] or found
+    return [both for both in timed if not any(map(is_suspect, both))] or timed
 
 
 def _race(source: Source, both: tuple[Timing, Timing]) -> Race:
@@ -124,8 +124,8 @@ def draw_race(race: Race, backend: str, area: Area, count: int, fps: int) -> Ite
     drawn, every = thinned(race.scene)
     wide, tall = area.pixels(area.width / area.scale / 2 - 2 * MARGIN), area.pixels(area.height / area.scale - 164)
     blank = area.canvas()
-    told = blank.balanced(_told(race, backend), blank.width - 2 * MARGIN, FOOT_SIZE)
-    more = FOOT_LINE * (len(told) - 1)
+    foot_lines = blank.balanced(_foot_text(race, backend), blank.width - 2 * MARGIN, FOOT_SIZE)
+    more = FOOT_LINE * (len(foot_lines) - 1)
     tall -= area.pixels(more)
     with OffscreenRenderer(drawn, wide, tall, legend=False) as renderer:
         for ends in states:
@@ -143,16 +143,16 @@ def draw_race(race: Race, backend: str, area: Area, count: int, fps: int) -> Ite
                 x = MARGIN + side * canvas.width / 2
                 canvas.paste(picture, x, 36)
                 _draw_runner(canvas, race, runner, done[side][frame], max(done[0][-1], done[1][-1]), x, more)
-            for number, line in enumerate(reversed(told)):
+            for number, line in enumerate(reversed(foot_lines)):
                 y = canvas.height - FOOT - FOOT_LINE * number
                 canvas.text(canvas.width / 2, y, line, FOOT_SIZE, FAINT, anchor="mm")
             yield canvas.image
 
 
-def _told(race: Race, backend: str) -> str:
+def _foot_text(race: Race, backend: str) -> str:
     """Return the text on what is not measured in the picture, and whose measurements these are."""
     who = "a GPU" if backend == "gpu" else "the CPU, as no GPU is here"
-    whose = "measured on this machine" if race.own else "the committed measurements"
+    whose = "measured on this machine" if race.is_local else "the committed measurements"
     return f"States: computed for the film by {who}, in exact math: both have the same bits. Times, errors: {whose}."
 
 
@@ -161,8 +161,8 @@ def _draw_clock(canvas: Canvas, race: Race, every: int, wall: float, slowed: flo
     thin = f", 1 line in {every} drawn" if every > 1 else ""
     canvas.text(MARGIN, 14, f"{grid.rows} x {grid.columns} masses{thin}", 19, anchor="lm")
     canvas.text(canvas.width / 2, 14, f"1 s of film = {seconds(slowed, 2)} of computing", 21, bold=True, anchor="mm")
-    told = f"{1000 * wall:.3f}" if race.wall < 0.1 else f"{1000 * wall:.0f}"
-    canvas.text(canvas.width - MARGIN, 14, f"computing for {told} ms", 19, anchor="rm")
+    elapsed = f"{1000 * wall:.3f}" if race.wall < 0.1 else f"{1000 * wall:.0f}"
+    canvas.text(canvas.width - MARGIN, 14, f"computing for {elapsed} ms", 19, anchor="rm")
 
 
 def _draw_runner(
@@ -176,8 +176,8 @@ def _draw_runner(
     canvas.text(x, y + 40, f"{counted(steps)} steps, {simulated:.2f} s simulated", 22)
     timing = runner.timing
     least = f"{seconds(timing.median)} a step; {runner.error}"
-    told = f"{seconds(timing.median)} a step in {timing.precision}, median of {timing.count}; {runner.error}"
-    canvas.text(x, y + 69, canvas.fitting((told, least), width, 17), 17, FAINT)
+    text = f"{seconds(timing.median)} a step in {timing.precision}, median of {timing.count}; {runner.error}"
+    canvas.text(x, y + 69, canvas.fitting((text, least), width, 17), 17, FAINT)
     canvas.box(canvas.width / 2 - 1, 40, 2, canvas.height - 78 - above, LINE)
 
 
@@ -201,15 +201,15 @@ def _states(scene: Scene, backend: str, steps: Sequence[int]) -> list[np.ndarray
     """Return positions of the drawn masses after each of the numbers of steps."""
     _, every = thinned(scene)
     rows, columns = scene.grid.rows, scene.grid.columns
-    found: list[np.ndarray] = []
+    states: list[np.ndarray] = []
     with open_simulation(scene, backend, math="exact") as simulation:
         at = 0
         for until in steps:
-            if until > at or not found:
+            if until > at or not states:
                 simulation.advance(until - at)
                 at = until
                 position = simulation.read("position").reshape(rows, columns, 2)[::every, ::every]
-                found.append(position.reshape(-1, 2).astype(np.float64))
+                states.append(position.reshape(-1, 2).astype(np.float64))
             else:
-                found.append(found[-1])
-    return found
+                states.append(states[-1])
+    return states

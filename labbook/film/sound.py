@@ -44,8 +44,8 @@ def spoken(text: str) -> str:
     return re.sub(r"\s+", " ", text.replace("-", " ")).strip()
 
 
-def _power(found: re.Match[str]) -> str:
-    number = "".join(RAISED[char] for char in found[1])
+def _power(exponent: re.Match[str]) -> str:
+    number = "".join(RAISED[char] for char in exponent[1])
     return f" times ten to the {number.replace('-', 'minus ')}"
 
 
@@ -56,8 +56,8 @@ def read_sound(file: Path) -> tuple[np.ndarray, int]:
     """
     with wave.open(str(file), "rb") as sound:
         rate, channels = sound.getframerate(), sound.getnchannels()
-        held = np.frombuffer(sound.readframes(sound.getnframes()), "<i2")
-    samples = held.reshape(-1, channels)[:, 0].astype(np.float32) / 2**15
+        frames = np.frombuffer(sound.readframes(sound.getnframes()), "<i2")
+    samples = frames.reshape(-1, channels)[:, 0].astype(np.float32) / 2**15
     loud = np.flatnonzero(np.abs(samples) > QUIET * max(float(np.abs(samples).max(initial=0.0)), 1e-9))
     if len(loud):
         around = round(BREATH * rate)
@@ -76,9 +76,9 @@ def write_track(path: Path, parts: Sequence[Part], sounds: dict[str, np.ndarray]
     """Write every sentence at its time, at LOUDNESS, on a track as long as the film."""
     frames = parts[-1].first + parts[-1].count
     track = np.zeros(round(frames / fps * rate), np.float32)
-    for said in (said for part in parts for said in part.said):
-        begin = round(said.start * rate)
-        samples = sounds[said.text][: max(0, len(track) - begin)]
+    for sentence in (sentence for part in parts for sentence in part.sentences):
+        begin = round(sentence.start * rate)
+        samples = sounds[sentence.text][: max(0, len(track) - begin)]
         track[begin : begin + len(samples)] += samples
     with wave.open(str(path), "wb") as out:
         out.setnchannels(1)

@@ -10,7 +10,7 @@ import numpy as np
 from PIL import Image
 
 from softlab.app.output.offscreen import OffscreenRenderer
-from softlab.labbook.answer import HEAD, answer_tables
+from softlab.labbook.answer import HEAD, winner_tables
 from softlab.labbook.film.canvas import BAND, CPU, FAINT, FOOT, GPU, INK, LINE, MARGIN, Area
 from softlab.labbook.film.judged import Judged
 from softlab.model.core.errors import SoftlabError
@@ -29,17 +29,17 @@ ROWS = 15
 UNITS = "Error in spacings; time of one run, with its launch and the copy of its end state."
 
 
-def held(image: Image.Image, count: int) -> Iterator[Image.Image]:
+def repeated(image: Image.Image, count: int) -> Iterator[Image.Image]:
     """Repeat one picture that many times."""
     return repeat(image, count)
 
 
-def draw_title(made: Judged, results: Results, area: Area, count: int, fps: int) -> Iterator[Image.Image]:
+def draw_title(comparison: Judged, results: Results, area: Area, count: int, fps: int) -> Iterator[Image.Image]:
     """Yield the title with the machines, next to a curtain that is released."""
-    states = made.states["velocity-verlet"]
+    states = comparison.states["velocity-verlet"]
     side = area.pixels(area.height / area.scale - 2 * MARGIN)
     machines = list(dict.fromkeys(source.provenance for source in results.sources))
-    with OffscreenRenderer(made.scene, side, side, legend=False) as renderer:
+    with OffscreenRenderer(comparison.scene, side, side, legend=False) as renderer:
         for position in (states[0], states[-1]):
             renderer.fit(position)
         for frame in range(count):
@@ -89,21 +89,21 @@ def draw_figure(results: Results, name: str, area: Area, count: int, fps: int) -
     x = (area.width - picture.width) / 2 / area.scale
     canvas.paste(np.asarray(picture), x, 0)
     for number, line in enumerate(reversed(lines)):
-        told = canvas.shortened(line, canvas.width - 2 * MARGIN, 15)
-        canvas.text(canvas.width / 2, canvas.height - FOOT - 22 * number, told, 15, FAINT, anchor="mm")
-    return held(canvas.image, count)
+        text = canvas.shortened(line, canvas.width - 2 * MARGIN, 15)
+        canvas.text(canvas.width / 2, canvas.height - FOOT - 22 * number, text, 15, FAINT, anchor="mm")
+    return repeated(canvas.image, count)
 
 
 def answers(results: Results) -> tuple[list[list[str]], str]:
     """Return (the rows of the book's first table, with the scene in each, whose measurements they are)."""
-    found, scene, whose = [], ["", ""], ""
-    for table in answer_tables(results):
+    rows, scene, whose = [], ["", ""], ""
+    for table in winner_tables(results):
         whose = table["title"].rpartition(". ")[2]
         for row in table["rows"]:
             scene = list(row[:2]) if row[0] else scene
             whole = [*scene, *row[2:]]
-            found.append([whole[place] for place in PLACES])
-    return found, whose
+            rows.append([whole[place] for place in PLACES])
+    return rows, whose
 
 
 def draw_answers(results: Results, area: Area, count: int, fps: int) -> Iterator[Image.Image]:
@@ -119,7 +119,7 @@ def draw_answers(results: Results, area: Area, count: int, fps: int) -> Iterator
         yield image
 
 
-def _table(rows: Sequence[Sequence[str]], shown: int, told: str, area: Area) -> Image.Image:
+def _table(rows: Sequence[Sequence[str]], shown: int, origin: str, area: Area) -> Image.Image:
     canvas = area.canvas()
     size = TABLE_SIZE
     gap = 16.0
@@ -149,6 +149,6 @@ def _table(rows: Sequence[Sequence[str]], shown: int, told: str, area: Area) -> 
             canvas.box(MARGIN, y, canvas.width - 2 * MARGIN, 1, LINE)
         before = row[0]
         y += row_height
-    told = canvas.shortened(told, canvas.width - 2 * MARGIN, 15)
-    canvas.text(canvas.width / 2, canvas.height - FOOT, told, 15, FAINT, anchor="mm")
+    origin = canvas.shortened(origin, canvas.width - 2 * MARGIN, 15)
+    canvas.text(canvas.width / 2, canvas.height - FOOT, origin, 15, FAINT, anchor="mm")
     return canvas.image

@@ -34,7 +34,7 @@ class Shot:
 
 
 @dataclass(frozen=True)
-class Said:
+class TimedSentence:
     """A sentence in time: from `start` to `end` [s]; `captions`: (start, end, text of at most two lines)."""
 
     text: str
@@ -50,7 +50,7 @@ class Part:
     shot: Shot
     first: int
     count: int
-    said: tuple[Said, ...]
+    sentences: tuple[TimedSentence, ...]
 
 
 def reading_seconds(text: str) -> float:
@@ -70,26 +70,26 @@ def fitted(shots: Sequence[Shot], lengths: Mapping[str, float], form: Format) ->
     Sentences of the highest rank are removed first, the last of them before the others. A shot without sentences is
     left out. If the film is too short, its shots are extended.
     """
-    kept = [
+    chosen = [
         replace(shot, lines=tuple(line for line in shot.lines if line.rank <= form.rank))
         for shot in shots
     ]  # fmt: skip
-    kept = [shot for shot in kept if shot.lines]
+    chosen = [shot for shot in chosen if shot.lines]
 
     def total() -> float:
-        return sum(shot_seconds(shot, lengths) for shot in kept)
+        return sum(shot_seconds(shot, lengths) for shot in chosen)
 
     while total() > form.most:
-        spare = [(line.rank, place, line) for place, shot in enumerate(kept) for line in shot.lines if line.rank]
+        spare = [(line.rank, place, line) for place, shot in enumerate(chosen) for line in shot.lines if line.rank]
         if not spare:
             break
         _, place, worst = max(spare, key=lambda entry: entry[:2])
-        lines = tuple(line for line in kept[place].lines if line is not worst)
-        kept[place : place + 1] = [replace(kept[place], lines=lines)] if lines else []
+        lines = tuple(line for line in chosen[place].lines if line is not worst)
+        chosen[place : place + 1] = [replace(chosen[place], lines=lines)] if lines else []
     short = form.least - total()
-    if short > 0 and kept:
-        kept = [replace(shot, least=shot_seconds(shot, lengths) + short / len(kept)) for shot in kept]
-    return kept
+    if short > 0 and chosen:
+        chosen = [replace(shot, least=shot_seconds(shot, lengths) + short / len(chosen)) for shot in chosen]
+    return chosen
 
 
 def timeline(
@@ -106,14 +106,14 @@ def timeline(
     parts, first = [], 0
     for shot in shots:
         begin = first / fps
-        at, said = begin + LEAD, []
+        at, sentences = begin + LEAD, []
         for line in shot.lines:
             end = at + lengths[line.text]
             breaths = [at + pause for pause in (pauses or {}).get(line.text, ())]
-            said.append(Said(line.text, at, end, tuple(_shared(captions(line.text), at, end, breaths))))
+            sentences.append(TimedSentence(line.text, at, end, tuple(_shared(captions(line.text), at, end, breaths))))
             at = end + PAUSE
         count = round(shot_seconds(shot, lengths) * fps)
-        parts.append(Part(shot, first, count, tuple(said)))
+        parts.append(Part(shot, first, count, tuple(sentences)))
         first += count
     return parts
 
@@ -123,21 +123,21 @@ def _shared(
 ) -> list[tuple[float, float, str]]:
     """Return each piece with its time, in proportion to its length, or up to a pause near its end."""
     weights = [len(piece) + DIGIT * sum(map(str.isdigit, piece)) for piece in pieces]
-    found, at = [], start
+    timed, at = [], start
     for number, piece in enumerate(pieces, 1):
         until = start + (end - start) * sum(weights[:number]) / sum(weights)
         near = [breath for breath in breaths if abs(breath - until) < NEAR and breath > at]
         if number < len(pieces) and near and piece.endswith((",", ";", ":", ".")):
             until = min(near, key=lambda breath: abs(breath - until))
-        found.append((at, until, piece))
+        timed.append((at, until, piece))
         at = until
-    return found
+    return timed
 
 
 def caption_at(part: Part, seconds: float) -> str:
     """Return the caption at that time of the film; a caption stays until the next one."""
-    shown = [text for said in part.said for start, _, text in said.captions if start <= seconds + 1e-9]
-    first = part.said[0].captions[0][2] if part.said else ""
+    shown = [text for sentence in part.sentences for start, _, text in sentence.captions if start <= seconds + 1e-9]
+    first = part.sentences[0].captions[0][2] if part.sentences else ""
     return shown[-1] if shown else first
 
 
@@ -146,7 +146,7 @@ def subtitles(parts: Sequence[Part]) -> str:
     blocks = [
         f"{number}\n{_clock(start)} --> {_clock(end)}\n{text}\n"
         for number, (start, end, text) in enumerate(
-            (caption for part in parts for said in part.said for caption in said.captions), 1
+            (caption for part in parts for sentence in part.sentences for caption in sentence.captions), 1
         )
     ]
     return "\n".join(blocks)

@@ -19,9 +19,9 @@ from softlab.app.render import colours
 from softlab.app.render.camera3d import Camera3D
 from softlab.app.window.demo import Demo
 from softlab.app.window.demo_report import masses_text, numbers_text
-from softlab.app.window.hand import neighbour
 from softlab.app.window.keys import BODY_KEYS, KEYS, hint, keys_text
 from softlab.app.window.mouse import Mouse
+from softlab.app.window.picker import neighbour
 
 # ---------------------------------------------------------------------- the demo
 
@@ -50,34 +50,34 @@ def test_the_particle_under_the_pointer_is_taken_between_others_too(demo: Demo) 
     viewer.camera._aim(BODY_SET.position[particle])
     viewer.camera.distance = SCENE.bodies["torus"].particle_spacing * viewer.camera.focal / 40
     mouse.press(600 + 14.0, 450 + 14.0, 1)  # 20 pixels away, and half of what lies between the particles
-    held = demo.hand.held
+    held = demo.picker.poke
     assert held is not None and BODY_SET.body[held.particle] == 2 and mouse.pointer == (614.0, 464.0)
     mouse.drag(700.0, 500.0, 86.0, 36.0)
     mouse.pull()
-    target = np.array(demo.hand.held.target)  # type: ignore[union-attr,arg-type]
+    target = np.array(demo.picker.poke.target)  # type: ignore[union-attr,arg-type]
     np.testing.assert_allclose(viewer.camera.to_window(target), (700, 500), atol=1e-6)
     assert abs((target - demo.positions[0][held.particle]) @ viewer.camera.axes[2]) < 1e-6  # in the plane of the window
     mouse.release(1)
-    assert demo.hand.held is None
+    assert demo.picker.poke is None
     mouse.press(600 + 300.0, 450.0 + 300.0, 1)  # beside it: turns the view
-    assert demo.hand.held is None and mouse._moving == 1
+    assert demo.picker.poke is None and mouse._moving == 1
 
 
 def test_arrows_go_to_the_neighbour_that_way_in_the_same_body(demo: Demo) -> None:
     start = int(np.flatnonzero(BODY_SET.body == 1)[0])
-    demo.hand.selected = start
+    demo.picker.selected = start
     for direction in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, -1.0), (-1.0, 0.0, 0.0)):
-        before = BODY_SET.position[demo.hand.selected]
+        before = BODY_SET.position[demo.picker.selected]
         demo.move_selection(1, 0, direction)
-        assert demo.hand.direction == direction and BODY_SET.body[demo.hand.selected] == 1
-        moved = BODY_SET.position[demo.hand.selected] - before
+        assert demo.picker.direction == direction and BODY_SET.body[demo.picker.selected] == 1
+        moved = BODY_SET.position[demo.picker.selected] - before
         if moved.any():
             assert moved @ direction > 0.7 * np.linalg.norm(moved)
             others = BODY_SET.position[BODY_SET.body == 1] - before
             distance = np.linalg.norm(others, axis=1)
             better = (others @ direction > np.sqrt(0.5) * distance) & (distance < np.linalg.norm(moved) - 1e-6)
             assert not (better & (distance > 0)).any()
-    assert demo.hand.selected != start
+    assert demo.picker.selected != start
     line = np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0]])
     assert neighbour(line, np.arange(3), 2, (1.0, 0.0, 0.0)) == 2
 

@@ -75,7 +75,7 @@ def test_a_clip_is_drawn_from_one_place_that_holds_every_frame(tmp_path: Path) -
             assert (view.every, view.rate) == (4, 25)
             for done in range(1, 101):
                 simulation.advance(1)
-                view.keep(simulation, done)
+                view.observe(simulation, done)
         end, fitted = simulation.state(), view.fitted
     for state in (start, end):
         assert (np.abs(fitted.camera.to_window(state.position) - (80, 60)) < (80, 60)).all()

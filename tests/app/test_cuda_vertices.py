@@ -26,7 +26,7 @@ from softlab.app.window.demo import Demo
 from softlab.app.window.viewer import Viewer
 from softlab.model.scene.scene import Scene
 
-HOST = HostVertices.way
+HOST = HostVertices.transfer
 RANDOM = np.random.default_rng(8)
 UNKNOWN = Status.cudaErrorUnknown
 
@@ -90,9 +90,9 @@ def test_a_gpus_state_is_written_into_the_buffers_and_the_picture_is_the_same(
     runtime = install()
     simulation = crumpled(GpuCloth(SCENE, runtime, precision))
     vertices = renderer._view.vertices
-    assert vertices.way == HOST and not runtime.calls
+    assert vertices.transfer == HOST and not runtime.calls
     straight = picture(renderer, simulation)
-    assert vertices.way == STRAIGHT
+    assert vertices.transfer == STRAIGHT
     position, normal = vertices.position_buffer, vertices.normal_buffer
     for_positions = [("map", position, 77), ("position",), ("unmap", position, 77)]
     for_normals = [("map", normal, 77), ("normal",), ("unmap", normal, 77)]
@@ -118,16 +118,16 @@ def test_of_a_plane_positions_are_written_and_nothing_else(renderer: OffscreenRe
         simulation = GpuCloth(scene, runtime)
         simulation._position = simulation.body.position + RANDOM.normal(0, 0.1, simulation.body.position.shape)
         plane.show(simulation)
-        assert plane.way == HOST and not runtime.calls  # so few are sooner there
+        assert plane.transfer == HOST and not runtime.calls  # so few are sooner there
         plane._view.vertices.few = 0
         plane.show(simulation)
         buffer = plane._view.vertices.position_buffer
-        assert plane.way == STRAIGHT
+        assert plane.transfer == STRAIGHT
         assert runtime.calls == [("register", buffer), ("map", buffer, 77), ("position",), ("unmap", buffer, 77)]
         assert np.array_equal(held(buffer, 2), simulation.read("position").astype(np.float32))
         straight = plane.image()
         plane.draw(simulation.read("position"))
-        assert plane.way == HOST
+        assert plane.transfer == HOST
         np.testing.assert_array_equal(straight, plane.image())
 
 
@@ -176,14 +176,14 @@ def test_another_backend_and_saved_states_get_the_buffers_back(renderer: Offscre
     vertices = renderer._view.vertices
     for _ in range(2):
         vertices.upload(gpu)
-        assert vertices.way == STRAIGHT and len(runtime.registered) == 2
+        assert vertices.transfer == STRAIGHT and len(runtime.registered) == 2
         check_buffers(vertices, gpu)
         vertices.upload(cpu)
-        assert vertices.way == HOST and not runtime.registered
+        assert vertices.transfer == HOST and not runtime.registered
         check_buffers(vertices, cpu)
         vertices.upload(gpu)
         vertices.upload_state(SCENE_STATE)
-        assert vertices.way == HOST and not runtime.registered
+        assert vertices.transfer == HOST and not runtime.registered
         assert np.array_equal(held(vertices.position_buffer), SCENE_STATE)
     assert runtime.counts["register"] == 8
 
@@ -197,7 +197,7 @@ def test_a_cpus_state_asks_nothing_of_cuda(renderer: OffscreenRenderer, monkeypa
     vertices = renderer._view.vertices
     vertices.upload(simulation)
     check_buffers(vertices, simulation)
-    assert vertices.way == HOST and not vertices.straight(simulation)
+    assert vertices.transfer == HOST and not vertices.straight(simulation)
 
 
 def test_sharing_can_be_left_out(renderer: OffscreenRenderer, install: Install) -> None:
@@ -207,10 +207,10 @@ def test_sharing_can_be_left_out(renderer: OffscreenRenderer, install: Install) 
     vertices.shared = False
     vertices.upload(simulation)
     check_buffers(vertices, simulation)
-    assert vertices.way == HOST and not runtime.calls
+    assert vertices.transfer == HOST and not runtime.calls
     vertices.shared = True
     vertices.upload(simulation)
-    assert vertices.way == STRAIGHT
+    assert vertices.transfer == STRAIGHT
 
 
 # ---------------------------------------------------------------------- falling back
@@ -237,18 +237,18 @@ def test_what_fails_is_said_once_and_the_host_is_the_way(
     vertices = renderer._view.vertices
     shown = picture(renderer, simulation)
     if call == "get_device" and time == 2:  # asked for once
-        assert vertices.way == STRAIGHT
+        assert vertices.transfer == STRAIGHT
         return
-    assert vertices.way == f"{HOST}: {FAILURES[call]}" and not vertices.straight(simulation)
+    assert vertices.transfer == f"{HOST}: {FAILURES[call]}" and not vertices.straight(simulation)
     assert not runtime.registered and not runtime.memory
     check_buffers(vertices, simulation)
     np.testing.assert_array_equal(shown, as_the_host_draws(simulation))
     renderer._window.switch_to()
     before = list(runtime.calls)
     vertices.upload(simulation)
-    assert runtime.calls == before and vertices.way.endswith(FAILURES[call])
+    assert runtime.calls == before and vertices.transfer.endswith(FAILURES[call])
     vertices.upload(FakeCloth(SCENE))
-    assert vertices.way == HOST  # nothing is wrong with a CPU's way
+    assert vertices.transfer == HOST  # nothing is wrong with a CPU's way
 
 
 def test_sharing_that_stops_working_is_left(renderer: OffscreenRenderer, install: Install) -> None:
@@ -257,7 +257,7 @@ def test_sharing_that_stops_working_is_left(renderer: OffscreenRenderer, install
     vertices = renderer._view.vertices
     for way in (STRAIGHT, STRAIGHT, f"{HOST}: {FAILURES['map']}"):
         vertices.upload(crumpled(simulation))
-        assert vertices.way == way
+        assert vertices.transfer == way
         check_buffers(vertices, simulation)
     assert not runtime.registered
 
@@ -266,7 +266,7 @@ def test_another_gpu_that_draws_is_not_written_to(renderer: OffscreenRenderer, i
     runtime = install(devices=(1, 2))
     vertices = renderer._view.vertices
     vertices.upload(GpuCloth(SCENE, runtime))
-    assert vertices.way == f"{HOST}: another GPU draws (NVIDIA H200)" and not runtime.calls
+    assert vertices.transfer == f"{HOST}: another GPU draws (NVIDIA H200)" and not runtime.calls
 
 
 @pytest.mark.parametrize("devices", [(), (3, 0)])
@@ -276,7 +276,7 @@ def test_a_driver_that_cannot_tell_its_gpu_or_draws_with_several_is_tried(
     runtime = install(devices=devices, **({} if devices else {"gl_devices": (1, Status.cudaErrorInvalidDevice)}))
     vertices = renderer._view.vertices
     vertices.upload(GpuCloth(SCENE, runtime))
-    assert vertices.way == STRAIGHT
+    assert vertices.transfer == STRAIGHT
 
 
 def test_a_mapped_buffer_that_is_too_small_is_not_written_to(renderer: OffscreenRenderer, install: Install) -> None:
@@ -284,7 +284,7 @@ def test_a_mapped_buffer_that_is_too_small_is_not_written_to(renderer: Offscreen
     simulation = crumpled(GpuCloth(SCENE, runtime))
     vertices = renderer._view.vertices
     vertices.upload(simulation)
-    assert "a mapped buffer has 752 bytes and not 756" in vertices.way
+    assert "a mapped buffer has 752 bytes and not 756" in vertices.transfer
     assert ("position",) not in runtime.calls
     check_buffers(vertices, simulation)
 
@@ -298,7 +298,7 @@ def test_a_simulation_that_cannot_write_by_itself_goes_through_the_host(
     monkeypatch.setattr(simulation, "_read_normal", lambda into: FakeCloth._read_normal(simulation, into))
     vertices = renderer._view.vertices
     vertices.upload(simulation)
-    assert vertices.way.startswith(f"{HOST}: TypeError") and not runtime.registered
+    assert vertices.transfer.startswith(f"{HOST}: TypeError") and not runtime.registered
     check_buffers(vertices, simulation)
     monkeypatch.setattr(simulation, "_read_position", lambda into: 1 / 0)
     with pytest.raises(ZeroDivisionError):
@@ -314,7 +314,7 @@ def test_software_that_draws_is_named(renderer: OffscreenRenderer, monkeypatch: 
     monkeypatch.setattr(cuda_vertices, "load_runtime", lambda: runtime)
     vertices = renderer._view.vertices
     vertices.upload(GpuCloth(SCENE, runtime))
-    assert vertices.way == f"{HOST}: {name} draws, not the GPU that computes" and not runtime.counts
+    assert vertices.transfer == f"{HOST}: {name} draws, not the GPU that computes" and not runtime.counts
 
 
 def test_a_missing_package_and_the_simulator_are_named(
@@ -323,11 +323,11 @@ def test_a_missing_package_and_the_simulator_are_named(
     monkeypatch.setitem(sys.modules, "cuda.bindings", None)
     vertices = renderer._view.vertices
     vertices.upload(GpuCloth(SCENE, FakeRuntime()))
-    assert vertices.way == f"{HOST}: cuda.bindings is missing (pip install cuda-bindings)"
+    assert vertices.transfer == f"{HOST}: cuda.bindings is missing (pip install cuda-bindings)"
     monkeypatch.setenv("NUMBA_ENABLE_CUDASIM", "1")
     vertices = CudaVertices(SCENE)
     vertices.upload(GpuCloth(SCENE, FakeRuntime()))
-    assert vertices.way == f"{HOST}: the CUDA simulator has no GPU memory"
+    assert vertices.transfer == f"{HOST}: the CUDA simulator has no GPU memory"
     vertices.delete()
 
 
@@ -375,7 +375,7 @@ def test_kernels_of_float64_write_float32() -> None:
 
 def test_a_large_cloth_is_read_only_when_somebody_looks(monkeypatch: pytest.MonkeyPatch) -> None:
     """For the statistics, for the hand, for a picture by the host; small ones are kept for the case of a divergence."""
-    monkeypatch.setattr(worlds, "ALWAYS_KEPT", 10)
+    monkeypatch.setattr(worlds, "MAX_SNAPSHOT_MASSES", 10)
     with Demo([SCENE.replace({"gravity.enabled": True})], open_world=open_fake) as demo:
         demo._statistics_due = float("inf")
         demo.world.asked.clear()

@@ -57,7 +57,7 @@ def opened(scene: Scene = SCENE, **options: Any) -> Simulation:
 
 def check_buffers(vertices: Any, simulation: Simulation, normals: bool = True) -> None:
     """What OpenGL holds is what the host reads, rounded once where the solver has more digits."""
-    assert vertices.way == STRAIGHT
+    assert vertices.transfer == STRAIGHT
     position = simulation.read("position").astype(np.float32)
     assert np.array_equal(held(vertices.position_buffer, position.shape[1]), position)
     if normals:
@@ -110,7 +110,7 @@ def test_pictures_are_the_same_pixel_by_pixel(renderer: OffscreenRenderer, preci
             for shared in (True, False, True):
                 vertices.shared = shared
                 view.upload_from(simulation)
-                assert vertices.way == (STRAIGHT if shared else HostVertices.way)
+                assert vertices.transfer == (STRAIGHT if shared else HostVertices.transfer)
                 view.draw(renderer.camera, renderer.strain_range, time=simulation.time)
                 images.append(renderer.image())
             renderer.draw(simulation.read("position"), simulation.time, simulation.read("normal"))
@@ -127,7 +127,7 @@ def test_a_fluid_is_drawn_straight_and_the_same(renderer: OffscreenRenderer, pre
     scene = load_scene(name)
     renderer.close()  # two off-screen contexts do not live together
     with (
-        OffscreenRenderer(scene, 320, 240, legend=False, look=("particles",)) as shown,
+        OffscreenRenderer(scene, 320, 240, legend=False, view_options=("particles",)) as shown,
         opened(scene, precision=precision) as simulation,
     ):
         view, vertices = shown._view, shown._view.vertices
@@ -138,7 +138,7 @@ def test_a_fluid_is_drawn_straight_and_the_same(renderer: OffscreenRenderer, pre
             for shared in (True, False, True):
                 vertices.shared = shared
                 view.upload_from(simulation)
-                assert vertices.way == (STRAIGHT if shared else HostVertices.way)
+                assert vertices.transfer == (STRAIGHT if shared else HostVertices.transfer)
                 if shared:
                     check_buffers(vertices, simulation, normals=False)
                 view.draw(shown.camera, shown.strain_range, time=simulation.time)
@@ -194,7 +194,7 @@ def test_the_demo_changes_backends_at_run_time(renderer: OffscreenRenderer) -> N
             if turn % 2 == 0:
                 check_buffers(view.vertices, demo.world)
             else:
-                assert demo.backend == "cpu" and view.vertices.way == HostVertices.way
+                assert demo.backend == "cpu" and view.vertices.transfer == HostVertices.transfer
                 assert np.array_equal(held(view.vertices.position_buffer), demo.world.read("position"))
             demo.switch_backend()
 

@@ -175,7 +175,7 @@ def test_a_pattern_writes_a_file_a_frame_at_its_time(tmp_path: Path) -> None:
         exporter, heights = Exporter(simulation, target), []
         for done in range(1, 8):
             simulation.advance(1)
-            exporter.keep(simulation, done)
+            exporter.observe(simulation, done)
             if done % 3 == 0:
                 heights.append(simulation.read("position")[:, 1].mean())
         files = f"{tmp_path / 'f-000.ply'} to {tmp_path / 'f-002.ply'}"

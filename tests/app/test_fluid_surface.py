@@ -32,7 +32,7 @@ def window(drawing: None) -> Iterator[None]:  # noqa: F811
 
 def surface(points: np.ndarray, radius: float, filtered: str, axes: np.ndarray | None = None) -> FluidSurface:
     found = FluidSurface(static_buffer(np.ascontiguousarray(points, np.float32)), len(points), filtered)
-    found.set_look(radius, axes=axes)
+    found.set_appearance(radius, axes=axes)
     return found
 
 

@@ -12,10 +12,10 @@ from softlab.app.output.offscreen import OffscreenRenderer
 from softlab.app.render import colours
 from softlab.app.render.fluid.framing import main_part, with_fluids
 from softlab.app.render.fluid.outlines import SIDES, outlines
-from softlab.app.render.fluid.view import COLOURINGS, LOOKS
+from softlab.app.render.fluid.view import COLOURINGS, VIEW_OPTIONS
 from softlab.app.render.framing import seen_points
 from softlab.app.render.particle_colours import of_numbers
-from softlab.app.render.views import check_look
+from softlab.app.render.views import check_view_options
 from softlab.app.window.keys import FLUID_KEYS, keys_text
 from softlab.model.core.errors import InputError
 from softlab.model.fluid.foam import FOAM, FoamPoints
@@ -37,7 +37,7 @@ FLAT = {"dimensions": 2, "size": [0.4, 0.4], "rest_distance": 0.1}
 
 def picture(scene: Scene, look: tuple[str, ...], position: np.ndarray | None = None) -> np.ndarray:
     """(240, 320, 3) in 0 to 1."""
-    with OffscreenRenderer(scene, 320, 240, legend=False, look=look) as renderer:
+    with OffscreenRenderer(scene, 320, 240, legend=False, view_options=look) as renderer:
         position = scene.fluid_set.position if position is None else position
         renderer.fit(position)
         renderer.draw(position)
@@ -68,7 +68,7 @@ def test_compressed_particles_are_told_apart() -> None:
     scene = water(**FLAT)
     position = scene.fluid_set.position * (0.8, 1.0)
     level = np.maximum(density_errors(scene, position), 0)
-    with OffscreenRenderer(scene, 320, 240, legend=False, look=("density",)) as renderer:
+    with OffscreenRenderer(scene, 320, 240, legend=False, view_options=("density",)) as renderer:
         renderer.fit(position)
         renderer.draw(position)
         title, most = renderer._view.level_legend()
@@ -80,12 +80,12 @@ def test_compressed_particles_are_told_apart() -> None:
 
 
 def test_looks_that_are_none_are_refused() -> None:
-    for name in LOOKS:
-        check_look(water(), (name,))
+    for name in VIEW_OPTIONS:
+        check_view_options(water(), (name,))
     with pytest.raises(InputError, match="surface"):
-        check_look(water(), ("stress",))
+        check_view_options(water(), ("stress",))
     with pytest.raises(InputError, match="fluids"):
-        check_look(Scene({"grid": {"rows": 2, "columns": 2}}), ("surface",))
+        check_view_options(Scene({"grid": {"rows": 2, "columns": 2}}), ("surface",))
 
 
 def test_keys_of_fluids() -> None:
@@ -121,7 +121,7 @@ def test_foam_is_drawn_over_the_fluid_and_dimmed_within_it(fields: dict[str, Any
     scene = water(**fields)
     middle = scene.fluid_set.position.mean(axis=0) if scene.dimensions == 3 else scene.fluid_set.position[5]
     pictures = []
-    with OffscreenRenderer(scene, 320, 240, legend=False, look=("foam",)) as renderer:
+    with OffscreenRenderer(scene, 320, 240, legend=False, view_options=("foam",)) as renderer:
         position, points = scene.fluid_set.position, FoamPoints(scene, Foam())
         renderer.show_foam(points)
         renderer.fit(position)
@@ -146,7 +146,7 @@ def test_speeds_are_seen_in_pictures_of_a_run() -> None:
     position = scene.fluid_set.position
     velocity = np.zeros_like(position)
     velocity[:, 0] = np.linspace(0, 2, len(position))
-    with OffscreenRenderer(scene, 320, 240, legend=False, look=("speed",)) as renderer:
+    with OffscreenRenderer(scene, 320, 240, legend=False, view_options=("speed",)) as renderer:
         renderer.fit(position)
         renderer.draw(position, velocity=velocity)
         title, most = renderer._view.level_legend()
@@ -204,7 +204,7 @@ def test_a_legend_that_is_to_come_has_its_place_from_the_first_picture_on() -> N
     """The fluid lies above it."""
     scene = water(**FLAT)
     position = scene.fluid_set.position
-    with OffscreenRenderer(scene, 640, 480, look=("density",)) as renderer:
+    with OffscreenRenderer(scene, 640, 480, view_options=("density",)) as renderer:
         renderer.fit(position)
         renderer.draw(position)
         assert renderer.camera.to_window(position)[:, 1].min() > 100

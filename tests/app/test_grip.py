@@ -11,8 +11,8 @@ from bodies_scenes import BAR, BRICK, bodies_scene
 from fake_cloth import FakeCloth
 
 from softlab.app.window.demo import Demo
-from softlab.app.window.grip import CALMING, GIVE, HAND, SLOWING, STEADY, Grip
 from softlab.app.window.live import live_parts
+from softlab.app.window.mouse_constraint import CALMING, GIVE, HAND, SLOWING, STEADY, MouseConstraint
 from softlab.model.core.errors import SceneError
 from softlab.model.core.simulation import Options
 from softlab.model.scene.scene import Scene
@@ -61,7 +61,7 @@ def momentum(simulation: Any) -> np.ndarray:
 @pytest.mark.parametrize("particle", [0, len(BODY_SET.position) - 1])
 def test_a_pull_gives_the_impulse_of_its_force_to_neighbours_of_the_same_body(particle: int) -> None:
     simulation = opened(SCENE)
-    grip = Grip(simulation, particle)
+    grip = MouseConstraint(simulation, particle)
     target = BODY_SET.position[particle] + (0.1, 0.2, 0.0)
     force = grip.force(simulation, BODY_SET.position[particle], target, (), DT)
     grip.pull(simulation, target, (), DT)
@@ -76,7 +76,7 @@ def test_a_pull_gives_the_impulse_of_its_force_to_neighbours_of_the_same_body(pa
 def test_the_force_is_a_damped_spring_for_the_bodys_mass_and_carries_its_weight() -> None:
     simulation = opened(SCENE)
     brick = len(BODY_SET.position) - 1
-    grip, place = Grip(simulation, brick), BODY_SET.position[brick]
+    grip, place = MouseConstraint(simulation, brick), BODY_SET.position[brick]
     mass = BODY_SET.clusters.mass[BODY_SET.body == 1].sum()
     gain = min(mass * HAND**2, STEADY * grip._part / DT**2)  # rigid: it gives way nowhere
     weight = np.array([0, 9.81 * mass, 0])
@@ -97,7 +97,7 @@ def test_the_force_is_a_damped_spring_for_the_bodys_mass_and_carries_its_weight(
 
 def test_a_soft_body_is_pulled_no_harder_than_it_holds() -> None:
     """At the limit of the force the pulled part leaves the rest by GIVE of the body's length: F = m w^2 x."""
-    grip = Grip(opened(SCENE), 0)
+    grip = MouseConstraint(opened(SCENE), 0)
     force = grip.stiffness(1e-6) * grip.extent
     assert force / (grip._part * SOFT["cluster_stiffness"]) <= GIVE * grip.extent * (1 + 1e-12)
 
@@ -122,7 +122,7 @@ def test_a_held_body_comes_to_the_pointer_whole_and_is_let_go(number: int, steps
         run(demo, 6.0)  # 60 times 1 / HAND, 18 times 1 / CALMING
         held = demo.positions[0][particle]
         # it hangs where it is held, but for what its weight moves it while a force is not renewed, g h^2 / 2
-        grip, hold = demo.hand._grip, steps * DT
+        grip, hold = demo.picker._constraint, steps * DT
         assert grip is not None and not demo.frozen
         near = 9.81 * hold**2 / 2
         assert np.linalg.norm(held - target) < near
@@ -166,7 +166,7 @@ def test_the_hand_is_as_strong_as_the_manual_says() -> None:
 def test_a_pull_is_shared_by_mass_and_distance(particle: int) -> None:
     """By (1 - d^2 / r^2)^2, r half of the body's longest side, or two and a half spacings where that is more; what it moves
     before the rest of the body helps it is the mass whose velocity, as the hand sees it, is F / m."""
-    body_set, grip = BODY_SET, Grip(opened(SCENE), particle)
+    body_set, grip = BODY_SET, MouseConstraint(opened(SCENE), particle)
     own = np.flatnonzero(body_set.body == body_set.body[particle])
     rest, mass = body_set.position[own], body_set.clusters.mass[own]
     longest, spacing = np.ptp(rest, axis=0).max(), body_set.copies[body_set.body[particle]].baked.spacing
@@ -174,7 +174,7 @@ def test_a_pull_is_shared_by_mass_and_distance(particle: int) -> None:
     expected = np.where(away < 1, mass * (1 - away**2) ** 2, 0)
     expected /= expected.sum()
     share = np.zeros(len(body_set.position))
-    share[grip.particles] = grip.share
+    share[grip.particles] = grip.weights
     np.testing.assert_allclose(share[own], expected, atol=1e-15)
     assert grip.extent == pytest.approx(longest) and grip.mass == pytest.approx(mass.sum())
     simulation = opened(SCENE)
@@ -195,7 +195,7 @@ def test_a_paused_body_is_not_pushed_and_enter_pushes_the_whole_body() -> None:
         assert not demo.world.state().velocity.any() and demo.force()[1] > 0
         demo.release()
         demo.toggle_pause()
-        demo.hand.selected = 0
+        demo.picker.selected = 0
         demo.move_selection(1, 0, (1.0, 0.0, 0.0))
         demo.press_key()
         run(demo, 0.1)
@@ -204,7 +204,7 @@ def test_a_paused_body_is_not_pushed_and_enter_pushes_the_whole_body() -> None:
         assert moving[:, 0].min() > 0.05 and demo.world.state().velocity[BODY_SET.body == 1].max() == 0
         demo.restart()
         demo.frame()
-        assert demo.hand.held is None and np.abs(demo.world.state().velocity).max() < 1e-12  # goals, to rounding
+        assert demo.picker.poke is None and np.abs(demo.world.state().velocity).max() < 1e-12  # goals, to rounding
 
 
 def test_what_is_live_is_what_can_change() -> None:

@@ -60,10 +60,10 @@ def test_quaternions_of_a_solver_are_its_rotations() -> None:
 class Telling(FakeCloth):
     """Bodies that tell of their clusters, by quaternions."""
 
-    looks = 0
+    view_options = 0
 
     def _read_clusters(self) -> tuple[np.ndarray, np.ndarray]:
-        self.looks += 1
+        self.view_options += 1
         matrices = BODY_SET.clusters.rotations(self._position)
         w = np.sqrt(1 + np.trace(matrices, axis1=1, axis2=2)) / 2  # turned by less than half a turn
         axis = np.stack([matrices[:, 2, 1] - matrices[:, 1, 2], matrices[:, 0, 2] - matrices[:, 2, 0],

@@ -172,7 +172,7 @@ def test_a_key_drops_the_next_body_above_everything_and_another_takes_it_out(dem
     demo.take(BODY_SET.copies[3].first_particle, (0.0, 0.0, 0.0))
     demo.remove_body()
     assert demo.message == "torus removed: 4 bodies, 1 inactive"
-    assert demo.hand.selected is None and demo.hand.held is None
+    assert demo.picker.selected is None and demo.picker.poke is None
     demo.frame()
     demo.restart()
     assert (demo.world.body.inverse_mass == 0).sum() == BODY_SET.waiting.sum()
@@ -197,7 +197,7 @@ def test_without_spare_bodies_a_message_says_what_to_add() -> None:
         assert "set spare = 5 in [beam]" in demo.message
         demo.take(0, (0.0, 0.0, 0.0))
         demo.remove_body()
-        assert "beam.spare" in demo.message and demo.hand.selected == 0
+        assert "beam.spare" in demo.message and demo.picker.selected == 0
 
 
 def test_what_waits_is_neither_picked_nor_selected(demo: Demo) -> None:
@@ -208,20 +208,20 @@ def test_what_waits_is_neither_picked_nor_selected(demo: Demo) -> None:
     viewer.camera._aim(BODY_SET.position[BODY_SET.copies[3].first_particle])
     viewer.camera.distance = 10.0
     mouse.press(600.0, 450.0, 1)
-    assert demo.hand.held is not None and BODY_SET.body[demo.hand.held.particle] == 2
+    assert demo.picker.poke is not None and BODY_SET.body[demo.picker.poke.particle] == 2
     mouse.release(1)
     demo.remove_body()
     assert demo.message.startswith("torus removed")
     mouse.press(600.0, 450.0, 1)
-    assert demo.hand.held is None
+    assert demo.picker.poke is None
     mouse.release(1)
     demo.move_selection(0, 0)
-    assert demo.hand.selected is not None and BODY_SET.body[demo.hand.selected] < 2  # the middle one of those there
+    assert demo.picker.selected is not None and BODY_SET.body[demo.picker.selected] < 2  # the middle one of those there
     for copy in (0, 1):
-        demo.hand.selected = BODY_SET.copies[copy].first_particle
+        demo.picker.selected = BODY_SET.copies[copy].first_particle
         demo.remove_body()
     demo.move_selection(0, 0)
-    assert demo.message == "no active body to select" and demo.hand.selected is None
+    assert demo.message == "no active body to select" and demo.picker.selected is None
     demo.frame()
     assert not demo.frozen
 

@@ -140,33 +140,33 @@ BENT = scene().tetrahedra_set.position * [1.2, 1.0, 1.0]
 
 @pytest.mark.usefixtures("drawing")
 def test_a_picture_of_stress_has_its_legend(tmp_path: Path) -> None:
-    with OffscreenRenderer(scene(), 480, 360, look=("stress",)) as renderer:
+    with OffscreenRenderer(scene(), 480, 360, view_options=("stress",)) as renderer:
         renderer.fit(BENT)
         renderer.draw(BENT)
         told = renderer._view.level_legend()
         stress = renderer.image()
-        renderer._view.look(("strain", "mesh"))
+        renderer._view.set_view_options(("strain", "mesh"))
         renderer.draw(BENT)
         assert renderer._view.level_legend() == ("largest strain of a tetrahedron", 0.2)
         assert not np.array_equal(renderer.image(), stress)
-        renderer._view.look(("edges",))
+        renderer._view.set_view_options(("edges",))
         renderer.draw(BENT)
         assert renderer._view.level_legend() is None
         with pytest.raises(InputError, match="must be one of"):
-            renderer._view.look(("heat",))
+            renderer._view.set_view_options(("heat",))
     title, most = told
     assert title == "von Mises stress / kPa"
     assert most >= von_mises(scene().tetrahedra_set, BENT).max() / 1e3
-    assert render_frame(scene(), BENT, tmp_path / "bar.png", 320, 240, look=("stress", "mesh")).exists()
+    assert render_frame(scene(), BENT, tmp_path / "bar.png", 320, 240, view_options=("stress", "mesh")).exists()
     with pytest.raises(InputError, match="applies to tetrahedral bodies"):
         render_frame(Scene({"grid": {"rows": 2, "columns": 2}, "springs": {}}), np.zeros((4, 2)), tmp_path / "g.png",
-                     look=("stress",))  # fmt: skip
+                     view_options=("stress",))  # fmt: skip
 
 
 @pytest.mark.usefixtures("drawing")
 def test_colours_are_those_of_the_legend() -> None:
     """One stretch everywhere, one level; light and shade leave most of it."""
-    with OffscreenRenderer(scene(), 480, 360, legend=False, look=("strain",)) as renderer:
+    with OffscreenRenderer(scene(), 480, 360, legend=False, view_options=("strain",)) as renderer:
         renderer.fit(BENT)
         renderer.draw(BENT)
         image = renderer.image()[:, :, :3] / 255

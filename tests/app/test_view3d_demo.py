@@ -63,11 +63,11 @@ def test_a_pulled_cloth_does_not_swing_up() -> None:
 def test_arrows_and_enter_work_as_in_the_plane(demo: Demo) -> None:
     camera = Camera3D(800, 600, yaw=np.pi / 2, pitch=0.0)  # from +x: what lies to the right in the window is -z
     demo.press_key()
-    assert demo.hand.selected == 3 * 9 + 4
+    assert demo.picker.selected == 3 * 9 + 4
     assert demo.force()[1] < 0 == demo.force()[0] == demo.force()[2]
     demo.release()
     demo.move_selection(1, 0, camera.direction(1, 0))
-    assert demo.hand.selected == 3 * 9 + 5
+    assert demo.picker.selected == 3 * 9 + 5
     demo.press_key()
     np.testing.assert_allclose(np.array(demo.force()) / 50.0, (0, 0, -1), atol=1e-12)  # two spacings of 100 N/m
 

@@ -160,7 +160,7 @@ def test_dragging_pulls_a_mass_to_the_pointer_and_lets_go(demo: Demo) -> None:
     assert pick(camera, demo.position, *camera.to_window(np.array([x + 50, y])), 15.0) is None  # nothing there
     assert pick(camera, demo.position, *camera.to_window(np.array([x + 0.1, y])), 15.0) == particle
     assert demo.take(particle, (x + 0.1, y))
-    assert demo.hand.selected == particle
+    assert demo.picker.selected == particle
     demo.drag(x + 3, y - 2)
     demo.frame()
     assert demo.force()[0] > 0 > demo.force()[1]
@@ -189,11 +189,11 @@ def test_a_drag_brings_no_energy_explosion_where_no_spring_holds() -> None:
 
 def test_arrows_select_and_enter_pokes_the_last_arrows_way(demo: Demo) -> None:
     demo.press_key()  # with nothing selected: the middle mass, downward
-    assert demo.hand.selected == 4 * 8 + 4
+    assert demo.picker.selected == 4 * 8 + 4
     assert demo.force()[0] == 0 > demo.force()[1]
     demo.release()
     demo.move_selection(1, 0)
-    assert demo.hand.selected == 4 * 8 + 5
+    assert demo.picker.selected == 4 * 8 + 5
     demo.press_key()
     assert demo.force()[0] > 0 == demo.force()[1]
     before = demo.positions[0][37, 0]
@@ -202,10 +202,10 @@ def test_arrows_select_and_enter_pokes_the_last_arrows_way(demo: Demo) -> None:
     demo.release()
     for _ in range(20):
         demo.move_selection(0, 1)
-    assert demo.hand.selected == 5  # stops at the top row
+    assert demo.picker.selected == 5  # stops at the top row
     for _ in range(20):
         demo.move_selection(1, 0)
-    assert demo.hand.selected == 7 and "pinned" in demo.message
+    assert demo.picker.selected == 7 and "pinned" in demo.message
 
 
 def test_threads_change_and_the_state_goes_on(demo: Demo) -> None:

@@ -16,10 +16,10 @@ from softlab.app.render.detail import DETAILS, FINE, QUICK, next_detail, usual_d
 from softlab.app.render.legends import range_texts
 from softlab.app.render.panels import TIP_GAP, beside_tip, divided
 from softlab.app.window.demo import NO_BODIES
+from softlab.app.window.idle_redraw import SETTLE, TOUCHES, IdleRedraw
 from softlab.app.window.keys import keys_text
-from softlab.app.window.looks import OF_PLANE, Looks
 from softlab.app.window.overlay import MESSAGE_SECONDS
-from softlab.app.window.stillness import SETTLE, TOUCHES, Stillness
+from softlab.app.window.view_options import OF_PLANE, ViewOptions
 
 WINDOW = (1200.0, 900.0)
 LABEL = (70.0, 18.0)
@@ -39,7 +39,7 @@ def test_dragging_down_ends_just_above_the_ground() -> None:
     camera = Camera3D(1200, 900, y=2.0, distance=10.0)
     for _ in range(100):
         camera.orbit(0.0, 40.0)  # up by so much: the eye goes down
-        camera.keep_above(np.zeros(3), UP)
+        camera.stay_above(np.zeros(3), UP)
     assert height(camera, np.zeros(3), UP) == pytest.approx(NEAREST)
     assert camera.pitch == pytest.approx(np.arcsin(NEAREST - 0.2)), (
         "what stands on the ground is seen from below, a little"
@@ -50,7 +50,7 @@ def test_dragging_down_ends_just_above_the_ground() -> None:
 def test_above_the_ground_nothing_changes() -> None:
     camera = Camera3D(1200, 900, y=2.0, distance=10.0, pitch=-0.1)
     before = replace(camera)
-    camera.keep_above(np.zeros(3), UP)
+    camera.stay_above(np.zeros(3), UP)
     assert camera == before
 
 
@@ -61,7 +61,7 @@ def test_the_eye_is_above_every_floor_wherever_it_looks(
     normal = np.array([np.sin(slope) * np.cos(turned), np.cos(slope), np.sin(slope) * np.sin(turned)])
     point = np.array([0.3, -0.2, 0.1])
     camera = Camera3D(1200, 900, y=y, distance=3.0, yaw=yaw, pitch=min(max(pitch, -MAX_PITCH), MAX_PITCH))
-    camera.keep_above(point, normal)
+    camera.stay_above(point, normal)
     assert height(camera, point, normal) >= NEAREST - 1e-9
     assert abs(camera.pitch) <= MAX_PITCH
 
@@ -70,7 +70,7 @@ def test_the_eye_is_above_every_floor_wherever_it_looks(
 def test_walls_and_ceilings_leave_it_outside(normal: list[float]) -> None:
     camera = Camera3D(1200, 900, distance=10.0, yaw=-1.0)
     before = replace(camera)
-    camera.keep_above(np.array([5.0, 5.0, 0.0]), np.array(normal))
+    camera.stay_above(np.array([5.0, 5.0, 0.0]), np.array(normal))
     assert camera == before
 
 
@@ -158,11 +158,11 @@ class SeenView:
         self.particles = not self.particles
 
 
-def looks_of(dimensions: int, bodies: bool) -> tuple[Looks, list[str]]:
+def looks_of(dimensions: int, bodies: bool) -> tuple[ViewOptions, list[str]]:
     said: list[str] = []
     scene = SimpleNamespace(dimensions=dimensions, bodies={"star": None} if bodies else {})
     demo = SimpleNamespace(world=SimpleNamespace(scene=scene), say=said.append)
-    return Looks(cast("Any", demo), [SeenView(), SeenView()]), said
+    return ViewOptions(cast("Any", demo), [SeenView(), SeenView()]), said
 
 
 def test_keys_of_bodies_and_of_space_say_where_they_mean_nothing() -> None:
@@ -194,10 +194,12 @@ def test_the_ends_of_a_legend_are_open() -> None:
 def test_a_paused_window_is_drawn_when_something_changed_alone() -> None:
     """Some frames after each touch, one at least after a message is over, and all where something moves."""
     heard: dict[str, Any] = {}
-    demo = SimpleNamespace(paused=True, frozen=False, compiling=None, message_count=0, hand=SimpleNamespace(held=None))
+    demo = SimpleNamespace(
+        paused=True, frozen=False, compiling=None, message_count=0, picker=SimpleNamespace(poke=None)
+    )
     panel, shots = SimpleNamespace(open=False, takes_keys=False), SimpleNamespace(recording=False)
     window = SimpleNamespace(push_handlers=lambda **handlers: heard.update(handlers))
-    still = Stillness(cast(Any, SimpleNamespace(demo=demo, panel=panel, shots=shots, window=window)))
+    still = IdleRedraw(cast(Any, SimpleNamespace(demo=demo, panel=panel, shots=shots, window=window)))
 
     def drawn(now: float = 0.0) -> int:
         return sum(still.wanted(now) for _ in range(2 * SETTLE))
@@ -219,5 +221,5 @@ def test_a_paused_window_is_drawn_when_something_changed_alone() -> None:
         assert drawn() == 2 * SETTLE, name
         setattr(whose, name, before)
         drawn()
-    demo.hand.held = object()
+    demo.picker.poke = object()
     assert drawn() == 2 * SETTLE

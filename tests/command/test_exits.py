@@ -182,8 +182,8 @@ def test_ctrl_c_is_answered_before_all_is_imported() -> None:
     code = (
         "import os, signal, sys\n"
         "sys.argv[0] = 'bin/softlab'\n"
-        "from softlab.app.command.stopping import answer_at_once\n"
-        "answer_at_once()\n"
+        "from softlab.app.command.stopping import install_interrupt_handler\n"
+        "install_interrupt_handler()\n"
         "os.kill(os.getpid(), signal.SIGINT)\n"
         "print('went on')"
     )

@@ -67,14 +67,26 @@ def test_a_shared_scene_needs_its_domains(tmp_path, part, backend, gpus, ranks):
 
 
 def test_a_window_without_its_panel_says_so(monkeypatch):
-    from softlab.app.window import shown
+    from softlab.app.window import window_protocol
 
-    monkeypatch.setattr(shown, "PANEL", "softlab.app.window.no_panel:Panel")
+    monkeypatch.setattr(window_protocol, "PANEL", "softlab.app.window.no_panel:Panel")
     said: list[str] = []
-    panel = shown.panel_of(SimpleNamespace(demo=SimpleNamespace(say=said.append)))
+    panel = window_protocol.panel_of(SimpleNamespace(demo=SimpleNamespace(say=said.append)))
     panel.toggle()
     assert not panel.open and "softlab.app.window.no_panel" in said[0] and "pip install" in said[0]
-    asked = ("toggle", "key", "text", "moved", "pressed", "released", "scrolled", "lay_out", "draw", "told", "close")
+    asked = (
+        "toggle",
+        "key",
+        "text",
+        "moved",
+        "pressed",
+        "released",
+        "scrolled",
+        "lay_out",
+        "draw",
+        "widget_places",
+        "close",
+    )
     from softlab.app.window.panel.panel import Panel
 
     assert all(hasattr(panel, name) and hasattr(Panel, name) for name in (*asked, "width", "takes_keys"))

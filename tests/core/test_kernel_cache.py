@@ -107,11 +107,11 @@ def test_a_terminal_is_told_what_is_compiled():
 
     from rich.console import Console
 
-    from softlab.app.command.command_line import compilations_told
+    from softlab.app.command.command_line import compilations_shown
 
     def said(terminal: bool, *compilations: tuple[str, float | None]) -> str:
         console = Console(file=io.StringIO(), force_terminal=terminal, soft_wrap=True, highlight=False)
-        with compilations_told(console):
+        with compilations_shown(console):
             for watcher in list(kernel_cache._watchers):
                 for label, seconds in compilations:
                     watcher(label, seconds)

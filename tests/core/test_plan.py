@@ -13,7 +13,7 @@ import pytest
 
 from softlab.app.driver import open_simulation
 from softlab.app.plan.report import PlanReport, flatten, plan_report
-from softlab.app.plan.table import overhead_lines, tile_told
+from softlab.app.plan.table import overhead_lines, tile_description
 from softlab.gpu_backend.core.tiling import Tile
 from softlab.model.core.errors import BackendUnavailable, SceneError
 from softlab.model.core.plan import Executor, Node, Plan, Stage
@@ -98,10 +98,10 @@ def test_the_gpu_kernel_told_is_the_one_opened(
 
 def test_a_tiles_name_is_told_in_words() -> None:
     tile = Tile(32, 8, 4, 10)
-    assert tile_told(tile.name) == (
+    assert tile_description(tile.name) == (
         f"{tile.name}: a block of 32 columns of 8 threads, 4 masses each; blocks exchange masses every 10 steps"
     )
-    assert tile_told(Tile(16, 16, 1).name).endswith("16 threads, 1 mass each")
+    assert tile_description(Tile(16, 16, 1).name).endswith("16 threads, 1 mass each")
 
 
 def measured(report: PlanReport, backend: str) -> list[float]:

@@ -136,7 +136,7 @@ def test_the_doctor_says_how_gpus_are_linked(monkeypatch, driver, works, said):
     monkeypatch.setattr(device, "gpu_available", lambda: (True, "a GPU"))
     monkeypatch.setattr(device, "simulated", lambda: False)
     found = doctor_shared.gpus_together()
-    assert (found.works, found.found) == (works, said)
+    assert (found.works, found.detail) == (works, said)
     assert works or found.remedy
     assert driver.open == 0
 

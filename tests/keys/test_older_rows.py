@@ -14,7 +14,7 @@ from softlab.bench.store import versions
 from softlab.bench.store.database import Store
 from softlab.bench.store.transfer import export, load_text
 from softlab.bench.store.versions import digest_of, refuse_changed_files
-from softlab.labbook.build import CLAIMS, OLDER, notices, told
+from softlab.labbook.build import CLAIMS, OLDER, marked_claim, notices
 from softlab.model.core.digest import ROOT
 from softlab.model.core.errors import InputError
 from softlab.plots.core.older import without_older
@@ -99,10 +99,10 @@ def test_what_rests_on_older_measurements_is_marked(tmp_path: Path, monkeypatch:
     assert "commit fed654cba321" in source.provenance
     current = without_older(results)
     assert current.sources[0].timings == source.timings and not current.sources[0].kernels
-    assert OLDER not in told(results, "cpu-float64").sentence
+    assert OLDER not in marked_claim(results, "cpu-float64").sentence
     assert "are older than this code" in source.provenance and any(OLDER in notice for notice in notices(results))
     monkeypatch.setitem(CLAIMS, "cpu-float64", lambda found: told_of(found.sources[0].kernels))
-    assert told(results, "cpu-float64").sentence.endswith(OLDER)
+    assert marked_claim(results, "cpu-float64").sentence.endswith(OLDER)
 
 
 def told_of(kernels: tuple) -> object:

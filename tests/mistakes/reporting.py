@@ -70,7 +70,7 @@ CLAIMS: tuple[Mistake, ...] = (
         "labbook/claims/claim.py", HAND,
         {
             "the smallest grid told as the largest": ('"threads-large": lambda results: threads_at(results, -1)', '"threads-large": lambda results: threads_at(results, 0)'),
-            "the bandwidth of the smallest grid": ("largest = [t for (t,) in found][-1:]", "largest = [t for (t,) in found][:1]"),
+            "the bandwidth of the smallest grid": ("largest = [t for (t,) in timings][-1:]", "largest = [t for (t,) in timings][:1]"),
             "float64 told of the smallest grid": ("single, double = both[-1]", "single, double = both[0]"),
             "the GPU is flat as far as it was measured": ("if timing.median > FLAT * curve[0].median:", "if timing.median < FLAT * curve[0].median:"),
         },
@@ -80,7 +80,7 @@ CLAIMS: tuple[Mistake, ...] = (
         {
             "the slower backend is the faster one": ("if last.ratio < 1:", "if last.ratio > 1:"),
             "with graphics the slower backend is the faster one": ("pair.clear and pair.ratio < 1]", "pair.clear and pair.ratio > 1]"),
-            "crossover told at the smallest size": ("first, last = found[0], found[-1]", "first, last = found[0], found[0]"),
+            "crossover told at the smallest size": ("first, last = usable[0], usable[-1]", "first, last = usable[0], usable[0]"),
             "drawing told at the smallest size": ("without, drawn = both[-1]", "without, drawn = both[0]"),
         },
     ),
@@ -89,7 +89,7 @@ CLAIMS: tuple[Mistake, ...] = (
         {
             "at equal error the slower backend is the faster one": ('("GPU", "CPU", ratio) if ratio > 1', '("GPU", "CPU", ratio) if ratio < 1'),
             "float32's floor told at twenty times": ("if single.error < 2 * double.error:", "if single.error < 20 * double.error:"),
-            "the finest step told as the coarsest": ("coarse, fine = max(mine, key=lambda p: p.dt), min(", "coarse, fine = min(mine, key=lambda p: p.dt), min("),
+            "the finest step told as the coarsest": ("coarse, fine = max(runs, key=lambda p: p.dt), min(", "coarse, fine = min(runs, key=lambda p: p.dt), min("),
         },
     ),
     *in_file(

@@ -14,12 +14,12 @@ from softlab.app.render.tetrahedra_view import COLOURINGS as OF_TETRAHEDRA
 from softlab.app.render.views import camera_of
 from softlab.app.window.demo import Demo
 from softlab.app.window.frame_times import FrameTimes
-from softlab.app.window.looks import Looks
 from softlab.app.window.panel import layout
 from softlab.app.window.panel.context import Context
-from softlab.app.window.panel.look import Look
 from softlab.app.window.panel.state import PanelState
+from softlab.app.window.panel.style import PanelStyle
 from softlab.app.window.shots import Shots
+from softlab.app.window.view_options import ViewOptions
 from softlab.model.scene.scene import Scene
 
 WIDTH, HEIGHT = 1200, 4000  # pixels: so high that nothing is scrolled out of sight
@@ -70,12 +70,13 @@ class Stage:
     """`demo`, and a panel over it of which every section is open; a context manager. `drag`, `click`, `type_into`: by the
     names of what was laid out."""
 
-    def __init__(self, *scenes: Scene, look: Look | None = None, judge: Any = None, **options: Any):
+    def __init__(self, *scenes: Scene, look: PanelStyle | None = None, judge: Any = None, **options: Any):
         self.demo = Demo(scenes, threads="1", math="exact", **options)
         first, views = scenes[0], [FakeView(scene) for scene in scenes]
         self.viewer: Any = SimpleNamespace(
             demo=self.demo, width=WIDTH, height=HEIGHT, shown_width=WIDTH - 372, space=first.dimensions == 3,
-            bodies=bool(first.bodies), views=views, looks=Looks(self.demo, views), shots=Shots(self.demo), judge=judge,
+            bodies=bool(first.bodies), views=views, shots=Shots(self.demo), judge=judge,
+            view_options=ViewOptions(self.demo, views),
             camera=camera_of(first, WIDTH, HEIGHT), follow=True, frame_seconds=1 / 60, draw_seconds=0.0,
             frame_everything=lambda: None,
             overlay=SimpleNamespace(
@@ -83,9 +84,9 @@ class Stage:
                 toggle_graph=lambda: None, toggle_numbers=lambda: None,
             ),
         )  # fmt: skip
-        self.context, self.state, self.look = Context(look), PanelState(), look or Look()
-        self.look = self.context.look
-        self.layout = layout.Layout(self.context.imgui, self.viewer, self.look, self.state, every=True)
+        self.context, self.state, self.style = Context(look), PanelState(), look or PanelStyle()
+        self.style = self.context.style
+        self.layout = layout.Layout(self.context.imgui, self.viewer, self.style, self.state, every=True)
         self.frames()
 
     def __enter__(self) -> Self:

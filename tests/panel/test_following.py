@@ -16,7 +16,7 @@ from softlab.model.scene.scene import Scene, load_scene
 def viewer_of(scene: Scene) -> Any:
     world = SimpleNamespace(scene=scene, body=build(scene), time=0.0)
     demo = SimpleNamespace(worlds=[world], world=world, statistics=SimpleNamespace(bounds=None))
-    view = SimpleNamespace(keep_above_ground=lambda height: None)
+    view = SimpleNamespace(lower_ground=lambda height: None)
     return SimpleNamespace(
         demo=demo, camera=camera_of(scene, 800, 600), space=scene.dimensions == 3, panes=[None], views=[view]
     )

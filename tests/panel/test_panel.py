@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from softlab.app.command.dear_imgui import REMEDY
-from softlab.app.window import keeping
+from softlab.app.window import snapshot
 from softlab.app.window.panel import panel as panel_module
-from softlab.app.window.panel.look import DARK, Look
+from softlab.app.window.panel.style import DARK, PanelStyle
 from softlab.model.scene.scene import Scene, load_scene
 
 pytest.importorskip("imgui_bundle", reason=f"the panel needs Dear ImGui: {REMEDY}")
@@ -165,7 +165,7 @@ def test_the_head_plays_steps_and_restarts() -> None:
 @pytest.mark.parametrize("tables", [GRID, CLOTH, BAR, JELLY], ids=["grid", "cloth", "tetrahedra", "bodies"])
 def test_every_section_is_laid_out_for_every_kind_of_scene(tables: dict[str, Any]) -> None:
     """In the dark, twice as large, with every section open, of one world and of two."""
-    with Stage(scene(tables), look=Look(DARK, 2.0)) as stage:
+    with Stage(scene(tables), look=PanelStyle(DARK, 2.0)) as stage:
         assert not stage.demo.message
         stage.demo.wants_momentum = True
         stage.demo.frame()
@@ -235,15 +235,15 @@ def test_the_scene_and_the_state_are_saved_and_come_back(tmp_path: Path, monkeyp
         stage.drag("gravity.acceleration", 0.3, 0.1)
         stage.let_go()
         stage.demo.frame()
-        saved, state = keeping.save_scene(stage.demo), keeping.save_state(stage.demo)
+        saved, state = snapshot.save_scene(stage.demo), snapshot.save_state(stage.demo)
         assert load_scene(saved).canonical() == stage.demo.world.scene.canonical()
         position = stage.demo.world.read("position")
         stage.demo.frame()
-        assert keeping.load_state(stage.demo, state) and stage.demo.world.step == 10
+        assert snapshot.load_state(stage.demo, state) and stage.demo.world.step == 10
         np.testing.assert_array_equal(stage.demo.world.read("position"), position)
-        assert not keeping.load_state(stage.demo, "nowhere.npz") and "nowhere.npz" in stage.demo.message
-        assert not keeping.save_state(stage.demo, state) and "exists already" in stage.demo.message
-        assert not keeping.save_scene(stage.demo, "scene.txt") and ".toml" in stage.demo.message
+        assert not snapshot.load_state(stage.demo, "nowhere.npz") and "nowhere.npz" in stage.demo.message
+        assert not snapshot.save_state(stage.demo, state) and "exists already" in stage.demo.message
+        assert not snapshot.save_scene(stage.demo, "scene.txt") and ".toml" in stage.demo.message
 
 
 def test_the_error_is_told_where_a_reference_knows_the_motion() -> None:

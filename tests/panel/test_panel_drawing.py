@@ -8,7 +8,7 @@ import pytest
 from softlab.app.command.dear_imgui import REMEDY
 from softlab.app.output.offscreen import opengl_available, read_pixels
 from softlab.app.render.opengl import open_window
-from softlab.app.window.panel.look import DARK, LIGHT, Look, Theme
+from softlab.app.window.panel.style import DARK, LIGHT, PanelStyle, Theme
 
 
 @pytest.mark.parametrize("theme", [LIGHT, DARK], ids=["light", "dark"])
@@ -23,7 +23,7 @@ def test_a_frame_covers_its_column_and_nothing_else(theme: Theme) -> None:
     from softlab.app.window.panel.drawing import Drawing
 
     window = open_window(True, 320, 200)
-    context = Context(Look(theme, 1.0))
+    context = Context(PanelStyle(theme, 1.0))
     imgui = context.imgui
 
     def column() -> None:

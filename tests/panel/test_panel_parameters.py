@@ -12,7 +12,7 @@ from softlab.app.window.materials import material_at
 from softlab.app.window.measures import Statistics
 from softlab.app.window.panel.history import LENGTH, History
 from softlab.app.window.panel.parameters import parameters_of, value_of
-from softlab.app.window.panel.sliders import rounded, share_of
+from softlab.app.window.panel.sliders import fraction_of, rounded
 from softlab.model.core.options import LIVE_PATHS
 from softlab.model.scene.reader import catalogue
 from softlab.model.scene.scene import Scene, load_scene
@@ -82,8 +82,8 @@ def test_live_fields_hold_gravity_where_there_is_none() -> None:
 
 def test_a_slider_has_the_digits_of_its_numbers_and_a_share() -> None:
     assert rounded(float(np.float32(0.01))) == 0.01 and rounded(1234567.0) == 1234570.0
-    assert share_of(1.0, 0.01, 100.0, True) == pytest.approx(0.5) and share_of(5.0, 0.0, 10.0, False) == 0.5
-    assert share_of(11.0, 0.0, 10.0, False) == 1.0 and share_of(-1.0, 0.0, 10.0, False) == 0.0
+    assert fraction_of(1.0, 0.01, 100.0, True) == pytest.approx(0.5) and fraction_of(5.0, 0.0, 10.0, False) == 0.5
+    assert fraction_of(11.0, 0.0, 10.0, False) == 1.0 and fraction_of(-1.0, 0.0, 10.0, False) == 0.0
 
 
 def test_bodies_of_several_materials_change_alike() -> None:
@@ -103,9 +103,9 @@ def test_a_history_holds_the_last_looks_and_begins_anew_at_an_earlier_time() -> 
     world, history = World(), History()
     for number in range(LENGTH + 5):
         world.time = float(number)
-        history.look(world, Statistics(energy=number, kinetic=1.0, momentum=(3.0, 4.0)))  # type: ignore[arg-type]
+        history.record(world, Statistics(energy=number, kinetic=1.0, momentum=(3.0, 4.0)))  # type: ignore[arg-type]
     assert len(history.rows) == LENGTH and history.column("momentum")[-1] == 5.0
     assert history.column("time")[0] == 5.0
     world.time = 1.0
-    history.look(world, Statistics())  # type: ignore[arg-type]
+    history.record(world, Statistics())  # type: ignore[arg-type]
     assert len(history.rows) == 1

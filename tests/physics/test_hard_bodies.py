@@ -193,7 +193,7 @@ def test_shares_of_bounds() -> None:
 
 
 def test_sheets_do_not_count_bodies(results: Results) -> None:
-    assert not hard_claims.found_rows(results) and len(hard_bodies.body_rows(results)[0]) == 4 * len(BODY_CASES)
+    assert not hard_claims.verdict_rows(results) and len(hard_bodies.body_rows(results)[0]) == 4 * len(BODY_CASES)
     assert isinstance(hard.draw_states(results), str) and isinstance(hard.draw_verdicts(results), str)
 
 

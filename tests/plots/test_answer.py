@@ -11,7 +11,7 @@ from softlab.bench.experiments.accuracy.points import SUSPECT_NOTE, AccuracySumm
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import configuration
 from softlab.labbook import words
-from softlab.labbook.answer import DASH, HEAD, answer_tables
+from softlab.labbook.answer import DASH, HEAD, winner_tables
 from softlab.labbook.claims import accuracy, comparison
 from softlab.model.scene.scene import load_scene
 from softlab.plots.core.accuracy_points import points, reaching
@@ -35,7 +35,7 @@ def test_the_fastest_of_those_that_reach_the_error_and_its_limit() -> None:
         ("rk4", 0.01, 5e-4, 3e-3, "cpu"), ("rk4", 0.02, float("inf"), 1e-3, "cpu"), ("lab", 0.02, 0.05, 1e-4, "gpu"),
         ("velocity-verlet", 0.01, 5e-3, 2e-4, "gpu"),
     )  # fmt: skip
-    (table,) = answer_tables(results)
+    (table,) = winner_tables(results)
     assert table["title"].endswith("GPU Made-up GPU, CPU Made-up CPU, 16 cores")
     tenth, finer, thousandth, finest = (dict(zip(HEAD, row, strict=True)) for row in table["rows"])
     assert tenth["Error at most"] == "0.1" and tenth["Masses"] == "1024" and finer["Scene"] == finer["Masses"] == ""
@@ -55,7 +55,7 @@ def test_within_the_rule_the_more_accurate_run_wins_and_the_tie_is_named() -> No
         CPU_RECORD, ("lab", 0.02, 0.05, 0.95e-3, "cpu"), ("rk4", 0.01, 0.01, 1e-3, "cpu"),
         ("rk4", 0.005, 1e-3, 1.4e-3, "cpu"), ("velocity-verlet", 0.005, 1e-5, 1e-4, "cpu"), unresolved=("velocity-verlet",),
     )  # fmt: skip
-    (table,) = answer_tables(results)
+    (table,) = winner_tables(results)
     first, second, *_ = (dict(zip(HEAD, row, strict=True)) for row in table["rows"])
     assert (first["Method"], first["Step"]) == ("rk4", f"10{words.SPACE}ms")
     assert first["Tie"].startswith(f"lab, 20{words.SPACE}ms: ") and first["Tie"].endswith("error 0.050")
@@ -74,13 +74,13 @@ def test_a_time_beside_other_programs_is_marked_wherever_it_is_told() -> None:
     what = configuration(scene, backend="cpu", threads=2, precision="float64")
     store.add_sample(maker.run, what, "sources", 9.0, 100, stage=STAGE, suspect="load: others")
     results = load(store)
-    (table,) = answer_tables(results)
+    (table,) = winner_tables(results)
     assert table["rows"][0][HEAD.index("Simulated second")] == f"1.0{words.SPACE}ms" and "suspect" not in table["title"]
     assert "accuracy runs none;" in comparison.trust(results).sentence
 
     store.connection.execute("UPDATE sample SET suspect = 'load: others'")
     results = load(store)
-    (table,) = answer_tables(results)
+    (table,) = winner_tables(results)
     assert table["rows"][0][HEAD.index("One run")].endswith("?") and table["title"].endswith(
         "?: suspect, see docs/method/time.md"
     )
@@ -92,7 +92,7 @@ def test_a_time_beside_other_programs_is_marked_wherever_it_is_told() -> None:
 
 
 def test_not_timed_is_not_not_reached() -> None:
-    (table,) = answer_tables(made(CPU_RECORD, ("rk4", 0.01, 0.05, 1e-3, "cpu"), ("rk4", 0.005, 5e-3, None, "cpu")))
+    (table,) = winner_tables(made(CPU_RECORD, ("rk4", 0.01, 0.05, 1e-3, "cpu"), ("rk4", 0.005, 5e-3, None, "cpu")))
     tenth, hundredth, *_, finest = table["rows"]
     assert tenth[3] == "rk4" and hundredth[2:] == ["0.03, 0.01", "reached, but not timed", *[DASH] * 7]
     assert finest[3].startswith("not reached; least 0.0050")
@@ -104,15 +104,15 @@ def test_the_fastest_of_all_machines_answers() -> None:
     all_of_them = ("semi-implicit-euler", "velocity-verlet", "rk4", "lab")
     theirs = made(GPU_RECORD, *((name, 0.01, 0.05, 1e-4 * k, "cpu") for k, name in enumerate(all_of_them, 1)))
     committed = replace(theirs.sources[0], own=False)
-    (table,) = answer_tables(Results((mine.sources[0], committed)))
+    (table,) = winner_tables(Results((mine.sources[0], committed)))
     assert table["rows"][0][3] == "semi-implicit-euler" and "committed" in table["title"]
-    (table,) = answer_tables(Results((replace(theirs.sources[0], own=True), replace(mine.sources[0], own=False))))
+    (table,) = winner_tables(Results((replace(theirs.sources[0], own=True), replace(mine.sources[0], own=False))))
     assert "committed" not in table["title"]
 
 
 def test_a_committed_machine_does_not_share_the_readers_label() -> None:
     results = made(CPU_RECORD, ("rk4", 0.01, 0.05, 1e-3, "cpu"))
     committed = Results((replace(results.sources[0], own=False),))
-    (table,) = answer_tables(committed)
+    (table,) = winner_tables(committed)
     assert table["title"].endswith("CPU Made-up CPU, 2 cores (committed)")
-    assert answer_tables(Results(())) == []
+    assert winner_tables(Results(())) == []

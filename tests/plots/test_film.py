@@ -97,7 +97,7 @@ def test_the_sentences_are_the_books_and_nothing_is_said_of_what_was_not_measure
 
 def test_a_race_is_as_fast_as_the_store_says(both: Results) -> None:
     small, large = races(both, 32**2)
-    assert (small.scene.grid.rows, large.scene.grid.rows) == (16, 32) and small.own
+    assert (small.scene.grid.rows, large.scene.grid.rows) == (16, 32) and small.is_local
     cpu, gpu = large.runners
     assert (cpu.timing.backend, gpu.timing.backend) == ("cpu", "gpu") and "16 threads" in cpu.name
     wall = 100 * cpu.timing.median
@@ -146,7 +146,7 @@ def test_captions_are_there_while_their_sentence_is_said() -> None:
     text = "a sentence of some words: " + "and so on " * 20 + "to its end."
     parts = timeline([shot("a", (text, 0)), shot("b", ("short", 0))], Lengths(), 30, Stage(FULL).captions)
     assert [part.first for part in parts] == [0, parts[0].count]
-    (said,) = parts[0].said
+    (said,) = parts[0].sentences
     assert said.end - said.start == pytest.approx(reading_seconds(text))
     assert said.captions[0][0] == said.start and said.captions[-1][1] == pytest.approx(said.end)
     assert all(a[1] == b[0] for a, b in zip(said.captions, said.captions[1:], strict=False))
@@ -163,8 +163,8 @@ def test_a_caption_waits_for_the_voice_to_draw_breath() -> None:
     tone[round(2.9 * RATE) : round(3.3 * RATE)] = 0.0
     assert breaths(tone, RATE) == pytest.approx([3.1], abs=0.01)
     how = ([shot("a", (text, 0))], {text: 6.0}, 30, Stage(FULL).captions)
-    (first, _) = timeline(*how)[0].said[0].captions
-    (waiting, after) = timeline(*how, {text: breaths(tone, RATE)})[0].said[0].captions
+    (first, _) = timeline(*how)[0].sentences[0].captions
+    (waiting, after) = timeline(*how, {text: breaths(tone, RATE)})[0].sentences[0].captions
     assert waiting[1] == after[0] == pytest.approx(waiting[0] + 3.1, abs=0.01) != first[1]
 
 
@@ -278,6 +278,6 @@ def test_the_doctor_tells_of_the_voice(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(voice, "voice_available", lambda: answer)
 
     available((True, "espeak-ng"))
-    assert _voice().works and _voice().found == "espeak-ng"
+    assert _voice().works and _voice().detail == "espeak-ng"
     available((False, "espeak-ng is not installed"))
-    assert not _voice().works and "captions only" in _voice().found and "narration" in _voice().remedy
+    assert not _voice().works and "captions only" in _voice().detail and "narration" in _voice().remedy

@@ -20,8 +20,8 @@ from softlab.bench.store.results import Measure
 from softlab.bench.store.transfer import export
 from softlab.bench.stress.results import HardRow
 from softlab.labbook import build
-from softlab.labbook.answer import answer_tables
-from softlab.labbook.build import FOLDER, told
+from softlab.labbook.answer import winner_tables
+from softlab.labbook.build import FOLDER, marked_claim
 from softlab.labbook.claims import bar_costs, tetrahedra
 from softlab.labbook.claims.claim import Claim
 from softlab.labbook.claims.hard import compare_backends
@@ -92,9 +92,9 @@ def both(tmp_path_factory: pytest.TempPathFactory) -> Results:
 
 
 def test_what_the_user_did_not_measure_is_told_of_the_committed_by_name(both: Results) -> None:
-    made = told(both, "threads-small")
+    made = marked_claim(both, "threads-small")
     assert made.numbers and "Made-up CPU, 16 cores (committed)" in made.sentence
-    assert not told(Results(both.featured), "threads-small").numbers
+    assert not marked_claim(Results(both.featured), "threads-small").numbers
 
 
 def test_what_the_user_measured_stays_even_where_the_committed_say_more(
@@ -105,7 +105,7 @@ def test_what_the_user_measured_stays_even_where_the_committed_say_more(
         return Claim("Here there is no difference." if own else "There is one.", {"ratio": 1.0}, not own)
 
     monkeypatch.setitem(build.CLAIMS, "compared", compared)
-    assert told(both, "compared").sentence == "Here there is no difference."
+    assert marked_claim(both, "compared").sentence == "Here there is no difference."
 
 
 def test_what_rests_on_a_claim_falls_with_it(tmp_path: Path) -> None:
@@ -154,10 +154,10 @@ def test_rows_of_several_machines_are_marked_by_numbers(tmp_path: Path) -> None:
     Maker(other, GPU_RECORD, "g").point_of(load_scene("lab-curtain").replace(changes), 1e-5, 1e-3, backend="gpu")
     Maker(mine, CPU_RECORD, "c").point("lab-curtain", "rk4", 0.01, 1e-5, 1e-3, None, "float64", "cpu")
     export(other, tmp_path / "gpu.csv")
-    (table,) = answer_tables(load(mine, [tmp_path / "gpu.csv"]))
+    (table,) = winner_tables(load(mine, [tmp_path / "gpu.csv"]))
     marks = {row[6] for row in table["rows"] if row[6] != "\N{EN DASH}"}
     assert marks == {"GPU (1), float64", "CPU (2), float64"} and "(1) GPU Made-up GPU" in table["title"]
-    (alone,) = answer_tables(load(mine))
+    (alone,) = winner_tables(load(mine))
     assert {row[6] for row in alone["rows"]} == {"CPU, float64"}
 
 

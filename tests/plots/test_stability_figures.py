@@ -83,7 +83,7 @@ def test_claims_follow_the_data(cpu: Results) -> None:
     """An edge that is off is said to be, a run that diverged under its limit, too."""
     store = Store(":memory:")
     maker = Maker(store, CPU_RECORD, "m")
-    scene = stability_claims.found(cpu)
+    scene = stability_claims.chapter_runs(cpu)
     assert scene[0] and scene[1]
     maker.stability()
     for measure in load(store).sources[0].measures:

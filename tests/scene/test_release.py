@@ -219,7 +219,7 @@ def test_sharing_live_targets_and_an_error_are_refused() -> None:
 def test_the_window_keeps_released_pins_free_until_a_restart(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Also where a field is changed that opens the scene again; a scene that is saved has all its pins and the release."""
     from softlab.app.window.demo import Demo
-    from softlab.app.window.keeping import save_scene
+    from softlab.app.window.snapshot import save_scene
 
     monkeypatch.chdir(tmp_path)
     with Demo([release_scene("sheet")]) as demo:

@@ -166,7 +166,7 @@ def test_a_mass_of_the_world_under_the_pointer_is_pulled_alone(pair: Demo) -> No
     moved = [position[particle, 0] - x for position in pair.positions]
     assert moved[1] > 0.1 and abs(moved[0]) < 0.02
     pair.turn_to(0)  # lets go
-    assert pair.hand.held is None and pair.hand.selected is None
+    assert pair.picker.poke is None and pair.picker.selected is None
     velocity = pair.worlds[1].state().velocity
     assert np.isfinite(velocity).all() and pair.worlds[1]._poke_force is not None
     pair.press_key()
@@ -224,14 +224,14 @@ with Demo([Scene(tables | {"title": "left"}), Scene(tables | {"title": "right"})
     ratio = viewer.window.width / viewer.width
     x, y = (place + (pane.left, pane.bottom)) * ratio
     viewer.controls._mouse_down(x, y, 1, 0)
-    held = demo.hand.held.particle if demo.hand.held else None
+    held = demo.picker.poke.particle if demo.picker.poke else None
     viewer.controls._mouse_drag(x + 40 * ratio, y, 40 * ratio, 0, 1, 0)
     frames(4)
     told = viewer.state()
     viewer.controls._mouse_up(x, y, 1, 0)
     np.savez(folder + "/seen.npz", first=first, last=read_pixels(viewer.width, viewer.height))
     panes = [[p.left, p.bottom, p.width, p.height] for p in viewer.panes]
-    print(json.dumps(told | {"held": held, "panes": panes, "after": demo.hand.held is None}))
+    print(json.dumps(told | {"held": held, "panes": panes, "after": demo.picker.poke is None}))
     viewer.window.close()
 """
 

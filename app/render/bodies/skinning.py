@@ -1,4 +1,4 @@
-"""Where the clusters of a scene's bodies take a skin: from a state to the matrices that the shaders read. No OpenGL."""
+"""Matrices of the clusters of a scene's bodies, from a state, for the shaders that deform skins. No OpenGL."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from softlab.model.scene.scene import Scene
 
 
 class ClusterFrames:
-    """The clusters of all bodies of `scene` as matrices that take points of their meshes at rest to now."""
+    """Matrices of the clusters of all bodies of `scene`: they map points of the meshes at rest to the current state."""
 
     def __init__(self, scene: Scene):
         body_set, parts = scene.body_set, scene.bodies
@@ -21,18 +21,21 @@ class ClusterFrames:
         self.count = body_set.clusters.count
 
     def matrices(self, centre: np.ndarray, rotation: np.ndarray) -> np.ndarray:
-        """(clusters, 3, 4) float32: of points of the mesh with a 1 behind; with the clusters at `centre` (clusters, 3) [m]
-        and turned since the start by `rotation` (clusters, 3, 3), or deformed, which comes after the turn at the start."""
+        """Return the matrices (clusters, 3, 4) float32, for points of the mesh extended by 1.
+
+        The clusters are at `centre` (clusters, 3) [m] and rotated since the start by `rotation` (clusters, 3, 3), or
+        deformed by it, after the rotation at the start.
+        """
         turn = rotation @ self._turn
-        found = np.empty((self.count, 3, 4), np.float32)
+        transforms = np.empty((self.count, 3, 4), np.float32)
         with np.errstate(over="ignore", invalid="ignore"):
-            found[:, :, :3] = turn
-            found[:, :, 3] = centre - np.einsum("nij,nj->ni", turn, self._rest)
-        return found
+            transforms[:, :, :3] = turn
+            transforms[:, :, 3] = centre - np.einsum("nij,nj->ni", turn, self._rest)
+        return transforms
 
     def of_state(self, position: np.ndarray) -> np.ndarray:
-        """The same from positions (particles, 3) [m] alone, rotations by singular values; what is plastic, whose strain they
-        do not tell, by the nearest linear map. Where a cluster is not at finite places its matrix is not finite either."""
+        """Return the matrices from positions (particles, 3) [m] alone: rotations by singular values; for plastic
+        clusters the nearest linear map. A cluster at a place that is not finite gets a matrix that is not finite."""
         position = np.asarray(position, dtype=np.float64)
         if np.isfinite(position).all():
             return self.matrices(self._clusters.centres(position), self._deformations(position))
@@ -45,10 +48,10 @@ class ClusterFrames:
         return np.where(clusters.flat[:, None, None], clusters.rotations(position), clusters.strained(position))
 
     def of_simulation(self, simulation: Simulation, position: np.ndarray | None = None) -> np.ndarray:
-        """As the solver has them, or from `position` (None: read) where it does not tell. Clusters that do more than turn go
-        by the whole of what takes rest offsets to goals."""
+        """Return the matrices from the solver's rotations, or from `position` (None: read) if the solver has none.
+        Clusters that do more than rotate use the whole map from rest offsets to goals."""
         try:
-            turn, centre = (np.asarray(told, np.float64) for told in simulation.read_clusters())
+            turn, centre = (np.asarray(values, np.float64) for values in simulation.read_clusters())
             if self._clusters.parts & {"linear", "plastic"}:
                 return self.matrices(centre, np.asarray(simulation.read("deformation"), np.float64))
         except (SceneError, NotImplementedError):
@@ -57,8 +60,8 @@ class ClusterFrames:
 
 
 def of_quaternions(quaternion: np.ndarray) -> np.ndarray:
-    """(n, 3, 3): the rotations of unit quaternions (n, 4), w first. K. Shoemake, "Animating Rotation with Quaternion Curves",
-    SIGGRAPH 1985."""
+    """Return the rotations (n, 3, 3) of unit quaternions (n, 4), w first. K. Shoemake, "Animating Rotation with
+    Quaternion Curves", SIGGRAPH 1985."""
     w, x, y, z = quaternion.T
     rows = [
         [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],

@@ -15,7 +15,8 @@ CLUSTER, WEIGHT = 2, 3  # where the shaders of app/render/bodies/shaders.py look
 
 
 class Skins:
-    """The skins of the copies of one body, which follow one another: one mesh on the graphics card, drawn so many times."""
+    """The skins of the copies of one body, which are numbered in a row: one mesh on the graphics card, drawn once per
+    copy."""
 
     def __init__(self, copies: list[Copy]):
         from pyglet import gl
@@ -52,7 +53,7 @@ class Skins:
 
 
 class ClusterTexture:
-    """The clusters' matrices where shaders find them: in a texture, three texels of four numbers for each."""
+    """The clusters' matrices in a texture for shaders: three texels of four numbers per cluster."""
 
     def __init__(self, clusters: int) -> None:
         from pyglet import gl
@@ -65,7 +66,7 @@ class ClusterTexture:
             gl.glTexParameteri(gl.GL_TEXTURE_2D, name, gl.GL_NEAREST)
 
     def send(self, matrices: np.ndarray) -> None:
-        """(clusters, 3, 4) float32."""
+        """Send matrices (clusters, 3, 4) float32."""
         from pyglet import gl
 
         self._data.reshape(-1, 3, 4)[: len(matrices)] = matrices
@@ -74,7 +75,7 @@ class ClusterTexture:
         gl.glTexImage2D(gl.GL_TEXTURE_2D, 0, gl.GL_RGBA32F, 3 * ACROSS, rows, 0, gl.GL_RGBA, gl.GL_FLOAT, pointer)
 
     def bind(self) -> None:
-        """For the sampler of unit 0."""
+        """Bind the texture for the sampler of unit 0."""
         from pyglet import gl
 
         gl.glActiveTexture(gl.GL_TEXTURE0)

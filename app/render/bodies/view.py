@@ -40,9 +40,9 @@ SKIN_SHINE = 0.16
 
 
 class BodiesView(View):
-    """See View. `particles`, `skin`: which of them are shown, one of them at least; both: the particles through the
-    skin. `clusters`: their middles, too; `links`, likewise, where there are any. `colouring`: what gives particles their
-    colours, of COLOURINGS."""
+    """A View of bodies. `particles`, `skin`: at least one of them is shown; with both, the particles are seen through
+    the skin. `clusters`, `links`: their middles, and links if there are any, are shown too. `colouring`: the colours of
+    particles, of COLOURINGS."""
 
     subject, colourings = "bodies", COLOURINGS
 
@@ -61,13 +61,14 @@ class BodiesView(View):
         self._radius = PARTICLE_RADIUS * spacing[body_set.body]
         copies = body_set.in_cluster_order
         self._owner = np.repeat([copy.number for copy in copies], [copy.baked.clusters.count for copy in copies])
-        self._middle_look = np.column_stack([cluster_colours(body_set), PARTICLE_RADIUS * spacing[self._owner]])
-        self._there = copies_there(scene)
+        self._all_middles = np.column_stack([cluster_colours(body_set), PARTICLE_RADIUS * spacing[self._owner]])
+        self._active = copies_there(scene)
         self._weights: np.ndarray | None = None  # by which that is so
         self._rest = np.concatenate([copy.baked.skin.rest_centre for copy in copies])
         zero = np.zeros((body_set.clusters.count, 3), np.float32)
         self._buffers = [
-            static_buffer(part) for part in (self._look(), np.zeros(1, np.uint32), zero, self._look_of_middles())
+            static_buffer(part)
+            for part in (self._appearance(), np.zeros(1, np.uint32), zero, self._middle_appearance())
         ]
         self._spheres = square_array(self.vertices.position_buffer, self._buffers[0])
         self._middles = square_array(*self._buffers[2:4])
@@ -85,26 +86,27 @@ class BodiesView(View):
         self._send_links()
         self.upload(body_set.position)
 
-    def _look(self) -> np.ndarray:
-        """(particles, 4) float32: colours and radii [m], 0 of what waits: nothing is drawn of it."""
-        found = particle_colours(self.scene, self.colouring)
-        radius = self._radius * self._there[self.scene.body_set.body]
-        return np.ascontiguousarray(np.column_stack([found, radius]), np.float32)
+    def _appearance(self) -> np.ndarray:
+        """Return colours and radii [m] of the particles (particles, 4) float32; radius 0, which draws nothing, if
+        inactive."""
+        colour = particle_colours(self.scene, self.colouring)
+        radius = self._radius * self._active[self.scene.body_set.body]
+        return np.ascontiguousarray(np.column_stack([colour, radius]), np.float32)
 
-    def _look_of_middles(self) -> np.ndarray:
-        """(clusters, 4) float32: likewise."""
-        look = self._middle_look.astype(np.float32)
-        look[:, 3] *= self._there[self._owner]
-        return look
+    def _middle_appearance(self) -> np.ndarray:
+        """Return colours and radii [m] of the clusters' middles (clusters, 4) float32; radius 0 if inactive."""
+        appearance = self._all_middles.astype(np.float32)
+        appearance[:, 3] *= self._active[self._owner]
+        return appearance
 
     def _send_links(self) -> None:
-        """Those of bodies that are there."""
-        ends = np.ascontiguousarray(self._links[self._there[self.scene.body_set.body[self._links[:, 0]]]])
+        """Send the links of active bodies."""
+        ends = np.ascontiguousarray(self._links[self._active[self.scene.body_set.body[self._links[:, 0]]]])
         refill(self._buffers[-1], ends)
         self._link_ends = ends.size
 
     def _constants(self) -> None:
-        """Uniforms that never change."""
+        """Set the uniforms that never change."""
         program = self._lit_skin.program
         program.use()
         program["palette"] = tuple(colours.BODIES)
@@ -134,21 +136,22 @@ class BodiesView(View):
         self._send(self.frames.of_simulation(simulation, position))
 
     def show_bodies(self, inverse_mass: np.ndarray | None) -> None:
-        """Bodies that wait by these inverse masses (particles,), as in State, are not drawn from the next upload on; at first
-        those that wait when the scene starts."""
+        """Hide bodies that are inactive by these inverse masses (particles,), as in State, from the next upload on; at
+        first those that are inactive when the scene starts."""
         if inverse_mass is self._weights:  # as in nearly every frame
             return
-        self._weights, there = inverse_mass, copies_there(self.scene, inverse_mass)
-        if not np.array_equal(there, self._there):
-            self._there = there
-            self.vertices.send(self._buffers[0], self._look())
-            self.vertices.send(self._buffers[3], self._look_of_middles())
+        self._weights, active = inverse_mass, copies_there(self.scene, inverse_mass)
+        if not np.array_equal(active, self._active):
+            self._active = active
+            self.vertices.send(self._buffers[0], self._appearance())
+            self.vertices.send(self._buffers[3], self._middle_appearance())
             self._send_links()
 
     def _send(self, matrices: np.ndarray) -> None:
-        """Where clusters are, (clusters, 3, 4), for the skins and for their middles. The skin of what waits is one point."""
-        if not self._there.all():
-            matrices = matrices * self._there[self._owner, None, None].astype(np.float32)
+        """Send the places (clusters, 3, 4) of clusters for the skins and their middles. The skin of an inactive body is
+        one point."""
+        if not self._active.all():
+            matrices = matrices * self._active[self._owner, None, None].astype(np.float32)
         self._cluster_texture.send(matrices)
         with np.errstate(over="ignore", invalid="ignore"):
             self.vertices.send(
@@ -156,9 +159,9 @@ class BodiesView(View):
             )
 
     def next_colouring(self) -> None:
-        """The next of COLOURINGS."""
+        """Choose the next of COLOURINGS."""
         self.colouring = COLOURINGS[(COLOURINGS.index(self.colouring) + 1) % len(COLOURINGS)]
-        self.vertices.send(self._buffers[0], self._look())
+        self.vertices.send(self._buffers[0], self._appearance())
 
     def toggle_clusters(self) -> None:
         """Show or hide the middles of the clusters."""
@@ -169,13 +172,13 @@ class BodiesView(View):
         self.links = not self.links and len(self._links) > 0
 
     def toggle_lines(self) -> bool:
-        """Particles in place of the skin, or the skin in place of them; whether it is particles now."""
+        """Exchange particles and skin. Returns True if particles are shown now."""
         self.particles, self.skin = not self.lines, self.lines
         return self.lines
 
     @property
     def lines(self) -> bool:  # type: ignore[override]
-        """Whether particles are shown and no skin."""
+        """True if particles are shown and no skin."""
         return not self.skin
 
     def toggle_particles(self) -> None:
@@ -200,7 +203,7 @@ class BodiesView(View):
 
     @property
     def _inside(self) -> bool:
-        """Whether something is to be seen through the skin."""
+        """True if something is to be seen through the skin."""
         return self.particles or self.clusters or self.links
 
     def _draw_links(self, camera: Camera3D) -> None:

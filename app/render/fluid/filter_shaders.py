@@ -6,7 +6,7 @@ Depth is the distance from the eye along the line of view [m], in 32-bit float; 
 from __future__ import annotations
 
 MOST_PIXELS = 96.0  # that filters look to each side, at most
-TAPS = 8  # of a bell, to each side
+BELL_SAMPLES = 8  # of a bell, to each side
 LEVEL = 0.42  # of the bell over what is covered, where the outline is; 0.5 at a straight edge
 STEEPNESS = 0.39  # of that bell across a straight edge at the level, times its width
 RIM = 1.33  # standard deviations that the edge of a slanted plane is behind the mean: of half a bell
@@ -17,8 +17,8 @@ PAIRS = 32  # of pixels that a pass of the narrow-range filter reads along its a
 BLUR_FRAGMENT = f"""#version 330 core
 uniform sampler2D thickness;
 uniform sampler2D depth;
-uniform ivec2 way;
-uniform float reach;        // m
+uniform ivec2 axis;
+uniform float half_width;        // m
 uniform float focal;
 out vec4 sum;
 void main() {{
@@ -26,11 +26,11 @@ void main() {{
     float here = texelFetch(depth, pixel, 0).r, weight = 0.0;
     sum = vec4(0.0);
     if (here <= 0.0) return;
-    float wide = min(reach * focal / here, {MOST_PIXELS});
-    int taps = clamp(int(ceil(wide)), 1, {TAPS});
+    float wide = min(half_width * focal / here, {MOST_PIXELS});
+    int taps = clamp(int(ceil(wide)), 1, {BELL_SAMPLES});
     for (int k = -taps; k <= taps; k++) {{
         float part = float(k) / float(taps);
-        vec4 there = texelFetch(thickness, clamp(pixel + int(round(part * wide)) * way, ivec2(0), last), 0);
+        vec4 there = texelFetch(thickness, clamp(pixel + int(round(part * wide)) * axis, ivec2(0), last), 0);
         float share = there.a > 0.0 ? exp(-4.5 * part * part) : 0.0;
         sum += share * there;
         weight += share;
@@ -60,11 +60,11 @@ void main() {
 # ... then a bell over them, along one axis and along the other ...
 BELL_FRAGMENT = """#version 330 core
 uniform sampler2D cells;
-uniform ivec2 way;
+uniform ivec2 axis;
 uniform ivec2 last;         // cell
 uniform float wide;         // cells: standard deviation
 out vec4 sum;
-vec4 at(int aside) { return texelFetch(cells, clamp(ivec2(gl_FragCoord.xy) + aside * way, ivec2(0), last), 0); }
+vec4 at(int aside) { return texelFetch(cells, clamp(ivec2(gl_FragCoord.xy) + aside * axis, ivec2(0), last), 0); }
 void main() {
     float share = 1.0, less = exp(-0.5 / (wide * wide)), faster = less * less, weight = 1.0;
     sum = at(0);
@@ -153,17 +153,17 @@ void take(ivec2 aside, float share) {{
 
 # Along one axis, in steps of some pixels where a particle is large.
 NARROW_FRAGMENT = f"""{NARROW}
-uniform ivec2 way;          // (1, 0), (0, 1)
-uniform float reach;        // m: the filter's half width
+uniform ivec2 axis;          // (1, 0), (0, 1)
+uniform float half_width;        // m: the filter's half width
 uniform float focal;        // pixels
 void main() {{
     begin();
     if (here <= 0.0) return;
-    float wide = min(reach * focal / here, {MOST_PIXELS});
+    float wide = min(half_width * focal / here, {MOST_PIXELS});
     int taps = min(int(ceil(wide)), {PAIRS});
     for (int k = 1; k <= taps; k++) {{
         float part = float(k) / float(taps);
-        take(int(round(part * wide)) * way, exp(-4.5 * part * part));
+        take(int(round(part * wide)) * axis, exp(-4.5 * part * part));
     }}
     smooth_depth = sum / weight;
 }}

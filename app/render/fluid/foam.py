@@ -15,10 +15,10 @@ from softlab.model.fluid.foam import NAMES, FoamPoints
 from softlab.model.scene.fluid import Foam
 from softlab.model.scene.scene import Scene
 
-LOOKS = np.array(
+APPEARANCES = np.array(
     [[0.62, 0.76, 0.88, 0.85], [0.98, 0.99, 1.0, 0.9], [0.78, 0.90, 0.97, 0.6]], np.float32
 )  # by kind: colour, alpha
-NAMED = tuple((name, tuple(look[:3].tolist())) for name, look in zip(NAMES, LOOKS, strict=True))
+NAMED = tuple((name, tuple(colour[:3].tolist())) for name, colour in zip(NAMES, APPEARANCES, strict=True))
 RADIUS = {2: 0.4, 3: 0.15}  # of a point, in rest distances, by dimensions
 LEAST = 1.6  # pixels across
 DIMMED = 8.0  # over the fluids' extent [1/m]: how fast fluid before a point takes its light
@@ -29,7 +29,7 @@ layout(location = 0) in vec3 position;  // m
 layout(location = 4) in vec4 look;      // colour, alpha
 uniform mat4 transform;
 uniform vec3 eye;
-uniform vec3 ahead;         // unit vector, the way the camera looks; 0 in a plane
+uniform vec3 ahead;         // unit vector, the view direction; 0 in a plane
 uniform float pixels;       // that a metre has, in space one metre away
 uniform float radius;       // m
 out vec4 seen;
@@ -67,29 +67,29 @@ void main() {
 
 
 class FoamLayer:
-    """The points of a scene, `points`, and how they are drawn. Needs a current OpenGL 3.3 context."""
+    """Draws the foam `points` of a scene. Needs a current OpenGL 3.3 context."""
 
     def __init__(self, scene: Scene, points: FoamPoints | None = None):
         self.points = points or FoamPoints(scene, scene.foam or Foam())
-        self._space, found = scene.dimensions == 3, scene.fluid_set
-        self._radius, self._dimmed = RADIUS[scene.dimensions] * found.spacing, DIMMED / found.extent
-        self._buffers = [static_buffer(np.zeros((1, scene.dimensions), np.float32)), static_buffer(LOOKS[:1])]
+        self._space, fluid_set = scene.dimensions == 3, scene.fluid_set
+        self._radius, self._dimmed = RADIUS[scene.dimensions] * fluid_set.spacing, DIMMED / fluid_set.extent
+        self._buffers = [static_buffer(np.zeros((1, scene.dimensions), np.float32)), static_buffer(APPEARANCES[:1])]
         self._array = point_array(self._buffers[0], self._buffers[1], scene.dimensions)
         self._program = shader_program(VERTEX, FRAGMENT)
 
     def follow(self, position: np.ndarray, velocity: np.ndarray, time: float) -> None:
-        """See FoamPoints."""
+        """Update the points; see `FoamPoints.follow`."""
         self.points.follow(position, velocity, time)
 
     def draw(self, camera: Any, surface: FluidSurface | None = None) -> None:
-        """Over what is there; `surface`: what was drawn of the fluid by this camera, if it was a surface."""
+        """Draw the points over the picture; `surface`: the fluid's surface in the same picture, if it is drawn as one."""
         from pyglet import gl
 
         count = len(self.points)
         if not count:
             return
         HostVertices.send(self._buffers[0], self.points.position)
-        HostVertices.send(self._buffers[1], LOOKS[self.points.kind])
+        HostVertices.send(self._buffers[1], APPEARANCES[self.points.kind])
         program = self._program
         program.use()
         program["transform"], program["radius"] = uniform_matrix(camera.matrix()), self._radius

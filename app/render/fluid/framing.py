@@ -1,4 +1,4 @@
-"""What a picture of a fluid is to hold: the fluid without the few drops that fly far, and the tank that it is to run into."""
+"""Framing of a fluid: the fluid without the few drops that fly far, and the tank that it is to run into."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ CEILING = -0.2  # of a plane's unit normal upward: what hangs over a fluid does 
 
 
 def with_fluids(scene: Scene) -> bool:
-    """Whether a scene, or a member of a world, is of fluids."""
+    """Return True if a scene, or a member of a world, has fluids."""
     return bool(scene.fluids) or (scene.is_world and any(member.fluids for member in scene.members.values()))
 
 
 def main_part(scene: Scene, position: np.ndarray) -> np.ndarray:
-    """(n, dimensions) [m]: `position` (particles, dimensions) without what is nowhere and the few that are far from all
-    others; of scenes without fluids all of it, in a world of other members."""
+    """Return the rows (n, dimensions) [m] of `position` (particles, dimensions) that are finite and not far from all
+    others. Scenes without fluids keep all rows, as do other members of a world."""
     if scene.is_world:
         slices = scene.world_set.slices()
         return np.concatenate([main_part(member, position[slices[name]]) for name, member in scene.members.items()])
@@ -40,8 +40,8 @@ def main_part(scene: Scene, position: np.ndarray) -> np.ndarray:
 
 
 def with_tank(scene: Scene, bounds: Sequence[float], time: float) -> tuple[float, ...]:
-    """`bounds`, the lowest and the highest coordinates [m] of a fluid, widened by the floor and the walls near it at `time`
-    [s], in a plane also by what else stands there; as they are for scenes without fluids."""
+    """Return `bounds`, the lowest and the highest coordinates [m] of a fluid, widened by the floor and the walls near
+    it at `time` [s], in a plane also by other colliders; unchanged for scenes without fluids."""
     for member in scene.members.values() if scene.is_world else ():
         bounds = with_tank(member, bounds, time)
     if not scene.fluids:
@@ -49,7 +49,7 @@ def with_tank(scene: Scene, bounds: Sequence[float], time: float) -> tuple[float
     axes = scene.dimensions
     low, high = np.array(bounds[:axes], np.float64), np.array(bounds[axes:], np.float64)
     least, most = low.copy(), high.copy()
-    reach = TANK * scene.fluid_set.extent
+    max_distance = TANK * scene.fluid_set.extent
     for _, collider in scene.colliders:
         if not isinstance(collider, Plane):
             continue
@@ -59,11 +59,11 @@ def with_tank(scene: Scene, bounds: Sequence[float], time: float) -> tuple[float
         point = (np.array(collider.point) + time * np.array(collider.velocity))[:axes]
         nearest = np.where(normal > 0, low, high)
         away = (nearest - point) @ normal
-        if 0 < away < reach:
+        if 0 < away < max_distance:
             least, most = np.minimum(least, nearest - away * normal), np.maximum(most, nearest - away * normal)
     if axes == 2:
         shapes = outlines(scene, time, planes=False)
-        near = ((shapes > low - reach) & (shapes < high + reach)).all(axis=1)
+        near = ((shapes > low - max_distance) & (shapes < high + max_distance)).all(axis=1)
         if near.any():
             least, most = np.minimum(least, shapes[near].min(axis=0)), np.maximum(most, shapes[near].max(axis=0))
     return (*least.tolist(), *most.tolist())

@@ -12,9 +12,9 @@ FAR = 40.0  # times the scene's size: how long the line of a half-plane is
 
 
 def outlines(scene: Scene, time: float, planes: bool = True) -> np.ndarray:
-    """(2 n, 2) float32 [m]: n lines by their ends, where colliders are at `time` [s], with or without planes. Of meshes and
-    fields there are none."""
-    found = [np.zeros((0, 2))]
+    """Return n lines by their ends (2 n, 2) float32 [m]: the sections of the colliders at `time` [s], with or without
+    planes. Meshes and fields have none."""
+    lines = [np.zeros((0, 2))]
     for _, collider in scene.colliders:
         shift = time * np.array(getattr(collider, "velocity", (0.0, 0.0, 0.0)))[:2]
         if isinstance(collider, Plane):
@@ -23,33 +23,34 @@ def outlines(scene: Scene, time: float, planes: bool = True) -> np.ndarray:
                 continue
             along = FAR * scene.grid.extent * np.array([-normal[1], normal[0]]) / np.linalg.norm(normal)
             point = np.array(collider.point)[:2] + shift
-            found.append(np.stack([point - along, point + along]))
+            lines.append(np.stack([point - along, point + along]))
         elif isinstance(collider, Sphere):
-            found.append(_closed(_ring(collider.radius, *_section(collider.center, collider.radius)) + shift))
+            lines.append(_closed(_ring(collider.radius, *_section(collider.center, collider.radius)) + shift))
         elif isinstance(collider, Capsule):
             start, end = (np.array(place)[:2] for place in (collider.start, collider.end))
             angle = np.arctan2(end[1] - start[1], end[0] - start[0])
             turn = angle + np.pi / 2 + np.linspace(0, np.pi, SIDES // 2)
             half = collider.radius * np.stack([np.cos(turn), np.sin(turn)], axis=1)
-            found.append(_closed(np.concatenate([start + half, end - half]) + shift))
+            lines.append(_closed(np.concatenate([start + half, end - half]) + shift))
         elif isinstance(collider, Box):
             x, y = collider.half_size[:2]
-            found.append(
+            lines.append(
                 _closed(np.array(collider.center)[:2] + np.array([[-x, -y], [x, -y], [x, y], [-x, y]]) + shift)
             )
-    return np.concatenate(found).astype(np.float32)
+    return np.concatenate(lines).astype(np.float32)
 
 
 def _section(center: tuple[float, float, float], radius: float) -> tuple[np.ndarray, float]:
-    """(middle, share of the radius) of the circle in which the plane z = 0 cuts a ball; share 0: it does not."""
+    """Return (middle, fraction of the radius) of the circle in which the plane z = 0 cuts a ball; fraction 0: no
+    section."""
     return np.array(center)[:2], float(np.sqrt(max(1 - (center[2] / radius) ** 2, 0.0)))
 
 
-def _ring(radius: float, middle: np.ndarray, share: float) -> np.ndarray:
+def _ring(radius: float, middle: np.ndarray, scale: float) -> np.ndarray:
     turn = np.linspace(0, 2 * np.pi, SIDES, endpoint=False)
-    return middle + share * radius * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    return middle + scale * radius * np.stack([np.cos(turn), np.sin(turn)], axis=1)
 
 
 def _closed(corners: np.ndarray) -> np.ndarray:
-    """The sides of a polygon by their ends."""
+    """Return the sides of a polygon by their ends."""
     return np.stack([corners, np.roll(corners, -1, axis=0)], axis=1).reshape(-1, 2)

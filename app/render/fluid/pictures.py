@@ -28,7 +28,7 @@ class FluidPictures:
         gl.glGenVertexArrays(1, self._empty)
 
     def resize(self, width: int, height: int) -> None:
-        """To so many pixels; what they held is lost."""
+        """Resize the pictures; their contents are lost."""
         from pyglet import gl
 
         if self.size == (width, height):

@@ -24,12 +24,12 @@ from softlab.model.scene.scene import Scene
 
 
 class PlaneFluid:
-    """Of positions (particles, 2) float32 [m] and looks (particles, 4), colour and radius [m], in two OpenGL buffers. Needs a
-    current OpenGL 3.3 context."""
+    """A fluid of a plane, from positions (particles, 2) float32 [m] and appearances (particles, 4), colour and radius
+    [m], in two OpenGL buffers. Needs a current OpenGL 3.3 context."""
 
-    def __init__(self, scene: Scene, position: int, look: int):
+    def __init__(self, scene: Scene, position: int, appearance: int):
         self.scene, self._count = scene, scene.grid.particle_count
-        self._discs = square_array(position, look, 2)
+        self._discs = square_array(position, appearance, 2)
         self._disc_program = shader_program(DISC_VERTEX, DISC_FRAGMENT)
         self._line_program = shader_program(shaders.VERTEX, shaders.LINE_FRAGMENT)
         lines = outlines(scene, 0.0)
@@ -37,7 +37,7 @@ class PlaneFluid:
         self._outlines = vertex_array(self._buffers[0], self._buffers[1], dimensions=2)
 
     def draw_particles(self, camera: Any) -> None:
-        """The discs."""
+        """Draw the discs."""
         program = self._disc_program
         program.use()
         program["transform"], program["pixels"] = uniform_matrix(camera.matrix()), camera.scale
@@ -45,7 +45,7 @@ class PlaneFluid:
         program.stop()
 
     def draw_colliders(self, camera: Any, time: float) -> None:
-        """The outlines, where they are at `time` [s]."""
+        """Draw the outlines at `time` [s]."""
         from pyglet import gl
 
         lines = outlines(self.scene, time)

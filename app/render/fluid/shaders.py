@@ -1,7 +1,7 @@
 """The shaders of a fluid's surface, GLSL 3.30: particles as ellipsoids, normals from their depth, and light.
 
-Depth is the distance from the eye along the line of view [m], in 32-bit float; 0: no fluid. The passes are told in
-app/render/fluid/surface.py; what makes the depth smooth is in app/render/fluid/filter_shaders.py.
+Depth is the distance from the eye along the line of view [m], in 32-bit float; 0: no fluid. The passes are described in
+app/render/fluid/surface.py; the filters that smooth the depth are in app/render/fluid/filter_shaders.py.
 """
 
 from __future__ import annotations
@@ -38,14 +38,14 @@ void main() {
 """
 
 # Where the line of sight enters and leaves: |back (eye + t ray - centre)| = 1.
-MET = """
+INTERSECTION = """
 in vec3 place;
 flat in vec3 centre;
 flat in vec3 taken;
 flat in mat3 back;
 uniform vec3 eye;
-uniform vec3 ahead;         // unit vector, the way the camera looks
-vec2 met(vec3 ray) {        // distances from the eye, x > y: the line does not meet it
+uniform vec3 ahead;         // unit vector, the view direction
+vec2 hits(vec3 ray) {        // distances from the eye, x > y: the line does not meet it
     vec3 from = back * (eye - centre), along = back * ray;
     float a = dot(along, along), b = dot(from, along), c = dot(from, from) - 1.0;
     float root = b * b - a * c;
@@ -57,13 +57,13 @@ vec2 met(vec3 ray) {        // distances from the eye, x > y: the line does not 
 
 DEPTH_FRAGMENT = (
     "#version 330 core\n"
-    + MET
+    + INTERSECTION
     + """
 uniform mat4 transform;
 out float depth;
 void main() {
     vec3 ray = normalize(place - eye);
-    vec2 t = met(ray);
+    vec2 t = hits(ray);
     if (t.x > t.y || t.x <= 0.0) discard;
     depth = t.x * dot(ray, ahead);
     vec4 clip = transform * vec4(eye + t.x * ray, 1.0);
@@ -86,16 +86,16 @@ float solid() {
 # each colour.
 THICKNESS_FRAGMENT = (
     "#version 330 core\n"
-    + MET
+    + INTERSECTION
     + SOLID
     + """
 out vec4 sum;
 void main() {
     vec3 ray = normalize(place - eye);
-    vec2 t = met(ray);
+    vec2 t = hits(ray);
     float end = min(t.y, solid() / dot(ray, ahead));
     if (t.x > t.y || t.x <= 0.0 || t.x > end) discard;
-    float inside = SHARE * (end - t.x);
+    float inside = OVERLAP * (end - t.x);
     sum = vec4(taken * inside, inside);
 }
 """
@@ -133,10 +133,10 @@ NORMAL_FRAGMENT = (
     "#version 330 core\n"
     + NORMAL
     + """
-out vec4 told;              // normal in the camera's axes, depth
+out vec4 encoded;            // normal in the camera's axes, depth
 void main() {
     float far = at(ivec2(gl_FragCoord.xy));
-    told = far <= 0.0 ? vec4(0.0) : vec4(normal_at(gl_FragCoord.xy, seen(gl_FragCoord.xy, far)), far);
+    encoded = far <= 0.0 ? vec4(0.0) : vec4(normal_at(gl_FragCoord.xy, seen(gl_FragCoord.xy, far)), far);
 }
 """
 )

@@ -31,19 +31,23 @@ from softlab.app.render.fluid.pictures import (
 )
 from softlab.app.render.opengl import shader_program
 from softlab.app.render.scenery import KEY
-from softlab.app.render.vertex_arrays import LOOK, POSITION, uniform_matrix
+from softlab.app.render.vertex_arrays import APPEARANCE, POSITION, uniform_matrix
 from softlab.model.core.errors import InputError
 
 FILTERS = ("narrow-range", "curvature-flow", "none")
 BACK = 5  # where shaders look for the first row of an ellipsoid's inverse
-REACH, RANGE, BEYOND = 3.0, 2.0, 0.6  # of the filter, in radii: half width, range, how far behind what is far counts
+HALF_WIDTH, RANGE, BEYOND = 3.0, 2.0, 0.6  # of the filter, in radii: half width, range, smallest depth step that counts
 BLUR = 3.0  # radii: half width of that of thickness
 ALONG = ((1, 0), (0, 1))
 _NARROW = {"range": RANGE, "behind": BEYOND}
 # Of each filter: its passes, as a program, an axis and lengths in radii.
 STEPS: dict[str, list[tuple[str, tuple[int, int] | None, dict[str, float]]]] = {
     "narrow-range": [
-        *(("narrow-range", way, _NARROW | {"reach": REACH * 0.5**turn}) for turn in range(2) for way in ALONG),
+        *(
+            ("narrow-range", axis, _NARROW | {"half_width": HALF_WIDTH * 0.5**turn})
+            for turn in range(2)
+            for axis in ALONG
+        ),
         ("clean", None, _NARROW),
     ],
     "curvature-flow": [("curvature-flow", None, {"range": RANGE})] * 60,
@@ -51,7 +55,7 @@ STEPS: dict[str, list[tuple[str, tuple[int, int] | None, dict[str, float]]]] = {
 }
 ROUND, FINEST = 0.7, 2.0  # the bell that rounds outlines: its standard deviation in radii, at least in cells of pixels
 APART = 4.0  # radii: what is so far behind one another (standard deviation) does not close gaps
-SHARE = 0.6  # of a ray's way through a particle: balls of half a spacing and more overlap
+OVERLAP = 0.6  # of a ray's path through a particle: balls of half a spacing and more overlap
 ZENITH, HORIZON, FLOOR = (0.30, 0.50, 0.78), (0.88, 0.92, 0.96), (0.55, 0.60, 0.63)
 WATER = (2.6, 1.05, 0.35)  # 1/m of red, green, blue: bluer than water is, whose metre is hardly seen
 BEND = 0.25
@@ -61,9 +65,10 @@ EDGE = 2.0  # radii: how far before a solid a fluid is seen in full, so that it 
 class FluidSurface:
     """The surface of `count` particles whose positions (count, 3) float32 [m] lie in an OpenGL buffer.
 
-    `set_look(radius, absorption, axes)`, then for each frame `passes(camera)` and `shade(camera, target)`; `normals(camera)`
-    gives normals and depth as arrays. Needs a current OpenGL 3.3 context, the same in every call; `delete()` frees all.
-    Raises BackendUnavailable where the driver has no float pictures, InputError for a filter that is none of FILTERS.
+    `set_appearance(radius, absorption, axes)`, then for each frame `passes(camera)` and `shade(camera, target)`;
+    `normals(camera)` returns normals and depth as arrays. Needs a current OpenGL 3.3 context, the same in every call;
+    `delete()` frees all. Raises BackendUnavailable if the driver has no float pictures, InputError for a filter that is
+    not one of FILTERS.
     """
 
     def __init__(self, position_buffer: int, count: int, filtered: str = FILTERS[0]):
@@ -77,7 +82,7 @@ class FluidSurface:
             name: shader_program(vertex, fragment)
             for name, vertex, fragment in (
                 ("depth", shaders.ELLIPSOID_VERTEX, shaders.DEPTH_FRAGMENT),
-                ("thickness", shaders.ELLIPSOID_VERTEX, shaders.THICKNESS_FRAGMENT.replace("SHARE", str(SHARE))),
+                ("thickness", shaders.ELLIPSOID_VERTEX, shaders.THICKNESS_FRAGMENT.replace("OVERLAP", str(OVERLAP))),
                 ("gather", shaders.SCREEN_VERTEX, filter_shaders.GATHER_FRAGMENT),
                 ("bell", shaders.SCREEN_VERTEX, filter_shaders.BELL_FRAGMENT),
                 ("outline", shaders.SCREEN_VERTEX, filter_shaders.OUTLINE_FRAGMENT),
@@ -90,8 +95,8 @@ class FluidSurface:
             )
         }
         self._pictures = FluidPictures()
-        self._looks = (gl.GLuint * 2)()
-        gl.glGenBuffers(2, self._looks)
+        self._appearances = (gl.GLuint * 2)()
+        gl.glGenBuffers(2, self._appearances)
         self._array = self._particles(position_buffer)
         self._result = DEPTH  # which picture holds the depth that counts
 
@@ -101,9 +106,9 @@ class FluidSurface:
         array = gl.GLuint()
         gl.glGenVertexArrays(1, array)
         gl.glBindVertexArray(array)
-        rows = [(BACK + row, self._looks[1], 3, 36, 12 * row) for row in range(3)]
+        rows = [(BACK + row, self._appearances[1], 3, 36, 12 * row) for row in range(3)]
         for place, buffer, size, stride, start in [
-            (POSITION, position_buffer, 3, 0, 0), (LOOK, self._looks[0], 4, 0, 0), *rows
+            (POSITION, position_buffer, 3, 0, 0), (APPEARANCE, self._appearances[0], 4, 0, 0), *rows
         ]:  # fmt: skip
             gl.glBindBuffer(gl.GL_ARRAY_BUFFER, buffer)
             gl.glEnableVertexAttribArray(place)
@@ -113,29 +118,33 @@ class FluidSurface:
         return array
 
     def shine(self, light: np.ndarray) -> None:
-        """The sun stands there (3,), a unit vector, from now on."""
+        """Set the direction (3,) to the sun, a unit vector."""
         self._light = light
 
     # ------------------------------------------------------------------ the particles
 
-    def set_look(self, radius: float, absorption: Any = WATER, axes: np.ndarray | None = None) -> None:
-        """Particles as balls of `radius` [m], or as the ellipsoids that `axes` (count, 3, 3) [m] make of the unit ball;
-        `absorption` (3,) or (count, 3) [1/m]: what a metre of fluid takes of red, green and blue light (Beer and Lambert)."""
+    def set_appearance(self, radius: float, absorption: Any = WATER, axes: np.ndarray | None = None) -> None:
+        """Draw particles as balls of `radius` [m], or as the ellipsoids into which `axes` (count, 3, 3) [m] map the
+        unit ball.
+
+        `absorption` (3,) or (count, 3) [1/m]: absorption of red, green and blue light per metre of fluid (Beer and
+        Lambert).
+        """
         self._radius = radius
-        look = np.empty((self.count, 4), np.float32)
-        look[:, :3] = absorption
+        appearance = np.empty((self.count, 4), np.float32)
+        appearance[:, :3] = absorption
         back = np.empty((self.count, 3, 3), np.float32)
         if axes is None:
-            look[:, 3], back[:] = radius, np.eye(3) / radius
+            appearance[:, 3], back[:] = radius, np.eye(3) / radius
         else:
-            look[:, 3], back[:] = np.linalg.norm(axes, ord=2, axis=(1, 2)), np.linalg.inv(axes)
-        self._fill(0, look)
+            appearance[:, 3], back[:] = np.linalg.norm(axes, ord=2, axis=(1, 2)), np.linalg.inv(axes)
+        self._fill(0, appearance)
         self._fill(1, back)
 
     def _fill(self, which: int, data: np.ndarray) -> None:
         from pyglet import gl
 
-        gl.glBindBuffer(gl.GL_ARRAY_BUFFER, self._looks[which])
+        gl.glBindBuffer(gl.GL_ARRAY_BUFFER, self._appearances[which])
         gl.glBufferData(gl.GL_ARRAY_BUFFER, data.nbytes, data.ctypes.data_as(ctypes.c_void_p), gl.GL_DYNAMIC_DRAW)
         gl.glBindBuffer(gl.GL_ARRAY_BUFFER, 0)
 
@@ -194,10 +203,10 @@ class FluidSurface:
         gl.glViewport(*box)
 
     def _blur(self, camera: Camera3D) -> None:
-        """Blur the thickness, by way of the picture of normals."""
-        lengths: dict[str, Any] = {"reach": BLUR * self._radius, "focal": camera.focal}
-        for source, goal, way in ((THICKNESS, NORMALS, (1, 0)), (NORMALS, THICKNESS, (0, 1))):
-            self._draw("blur", goal, {"thickness": source, "depth": self._result}, way=way, **lengths)
+        """Blur the thickness, with the picture of normals as scratch."""
+        lengths: dict[str, Any] = {"half_width": BLUR * self._radius, "focal": camera.focal}
+        for source, goal, axis in ((THICKNESS, NORMALS, (1, 0)), (NORMALS, THICKNESS, (0, 1))):
+            self._draw("blur", goal, {"thickness": source, "depth": self._result}, axis=axis, **lengths)
 
     def _draw(
         self, name: str, goal: int, pictures: dict[str, int], size: tuple[int, int] | None = None, **values: Any
@@ -222,18 +231,18 @@ class FluidSurface:
         size, wide = (-(-camera.width // cell), -(-camera.height // cell)), max(pixels / cell, 0.5)
         last = size[0] - 1, size[1] - 1
         self._draw("gather", NORMALS, {"depth": DEPTH}, size, cell=cell)
-        for source, goal, way in ((NORMALS, THICKNESS, (1, 0)), (THICKNESS, NORMALS, (0, 1))):
-            self._draw("bell", goal, {"cells": source}, size, way=way, last=last, wide=wide)
+        for source, goal, axis in ((NORMALS, THICKNESS, (1, 0)), (THICKNESS, NORMALS, (0, 1))):
+            self._draw("bell", goal, {"cells": source}, size, axis=axis, last=last, wide=wide)
         how: dict[str, Any] = {"cell": cell, "last": last, "wide": wide, "apart": APART * self._radius}
         self._draw("outline", OUTLINE, {"depth": DEPTH, "cells": NORMALS}, **how)
 
     def _filter(self, camera: Camera3D) -> None:
-        """Smooth the depth, back and forth between the first two pictures; `_result` is the last one."""
+        """Smooth the depth, alternating between the first two pictures; `_result` is the last one."""
         self._result = OUTLINE
-        for name, way, lengths in STEPS[self.filtered]:
+        for name, axis, lengths in STEPS[self.filtered]:
             goal = OTHER_DEPTH if self._result == DEPTH else DEPTH
             values: dict[str, Any] = {uniform: length * self._radius for uniform, length in lengths.items()}
-            values |= {"way": way} if way else {}
+            values |= {"axis": axis} if axis else {}
             values |= {"focal": camera.focal} if "focal" in self._programs[name].uniforms else {}
             self._draw(name, goal, {"depth": self._result}, **values)
             self._result = goal
@@ -293,5 +302,5 @@ class FluidSurface:
         from pyglet import gl
 
         self._pictures.delete()
-        gl.glDeleteBuffers(2, self._looks)
+        gl.glDeleteBuffers(2, self._appearances)
         gl.glDeleteVertexArrays(1, self._array)

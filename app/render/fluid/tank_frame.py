@@ -50,7 +50,7 @@ def tank_frame(scene: Scene) -> list[Mesh]:
     low, high, has_rim = box
     half = BAR * float((high - low).max())
     low, high = low - half, high + half * np.array([1.0, 0.0, 1.0])
-    found = []
+    bars = []
     for axis in range(3):
         for ends in product((0, 1), repeat=2):
             center, size = (low + high) / 2, np.full(3, half)
@@ -58,5 +58,5 @@ def tank_frame(scene: Scene) -> list[Mesh]:
             for other, end in zip([k for k in range(3) if k != axis], ends, strict=True):
                 center[other] = (low, high)[end][other]
             if has_rim or center[1] < high[1]:
-                found.append(box_mesh(center.tolist(), size.tolist()))
-    return found
+                bars.append(box_mesh(center.tolist(), size.tolist()))
+    return bars

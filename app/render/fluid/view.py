@@ -34,8 +34,8 @@ from softlab.model.scene.scene import Scene
 COLOURINGS = ("fluid", "speed", "density")  # the first is how fluids are shown at first
 TITLES = {"speed": "speed, m/s", "density": "density over that at rest, less 1, %"}
 LEAST = {"speed": 1e-2, "density": 1e-3}  # m/s, 1: the smallest range
-SHARE = 0.98  # of the particles that the range holds
-LOOKS = ("surface", "particles", "foam", *COLOURINGS)
+RANGE_QUANTILE = 0.98  # of the particles that the range holds
+VIEW_OPTIONS = ("surface", "particles", "foam", *COLOURINGS)
 RADIUS = 0.5  # of a particle, in rest distances
 WETTED = 0.9  # likewise, of what its surface is made of
 WATER = 1000.0  # kg/m^3
@@ -47,9 +47,10 @@ ABSORBED = (
 )  # over the scene's size, of red, green, blue
 
 
-def water_first(found: FluidSet) -> np.ndarray:
-    """(fluids,): a number of each, 0 of that whose density is nearest to water's, the others as in the file: it is blue."""
-    density = np.array([part.density for part in found.parts])
+def water_first(fluid_set: FluidSet) -> np.ndarray:
+    """Return a number for each fluid (fluids,): 0, which is blue, for the density nearest to water's, the others in the
+    order of the file."""
+    density = np.array([part.density for part in fluid_set.parts])
     water, number = int(np.abs(np.log(density / WATER)).argmin()), np.arange(len(density))
     return np.where(number == water, 0, number + (number < water))
 
@@ -60,21 +61,21 @@ def fluid_colours(number: np.ndarray) -> np.ndarray:
 
 
 class FluidView(View):
-    """See View; `lines`: as particles and not as a surface, in a plane always; `foam`: whether its points are shown.
-    `colouring`: of COLOURINGS, of which a surface shows the first alone. `shaped`: the surface's particles are ellipsoids,
+    """A View of fluids. `lines`: as particles and not as a surface, in a plane always; `foam`: its points are shown.
+    `colouring`: of COLOURINGS; a surface always shows the first one. `shaped`: the surface's particles are ellipsoids,
     which takes the host a tenth of a second for 10 000 particles, else balls."""
 
     subject, colourings = "fluid", COLOURINGS
 
     def __init__(self, scene: Scene, detail: Detail = FINE, shaped: bool = False):
         super().__init__(scene, detail)
-        found = scene.fluid_set
+        fluid_set = scene.fluid_set
         self.shaped, self.lines, self.colouring, self._most = shaped, not self.space, COLOURINGS[0], 0.0
         self._time = 0.0  # of what a plane's colliders are drawn at
-        self._number = water_first(found)
-        self._own = fluid_colours(self._number[found.fluid])
-        self._radius = RADIUS * found.spacing
-        self._buffers = [static_buffer(self._look(self._own)), static_buffer(np.zeros(1, np.uint32))]
+        self._number = water_first(fluid_set)
+        self._fluid_colours = fluid_colours(self._number[fluid_set.fluid])
+        self._radius = RADIUS * fluid_set.spacing
+        self._buffers = [static_buffer(self._appearance(self._fluid_colours)), static_buffer(np.zeros(1, np.uint32))]
         self._points = vertex_array(self.vertices.position_buffer, self._buffers[1], dimensions=scene.dimensions)
         if not self.space:
             self._plane = PlaneFluid(scene, self.vertices.position_buffer, self._buffers[0])
@@ -83,16 +84,16 @@ class FluidView(View):
             self._balls = Spheres(self._scenery)
             position = self.vertices.position_buffer
             if shaped:  # the middles of ellipsoids lie elsewhere
-                position = static_buffer(np.zeros((found.particle_count, 3), np.float32))
+                position = static_buffer(np.zeros((fluid_set.particle_count, 3), np.float32))
                 self._buffers.append(position)
-            self._surface = FluidSurface(position, found.particle_count)
-            self._taken = np.array(ABSORBED)[self._number[found.fluid] % len(ABSORBED)] / found.extent
-            self._surface.set_look(WETTED * found.spacing, self._taken)
+            self._surface = FluidSurface(position, fluid_set.particle_count)
+            self._taken = np.array(ABSORBED)[self._number[fluid_set.fluid] % len(ABSORBED)] / fluid_set.extent
+            self._surface.set_appearance(WETTED * fluid_set.spacing, self._taken)
         self._foam = FoamLayer(scene)
         self.foam = scene.foam is not None
-        self.upload(found.position)
+        self.upload(fluid_set.position)
 
-    def _look(self, colour: np.ndarray) -> np.ndarray:
+    def _appearance(self, colour: np.ndarray) -> np.ndarray:
         """(particles, 4) float32: colours and radii [m]."""
         radius = np.full((len(colour), 1), self._radius)
         return np.ascontiguousarray(np.concatenate([colour, radius], axis=1), np.float32)
@@ -103,15 +104,15 @@ class FluidView(View):
     # ------------------------------------------------------------------ how it looks
 
     def toggle_lines(self) -> bool:
-        """Particles in place of the surface, or the surface; whether it is particles now."""
+        """Exchange particles and surface. Returns True if particles are shown now."""
         self.lines = not self.space or not self.lines
         return self.lines
 
-    def look(self, names: Sequence[str]) -> None:
-        """As LOOKS say, each instead of those of its kind. Raises InputError."""
+    def set_view_options(self, names: Sequence[str]) -> None:
+        """Apply names of VIEW_OPTIONS; each replaces the others of its kind. Raises InputError."""
         for name in names:
-            if name not in LOOKS:
-                raise InputError(f"look {name}: must be one of {', '.join(LOOKS)}")
+            if name not in VIEW_OPTIONS:
+                raise InputError(f"look {name}: must be one of {', '.join(VIEW_OPTIONS)}")
             if name == "foam":
                 self.foam = True
             elif name in COLOURINGS:
@@ -121,56 +122,53 @@ class FluidView(View):
                 self.lines = not self.space or name == "particles"
 
     def toggle_foam(self) -> bool:
-        """Spray, foam and bubbles, from now on, or none; whether they are shown now."""
+        """Show or hide spray, foam and bubbles. Returns True if they are shown now."""
         self.foam = not self.foam
         self._foam.points.forget()
         return self.foam
 
     def show_foam(self, points: FoamPoints) -> None:
-        """These, whose history is known, instead of its own."""
+        """Draw these points, whose history is known, instead of the view's."""
         self._foam.points = points
 
     def next_colouring(self) -> None:
-        """By fluid, by speed, by density."""
+        """Colour by fluid, by speed, by density, in turn."""
         self.colour_by(COLOURINGS[(COLOURINGS.index(self.colouring) + 1) % len(COLOURINGS)])
 
     def colour_by(self, name: str) -> None:
-        """One of COLOURINGS, from the next upload on."""
+        """Colour by one of COLOURINGS, from the next upload on."""
         self.colouring, self._most = name, 0.0
-        self.vertices.send(self._buffers[0], self._look(self._own))
+        self.vertices.send(self._buffers[0], self._appearance(self._fluid_colours))
 
     @property
     def shows_levels(self) -> bool:  # type: ignore[override]
-        """See View."""
         return self.lines and self.colouring in TITLES
 
     def level_legend(self) -> tuple[str, float] | None:
-        """See View."""
         if not self.shows_levels or not self._most:
             return None
         return TITLES[self.colouring], self._most * (100 if self.colouring == "density" else 1)
 
     def name_legend(self) -> tuple[tuple[str, tuple[float, float, float]], ...]:
-        """See View: several fluids, and as particles what is among them."""
-        found, shown = self.scene.fluid_set, self.colouring == COLOURINGS[0] or not self.lines
-        fluids = zip(found.names, fluid_colours(self._number).tolist(), strict=True)
-        named = tuple((name, tuple(colour)) for name, colour in fluids) if shown and len(found.names) > 1 else ()
+        """Return the names of several fluids and, with particles, of spray, foam and bubbles."""
+        fluid_set, shown = self.scene.fluid_set, self.colouring == COLOURINGS[0] or not self.lines
+        fluids = zip(fluid_set.names, fluid_colours(self._number).tolist(), strict=True)
+        named = tuple((name, tuple(colour)) for name, colour in fluids) if shown and len(fluid_set.names) > 1 else ()
         return named + (NAMED if self.foam and self.lines else ())
 
     # ------------------------------------------------------------------ the state
 
     @property
     def wants_velocity(self) -> bool:
-        """Whether speeds are drawn, or what follows from them."""
+        """True if speeds or foam are drawn."""
         return self.foam or (self.lines and self.colouring == "speed")
 
     def upload(self, position: np.ndarray, normal: np.ndarray | None = None) -> None:
-        """See View. Of a state of which `know` was not told velocities the colours are the fluids', and foam stays."""
+        """Send a state. Without velocities in `know`, colours are those of the fluids, and foam stays."""
         self.vertices.upload_state(position, False)
         self._send(position, self._velocity)
 
     def upload_from(self, simulation: Simulation, position: np.ndarray | None = None) -> None:
-        """See View."""
         shaped = self.space and self.shaped and not self.lines
         if position is None and (shaped or self.foam or (self.lines and self.colouring == "density")):
             position = simulation.read("position")
@@ -179,7 +177,7 @@ class FluidView(View):
         self._send(position, self._velocity)
 
     def _send(self, position: np.ndarray | None, velocity: np.ndarray | None) -> None:
-        """Colours by numbers, and ellipsoids, as far as they are shown and known."""
+        """Send colours of levels, and ellipsoids, as far as they are shown and known."""
         level, self._velocity = None, None
         if self.foam and velocity is not None and position is not None:
             self._foam.follow(position, velocity, self._when)
@@ -189,17 +187,19 @@ class FluidView(View):
             level = np.maximum(density_errors(self.scene, position), 0.0)
         if level is not None:
             known = level[np.isfinite(level)]
-            worst = float(np.quantile(known, SHARE)) if len(known) else 0.0
+            worst = float(np.quantile(known, RANGE_QUANTILE)) if len(known) else 0.0
             self._most = max(self._most, colours.round_up(max(worst, LEAST[self.colouring])))
-            self.vertices.send(self._buffers[0], self._look(colours.level_colours(level, self._most)))
+            self.vertices.send(self._buffers[0], self._appearance(colours.level_colours(level, self._most)))
         if self.space and self.shaped and not self.lines and position is not None and np.isfinite(position).all():
-            found = self.scene.fluid_set
-            there = found.there(position)  # those that wait are in one place, out of sight
+            fluid_set = self.scene.fluid_set
+            active = fluid_set.there(position)  # those that wait are in one place, out of sight
             middle, axes = np.array(position, np.float64), np.tile(np.eye(3) * self._radius, (len(position), 1, 1))
-            if there.any():
-                middle[there], axes[there] = ellipsoids(position[there], WETTED * found.spacing, 2 * found.spacing)
+            if active.any():
+                middle[active], axes[active] = ellipsoids(
+                    position[active], WETTED * fluid_set.spacing, 2 * fluid_set.spacing
+                )
             self.vertices.send(self._buffers[2], middle)
-            self._surface.set_look(WETTED * found.spacing, self._taken, axes)
+            self._surface.set_appearance(WETTED * fluid_set.spacing, self._taken, axes)
 
     # ------------------------------------------------------------------ the picture
 
@@ -213,7 +213,6 @@ class FluidView(View):
             self._plane.draw_colliders(camera, self._time)
 
     def draw(self, camera: Any, strain_range: float, selected: int | None = None, time: float = 0.0) -> None:
-        """See View."""
         if not self.space:
             self._time = time
         super().draw(camera, strain_range, selected, time)

@@ -1,5 +1,5 @@
-"""Dear ImGui's side of the panel: its context, what it is told of mouse and keys, and a frame of it. No window and no OpenGL:
-a test pushes events and looks at what came of them."""
+"""Dear ImGui's side of the panel: its context, its mouse and key events, and a frame of it. No window and no OpenGL: a
+test pushes events and checks their effects."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from time import perf_counter
 from typing import Any
 
 from softlab.app.command.dear_imgui import load_imgui
-from softlab.app.window.panel.look import Look
+from softlab.app.window.panel.style import PanelStyle
 
 KEYS = {  # pyglet's names of keys -> Dear ImGui's: those that texts and sliders know
     "TAB": "tab", "BACKSPACE": "backspace", "RETURN": "enter", "ENTER": "enter", "NUM_ENTER": "keypad_enter",
@@ -23,16 +23,16 @@ LONGEST_FRAME = 0.1  # s that it is told to have passed, at most: after a compil
 
 
 class Context:
-    """A context of Dear ImGui with the lab's `look`; `imgui`: the module; `frames` so far. Raises BackendUnavailable where
-    it is missing."""
+    """A context of Dear ImGui with the lab's `style`; `imgui`: the module; `frames` so far. Raises BackendUnavailable if it
+    is missing."""
 
-    def __init__(self, look: Look | None = None):
+    def __init__(self, style: PanelStyle | None = None):
         self.imgui: Any = load_imgui()
         self._context = self.imgui.create_context()
         self.make_current()  # it is not, where there is one already
-        self.look = look or Look()
-        self.look.load_fonts(self.imgui)
-        self.look.apply(self.imgui)
+        self.style = style or PanelStyle()
+        self.style.load_fonts(self.imgui)
+        self.style.apply(self.imgui)
         io = self.io = self.imgui.get_io()
         io.set_ini_filename("")  # it writes nothing
         io.set_log_filename("")
@@ -54,25 +54,25 @@ class Context:
         self.frames += 1
 
     def make_current(self) -> None:
-        """Of several contexts it is this one that is meant from now on."""
+        """Make this the active one of several contexts."""
         self.imgui.set_current_context(self._context)
 
     # ------------------------------------------------------------------ events, in pixels from the upper left corner
 
     def mouse_at(self, x: float, y: float) -> None:
-        """The pointer moved."""
+        """Send the place of the pointer."""
         self.io.add_mouse_pos_event(x, y)
 
     def mouse_button(self, number: int, down: bool) -> None:
-        """Left 0, right 1, middle 2."""
+        """Send a button, left 0, right 1, middle 2."""
         self.io.add_mouse_button_event(number, down)
 
     def wheel(self, across: float, up: float) -> None:
-        """Notches."""
+        """Send notches of the wheel."""
         self.io.add_mouse_wheel_event(across, up)
 
     def key(self, name: str, down: bool) -> None:
-        """A key by pyglet's name, if it means something here."""
+        """Send a key by pyglet's name, if Dear ImGui knows it."""
         known = KEYS.get(name)
         if known is None:
             return
@@ -82,24 +82,24 @@ class Context:
             self.io.add_key_event(getattr(self.imgui.Key, MODIFIERS[word]), down)
 
     def text(self, characters: str) -> None:
-        """Typed characters."""
+        """Send typed characters."""
         for character in characters:
             if character.isprintable():
                 self.io.add_input_character(ord(character))
 
     @property
     def takes_mouse(self) -> bool:
-        """Whether the pointer is over something of the panel, or holds it."""
+        """True if the pointer is over a widget of the panel, or drags one."""
         return bool(self.io.want_capture_mouse)
 
     @property
     def takes_keys(self) -> bool:
-        """Whether something is being typed, dragged or chosen from a list."""
+        """True if something is being typed, dragged or chosen from a list."""
         return bool(self.io.want_text_input or self.io.want_capture_keyboard or self.lists_words)
 
     @property
     def lists_words(self) -> bool:
-        """Whether a list of words is open to be chosen from."""
+        """True if a list of words is open to be chosen from."""
         flag = self.imgui.PopupFlags_
         return bool(self.imgui.is_popup_open("", int(flag.any_popup_id | flag.any_popup_level)))
 

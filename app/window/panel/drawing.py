@@ -60,7 +60,7 @@ class Drawing:
         gl.glBindVertexArray(0)
 
     def draw(self, width: int, height: int) -> None:
-        """What the last frame of Dear ImGui holds, over a window of `width` x `height` pixels."""
+        """Draw the last frame of Dear ImGui over a window of `width` x `height` pixels."""
         from pyglet import gl
 
         imgui = self._imgui

@@ -14,14 +14,14 @@ COLUMNS = ("time", "energy", "kinetic", "momentum")
 
 
 class History:
-    """The last LENGTH looks at a world: `rows` (looks, 4), of COLUMNS [s, J, J, kg m/s], the newest last."""
+    """The last LENGTH measurements of a world: `rows` (measurements, 4), of COLUMNS [s, J, J, kg m/s], the newest last."""
 
     def __init__(self) -> None:
         self.rows = np.zeros((0, len(COLUMNS)))
         self._seen: tuple[Statistics | None, Simulation | None] = (None, None)
 
-    def look(self, world: Simulation, statistics: Statistics) -> None:
-        """Keep what was measured of a world, if it is new; of another world, or of an earlier time, begin anew."""
+    def record(self, world: Simulation, statistics: Statistics) -> None:
+        """Append the statistics of a world, if they are new; begin anew for another world or an earlier time."""
         before, of = self._seen
         if statistics is before:
             return
@@ -34,12 +34,12 @@ class History:
         self.rows = np.vstack([self.rows, [row]])[-LENGTH:]
 
     def column(self, name: str) -> np.ndarray:
-        """(looks,)"""
+        """Return a column (measurements,) by name."""
         return self.rows[:, COLUMNS.index(name)]
 
 
 def _other(world: Simulation, before: Simulation) -> bool:
-    """Whether it is another scene's, and not the same one opened anew."""
+    """Return True if the world has another scene, and not the same one opened anew."""
     return (
         world.scene.title != before.scene.title or world.scene.grid.particle_count != before.scene.grid.particle_count
     )

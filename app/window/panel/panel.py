@@ -8,63 +8,64 @@ from typing import Any
 from softlab.app.command.dear_imgui import REMEDY, panel_available
 from softlab.app.window.panel.context import Context
 from softlab.app.window.panel.layout import Layout
-from softlab.app.window.panel.look import SIZES, Look
 from softlab.app.window.panel.state import PanelState
-from softlab.app.window.shown import Shown
+from softlab.app.window.panel.style import SIZES, PanelStyle
+from softlab.app.window.window_protocol import WindowProtocol
 
 MOST = 0.65  # of the window's width
 
 
 class Panel:
-    """`open`: whether it is there; `width`: the pixels of the window's right side that it takes. Mouse places are
-    frame-buffer pixels from the lower left corner; told of mouse and keys, it answers whether it takes them."""
+    """The panel. `open`: it is shown; `width`: the pixels of the window's right side that it takes. Mouse places are
+    frame-buffer pixels from the lower left corner; the methods for mouse and keys return True if the panel takes the
+    event."""
 
-    def __init__(self, viewer: Shown):
+    def __init__(self, viewer: WindowProtocol):
         self.viewer, self.demo = viewer, viewer.demo
         self.open = False
-        self.look = Look()
+        self.style = PanelStyle()
         self.state = PanelState()
         self._context: Context | None = None
         self._layout: Layout | None = None
         self._drawing: Any = None
         self._names: dict[int, str] = {}  # of keys
-        self._held: set[int] = set()  # buttons that went down over it
+        self._pressed_buttons: set[int] = set()  # buttons that went down over it
 
     @property
     def width(self) -> int:
-        """Pixels, 0 while it is closed; of a narrow window most."""
-        return min(self.look.width, round(MOST * self.viewer.width)) if self.open else 0
+        """Width [pixels], 0 while it is closed; most of a narrow window."""
+        return min(self.style.width, round(MOST * self.viewer.width)) if self.open else 0
 
     def toggle(self) -> None:
-        """A: show or hide it; where what draws it is missing, say how to get that."""
-        works, told = panel_available()
+        """Show or hide the panel, or show a message with the remedy if its package is missing (A)."""
+        works, reason = panel_available()
         if not works:
-            self.demo.say(f"{told}; {REMEDY}")
+            self.demo.say(f"{reason}; {REMEDY}")
             return
         if self._context is None:
             self._make()
         self.open = not self.open
         self.demo.wants_momentum = self.open
-        self._held.clear()
+        self._pressed_buttons.clear()
 
     def _make(self) -> None:
-        """Its fonts, buffers and shaders, at its first opening."""
+        """Make fonts, buffers and shaders, when it is opened first."""
         from softlab.app.window.panel.drawing import Drawing
 
         window, key = self.viewer.window, self.viewer.pyglet.window.key
         scale = float(getattr(window, "scale", 1.0) or 1.0)
-        self.look.unit = max(size for size in SIZES if size <= max(scale, 1.0))
-        self._context = Context(self.look)
+        self.style.unit = max(size for size in SIZES if size <= max(scale, 1.0))
+        self._context = Context(self.style)
         self._drawing = Drawing(self._context.imgui)
-        self._layout = Layout(self._context.imgui, self.viewer, self.look, self.state)
+        self._layout = Layout(self._context.imgui, self.viewer, self.style, self.state)
         self._names = {symbol: name for name, symbol in vars(key).items() if name.isupper() and isinstance(symbol, int)}
         buttons = self.viewer.pyglet.window.mouse
         self._buttons = {buttons.LEFT: 0, buttons.RIGHT: 1, buttons.MIDDLE: 2}
 
     def lay_out(self) -> None:
-        """A frame of it, and what was pressed in it is done."""
+        """Lay out a frame, and do what was pressed in it."""
         if self._context is not None and self._layout is not None:
-            self.look.apply(self._context.imgui)
+            self.style.apply(self._context.imgui)
             self._context.frame(self.viewer.width, self.viewer.height, self._layout.draw)
 
     def draw(self) -> None:
@@ -72,8 +73,9 @@ class Panel:
         if self._context is not None and self._context.frames:
             self._drawing.draw(self.viewer.width, self.viewer.height)
 
-    def told(self) -> dict[str, list[int]] | None:
-        """Where things of it lie, for another program: (left, top, right, bottom) [pixels]; None while it is closed."""
+    def widget_places(self) -> dict[str, list[int]] | None:
+        """Return the places of the panel's widgets for another program: (left, top, right, bottom) [pixels]; None while
+        it is closed."""
         if not self.open:
             return None
         return {name: [round(edge) for edge in place] for name, place in self.state.places.items()}
@@ -91,41 +93,41 @@ class Panel:
 
     @property
     def takes_keys(self) -> bool:
-        """Whether something is being typed into it, or dragged."""
+        """True if something is being typed into it, or dragged."""
         return self.open and self._context is not None and self._context.takes_keys
 
     def _over(self, x: float) -> bool:
-        """Whether a place across the window is the panel's, or of something that it opened over the scene."""
+        """Return True if a place across the window belongs to the panel, or to a popup that it opened over the scene."""
         return x >= self.viewer.shown_width or (self._context is not None and self._context.takes_mouse)
 
     def moved(self, x: float, y: float) -> bool:
-        """The pointer is there now, with or without a button down."""
+        """Handle the pointer at (x, y), with or without a button down."""
         if not self.open or self._context is None:
             return False
         self._context.mouse_at(x, self.viewer.height - y)
-        return bool(self._held) or self._over(x)
+        return bool(self._pressed_buttons) or self._over(x)
 
     def pressed(self, x: float, y: float, button: int) -> bool:
-        """A button went down."""
+        """Handle a button that went down."""
         if not self.open or self._context is None or button not in self._buttons:
             return False
         self._context.mouse_at(x, self.viewer.height - y)
         if not self._over(x):
             return False
-        self._held.add(button)
+        self._pressed_buttons.add(button)
         self._context.mouse_button(self._buttons[button], True)
         return True
 
     def released(self, button: int) -> bool:
-        """A button went up."""
-        if button not in self._held or self._context is None:
+        """Handle a button that went up."""
+        if button not in self._pressed_buttons or self._context is None:
             return False
-        self._held.discard(button)
+        self._pressed_buttons.discard(button)
         self._context.mouse_button(self._buttons[button], False)
         return True
 
     def scrolled(self, x: float, y: float, across: float, up: float) -> bool:
-        """The wheel was turned."""
+        """Handle a turn of the wheel."""
         if not self.open or self._context is None or not self._over(x):
             return False
         self._context.mouse_at(x, self.viewer.height - y)
@@ -133,7 +135,7 @@ class Panel:
         return True
 
     def key(self, symbol: int, down: bool) -> bool:
-        """A key went down or up."""
+        """Handle a key that went down or up."""
         if not self.open or self._context is None:
             return False
         name = self._names.get(symbol, "")
@@ -142,7 +144,7 @@ class Panel:
         return down and self._context.takes_keys
 
     def text(self, text: str) -> bool:
-        """Characters were typed."""
+        """Handle typed characters."""
         if not self.takes_keys or self._context is None:
             return False
         self._context.text(text)

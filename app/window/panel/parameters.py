@@ -1,5 +1,5 @@
-"""What of a scene can be steered: every number, word and truth value of its tables, with unit, range and what a change costs.
-Read from the tables themselves, as docs/scene.md is; nothing of it is listed here twice."""
+"""Parameters of a scene that can be steered: every number, word and truth value of its tables, with unit, range and the
+cost of a change. Read from the tables themselves, as docs/scene.md is; nothing is listed here twice."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ WHY = {  # why a field is not live, by kind of table
     "material": "the constraint tables are built from it",
     "foam": "the foam points were generated with it",
 }
-MADE_OF = "masses and springs are built from it"
+BUILT_FROM = "masses and springs are built from it"
 WHY_OTHERS = "constants and tables are built from it"
 SHAPES = ("grid", "cloth", "mesh", "soft_body", "soft_sheet", "soft_lattice", "rigid_body")
 
@@ -72,45 +72,46 @@ class Parameter:
 
 
 def value_of(scene: Scene, path: str) -> Any:
-    """What a scene says now; None where it does not."""
+    """Return the current value of a field of a scene, or None if the scene has no such field."""
     part, _, field = path.partition(".")
     return getattr(scene.parts.get(part), field, None)
 
 
-def parameters_of(scene: Scene, told: Scene, live: Collection[str]) -> list[Parameter]:
-    """Those of a scene, in the order of its tables; ranges go by what it was `told` at first. `live`: of LIVE_PATHS."""
+def parameters_of(scene: Scene, initial: Scene, live: Collection[str]) -> list[Parameter]:
+    """Return the parameters of a scene, live ones first, in the order of its tables. Ranges follow from the values of the
+    `initial` scene. `live`: names of LIVE_PATHS."""
     paths = {path for name in live for path in LIVE_PATHS[name]}
-    found = []
+    parameters = []
     for part, table in scene.parts.items():
         fields = list(table.model_dump(mode="python"))  # what says nothing in this table is left out
         if f"{part}.stiffness" in paths and isinstance(table, Elastic) and table.compliance:
             fields.append("stiffness")  # which is live, whichever of both the table gives
         for field in fields:
-            made = _parameter(scene, told, part, field, f"{part}.{field}" in paths)
-            if made is not None:
-                found.append(made)
-    return sorted(found, key=lambda one: not one.live)  # a stable order: what is live comes first
+            parameter = _parameter(scene, initial, part, field, f"{part}.{field}" in paths)
+            if parameter is not None:
+                parameters.append(parameter)
+    return sorted(parameters, key=lambda one: not one.live)  # a stable order: what is live comes first
 
 
-def _parameter(scene: Scene, told: Scene, part: str, field: str, live: bool) -> Parameter | None:
+def _parameter(scene: Scene, initial: Scene, part: str, field: str, live: bool) -> Parameter | None:
     kind_of_part, table = scene.kinds[part], scene.parts[part]
     value = getattr(table, field)
     note, info = _notes(type(table)).get(field, ""), type(table).model_fields[field]
-    unit = found.group() if (found := UNIT.match(note)) else ""
+    unit = matched.group() if (matched := UNIT.match(note)) else ""
     why = "" if live else _why(kind_of_part, field)
-    path, given = f"{part}.{field}", value_of(told, f"{part}.{field}")
+    path, initial_value = f"{part}.{field}", value_of(initial, f"{part}.{field}")
     words = _words(info)
     if isinstance(value, bool):
         return Parameter(path, "truth", live=live, why=why, note=note)
     if words:
         return Parameter(path, "word", words=words, live=live, why=why, note=note) if value in words else None
     if isinstance(value, tuple) and len(value) == 3 and all(isinstance(one, float | int) for one in value):
-        reach = max(VECTOR.get(field, 0.0), *(2 * abs(float(one)) for one in (*value, *(given or value))), 1.0)
-        return Parameter(path, "vector", unit, -reach, reach, live=live, why=why, note=note)
+        bound = max(VECTOR.get(field, 0.0), *(2 * abs(float(one)) for one in (*value, *(initial_value or value))), 1.0)
+        return Parameter(path, "vector", unit, -bound, bound, live=live, why=why, note=note)
     if not isinstance(value, int | float) or not isfinite(value):
         return None
     kind: Literal["number", "whole"] = "whole" if isinstance(value, int) and _whole(info) else "number"
-    base = float(given) if isinstance(given, int | float) and isfinite(given) else float(value)
+    base = float(initial_value) if isinstance(initial_value, int | float) and isfinite(initial_value) else float(value)
     low, high, logarithmic = _range(field, info, kind, base or float(value) or WHERE_NONE.get(unit, 0.25))
     low, high = min(low, float(value)), max(high, float(value))
     return Parameter(path, kind, unit, low, high, logarithmic, live=live, why=why, note=note)
@@ -118,7 +119,7 @@ def _parameter(scene: Scene, told: Scene, part: str, field: str, live: bool) -> 
 
 def _why(kind: str, field: str) -> str:
     if kind in SHAPES:
-        return MADE_OF
+        return BUILT_FROM
     return WHY.get(kind, WHY_OTHERS)
 
 
@@ -128,12 +129,12 @@ def _notes(part: type) -> dict[str, str]:
 
 
 def _marks(annotation: Any) -> list[Any]:
-    """Bounds within an annotation."""
-    found: list[Any] = []
+    """Return the bounds within an annotation."""
+    marks: list[Any] = []
     for part in get_args(annotation):
-        found += part.metadata if isinstance(part, FieldInfo) else [part] if isinstance(part, Ge | Gt | Le) else []
-        found += _marks(part)
-    return found
+        marks += part.metadata if isinstance(part, FieldInfo) else [part] if isinstance(part, Ge | Gt | Le) else []
+        marks += _marks(part)
+    return marks
 
 
 def _words(info: FieldInfo) -> tuple[str, ...]:

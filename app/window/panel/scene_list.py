@@ -54,11 +54,12 @@ def _entry(name: str, changed: float) -> Entry | None:
 
 
 def scene_entries(folder: Path | None = None) -> list[Entry]:
-    """Own scenes of the folder (the working folder by default), then the catalogue, its hard cases last; by name."""
+    """Return the scenes of the folder (the working folder by default), then the catalogue, its hard cases last; by
+    name."""
     files = sorted((folder or Path.cwd()).glob("*.toml"))[:MAX_FILES]
-    own = [_entry(str(file) if folder else file.name, file.stat().st_mtime) for file in files]
+    local = [_entry(str(file) if folder else file.name, file.stat().st_mtime) for file in files]
     names = sorted(catalogue(), key=lambda name: ("/" in name, name))
-    return [entry for entry in (*own, *(_entry(name, 0.0) for name in names)) if entry is not None]
+    return [entry for entry in (*local, *(_entry(name, 0.0) for name in names)) if entry is not None]
 
 
 def matching(entries: Sequence[Entry], text: str) -> list[Entry]:

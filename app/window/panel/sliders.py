@@ -15,12 +15,12 @@ UNITS = {"m/s^2": "m/s²", "1/s^2": "1/s²", "kg/m^2": "kg/m²", "kg/m^3": "kg/m
 
 
 def rounded(value: float) -> float:
-    """As many digits as a slider has."""
+    """Round to the digits of a slider."""
     return float(f"{value:.{DIGITS}g}")
 
 
-def share_of(value: float, low: float, high: float, logarithmic: bool) -> float:
-    """How far a value is along a slider, 0 to 1."""
+def fraction_of(value: float, low: float, high: float, logarithmic: bool) -> float:
+    """Return the position of a value along a slider, 0 to 1."""
     if not low < high or not low <= value <= high:
         return float(value > low)
     if logarithmic and low > 0:
@@ -29,34 +29,34 @@ def share_of(value: float, low: float, high: float, logarithmic: bool) -> float:
 
 
 class Sliders(Rows):
-    """See Rows. What changes gives its new value, else None."""
+    """Rows with sliders. Their methods return a new value if it changed, else None."""
 
     def slider(
         self, name: str, value: float, low: float, high: float, unit: str = "", logarithmic: bool = False, tip: str = ""
     ) -> float | None:
-        """A slider of a number alone, as wide as the column."""
+        """Draw a slider of a number, as wide as the column."""
         self.name(name, tip)
         self.imgui.set_next_item_width(-1)
-        changed, found = self._drag(name, value, low, high, unit, logarithmic)
-        return rounded(found) if changed else None
+        changed, new = self._drag(name, value, low, high, unit, logarithmic)
+        return rounded(new) if changed else None
 
     def _drag(
         self, name: str, value: float, low: float, high: float, unit: str, logarithmic: bool
     ) -> tuple[bool, float]:
-        """A slider that shows how far it is by being filled, with its number upon that."""
+        """Draw a slider as a field that is filled up to its value, with the number upon it."""
         imgui = self.imgui
         flags = imgui.SliderFlags_.no_round_to_format | (imgui.SliderFlags_.logarithmic if logarithmic else 0)
         text = f"%.4g{'' if unit == '°' else ' '}{UNITS.get(unit, unit)}".rstrip()
-        changed, found = self.filled(
+        changed, new = self.filled(
             lambda: imgui.slider_float(f"##{name}", float(value), low, high, text, int(flags)),
-            share_of(value, low, high, logarithmic),
+            fraction_of(value, low, high, logarithmic),
         )
-        self.keep_place(name)
-        return bool(changed), float(found)
+        self.record_place(name)
+        return bool(changed), float(new)
 
-    def filled(self, slider: Callable[[], tuple[bool, Any]], share: float) -> tuple[bool, Any]:
-        """What `slider` gives; it is drawn as a field filled by `share`, 0 to 1."""
-        imgui, unit = self.imgui, self.look.unit
+    def filled(self, slider: Callable[[], tuple[bool, Any]], fraction: float) -> tuple[bool, Any]:
+        """Return the result of `slider`, drawn as a field filled by `fraction`, 0 to 1."""
+        imgui, unit = self.imgui, self.style.unit
         lines = imgui.get_window_draw_list()
         lines.channels_split(2)
         lines.channels_set_current(1)
@@ -68,38 +68,38 @@ class Sliders(Rows):
         low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
         busy = imgui.is_item_active() or imgui.is_item_hovered()
         lines.channels_set_current(0)
-        lines.add_rect_filled(low, high, self.look.colour(imgui, "hovered" if busy else "raised"), ROUND * unit)
-        edge = low.x + share * (high.x - low.x)
+        lines.add_rect_filled(low, high, self.style.colour(imgui, "hovered" if busy else "raised"), ROUND * unit)
+        edge = low.x + fraction * (high.x - low.x)
         lines.push_clip_rect(low, (edge, high.y), True)
-        lines.add_rect_filled(low, high, self.look.colour(imgui, "accent", 0.34 if busy else 0.24), ROUND * unit)
+        lines.add_rect_filled(low, high, self.style.colour(imgui, "accent", 0.34 if busy else 0.24), ROUND * unit)
         lines.pop_clip_rect()
         lines.push_clip_rect((low.x, high.y - 3 * unit), (edge, high.y), True)  # a strip that no number covers
-        lines.add_rect_filled(low, high, self.look.colour(imgui, "accent"), ROUND * unit)
+        lines.add_rect_filled(low, high, self.style.colour(imgui, "accent"), ROUND * unit)
         lines.pop_clip_rect()
         lines.channels_merge()
         return result
 
-    def parameter(self, one: Parameter, now: Any, told: Any) -> Any:
-        """A row for one field: its new value, once it is to be given to the scene. What is not live waits until it is let
-        go. The button at the right takes back what the scene said."""
+    def parameter(self, one: Parameter, now: Any, initial: Any) -> Any:
+        """Draw the row of a field and return its new value, once it is to be applied to the scene: live fields at once,
+        others on release. The button at the right restores the `initial` value of the scene."""
         imgui, state = self.imgui, self.state
         unit = f", {UNITS.get(one.unit, one.unit)}" if one.kind == "vector" and one.unit else ""
         self.name(one.label + unit, _tip(one))
         shown = state.pending.get(one.path, now)
-        imgui.set_next_item_width(-(RESET + 8) * self.look.unit)
-        found: Any = None
+        imgui.set_next_item_width(-(RESET + 8) * self.style.unit)
+        new: Any = None
         if one.kind == "truth":
-            pressed, found = imgui.checkbox(f"##{one.path}", bool(shown))
-            self.keep_place(one.path)
-            found = bool(found) if pressed else None
+            pressed, new = imgui.checkbox(f"##{one.path}", bool(shown))
+            self.record_place(one.path)
+            new = bool(new) if pressed else None
         elif one.kind == "word":
-            found = self._word(one, str(shown))
+            new = self._word(one, str(shown))
         else:
-            found = self._number(one, shown)
-        if told is not None and told != now and self._reset(one.path):
+            new = self._number(one, shown)
+        if initial is not None and initial != now and self._reset(one.path):
             state.pending.pop(one.path, None)
-            return told
-        return found
+            return initial
+        return new
 
     def _word(self, one: Parameter, now: str) -> str | None:
         imgui, chosen = self.imgui, None
@@ -110,7 +110,7 @@ class Sliders(Rows):
             if self.state.cancels:
                 imgui.close_current_popup()
             imgui.end_combo()
-        self.keep_place(one.path)
+        self.record_place(one.path)
         return chosen
 
     def _number(self, one: Parameter, shown: Any) -> Any:
@@ -118,20 +118,20 @@ class Sliders(Rows):
         if one.kind == "vector":
             return self._vector(one, shown)
         if one.kind == "whole":
-            changed, found = self.filled(
+            changed, number = self.filled(
                 lambda: imgui.slider_int(f"##{one.path}", int(shown), int(one.low), int(one.high), "%d"),
-                share_of(float(shown), one.low, one.high, False),
+                fraction_of(float(shown), one.low, one.high, False),
             )
-            self.keep_place(one.path)
-            new: Any = int(found)
+            self.record_place(one.path)
+            new: Any = int(number)
         else:
-            changed, found = self._drag(one.path, shown, one.low, one.high, one.unit, one.logarithmic)
-            new = rounded(found)
-        return self._given(one, new if changed else None, imgui.is_item_deactivated())
+            changed, number = self._drag(one.path, shown, one.low, one.high, one.unit, one.logarithmic)
+            new = rounded(number)
+        return self._to_apply(one, new if changed else None, imgui.is_item_deactivated())
 
     def _vector(self, one: Parameter, shown: Any) -> Any:
-        """Three sliders in the place of one, along x, y and z; left of their middle is less than 0."""
-        imgui, gap = self.imgui, 4 * self.look.unit
+        """Draw three sliders in the place of one, along x, y and z; left of their middle is less than 0."""
+        imgui, gap = self.imgui, 4 * self.style.unit
         width = (imgui.calc_item_width() - 2 * gap) / 3
         parts, changed, let_go = [float(part) for part in shown], False, False
         for axis, value in enumerate(parts):
@@ -139,17 +139,17 @@ class Sliders(Rows):
                 imgui.same_line(0.0, gap)
             imgui.set_next_item_width(width)
             label = f"##{one.path}.{'xyz'[axis]}"
-            moved, found = self.filled(
+            moved, number = self.filled(
                 lambda value=value, label=label: imgui.slider_float(label, value, one.low, one.high, "%.3g"),  # type: ignore[misc]
-                share_of(value, one.low, one.high, False),
+                fraction_of(value, one.low, one.high, False),
             )
-            self.keep_place(f"{one.path}.{'xyz'[axis]}")
-            parts[axis] = rounded(found) if moved else value
+            self.record_place(f"{one.path}.{'xyz'[axis]}")
+            parts[axis] = rounded(number) if moved else value
             changed, let_go = changed or moved, let_go or imgui.is_item_deactivated()
-        return self._given(one, tuple(parts) if changed else None, let_go)
+        return self._to_apply(one, tuple(parts) if changed else None, let_go)
 
-    def _given(self, one: Parameter, new: Any, let_go: bool) -> Any:
-        """What is given to the scene now: a `new` value of what is live, else what waits once it is `let_go`."""
+    def _to_apply(self, one: Parameter, new: Any, let_go: bool) -> Any:
+        """Return the value to apply to the scene now: a `new` live value at once, others once the slider is `let_go`."""
         if one.live:
             return new
         if new is not None:
@@ -157,13 +157,13 @@ class Sliders(Rows):
         return self.state.pending.pop(one.path, None) if let_go else None
 
     def _reset(self, path: str) -> bool:
-        """The button at the right: an arrow back, drawn, since not every font has one."""
-        imgui, unit = self.imgui, self.look.unit
+        """Draw the reset button at the right: an arrow back, drawn, since not every font has one."""
+        imgui, unit = self.imgui, self.style.unit
         imgui.same_line()
         height = imgui.get_frame_height()
         pressed = imgui.invisible_button(f"reset {path}", imgui.ImVec2(RESET * unit, height))
-        self.keep_place(f"reset {path}")
-        colour = self.look.colour(imgui, "accent" if imgui.is_item_hovered() else "faint")
+        self.record_place(f"reset {path}")
+        colour = self.style.colour(imgui, "accent" if imgui.is_item_hovered() else "faint")
         low = imgui.get_item_rect_min()
         x, y, r = low.x + RESET * unit / 2, low.y + height / 2, 5 * unit
         lines = imgui.get_window_draw_list()

@@ -1,4 +1,4 @@
-"""What the panel remembers between two frames."""
+"""State of the panel between two frames."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ T = TypeVar("T")
 
 @dataclass
 class PanelState:
-    """`pending`: dotted path -> value of what is being changed and is given to the scene when it is let go; `history`: of
-    energy and momentum; `error`: what was told of it last; `scene_file`, `state_file`: what is typed as the names of
-    files; `places`: (left, top, right, bottom) [pixels] of what was laid out last, by name; `every`:
-    whether what can be opened is open at first; `cancels`: a list of words is to close; `search`: text typed in the open
-    list of scenes, `entries`: the scenes that it offers."""
+    """`pending`: dotted path -> value that is being changed and is applied to the scene on release; `history`: of
+    energy and momentum; `error`: the last message about it; `scene_file`, `state_file`: the typed names of files;
+    `places`: (left, top, right, bottom) [pixels] of the widgets of the last layout, by name; `every`: everything is
+    open at first; `cancels`: a list of words is to close; `search`: text typed in the open list of scenes, `entries`:
+    the scenes that it offers."""
 
     pending: dict[str, Any] = field(default_factory=dict)
     history: History = field(default_factory=History)
@@ -30,12 +30,12 @@ class PanelState:
     search: str = ""
     entries: list[Entry] = field(default_factory=list)
     places: dict[str, tuple[float, float, float, float]] = field(default_factory=dict)
-    _kept: dict[str, tuple[tuple[object, ...], Any]] = field(default_factory=dict)
+    _cache: dict[str, tuple[tuple[object, ...], Any]] = field(default_factory=dict)
 
-    def kept(self, name: str, of: tuple[object, ...], make: Callable[[], T]) -> T:
-        """What `make` gives, made anew only when one of the objects that it is `of` is another: frames are many."""
-        before, found = self._kept.get(name, ((), None))
+    def cached(self, name: str, of: tuple[object, ...], make: Callable[[], T]) -> T:
+        """Return the result of `make`, made anew only if one of the objects `of` is another: there are many frames."""
+        before, value = self._cache.get(name, ((), None))
         if len(before) != len(of) or any(one is not other for one, other in zip(before, of, strict=True)):
-            found = make()
-            self._kept[name] = of, found
-        return found
+            value = make()
+            self._cache[name] = of, value
+        return value

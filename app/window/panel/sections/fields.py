@@ -7,68 +7,68 @@ from itertools import groupby
 
 from softlab.app.window.materials import FACTORS
 from softlab.app.window.panel.parameters import Parameter, parameters_of, value_of
-from softlab.app.window.panel.sections.said import Said
+from softlab.app.window.panel.sections.frame import PanelFrame
 
 ANEW = "Changing one of these reopens the scene when you release the slider. The state is kept if the masses stay the same."
 DEAR = 2000  # fields: of more, as a scene of hundreds of parts has, the first are shown
 
 
-def parameters(said: Said) -> None:
-    """A row a field; the tables that it is in are headings."""
-    demo, rows = said.demo, said.rows
-    scene, told = demo.world.scene, demo.scenes[demo.current]
+def parameters(frame: PanelFrame) -> None:
+    """Lay out a row per field; the names of their tables are headings."""
+    demo, rows = frame.demo, frame.rows
+    scene, initial = demo.world.scene, demo.scenes[demo.current]
     live = demo.world.options.live
-    found = said.state.kept("fields", (scene, told, live), lambda: parameters_of(scene, told, live))
-    gravity = [one for one in found if one.path.startswith("gravity.")]
+    fields = frame.state.cached("fields", (scene, initial, live), lambda: parameters_of(scene, initial, live))
+    gravity = [one for one in fields if one.path.startswith("gravity.")]
     if not gravity:
         rows.heading("gravity")
         if rows.check("Gravity on", demo.gravity, "Key G."):
             demo.toggle_gravity()
-    _rows(said, [one for one in found if one.live][:DEAR])
+    _rows(frame, [one for one in fields if one.live][:DEAR])
     if scene.tetrahedra:
-        _material(said, found)
-    fixed = [one for one in found if not one.live][:DEAR]
+        _material(frame, fields)
+    fixed = [one for one in fields if not one.live][:DEAR]
     if not fixed:
         return
     rows.gap(2)
     once = int(rows.imgui.Cond_.once)
-    rows.imgui.set_next_item_open(said.state.every, once)
+    rows.imgui.set_next_item_open(frame.state.every, once)
     if rows.imgui.tree_node(f"Needs a recompile ({len(fixed)})###fixed"):
         rows.note(ANEW)
         for part, of_part in groupby(fixed, key=lambda one: one.part):
-            rows.imgui.set_next_item_open(said.state.every, once)
+            rows.imgui.set_next_item_open(frame.state.every, once)
             if rows.imgui.tree_node(part):
-                _rows(said, list(of_part), headed=False)
+                _rows(frame, list(of_part), headed=False)
                 rows.imgui.tree_pop()
-            rows.keep_place(f"table {part}")
+            rows.record_place(f"table {part}")
         rows.imgui.tree_pop()
-    rows.keep_place("needs a recompile")
+    rows.record_place("needs a recompile")
 
 
-def _material(said: Said, found: list[Parameter]) -> None:
-    """What all tetrahedral bodies are made of, in three rows."""
-    demo, rows, scene = said.demo, said.rows, said.demo.world.scene
+def _material(frame: PanelFrame, fields: list[Parameter]) -> None:
+    """Lay out the material of all tetrahedral bodies, in three rows."""
+    demo, rows, scene = frame.demo, frame.rows, frame.demo.world.scene
     bodies = list(scene.tetrahedra)
-    told = demo.scenes[demo.current].tetrahedra.get(bodies[0])
+    initial = demo.scenes[demo.current].tetrahedra.get(bodies[0])
     rows.heading(bodies[0] if len(bodies) == 1 else f"material of {len(bodies)} bodies (changed together)")
     for field in FACTORS:
-        one = next((one for one in found if one.path == f"{bodies[0]}.{field}"), None)
+        one = next((one for one in fields if one.path == f"{bodies[0]}.{field}"), None)
         if one is None:
             continue
         row = replace(one, path=f"{bodies[0]}.{field} ")  # a row of its own, beside that of the table
-        new = rows.parameter(row, getattr(scene.tetrahedra[bodies[0]], field), getattr(told, field, None))
+        new = rows.parameter(row, getattr(scene.tetrahedra[bodies[0]], field), getattr(initial, field, None))
         if new is not None:
             demo.change_material_to(field, new)
 
 
-def _rows(said: Said, fields: list[Parameter], headed: bool = True) -> None:
-    demo, rows = said.demo, said.rows
-    scene, told = demo.world.scene, demo.scenes[demo.current]
+def _rows(frame: PanelFrame, fields: list[Parameter], headed: bool = True) -> None:
+    demo, rows = frame.demo, frame.rows
+    scene, initial = demo.world.scene, demo.scenes[demo.current]
     for part, of_part in groupby(fields, key=lambda one: one.part):
         if headed:
             rows.heading(part)
         for one in of_part:
-            new = rows.parameter(one, value_of(scene, one.path), value_of(told, one.path))
+            new = rows.parameter(one, value_of(scene, one.path), value_of(initial, one.path))
             if new is not None and demo.set_field(one.path, new):
                 if one.path == "method.dt":
                     demo.say(f"dt {demo.world.scene.method.dt:.4g} s, {demo.limit_text()}")

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from softlab.app.window import keeping
-from softlab.app.window.panel.sections.said import Said
+from softlab.app.window import snapshot
+from softlab.app.window.panel.sections.frame import PanelFrame
 
 
-def files(said: Said) -> None:
-    """What saves and what loads."""
-    viewer, rows, state, demo = said.viewer, said.rows, said.state, said.demo
+def files(frame: PanelFrame) -> None:
+    """Lay out what saves and what loads."""
+    viewer, rows, state, demo = frame.viewer, frame.rows, frame.state, frame.demo
     clip = "Stop recording" if viewer.shots.recording else "Record a clip"
     pressed = rows.buttons(("Picture", clip), clip if viewer.shots.recording else "")
     if pressed == "Picture":
@@ -20,16 +20,16 @@ def files(said: Said) -> None:
     rows.heading("scene with the current settings")
     state.scene_file = rows.line("Scene file", state.scene_file, "name.toml (empty: automatic)")
     if rows.button("Save the scene", -1.0):
-        keeping.save_scene(demo, state.scene_file)
+        snapshot.save_scene(demo, state.scene_file)
     rows.heading("state: positions, velocities, time")
     state.state_file = rows.line("State file", state.state_file, "name.npz (empty: automatic)")
     pressed = rows.buttons(("Save the state", "Load the state"))
     if pressed == "Save the state":
-        state.state_file = keeping.save_state(demo, state.state_file) or state.state_file
+        state.state_file = snapshot.save_state(demo, state.state_file) or state.state_file
     elif pressed:
-        keeping.load_state(demo, state.state_file)
-    found = rows.choice(
+        snapshot.load_state(demo, state.state_file)
+    chosen = rows.choice(
         "Existing files", "choose ...", tuple(sorted(path.name for path in Path.cwd().glob("*.npz")))[:200]
     )
-    if found is not None:
-        state.state_file = found
+    if chosen is not None:
+        state.state_file = chosen

@@ -1,19 +1,19 @@
-"""How the panel itself looks."""
+"""Settings of the panel itself."""
 
 from __future__ import annotations
 
-from softlab.app.window.panel.look import DARK, LIGHT, SIZES
-from softlab.app.window.panel.sections.said import Said
+from softlab.app.window.panel.sections.frame import PanelFrame
+from softlab.app.window.panel.style import DARK, LIGHT, SIZES
 
 
-def itself(said: Said) -> None:
-    """Light or dark, and its size."""
-    rows, look = said.rows, said.look
-    pressed = rows.buttons(("Light", "Dark"), "Dark" if look.dark else "Light")
+def itself(frame: PanelFrame) -> None:
+    """Lay out light or dark, and the size."""
+    rows, style = frame.rows, frame.style
+    pressed = rows.buttons(("Light", "Dark"), "Dark" if style.dark else "Light")
     if pressed:
-        look.theme = DARK if pressed == "Dark" else LIGHT
+        style.theme = DARK if pressed == "Dark" else LIGHT
     sizes = [f"{size:g}x" for size in SIZES]
-    pressed = rows.buttons(sizes, f"{look.unit:g}x")
+    pressed = rows.buttons(sizes, f"{style.unit:g}x")
     if pressed:
-        look.unit = SIZES[sizes.index(pressed)]
+        style.unit = SIZES[sizes.index(pressed)]
     rows.note("Key A closes the panel. Ctrl+click a slider to type a number.")

@@ -1,22 +1,22 @@
-"""What computes: backend, threads, precision, arithmetic, kernel. Each change carries the state over."""
+"""Backend, threads, precision, arithmetic and kernel. Each change carries the state over."""
 
 from __future__ import annotations
 
 from softlab.app.driver import BACKENDS
 from softlab.app.window.demo import THREAD_WORDS
-from softlab.app.window.panel.sections.said import Said
+from softlab.app.window.panel.sections.frame import PanelFrame
 from softlab.model.core.options import MATHS, PRECISIONS
 
-OWN = "automatic"
+AUTOMATIC = "automatic"
 KERNELS = {  # the words of --kernel; a solver refuses those it lacks
     "cpu": ("fused", "team", "tiled", "stages"),
     "gpu": ("one-block", "resident", "tiles", "tiled", "graph", "launch", "cooperative", "stages"),
 }
 
 
-def machine(said: Said) -> None:
-    """One choice a row."""
-    demo, rows = said.demo, said.rows
+def machine(frame: PanelFrame) -> None:
+    """Lay out one choice per row."""
+    demo, rows = frame.demo, frame.rows
     world, options = demo.world, demo.options
     rows.note(
         f"{world.device}, kernel {world.kernel}, {world.threads} threads{' per block' * (world.backend == 'gpu')}"
@@ -36,9 +36,9 @@ def machine(said: Said) -> None:
         )
         if chosen is not None and demo.run_with(**{name.lower(): chosen}):
             demo.say(f"{chosen}, state kept")
-    now, known = options["kernel"] or OWN, (OWN, *KERNELS[demo.backend])
+    now, known = options["kernel"] or AUTOMATIC, (AUTOMATIC, *KERNELS[demo.backend])
     chosen = rows.choice(
         "Kernel", now, known, "A kernel that the solver of this scene does not have is refused with a message."
     )
-    if chosen is not None and demo.run_with(kernel=None if chosen == OWN else chosen):
+    if chosen is not None and demo.run_with(kernel=None if chosen == AUTOMATIC else chosen):
         demo.say(f"kernel {demo.world.kernel}, state kept")

@@ -1,51 +1,51 @@
-"""What the panel tells of the run: frame times, energy, momentum, error, counts."""
+"""Measurements of the run: frame times, energy, momentum, error, counts."""
 
 from __future__ import annotations
 
 from softlab.app.window.demo_report import counts_of, rates_text, strain_text
 from softlab.app.window.panel import graphs
-from softlab.app.window.panel.sections.said import Said
+from softlab.app.window.panel.sections.frame import PanelFrame
 from softlab.model.core.errors import SoftlabError
 
 BUTTON = "Measure the error now"
 SIGNS = {"total": "accent", "kinetic": "second"}
 
 
-def measured(said: Said) -> None:
-    """Graphs, then numbers."""
-    demo, rows, look, history = said.demo, said.rows, said.look, said.state.history
+def measured(frame: PanelFrame) -> None:
+    """Lay out graphs, then numbers."""
+    demo, rows, style, history = frame.demo, frame.rows, frame.style, frame.state.history
     imgui = rows.imgui
     rows.heading("milliseconds per frame")
-    graphs.frame_times(imgui, look, said.viewer.overlay.times)
+    graphs.frame_times(imgui, style, frame.viewer.overlay.times)
     time = history.column("time")
     shown = [(name, SIGNS[name], history.column("energy" if name == "total" else name)) for name in SIGNS]
     rows.gap(1)
-    graphs.curves(imgui, look, "energy", "J", time, shown)
+    graphs.curves(imgui, style, "energy", "J", time, shown)
     rows.gap(1)
-    graphs.curves(imgui, look, "momentum", "kg·m/s", time, [("", "accent", history.column("momentum"))])
+    graphs.curves(imgui, style, "momentum", "kg·m/s", time, [("", "accent", history.column("momentum"))])
     rows.gap(2)
-    rows.value("Speed", rates_text(demo, said.viewer.frame_seconds).replace("   ", ", "))
+    rows.value("Speed", rates_text(demo, frame.viewer.frame_seconds).replace("   ", ", "))
     rows.value("Fluid" if demo.world.scene.fluids else "Strain", strain_text(demo))
-    counts = said.state.kept("counts", (demo.world, demo.world.body), lambda: counts_of(demo.world))
+    counts = frame.state.cached("counts", (demo.world, demo.world.body), lambda: counts_of(demo.world))
     for name, number in counts.items():
         rows.value(name, f"{number:,}".replace(",", " "))
-    _error(said)
+    _error(frame)
 
 
-def _error(said: Said) -> None:
+def _error(frame: PanelFrame) -> None:
     """The distance to a converged reference, when the button is pressed: it takes up to seconds."""
-    rows, state = said.rows, said.state
+    rows, state = frame.rows, frame.state
     rows.gap(2)
     if rows.button(BUTTON, -1.0):
-        state.error = error_text(said)
+        state.error = error_text(frame)
     rows.tip("Distance to a converged reference at this time. Takes up to a few seconds.")
     if state.error:
         rows.note(state.error)
 
 
-def error_text(said: Said) -> str:
+def error_text(frame: PanelFrame) -> str:
     """The error in words, or the reason why there is none."""
-    demo, judge = said.demo, said.viewer.judge
+    demo, judge = frame.demo, frame.viewer.judge
     when = f"at {demo.world.time:.3f} s"
     if judge is None:
         return "no error available: this window was opened without a reference; use softlab demo"

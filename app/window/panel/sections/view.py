@@ -5,51 +5,51 @@ from __future__ import annotations
 from math import asin, atan2, degrees, radians
 
 from softlab.app.render.camera3d import MAX_PITCH
-from softlab.app.window.panel.sections.said import Said
+from softlab.app.window.panel.sections.frame import PanelFrame
 
 LOWEST, HIGHEST = 10.0, 88.0  # degrees, of the light: flatter, shadows go on and on; straight above it has no turn
 CLOSER = 50.0  # a slider's reach of distances and scales, as a factor to either side
 
 
-def _light(said: Said) -> None:
-    """The one that throws shadows."""
-    rows, looks = said.rows, said.viewer.looks
-    x, y, z = said.viewer.views[0].light.tolist()
-    turned, height = atan2(x, z), asin(min(max(y, -1.0), 1.0))
-    found = rows.slider("Light rotation", degrees(turned), -180, 180, "°")
-    if found is not None:
-        looks.shine(radians(found), height)
-    found = rows.slider("Light elevation", degrees(height), LOWEST, HIGHEST, "°")
-    if found is not None:
-        looks.shine(turned, radians(min(max(found, LOWEST), HIGHEST)))
+def _light(frame: PanelFrame) -> None:
+    """Lay out the direction of the light that throws shadows."""
+    rows, view_options = frame.rows, frame.viewer.view_options
+    x, y, z = frame.viewer.views[0].light.tolist()
+    azimuth, height = atan2(x, z), asin(min(max(y, -1.0), 1.0))
+    chosen = rows.slider("Light rotation", degrees(azimuth), -180, 180, "°")
+    if chosen is not None:
+        view_options.shine(radians(chosen), height)
+    chosen = rows.slider("Light elevation", degrees(height), LOWEST, HIGHEST, "°")
+    if chosen is not None:
+        view_options.shine(azimuth, radians(min(max(chosen, LOWEST), HIGHEST)))
 
 
-def view(said: Said) -> None:
-    """Where from, how near, from where it is lit, and whether it follows."""
-    viewer, rows = said.viewer, said.rows
+def view(frame: PanelFrame) -> None:
+    """Lay out the camera's direction and distance, the light, and whether the camera follows."""
+    viewer, rows = frame.viewer, frame.rows
     camera = viewer.camera
     if viewer.space:
         yaw = (degrees(camera.yaw) + 180) % 360 - 180
-        found = rows.slider("Rotation", yaw, -180, 180, "°")
-        if found is not None:
-            camera.yaw = radians(found)
+        chosen = rows.slider("Rotation", yaw, -180, 180, "°")
+        if chosen is not None:
+            camera.yaw = radians(chosen)
         most = degrees(MAX_PITCH)
-        found = rows.slider("Elevation", degrees(camera.pitch), -most, most, "°")
-        if found is not None:
-            camera.pitch = radians(min(max(found, -most), most))
-        size = max(world.body.size for world in said.demo.worlds)
-        found = rows.slider("Distance", camera.distance, size / CLOSER, size * CLOSER, "m", True)
-        if found is not None and found > 0:
+        chosen = rows.slider("Elevation", degrees(camera.pitch), -most, most, "°")
+        if chosen is not None:
+            camera.pitch = radians(min(max(chosen, -most), most))
+        size = max(world.body.size for world in frame.demo.worlds)
+        chosen = rows.slider("Distance", camera.distance, size / CLOSER, size * CLOSER, "m", True)
+        if chosen is not None and chosen > 0:
             viewer.follow = False
-            camera.magnify(camera.distance / found)
+            camera.magnify(camera.distance / chosen)
     else:
-        usual = viewer.height / max(max(world.body.size for world in said.demo.worlds), 1e-9)
-        found = rows.slider("Zoom", camera.scale, usual / CLOSER, usual * CLOSER, "px/m", True)
-        if found is not None and found > 0:
+        usual = viewer.height / max(max(world.body.size for world in frame.demo.worlds), 1e-9)
+        chosen = rows.slider("Zoom", camera.scale, usual / CLOSER, usual * CLOSER, "px/m", True)
+        if chosen is not None and chosen > 0:
             viewer.follow = False
-            camera.magnify(found / camera.scale)
+            camera.magnify(chosen / camera.scale)
     if viewer.space:
-        _light(said)
+        _light(frame)
     if rows.check("Follow the motion", viewer.follow):
         viewer.follow = not viewer.follow
     if rows.button("Fit everything in view", -1.0):

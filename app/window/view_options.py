@@ -1,4 +1,4 @@
-"""What the window's keys change of how scenes are shown, in every view alike, and what is said of it."""
+"""View options that the window's keys change in all views alike, with the messages about them."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from softlab.app.window.demo import NO_BODIES, Demo
 OF_PLANE = "a scene in a plane is always drawn in the same way"
 
 
-class Looks:
-    """The keys L, V and, of bodies, P, K, C, I, O, of fluids O, W over the `views` of a demo's worlds."""
+class ViewOptions:
+    """View options of the `views` of a demo's worlds: keys L, V, and for bodies P, K, C, I, O, for fluids O, W."""
 
     def __init__(self, demo: Demo, views: Sequence[Any]):
         self.demo = demo
@@ -27,8 +27,8 @@ class Looks:
         self._subject = views[0].subject
 
     def renew(self, views: Sequence[Any], before: Sequence[Any], alike: bool = True) -> None:
-        """Of other views from now on, which look as those `before`, as far as they can; of scenes that are not `alike` the
-        light and how much is drawn."""
+        """Take over new `views`, with the options of those `before` as far as they have them; for scenes that are not
+        `alike` only the light and the quality."""
         self._of(views)
         old = before[0]
         for view in views:
@@ -51,13 +51,13 @@ class Looks:
 
     @staticmethod
     def _colour(view: Any, colouring: str) -> None:
-        """The next colouring until it is this one; after as many as there are at most."""
+        """Choose the next colouring until it is this one, at most once around."""
         for _ in range(3):
             if view.colouring != colouring:
                 view.next_colouring()
 
     def colour_by(self, colouring: str) -> None:
-        """Of bodies and tetrahedra: coloured by one of what O goes through."""
+        """Colour bodies, tetrahedra or fluids by one of the choices of key O."""
         for view in self.views:
             if view.colourings:
                 self._colour(view, colouring)
@@ -68,22 +68,23 @@ class Looks:
         for view in self.views:
             view.show_colliders(not view.colliders)
 
-    def shine(self, turned: float, height: float) -> None:
-        """In space, the light that throws shadows from `turned` [rad] about the vertical, 0 from +z, `height` [rad] up."""
+    def shine(self, azimuth: float, height: float) -> None:
+        """Set the direction to the light that throws shadows, in space: `azimuth` [rad] about the vertical, 0 at +z, and
+        elevation `height` [rad]."""
         flat = cos(height)
-        light = np.array([flat * sin(turned), sin(height), flat * cos(turned)])
+        light = np.array([flat * sin(azimuth), sin(height), flat * cos(azimuth)])
         for view in self.views:
             view.shine(light)
 
     def show_in(self, detail: Detail) -> None:
-        """How much goes into the picture, in space."""
+        """Set the quality of the picture, in space."""
         for view in self.views:
             view.show_in(detail)
         self.demo.say(f"picture quality {detail.name}: {detail.meaning}")
 
     def toggle_lines(self) -> None:
-        """L: a cloth as a surface or as springs, bodies as skins or as particles, a fluid as surface or particles; a grid is
-        springs anyway."""
+        """Show a cloth as a surface or as springs, bodies as skins or as particles, a fluid as surface or particles
+        (L). A grid is always springs."""
         if self._bodies:
             self.toggle("lines")
         elif self._space:
@@ -94,7 +95,8 @@ class Looks:
             self.demo.say(OF_PLANE)
 
     def toggle(self, name: str) -> None:
-        """P, K, C, I: of bodies the `particles`, the `skin`, the middles of `clusters`, the `links`; of tetrahedra K."""
+        """Show or hide `particles`, `skin`, middles of `clusters`, or `links` of bodies, or the skin of tetrahedra (P,
+        K, C, I)."""
         if self._subject == "tetrahedra" and name == "skin":
             skins = [view.toggle_skin() for view in self.views if hasattr(view, "toggle_skin")]
             self.demo.say("skin" if skins[0] else "the outer faces of the tetrahedra")
@@ -111,7 +113,7 @@ class Looks:
             self.demo.say("these bodies have no links")
 
     def toggle_foam(self) -> None:
-        """W: of fluids spray, foam and bubbles."""
+        """Show or hide spray, foam and bubbles of fluids (W)."""
         shown = [view.toggle_foam() for view in self.views]
         if shown[0] is None:
             self.demo.say("this scene has no fluids")
@@ -119,8 +121,8 @@ class Looks:
         self.demo.say("spray, foam and bubbles on" if shown[0] else "spray, foam and bubbles off")
 
     def next_colouring(self) -> None:
-        """O: particles coloured by body, by group, by cluster; tetrahedra by body, by stress, by strain; fluids by fluid, by
-        speed, by density."""
+        """Colour particles by body, by group, by cluster; tetrahedra by body, by stress, by strain; fluids by fluid, by
+        speed, by density; in turn (O)."""
         first = self.views[0]
         if not first.colourings:
             self.demo.say(NO_BODIES)
@@ -136,11 +138,11 @@ class Looks:
 
     @property
     def _coloured(self) -> str:
-        """What has the colours that O goes through."""
+        """Name of the things that key O colours."""
         return "particles" if self._subject == "fluid" else "surfaces"
 
     def next_detail(self) -> None:
-        """V: how much goes into the picture."""
+        """Choose the next quality of the picture (V)."""
         if not self._space:
             self.demo.say(OF_PLANE)
             return

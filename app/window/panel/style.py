@@ -1,5 +1,5 @@
-"""How the panel looks: its font, distances and colours, light and dark, at any size. Everything is a multiple of one unit,
-and nothing is Dear ImGui's default."""
+"""Style of the panel: its font, distances and colours, light and dark, at any size. Everything is a multiple of one
+unit, and nothing is Dear ImGui's default."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ DARK = Theme(
 
 
 @dataclass
-class Look:
+class PanelStyle:
     """`theme`, and `unit` [pixels]; the fonts `plain` and `bold`, once `load_fonts` found them."""
 
     theme: Theme = LIGHT
@@ -79,16 +79,16 @@ class Look:
 
     @property
     def dark(self) -> bool:
-        """Whether it is the dark one."""
+        """True for the dark theme."""
         return self.theme is DARK
 
     @property
     def width(self) -> int:
-        """Of the column [pixels]."""
+        """Width of the column [pixels]."""
         return round(WIDTH * self.unit)
 
     def load_fonts(self, imgui: Any) -> None:
-        """Roboto, which comes with the package that draws; without it its built-in one."""
+        """Load Roboto, which comes with Dear ImGui's package; without it the built-in font."""
         import imgui_bundle
 
         folder = Path(imgui_bundle.__file__).parent / "assets" / "fonts" / "Roboto"

@@ -1,4 +1,4 @@
-"""What keys, mouse and overlay ask of the window they belong to."""
+"""Interface of the window for keys, mouse and overlay."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from typing import Any, Protocol
 
 from softlab.app.window.demo import Demo
 from softlab.app.window.frame_times import FrameTimes
-from softlab.app.window.looks import Looks
 from softlab.app.window.panes import Pane
 from softlab.app.window.shots import Shots
+from softlab.app.window.view_options import ViewOptions
 from softlab.model.core.components import component
 from softlab.model.core.errors import BackendUnavailable, Diverged
 from softlab.model.core.simulation import State
@@ -21,7 +21,7 @@ Judge = Callable[[Scene, State, Diverged | None], tuple[float | None, str | None
 
 
 class Toggles(Protocol):
-    """What a key shows or hides over the picture."""
+    """Overlays that a key shows or hides."""
 
     show_keys: bool
     show_graph: bool
@@ -34,7 +34,7 @@ class Toggles(Protocol):
 
 
 class Taking(Protocol):
-    """What takes keys and mouse before the scene does (app/window/panel/panel.py)."""
+    """Receiver of keys and mouse before the scene (app/window/panel/panel.py)."""
 
     open: bool
 
@@ -49,11 +49,11 @@ class Taking(Protocol):
     def scrolled(self, x: float, y: float, across: float, up: float) -> bool: ...
 
 
-class Shown(Protocol):
-    """The window over a Demo (app/window/viewer.py): `space`, `bodies`: whether it shows three dimensions, and bodies;
-    `width`, `height` in frame-buffer pixels, of which the scene has the left `shown_width` and the panel the rest; `follow`:
-    whether the camera goes with what is to be seen; `frame_seconds`, `draw_seconds` [s] of the last frame; `drawn_by`: by
-    software, or nothing; `judge`: tells the error of a state, or why none is known."""
+class WindowProtocol(Protocol):
+    """The window over a Demo (app/window/viewer.py): `space`, `bodies`: it shows three dimensions, bodies; `width`,
+    `height` in frame-buffer pixels, of which the scene has the left `shown_width` and the panel the rest; `follow`: the
+    camera follows the motion; `frame_seconds`, `draw_seconds` [s] of the last frame; `drawn_by`: by software, or
+    nothing; `judge`: returns the error of a state, or the reason why none is known."""
 
     pyglet: Any
     demo: Demo
@@ -63,7 +63,7 @@ class Shown(Protocol):
     views: list[Any]
     panes: list[Pane]
     camera: Any
-    looks: Looks
+    view_options: ViewOptions
     follow: bool
     frame_seconds: float
     draw_seconds: float
@@ -84,7 +84,7 @@ class Shown(Protocol):
     def drop_place(self, x: float, y: float) -> tuple[float, float, float]: ...
 
 
-def panel_of(viewer: Shown) -> Any:
+def panel_of(viewer: WindowProtocol) -> Any:
     """Return the panel of a window, or what stands for it: closed, and A says what to install."""
     try:
         return component(PANEL, "the panel")(viewer)
@@ -93,11 +93,11 @@ def panel_of(viewer: Shown) -> Any:
 
 
 class WithoutPanel:
-    """What a window asks of its panel (`Panel` of app/window/panel/panel.py), where there is none."""
+    """Stands in for the panel (`Panel` of app/window/panel/panel.py) if there is none."""
 
     open, width, takes_keys = False, 0, False
 
-    def __init__(self, viewer: Shown, missing: str):
+    def __init__(self, viewer: WindowProtocol, missing: str):
         self._viewer, self._missing = viewer, missing
 
     def toggle(self) -> None:
@@ -113,6 +113,6 @@ class WithoutPanel:
 
     def draw(self) -> None: ...
 
-    def told(self) -> None: ...
+    def widget_places(self) -> None: ...
 
     def close(self) -> None: ...

@@ -14,8 +14,8 @@ LOADED = "the state was loaded from a file"
 
 
 def save_scene(demo: Demo, name: str = "") -> str:
-    """The current world's scene as TOML, in the file `name`, or one named by itself; the file, or nothing where
-    the reason was said."""
+    """Write the current world's scene as TOML, into the file `name` or a new one. Returns the file, or "" with the
+    reason as a message."""
     path = Path(name.strip()) if name.strip() else free_path(demo, ".toml")
     heading = f"softlab demo, {demo.titles[demo.current]}, as it was set at {demo.world.time:g} s"
     saved: list[Path] = []
@@ -25,7 +25,7 @@ def save_scene(demo: Demo, name: str = "") -> str:
 
 
 def save_state(demo: Demo, name: str = "") -> str:
-    """The current world's state, likewise."""
+    """Write the current world's state, as `save_scene` does."""
     path = Path(name.strip()) if name.strip() else free_path(demo, ".npz")
     saved: list[Path] = []
 
@@ -40,7 +40,7 @@ def save_state(demo: Demo, name: str = "") -> str:
 
 
 def load_state(demo: Demo, name: str) -> bool:
-    """The changed worlds go on from a state that was saved."""
+    """Load a saved state into the changed worlds."""
 
     notes: list[str] = []
 

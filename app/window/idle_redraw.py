@@ -1,11 +1,11 @@
-"""When a window needs no new frame: nothing moves in it, and nobody touched it for a while."""
+"""Skips frames of an idle window: nothing moves in it, and there was no input for a while."""
 
 from __future__ import annotations
 
 from typing import Any
 
 from softlab.app.window.overlay import MESSAGE_SECONDS
-from softlab.app.window.shown import Shown
+from softlab.app.window.window_protocol import WindowProtocol
 
 SETTLE = (
     60  # frames that are drawn after a touch: for a camera on its way, a tip that appears, a number that is renewed
@@ -16,10 +16,10 @@ TOUCHES = (
 )  # fmt: skip
 
 
-class Stillness:
-    """Of a viewer's window: `wanted(now)` before each frame, at `now` [s] of perf_counter, tells whether to draw it."""
+class IdleRedraw:
+    """Decides before each frame of a viewer's window, by `wanted(now)`, if it is drawn; `now` [s] of perf_counter."""
 
-    def __init__(self, viewer: Shown):
+    def __init__(self, viewer: WindowProtocol):
         self.viewer, self.demo = viewer, viewer.demo
         self._left = SETTLE
         self._messages = self.demo.message_count
@@ -28,7 +28,7 @@ class Stillness:
         viewer.window.push_handlers(on_mouse_motion=self._over_panel, **dict.fromkeys(TOUCHES, self.touch))
 
     def touch(self, *_: Any) -> None:
-        """Something was done."""
+        """Draw the next frames, because there was input."""
         self._left = SETTLE
 
     def _over_panel(self, *_: Any) -> None:
@@ -36,7 +36,7 @@ class Stillness:
             self.touch()
 
     def wanted(self, now: float) -> bool:
-        """Whether the next frame may look different from the last one."""
+        """Return True if the next frame may differ from the last one."""
         demo, viewer = self.demo, self.viewer
         if demo.message_count != self._messages:
             self._messages, self._message_ends = demo.message_count, now + MESSAGE_SECONDS
@@ -44,7 +44,7 @@ class Stillness:
         elif self._message_ends is not None and now > self._message_ends:
             self._message_ends = None
             self.touch()
-        moves = not (demo.paused or demo.frozen) or demo.hand.held is not None or demo.compiling is not None
+        moves = not (demo.paused or demo.frozen) or demo.picker.poke is not None or demo.compiling is not None
         if moves or viewer.shots.recording or viewer.panel.takes_keys:
             self.touch()
         self._left -= 1
