@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from softlab.model.core.components import component
-from softlab.model.core.errors import SceneError
+from softlab.model.base.components import component
+from softlab.model.base.errors import SceneError
 from softlab.model.core.options import Options
 from softlab.model.core.simulation import Simulation
 from softlab.model.domains.launched import launched_ranks

@@ -17,9 +17,9 @@ from softlab.app.command.run_parts import (
 )  # fmt: skip
 from softlab.app.outcome import outcome_of
 from softlab.app.shared import shares
+from softlab.model.base.errors import Diverged
 from softlab.model.contact.shortfalls import shortfalls
 from softlab.model.core.energy import energies, spring_strain
-from softlab.model.core.errors import Diverged
 from softlab.model.core.simulation import Simulation, State
 from softlab.model.shape_matching.spare import counts
 

@@ -17,8 +17,8 @@ import numpy as np
 
 from softlab.app.output.pieces import Piece, collider_pieces, pieces_of
 from softlab.app.render.bodies.skinning import ClusterFrames
-from softlab.model.core.errors import InputError, SceneError
-from softlab.model.core.files import check_target, replacing
+from softlab.model.base.errors import InputError, SceneError
+from softlab.model.base.files import check_target, replacing
 from softlab.model.core.simulation import Simulation
 from softlab.model.shape_matching.spare import present
 

@@ -20,9 +20,9 @@ from softlab.app.render.fluid.framing import main_part, with_fluids
 from softlab.app.render.framing import seen_points, seen_radius
 from softlab.app.render.opengl import OFFSCREEN_REMEDY, drawing_text, open_window, renderer_name
 from softlab.app.render.views import camera_of, check_look, view_of
+from softlab.model.base.errors import InputError, SoftlabError
+from softlab.model.base.files import check_target
 from softlab.model.core.build import rest_positions
-from softlab.model.core.errors import InputError, SoftlabError
-from softlab.model.core.files import check_target
 from softlab.model.core.simulation import Simulation
 from softlab.model.fluid.foam import FoamPoints
 from softlab.model.scene.scene import Scene

@@ -17,8 +17,8 @@ import numpy as np
 from softlab.app.driver import BACKENDS
 from softlab.app.plan.passes import BackendPlan
 from softlab.app.plan.shared import BodiesPlan, PartitionsPlan, SharedPlan, SlabsPlan
-from softlab.model.core.components import named
-from softlab.model.core.errors import SceneError
+from softlab.model.base.components import named
+from softlab.model.base.errors import SceneError
 from softlab.model.core.families import family_of, stability_limit
 from softlab.model.core.plan import Node, Plan, Stage
 from softlab.model.core.simulation import PRECISIONS

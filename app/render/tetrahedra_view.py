@@ -16,8 +16,8 @@ from softlab.app.render.particle_colours import of_numbers
 from softlab.app.render.scenery import Drawn, Lit
 from softlab.app.render.sheet_view import SheetView
 from softlab.app.render.vertex_arrays import delete_all, draw_elements, refill, static_buffer, vertex_array
+from softlab.model.base.errors import InputError
 from softlab.model.core.build import pinned_indices
-from softlab.model.core.errors import InputError
 from softlab.model.core.simulation import Simulation
 from softlab.model.geometry.normals import mesh_normals
 from softlab.model.scene.scene import Scene

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from softlab.model.core.errors import InputError
+from softlab.model.base.errors import InputError
 from softlab.model.core.simulation import Simulation
 from softlab.model.scene.scene import Scene
 from softlab.model.scene.sheets import scene_normals

@@ -10,7 +10,7 @@ from softlab.app.render.camera import Camera2D
 from softlab.app.render.camera3d import Camera3D
 from softlab.app.render.detail import FINE, Detail, usual_detail
 from softlab.app.render.opengl import renderer_name
-from softlab.model.core.errors import InputError
+from softlab.model.base.errors import InputError
 from softlab.model.scene.scene import Scene
 
 

@@ -13,8 +13,8 @@ from softlab.app.render.camera import Camera
 from softlab.app.window.demo import Demo
 from softlab.app.window.live import stiffness_paths
 from softlab.app.window.panes import Pane
+from softlab.model.base.files import replacing
 from softlab.model.core.families import family_of
-from softlab.model.core.files import replacing
 from softlab.model.core.simulation import Simulation
 from softlab.model.scene.scene import Scene
 from softlab.model.shape_matching.spare import counts, present

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import ceil, sqrt
 
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.scene.bodies import BODY_KINDS
 from softlab.model.scene.members import members_of
 from softlab.model.scene.scene import Scene

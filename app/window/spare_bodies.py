@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.core.simulation import Simulation
 from softlab.model.shape_matching.spare import copies_there, counts
 

@@ -17,7 +17,7 @@ from softlab.app.window.hand import Hand
 from softlab.app.window.live import live_parts
 from softlab.app.window.measures import Statistics, measure, measure_picture
 from softlab.app.window.panes import check_alike, titles_of
-from softlab.model.core.errors import Diverged, SoftlabError
+from softlab.model.base.errors import Diverged, SoftlabError
 from softlab.model.core.simulation import Simulation, State
 from softlab.model.scene.scene import Scene
 

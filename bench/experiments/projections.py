@@ -21,7 +21,7 @@ from softlab.bench.store.database import Store
 from softlab.bench.store.published import PUBLISHED
 from softlab.bench.store.results import Measure, measures
 from softlab.bench.store.schema import canonical
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.scene.scene import Scene, load_scene
 from softlab.model.xpbd.plan import constraint_count
 

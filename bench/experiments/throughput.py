@@ -17,7 +17,7 @@ from softlab.bench.measure.case_timing import Case, RatePoint, Rates, make_case
 from softlab.bench.measure.tables import print_table
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import Measure, measures
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.scene.scene import Scene, load_scene
 from softlab.model.shape_matching.spare import counts
 

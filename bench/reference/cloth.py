@@ -21,7 +21,7 @@ import numpy as np
 from softlab.bench.reference.contact import distance_field, mesh_collider
 from softlab.bench.reference.philox import random_directions
 from softlab.bench.reference.steps import Poke, masses, named_mask, pinned_mask
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.scene.colliders.distance_field import DistanceField
 from softlab.model.scene.colliders.mesh_collider import MeshCollider
 from softlab.model.scene.scene import Scene

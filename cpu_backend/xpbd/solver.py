@@ -27,8 +27,8 @@ from softlab.cpu_backend.xpbd.seidel import make_seidel_advance
 from softlab.cpu_backend.xpbd.stages import bind_position_stages
 from softlab.cpu_backend.xpbd.tables import Tables
 from softlab.cpu_backend.xpbd.walk import keeps_velocity
+from softlab.model.base.errors import SceneError
 from softlab.model.contact.cloth_parameters import collider_numbers
-from softlab.model.core.errors import SceneError
 from softlab.model.core.plan import Executor
 from softlab.model.core.simulation import Options
 from softlab.model.scene.scene import Scene

@@ -12,11 +12,11 @@ from typing import Any
 from softlab.gpu_backend.core.compile import inlined
 from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.quads import load_quad, store_quad
+from softlab.model.base.tuples import reader
 from softlab.model.contact.substep_parameters import (
     CONSTANTS,
     OF_SHEETS,
 )
-from softlab.model.core.tuples import reader
 from softlab.model.formulas import distance
 from softlab.model.xpbd.plan import Family
 

@@ -40,8 +40,8 @@ from softlab.gpu_backend.xpbd.kernels import (
 )
 from softlab.gpu_backend.xpbd.launch import BlockLauncher, TiledLauncher
 from softlab.gpu_backend.xpbd.stages import bind_xpbd_stages
+from softlab.model.base.errors import SceneError
 from softlab.model.contact.cloth_parameters import collider_numbers
-from softlab.model.core.errors import SceneError
 from softlab.model.core.plan import Executor
 from softlab.model.core.simulation import Options
 from softlab.model.scene.scene import Scene

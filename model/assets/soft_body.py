@@ -17,7 +17,7 @@ from softlab.model.assets.clusters import Clusters
 from softlab.model.assets.material import Material, even
 from softlab.model.assets.sampling import sample
 from softlab.model.assets.skin import make_skin
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.geometry.mesh import TriangleMesh
 from softlab.model.geometry.neighbours import TooMany, close_pairs
 from softlab.model.geometry.solid import as_mesh, solid

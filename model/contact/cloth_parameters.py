@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from softlab.model.base.clock import START, Clock
+from softlab.model.base.errors import SceneError
 from softlab.model.core.build import Body
-from softlab.model.core.clock import START, Clock
-from softlab.model.core.errors import SceneError
 from softlab.model.core.integrators import damping_rate
 from softlab.model.core.own_forces import own_fields, own_names, own_values
 from softlab.model.core.parameters import PARAMETERS as GRID_PARAMETERS

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from softlab.model.base.errors import InputError
 from softlab.model.core.energy import spring_strain
-from softlab.model.core.errors import InputError
 from softlab.model.scene.scene import Scene
 from softlab.model.scene.sheets import scene_normals
 

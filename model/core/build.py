@@ -11,8 +11,8 @@ from weakref import WeakValueDictionary
 
 import numpy as np
 
-from softlab.model.core.memory import require_sheet
-from softlab.model.core.pins import pin_indices
+from softlab.model.base.memory import require_sheet
+from softlab.model.base.pins import pin_indices
 from softlab.model.fluid.fluid_set import FluidSet
 from softlab.model.geometry.arithmetic.functions import cosine, sine
 from softlab.model.geometry.particle_row import PARKED

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from softlab.model.core.clock import Clock
+from softlab.model.base.clock import Clock
 from softlab.model.core.plan import Plan
 from softlab.model.core.sharing.bodies import Apart
 from softlab.model.core.sharing.decomposition import Reach

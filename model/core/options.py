@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.scene.cloth import CONSTRAINT_KINDS
 from softlab.model.scene.scene import Scene
 

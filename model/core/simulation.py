@@ -16,10 +16,10 @@ from typing import Any
 
 import numpy as np
 
+from softlab.model.base.clock import START, Clock, clock_of
+from softlab.model.base.errors import Diverged, InputError, SceneError
 from softlab.model.core.build import Body, build
-from softlab.model.core.clock import START, Clock, clock_of
 from softlab.model.core.energy import energies
-from softlab.model.core.errors import Diverged, InputError, SceneError
 from softlab.model.core.families import family_of, stability_limit
 from softlab.model.core.family import OF_ALL, Output
 from softlab.model.core.options import PRECISIONS, Options, check_live

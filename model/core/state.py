@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from softlab.model.core.clock import START, Clock
-from softlab.model.core.errors import InputError
+from softlab.model.base.clock import START, Clock
+from softlab.model.base.errors import InputError
 from softlab.model.core.options import PRECISIONS
 from softlab.model.geometry.arithmetic.ordered import determinant, dot
 

@@ -16,10 +16,10 @@ from math import ceil, isqrt
 from numbers import Integral
 from typing import Any
 
+from softlab.model.base.clock import UNSEEN, Clock
+from softlab.model.base.errors import Diverged, SceneError
 from softlab.model.core.backend import Backend
 from softlab.model.core.build import Body, build
-from softlab.model.core.clock import UNSEEN, Clock
-from softlab.model.core.errors import Diverged, SceneError
 from softlab.model.core.options import Options
 from softlab.model.core.stability.diagnosis import diagnose
 from softlab.model.core.state import State

@@ -6,7 +6,7 @@ from math import floor, prod
 
 import numpy as np
 
-from softlab.model.core.clock import START, Clock
+from softlab.model.base.clock import START, Clock
 from softlab.model.core.own_forces import own_fields, own_names, own_values
 from softlab.model.core.parameters import rounded_record
 from softlab.model.fluid.fluid_set import FluidSet

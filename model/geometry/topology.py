@@ -10,8 +10,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from softlab.model.core.errors import InputError, SceneError
-from softlab.model.core.memory import require_sheet
+from softlab.model.base.errors import InputError, SceneError
+from softlab.model.base.memory import require_sheet
 from softlab.model.geometry.arithmetic.ordered import mean
 from softlab.model.geometry.measures import edge_lengths, triangle_areas
 from softlab.model.geometry.mesh import TriangleMesh, read_mesh, triangle_mesh

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from softlab.model.base.errors import SceneError
 from softlab.model.contact.cloth_parameters import cloth_record
 from softlab.model.contact.sheet_plan import cloth_parts
-from softlab.model.core.errors import SceneError
 from softlab.model.core.family import ANY_SHEET, SolverFamily
 from softlab.model.core.integrators import IMPLICIT, explicit_limit, integrators_for
 from softlab.model.core.parameters import parameter_record

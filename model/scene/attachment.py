@@ -9,7 +9,7 @@ from typing import Any
 
 from pydantic import model_validator
 
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.scene.cloth import Collider
 from softlab.model.scene.motion import Motion
 from softlab.model.scene.parts import NotNegative, Part, Vector

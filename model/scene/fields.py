@@ -9,7 +9,7 @@ from typing import Any, Literal, get_args, get_origin
 from annotated_types import Ge, Gt, Le
 from pydantic.fields import FieldInfo
 
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.geometry.shapes import Shape
 from softlab.model.scene.kinds import KINDS
 from softlab.model.scene.mesh_source import MeshSource

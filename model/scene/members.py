@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.scene.bodies import BODY_KINDS
 from softlab.model.scene.cloth import COLLIDER_KINDS, CONSTRAINT_KINDS
 from softlab.model.scene.method import FIELDS_OF_SOLVER, OF_FLUIDS, OF_WORLDS, Method

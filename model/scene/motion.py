@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from pydantic import field_validator, model_validator
 
-from softlab.model.core.errors import SceneError
-from softlab.model.core.pins import PIN_RULE, Pins, checked_pins, pin_indices
+from softlab.model.base.errors import SceneError
+from softlab.model.base.pins import PIN_RULE, Pins, checked_pins, pin_indices
 from softlab.model.scene.parts import Grid, NotNegative, Number, Part, Positive, Vector
 
 RELEASE, ALL = "release", "all"

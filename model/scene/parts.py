@@ -16,8 +16,8 @@ from pydantic import (
     model_validator,
 )
 
-from softlab.model.core.errors import SceneError
-from softlab.model.core.pins import Pins, checked_pins
+from softlab.model.base.errors import SceneError
+from softlab.model.base.pins import Pins, checked_pins
 
 Number = Annotated[float, Field(allow_inf_nan=False, strict=True)]
 Vector = tuple[Number, Number, Number]  # x, y (up), z

@@ -11,8 +11,8 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from softlab.model.core.errors import InputError, SceneError, shown
-from softlab.model.core.files import is_there, read_text
+from softlab.model.base.errors import InputError, SceneError, shown
+from softlab.model.base.files import is_there, read_text
 from softlab.model.geometry.mesh_files import FORMATS
 from softlab.model.geometry.topology import is_file, own_meshes
 from softlab.model.scene.bodies import BODY_KINDS

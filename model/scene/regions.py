@@ -10,7 +10,7 @@ from typing import ClassVar, Literal
 import numpy as np
 from pydantic import model_validator
 
-from softlab.model.core.errors import InputError
+from softlab.model.base.errors import InputError
 from softlab.model.geometry.arithmetic.ordered import applied, dot, norm
 from softlab.model.geometry.measures import turned_about
 from softlab.model.geometry.mesh import TriangleMesh, read_mesh

@@ -10,7 +10,7 @@ from math import ceil, sqrt
 import numpy as np
 
 from softlab.model.assets.baked_body import BakedBody
-from softlab.model.core.errors import InputError, SceneError
+from softlab.model.base.errors import InputError, SceneError
 from softlab.model.geometry.arithmetic.functions import power
 from softlab.model.geometry.arithmetic.ordered import mean
 from softlab.model.scene.bodies import BODY_KINDS

@@ -12,8 +12,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from softlab.model.core.clock import UNSEEN
-from softlab.model.core.errors import SceneError
+from softlab.model.base.clock import UNSEEN
+from softlab.model.base.errors import SceneError
 from softlab.model.scene.checks.fit import check_fit
 from softlab.model.scene.checks.releases import check_releases, tables_without
 from softlab.model.scene.checks.solver import check_solver

@@ -13,7 +13,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from softlab.model.core.errors import InputError, SceneError
+from softlab.model.base.errors import InputError, SceneError
 from softlab.model.fluid.fluid_set import FluidSet, make_fluid_set
 from softlab.model.scene.attachment import Attachment, motion_with, pins
 from softlab.model.scene.bodies import BODY_KINDS, Placed

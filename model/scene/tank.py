@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.scene.cloth import Collider, Plane
 from softlab.model.scene.parts import NotNegative, Number, Positive
 

@@ -14,8 +14,8 @@ from softlab.model.assets.baked_body import BakedBody
 from softlab.model.assets.clusters import Clusters
 from softlab.model.assets.lattice import LatticeCopies
 from softlab.model.assets.material import joined
-from softlab.model.core.errors import InputError, SceneError
-from softlab.model.core.memory import MAX_PARTICLES, available_bytes, require
+from softlab.model.base.errors import InputError, SceneError
+from softlab.model.base.memory import MAX_PARTICLES, available_bytes, require
 from softlab.model.geometry.arithmetic.ordered import applied, mean, total
 from softlab.model.geometry.lists import offsets_of
 from softlab.model.geometry.particle_row import ParticleRow

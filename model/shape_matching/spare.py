@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from softlab.model.core.errors import InputError, SceneError
+from softlab.model.base.errors import InputError, SceneError
 from softlab.model.core.state import State
 from softlab.model.scene.flow import nozzle_points
 from softlab.model.scene.scene import Scene

@@ -7,7 +7,7 @@ from typing import NoReturn
 
 import numpy as np
 
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.core.sharing.bodies import Apart, require_apart
 from softlab.model.scene.attachment import pins
 from softlab.model.scene.scene import Scene

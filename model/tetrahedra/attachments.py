@@ -9,8 +9,8 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from softlab.model.base.errors import SceneError
 from softlab.model.core.constraints import ConstraintSet, Projection
-from softlab.model.core.errors import SceneError
 from softlab.model.formulas.constraints import attachment as formula
 from softlab.model.geometry.measures import nearest_of
 from softlab.model.geometry.tetrahedra.embedding import carriers

@@ -8,8 +8,8 @@ from functools import cached_property
 
 import numpy as np
 
-from softlab.model.core.errors import SceneError
-from softlab.model.core.memory import MAX_PARTICLES, available_bytes, require
+from softlab.model.base.errors import SceneError
+from softlab.model.base.memory import MAX_PARTICLES, available_bytes, require
 from softlab.model.geometry.arithmetic.ordered import mean, total
 from softlab.model.geometry.lists import Lists, grouped
 from softlab.model.geometry.measures import edge_lengths

@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from softlab.model.core.errors import InputError
+from softlab.model.base.errors import InputError
 from softlab.model.geometry.arithmetic.ordered import total
 from softlab.model.geometry.tetrahedra.mesh import TetrahedralMesh
 from softlab.model.scene.regions import Region

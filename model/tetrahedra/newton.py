@@ -16,9 +16,9 @@ from typing import Any
 
 import numpy as np
 
+from softlab.model.base.clock import START, Clock
+from softlab.model.base.errors import SceneError
 from softlab.model.contact.substep_parameters import XPBD_FIELDS, xpbd_values
-from softlab.model.core.clock import START, Clock
-from softlab.model.core.errors import SceneError
 from softlab.model.core.own_forces import own_forces
 from softlab.model.core.parameters import rounded_record
 from softlab.model.core.plan import Node, Plan, Stage

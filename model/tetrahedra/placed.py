@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from softlab.model.assets.tetrahedral_body import CookedBody
-from softlab.model.core.errors import InputError, SceneError
+from softlab.model.base.errors import InputError, SceneError
 from softlab.model.geometry.arithmetic.ordered import applied, total
 from softlab.model.geometry.measures import turned_about
 from softlab.model.geometry.tetrahedra.mesh import TetrahedralMesh

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from softlab.model.core.errors import SceneError
-from softlab.model.core.pins import pin_indices
+from softlab.model.base.errors import SceneError
+from softlab.model.base.pins import pin_indices
 from softlab.model.geometry.mesh import TriangleMesh
 from softlab.model.geometry.topology import mesh_of, pinned_vertices, vertex_masses
 from softlab.model.scene.checks.selection import vertices_of

@@ -12,7 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from softlab.model.core.errors import InputError
+from softlab.model.base.errors import InputError
 from softlab.model.geometry.lists import offsets_of
 from softlab.model.tetrahedra.body_set import TetrahedraSet
 

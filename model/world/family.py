@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from softlab.model.core.clock import START, Clock
+from softlab.model.base.clock import START, Clock
 from softlab.model.core.family import SolverFamily, of_springs
 from softlab.model.core.parameters import rounded_record
 from softlab.model.core.plan import Plan

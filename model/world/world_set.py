@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from softlab.model.core.errors import SceneError
-from softlab.model.core.memory import MAX_PARTICLES
-from softlab.model.core.pins import pin_indices
+from softlab.model.base.errors import SceneError
+from softlab.model.base.memory import MAX_PARTICLES
+from softlab.model.base.pins import pin_indices
 from softlab.model.geometry.arithmetic.ordered import mean
 from softlab.model.geometry.particle_row import ParticleRow
 from softlab.model.geometry.topology import mesh_of, pinned_vertices, vertex_masses

@@ -13,9 +13,9 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from softlab.model.base.errors import InputError
 from softlab.model.core.build import Body
 from softlab.model.core.constraints import ConstraintSet, Projection
-from softlab.model.core.errors import InputError
 from softlab.model.formulas import bending as bending_formulas
 from softlab.model.formulas import distance as distance_formulas
 from softlab.model.formulas.constraints import dihedral, distance, isometric, tether, volume

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 
 LARGEST_ANGLE = 1.0  # degrees: allowed by the digits of a file and the accuracy of its author
 

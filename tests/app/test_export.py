@@ -19,8 +19,8 @@ from softlab.app.output.export import Exporter, check_export, linear, write_piec
 from softlab.app.output.pieces import collider_pieces, pieces_of, skinned
 from softlab.app.render import colours
 from softlab.app.render.bodies.skinning import ClusterFrames
+from softlab.model.base.errors import InputError
 from softlab.model.core.build import rest_positions
-from softlab.model.core.errors import InputError
 from softlab.model.scene.scene import Scene
 from softlab.model.scene.sheets import scene_normals
 

@@ -17,7 +17,7 @@ from softlab.app.render.framing import seen_points
 from softlab.app.render.particle_colours import of_numbers
 from softlab.app.render.views import check_look
 from softlab.app.window.keys import FLUID_KEYS, keys_text
-from softlab.model.core.errors import InputError
+from softlab.model.base.errors import InputError
 from softlab.model.fluid.foam import FOAM, FoamPoints
 from softlab.model.fluid.measure import density_errors
 from softlab.model.scene.fluid import Foam

@@ -16,8 +16,8 @@ from meeting_bodies import meeting
 from softlab.bench.reference import shape_matching as reference
 from softlab.bench.reference.contact import particle_contacts as judge
 from softlab.cpu_backend.contact.particles import ParticleContacts
+from softlab.model.base.errors import SceneError
 from softlab.model.contact.particle_parameters import H_RESTITUTION, H_SETTLING, particle_contact_record
-from softlab.model.core.errors import SceneError
 from softlab.model.formulas import particle_contact as formulas
 from softlab.model.scene.scene import Scene
 from softlab.model.xpbd.plan import xpbd_parts, xpbd_plan

@@ -16,13 +16,13 @@ from meeting_bodies import meeting, neighbours
 from softlab.bench.reference import shape_matching as reference
 from softlab.bench.reference.contact.particle_contacts import Contacts
 from softlab.cpu_backend.contact.particles import ParticleContacts
+from softlab.model.base.errors import Diverged, SceneError
 from softlab.model.contact.particle_parameters import (
     H_INVERSE_CELL,
     MAX_NEIGHBOURS,
     kinds_of_particles,
     particle_contact_record,
 )
-from softlab.model.core.errors import Diverged, SceneError
 from softlab.model.scene.scene import Scene, load_scene
 from softlab.model.xpbd.plan import xpbd_parts
 

@@ -14,8 +14,8 @@ from cloth_solve import cloth, each_solver, solve
 
 from softlab.bench.reference import cloth as judge
 from softlab.bench.reference import mass_spring as reference
+from softlab.model.base.errors import SceneError
 from softlab.model.contact.sheet_plan import cloth_parts
-from softlab.model.core.errors import SceneError
 from softlab.model.formulas import colliders as formulas
 from softlab.model.scene.cloth import Plane
 from softlab.model.scene.scene import Scene

@@ -11,8 +11,8 @@ import numba
 import numpy as np
 import pytest
 
-from softlab.model.core import digest
-from softlab.model.core.digest import ROOT, backend_sources, content_digest, source_digest
+from softlab.model.base import digest
+from softlab.model.base.digest import ROOT, backend_sources, content_digest, source_digest
 
 SCALE = 3.0
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from softlab.model.core.components import named
-from softlab.model.core.errors import SceneError
+from softlab.model.base.components import named
+from softlab.model.base.errors import SceneError
 from softlab.model.core.families import families, family_of, scene_plan, stability_limit
 from softlab.model.core.family import SolverFamily
 from softlab.model.mass_spring.plan import mass_spring_plan

@@ -46,7 +46,6 @@ ORDER = {
 }  # fmt: skip
 APART = {  # files that rank below the rest of their package: unit -> package, files
     "model": {
-        "base": ("core", "clock components digest disk_cache errors files kernel_cache memory pins tuples waiting"),
         "tables": ("scene", "parts words"),
     }
 }

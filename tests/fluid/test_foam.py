@@ -9,7 +9,7 @@ import pytest
 
 from softlab.app.driver import open_simulation
 from softlab.bench.reference.contact.mesh_collider import first_crossing
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.fluid.foam import BUBBLE, FOAM, RISING, SPRAY, YOUNGEST, FoamPoints
 from softlab.model.fluid.foam_sources import CREST, FAST, SURFACE, TRAPPED, WEIGHT, foaming_speed, full_count, sources
 from softlab.model.fluid.foam_walls import GAP, kept_out, outward

@@ -17,7 +17,7 @@ from slices import asked, by_default
 
 from softlab.app.command.run import Request, run_scene
 from softlab.bench.experiments.fluid_rest import TANK, still_tank
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.core.families import families
 from softlab.model.core.integrators import IMPLICIT, INTEGRATORS
 from softlab.model.core.stability.laws import LIMITS, limit_notes

@@ -9,8 +9,8 @@ import pytest
 from softlab.bench.reference import cache
 from softlab.bench.reference import mass_spring as reference
 from softlab.bench.reference.philox import philox4x32, random_directions
+from softlab.model.base.errors import SceneError
 from softlab.model.core.energy import energies
-from softlab.model.core.errors import SceneError
 from softlab.model.scene.scene import Scene, load_scene
 
 # Gauss-Seidel is judged in the same order: which edges and hinges a mesh has, at which lengths, and their greedy colours have
@@ -63,8 +63,8 @@ def test_independent_of_what_it_judges():
                 if name.split(".")[0] == "softlab":
                     allowed = {
                         "softlab.model.scene.scene",
-                        "softlab.model.core.errors",
-                        "softlab.model.core.disk_cache",
+                        "softlab.model.base.errors",
+                        "softlab.model.base.disk_cache",
                         *SHARED.get(file.name, ()),
                     }
                     assert name.startswith("softlab.bench.reference") or name in allowed, (file, name)

@@ -14,7 +14,7 @@ from test_mesh import binary_stl, check_sound, obj, write
 
 from softlab.model.assets.cooked import cooked
 from softlab.model.assets.soft_body import RigidBody, SoftBody
-from softlab.model.core.errors import InputError, SceneError
+from softlab.model.base.errors import InputError, SceneError
 from softlab.model.geometry import neighbours
 from softlab.model.geometry.edges import NonManifold, edge_uses
 from softlab.model.geometry.mending.hull import bounding

@@ -15,10 +15,10 @@ import pytest
 
 from softlab import cli
 from softlab.model.assets.soft_body import SoftBody
+from softlab.model.base import memory
+from softlab.model.base.errors import InputError, SceneError
 from softlab.model.core import build as build_module
-from softlab.model.core import memory
 from softlab.model.core.build import build
-from softlab.model.core.errors import InputError, SceneError
 from softlab.model.geometry.shapes import Shape
 from softlab.model.scene.particle_contact import Contact
 from softlab.model.scene.scene import Scene, load_scene

@@ -12,9 +12,9 @@ from mesh_scenes import PARTS, SHEET, mesh_scene
 from softlab.app.render.drawn_springs import drawn_lines
 from softlab.bench.reference import xpbd as sheets
 from softlab.bench.reference import xpbd_mesh as reference
+from softlab.model.base.errors import InputError, SceneError
 from softlab.model.core.build import build, masses, pinned_indices, rest_positions
 from softlab.model.core.energy import energies, spring_strain
-from softlab.model.core.errors import InputError, SceneError
 from softlab.model.core.families import scene_plan
 from softlab.model.geometry.normals import vertex_normals
 from softlab.model.geometry.topology import mesh_of

@@ -29,7 +29,7 @@ from softlab.bench.reference import shape_matching as reference
 from softlab.model.assets.baked import baked
 from softlab.model.assets.lattice import Lattice
 from softlab.model.assets.soft_lattice import SoftLattice
-from softlab.model.core.errors import InputError, SceneError
+from softlab.model.base.errors import InputError, SceneError
 from softlab.model.geometry.shapes import Shape
 from softlab.model.shape_matching import body_set
 

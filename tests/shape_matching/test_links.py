@@ -24,7 +24,7 @@ from bodies_scenes import (
 
 from softlab.bench.reference import shape_matching as reference
 from softlab.model.assets.soft_sheet import SoftSheet
-from softlab.model.core.errors import InputError, SceneError
+from softlab.model.base.errors import InputError, SceneError
 from softlab.model.geometry.shapes import Shape
 from softlab.model.scene.scene import Scene
 from softlab.model.shape_matching.links import LinkedCopies, make_links

@@ -9,7 +9,7 @@ import pytest
 from kinematic_scenes import BAR, kinematic_scene, run
 from vbd_scenes import deformation, elastic_force
 
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.scene.scene import Scene
 from softlab.model.tetrahedra.body_set import TetrahedraSet
 from softlab.model.tetrahedra.topology import neighbours

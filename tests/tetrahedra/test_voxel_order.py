@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from tetrahedra_scenes import BODY, tetrahedra_scene
 
+from softlab.model.base.errors import InputError
 from softlab.model.core.constraints import ConstraintSet
-from softlab.model.core.errors import InputError
 from softlab.model.scene.scene import Scene
 from softlab.model.tetrahedra.body_set import TetrahedraSet
 from softlab.model.tetrahedra.constraints import constraint_sets, tetrahedra_of_sets

@@ -8,9 +8,9 @@ from mesh_scenes import mesh_scene
 
 from softlab.app.driver import open_simulation
 from softlab.bench.reference import xpbd_mesh as reference
+from softlab.model.base.errors import InputError, SceneError
 from softlab.model.core.build import build
 from softlab.model.core.energy import energies
-from softlab.model.core.errors import InputError, SceneError
 from softlab.model.formulas.constraints import volume
 from softlab.model.geometry.mesh import triangle_mesh
 from softlab.model.geometry.topology import mesh_of

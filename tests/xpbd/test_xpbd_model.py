@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from softlab.bench.reference import xpbd
+from softlab.model.base.errors import SceneError
 from softlab.model.contact.substep_parameters import (
     constants_of,
     xpbd_record,
 )
 from softlab.model.core.build import build
 from softlab.model.core.energy import energies
-from softlab.model.core.errors import SceneError
 from softlab.model.core.families import scene_plan, stability_limit
 from softlab.model.core.parameters import parameter_record
 from softlab.model.scene.scene import Scene, load_scene

@@ -14,7 +14,7 @@ from softlab.gpu_backend.xpbd.choice import (
     xpbd_kernel,
 )
 from softlab.gpu_backend.xpbd.tile import SheetTile, dependencies, span
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.scene.scene import Scene
 from softlab.model.xpbd.plan import colour_order, families, xpbd_parts
 

@@ -23,7 +23,7 @@ from softlab.app.render.vertex_arrays import (
     vertex_array,
 )
 from softlab.app.render.view import View
-from softlab.model.core.errors import InputError
+from softlab.model.base.errors import InputError
 from softlab.model.core.simulation import Simulation
 from softlab.model.fluid.fluid_set import FluidSet
 from softlab.model.fluid.foam import FoamPoints

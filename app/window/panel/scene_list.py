@@ -8,7 +8,7 @@ from functools import cache
 from pathlib import Path
 
 from softlab.app.window.panes import kind_of_tables
-from softlab.model.core.errors import SoftlabError
+from softlab.model.base.errors import SoftlabError
 from softlab.model.scene.bodies import BODY_KINDS
 from softlab.model.scene.kinds import SHEETS
 from softlab.model.scene.reader import catalogue, scene_tables

@@ -6,7 +6,7 @@ import numpy as np
 
 from softlab.bench.experiments.accuracy.methods import why_unknown
 from softlab.bench.reference.mass_spring import converged, smooth
-from softlab.model.core.errors import Diverged
+from softlab.model.base.errors import Diverged
 from softlab.model.core.integrators import fastest_damping, frequency_bound, spring_damping_bound
 from softlab.model.core.simulation import State
 from softlab.model.scene.scene import Scene

@@ -17,7 +17,7 @@ import numpy as np
 
 from softlab.bench.reference import cloth, xpbd
 from softlab.bench.reference.steps import pinned_mask
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.scene.scene import Scene
 from softlab.model.scene.self_collision import SelfCollision
 

@@ -13,7 +13,7 @@ from math import ceil, floor, isfinite, log10, sqrt
 
 import numpy as np
 
-from softlab.model.core.errors import SceneError, UnstableTimeStep
+from softlab.model.base.errors import SceneError, UnstableTimeStep
 from softlab.model.core.families import stability_limit
 from softlab.model.core.integrators import INTEGRATORS
 from softlab.model.scene.parts import Part

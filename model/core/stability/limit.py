@@ -19,8 +19,8 @@ from math import cos, inf, isfinite, pi, sin, sqrt
 
 import numpy as np
 
+from softlab.model.base.errors import SceneError
 from softlab.model.core.build import build, pinned_indices, sheet_name
-from softlab.model.core.errors import SceneError
 from softlab.model.core.families import family_of, stability_limit
 from softlab.model.core.integrators import frequency_bound, lightest_mass
 from softlab.model.core.stability.springs import spring_ends, spring_stiffness

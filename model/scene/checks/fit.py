@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.scene.bodies import BODY_KINDS
 from softlab.model.scene.checks.flow import check_flow
 from softlab.model.scene.checks.fluids import check_among_solids, check_fluids

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.geometry.arithmetic.ordered import dot, norm
 from softlab.model.scene.cloth import COLLIDER_KINDS
 from softlab.model.scene.flow import Emitter

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from softlab.model.core.errors import SceneError
-from softlab.model.core.pins import PIN_WORDS, pin_indices
+from softlab.model.base.errors import SceneError
+from softlab.model.base.pins import PIN_WORDS, pin_indices
 from softlab.model.scene.attachment import pins as is_pinning
 from softlab.model.scene.kinds import SHEETS
 from softlab.model.scene.motion import ALL, RELEASE, Release, masses_of

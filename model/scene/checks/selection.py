@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from softlab.model.core.errors import InputError, SceneError
+from softlab.model.base.errors import InputError, SceneError
 from softlab.model.scene.motion import Motion
 from softlab.model.scene.regions import SIDES, WORDS, Region
 from softlab.model.scene.words import suggestion

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.scene.cloth import CONSTRAINT_KINDS, SPRING_KINDS
 from softlab.model.scene.kinds import KINDS
 from softlab.model.scene.method import OF_FLUIDS, OF_WORLDS

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.scene.attachment import check_attachment
 from softlab.model.scene.checks.selection import check_word
 from softlab.model.scene.cloth import COLLIDER_KINDS, CONSTRAINT_KINDS

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from pydantic import model_validator
 
-from softlab.model.core.errors import InputError, SceneError
+from softlab.model.base.errors import InputError, SceneError
 from softlab.model.formulas.distance_field import HEADER
 from softlab.model.geometry.mesh import read_mesh
 from softlab.model.geometry.signed_distance import sampled

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from softlab.model.core.errors import InputError
+from softlab.model.base.errors import InputError
 from softlab.model.formulas.triangle_tree import CORNERS, NODE
 from softlab.model.geometry.measures import triangle_areas
 from softlab.model.geometry.mending.welding import without_flat

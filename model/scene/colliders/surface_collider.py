@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.geometry.arithmetic.ordered import applied, norm
 from softlab.model.geometry.measures import rotation_matrix
 from softlab.model.scene.cloth import Collider

@@ -5,7 +5,7 @@ from __future__ import annotations
 from softlab.app.window.demo_report import counts_of, rates_text, strain_text
 from softlab.app.window.panel import graphs
 from softlab.app.window.panel.sections.said import Said
-from softlab.model.core.errors import SoftlabError
+from softlab.model.base.errors import SoftlabError
 
 BUTTON = "Measure the error now"
 SIGNS = {"total": "accent", "kinetic": "second"}

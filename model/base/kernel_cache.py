@@ -1,7 +1,7 @@
 """Machine code cached on disk, for both backends: its folder, reports while a kernel compiles, compile times.
 
 numba's own caches key a function by its place in a source file and by its closure, which here contains other compiled
-functions and so differs in every process. Kernels here have their content in their name (model/core/digest.py), so that
+functions and so differs in every process. Kernels here have their content in their name (model/base/digest.py), so that
 one folder of the user's cache serves every checkout, and a kernel is compiled again only if something that it is made
 of has changed. cpu_backend/core/compile.py and gpu_backend/core/compile.py mix these classes into numba's cache
 classes; nothing here needs numba.
@@ -21,10 +21,10 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from softlab.model.core.disk_cache import user_cache
-from softlab.model.core.errors import InputError
-from softlab.model.core.files import replacing
-from softlab.model.core.waiting import Watchers
+from softlab.model.base.disk_cache import user_cache
+from softlab.model.base.errors import InputError
+from softlab.model.base.files import replacing
+from softlab.model.base.waiting import Watchers
 
 MAX_BYTES = 1 << 30  # of cached machine code; above it the half that was unused for longest is deleted
 SECONDS = "seconds.json"  # of each kernel's last compilation, by label

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import psutil
 
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 
 MAX_PARTICLES = 2**31 - 1  # flat indices are 32-bit on the GPU
 

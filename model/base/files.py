@@ -14,8 +14,8 @@ from tempfile import TemporaryFile
 
 import numpy as np
 
-from softlab.model.core.errors import InputError, shortened
-from softlab.model.core.memory import available_bytes, readable
+from softlab.model.base.errors import InputError, shortened
+from softlab.model.base.memory import available_bytes, readable
 
 LONGEST_TEXT = 2**24  # bytes of a scene: a hundred thousand pinned masses listed one by one take a tenth of it
 OLD_SECONDS = 3600.0  # older temporary files without writes were left by a process that has ended

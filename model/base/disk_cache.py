@@ -15,8 +15,8 @@ from typing import TypeVar
 
 import numpy as np
 
-from softlab.model.core.errors import InputError
-from softlab.model.core.files import replacing
+from softlab.model.base.errors import InputError
+from softlab.model.base.files import replacing
 
 Kept = TypeVar("Kept")
 

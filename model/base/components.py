@@ -5,7 +5,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import Any
 
-from softlab.model.core.errors import BackendUnavailable
+from softlab.model.base.errors import BackendUnavailable
 
 INSTALL = "install it: pip install --force-reinstall soft-body-lab"
 
