@@ -10,10 +10,10 @@ from typing import Any
 from pydantic import model_validator
 
 from softlab.model.base.errors import SceneError
+from softlab.model.base.table import NotNegative, Part, Vector
+from softlab.model.base.words import suggestion
 from softlab.model.scene.cloth import Collider
 from softlab.model.scene.motion import Motion
-from softlab.model.scene.parts import NotNegative, Part, Vector
-from softlab.model.scene.words import suggestion
 
 LONGEST = 1e8  # s, or rad: how far ahead a collider's path is known to what is attached to it
 

@@ -14,10 +14,10 @@ from softlab.model.assets.baked_body import BakedBody
 from softlab.model.assets.soft_body import MATERIAL, RigidBody, SoftBody
 from softlab.model.assets.soft_lattice import SoftLattice
 from softlab.model.assets.soft_sheet import SoftSheet
+from softlab.model.base.table import ZERO, Count, NotNegative, Part, Positive, Vector
 from softlab.model.geometry.measures import turned_about
 from softlab.model.geometry.topology import mesh_path
 from softlab.model.scene.mesh_source import MeshSource
-from softlab.model.scene.parts import ZERO, Count, NotNegative, Part, Positive, Vector
 
 MAX_COPIES = 1_000_000
 Copies = tuple[Count, Count, Count]

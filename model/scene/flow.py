@@ -8,9 +8,9 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import model_validator
 
+from softlab.model.base.table import ZERO, NotNegative, Part, Positive, Vector
 from softlab.model.geometry.arithmetic.ordered import dot, norm
 from softlab.model.scene.fluid import Flat
-from softlab.model.scene.parts import ZERO, NotNegative, Part, Positive, Vector
 
 NEVER = 1e30  # s
 

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from softlab.model.scene.parts import ZERO, Count, NotNegative, Number, Part, Positive, Vector
+from softlab.model.base.table import ZERO, Count, NotNegative, Number, Part, Positive, Vector
 
 SUPPORT = 1 / 0.55  # rest distances, by default
 AMONG_BODIES = 2.0  # rest distances, by default with bodies: a lattice that hardly resists shear (model/fluid/shear.py)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from softlab.model.base.table import Part
 from softlab.model.scene.attachment import Attachment
 from softlab.model.scene.bodies import BODY_KINDS
 from softlab.model.scene.cloth import CLOTH_KINDS, COLLIDER_KINDS
@@ -13,7 +14,7 @@ from softlab.model.scene.mesh import MESH_KINDS
 from softlab.model.scene.method import Method
 from softlab.model.scene.motion import RELEASE, Release
 from softlab.model.scene.particle_contact import Contact
-from softlab.model.scene.parts import GRID_KINDS, Part
+from softlab.model.scene.parts import GRID_KINDS
 from softlab.model.scene.regions import Region
 from softlab.model.scene.tetrahedra import TETRAHEDRAL_KINDS, Material
 from softlab.model.scene.xpbd import XPBD_KINDS

@@ -7,10 +7,11 @@ from typing import Any, ClassVar, Literal
 
 from pydantic import field_validator, model_validator
 
+from softlab.model.base.table import Count, Part, Positive
 from softlab.model.geometry.topology import describe, mesh_of
 from softlab.model.scene.cloth import Cloth
 from softlab.model.scene.mesh_source import OF_FILES
-from softlab.model.scene.parts import Count, Grid, Part, Positive
+from softlab.model.scene.parts import Grid
 
 Diagonals = Literal["one", "alternating"]
 OF_SHEETS = ("shape", "rows", "columns", "spacing", "diagonals", "placement")

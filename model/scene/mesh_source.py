@@ -7,9 +7,9 @@ from typing import Any, ClassVar
 
 from pydantic import model_validator
 
+from softlab.model.base.table import ZERO, Number, Part, Positive, Vector
 from softlab.model.geometry.shapes import Shape
 from softlab.model.geometry.topology import file_digest, mesh_path
-from softlab.model.scene.parts import ZERO, Number, Part, Positive, Vector
 
 OF_FILES = ("file", "digest", "scale")
 

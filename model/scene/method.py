@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from softlab.model.scene.parts import NotNegative, Part, Positive
+from softlab.model.base.table import NotNegative, Part, Positive
 
 IntegratorName = Literal[
     "lab", "semi-implicit-euler", "velocity-verlet", "rk4", "explicit-euler", "taylor", "implicit-euler",

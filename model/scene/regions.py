@@ -11,6 +11,7 @@ import numpy as np
 from pydantic import model_validator
 
 from softlab.model.base.errors import InputError
+from softlab.model.base.table import ZERO, Flag, Number, Part, Positive, Vector
 from softlab.model.geometry.arithmetic.ordered import applied, dot, norm
 from softlab.model.geometry.measures import turned_about
 from softlab.model.geometry.mesh import TriangleMesh, read_mesh
@@ -19,7 +20,6 @@ from softlab.model.geometry.solid import solid
 from softlab.model.geometry.topology import mesh_path
 from softlab.model.geometry.voxels import winding_numbers
 from softlab.model.scene.mesh_source import check_axis, check_digest
-from softlab.model.scene.parts import ZERO, Flag, Number, Part, Positive, Vector
 
 Side = Literal["left", "right", "bottom", "top", "back", "front"]  # of x, y and z: the lower one first
 SIDES: tuple[Side, ...] = ("left", "right", "bottom", "top", "back", "front")

@@ -14,6 +14,7 @@ from typing import Any
 
 from softlab.model.base.clock import UNSEEN
 from softlab.model.base.errors import SceneError
+from softlab.model.base.words import suggestion
 from softlab.model.scene.checks.fit import check_fit
 from softlab.model.scene.checks.releases import check_releases, tables_without
 from softlab.model.scene.checks.solver import check_solver
@@ -25,7 +26,6 @@ from softlab.model.scene.reader import scene_tables
 from softlab.model.scene.resting import take_resting_defaults
 from softlab.model.scene.scene_parts import SceneParts
 from softlab.model.scene.tank import TANK, Tank
-from softlab.model.scene.words import suggestion
 
 OWN_NAMES = KINDS | {TANK: Tank, CAMERA: CameraPart}  # names of tables that need no `kind`
 

@@ -14,6 +14,8 @@ from typing import Any
 from pydantic import ValidationError
 
 from softlab.model.base.errors import InputError, SceneError
+from softlab.model.base.table import Part
+from softlab.model.base.words import scene_error, suggestion
 from softlab.model.fluid.fluid_set import FluidSet, make_fluid_set
 from softlab.model.scene.attachment import Attachment, motion_with, pins
 from softlab.model.scene.bodies import BODY_KINDS, Placed
@@ -43,7 +45,6 @@ from softlab.model.scene.parts import (
     External,
     Gravity,
     Grid,
-    Part,
     Perturbation,
     Springs,
 )
@@ -51,7 +52,6 @@ from softlab.model.scene.regions import Region
 from softlab.model.scene.self_collision import SelfCollision
 from softlab.model.scene.tank import TANK, Tank
 from softlab.model.scene.tetrahedra import TETRAHEDRAL_KINDS, Material, TetrahedralBody
-from softlab.model.scene.words import scene_error, suggestion
 from softlab.model.scene.xpbd import Attachments, Load
 from softlab.model.shape_matching.body_set import BodySet, make_body_set
 from softlab.model.tetrahedra.body_set import TetrahedraSet, make_tetrahedra_set

@@ -7,8 +7,8 @@ from typing import Annotated
 from pydantic import Field, model_validator
 
 from softlab.model.base.errors import SceneError
+from softlab.model.base.table import NotNegative, Number, Positive
 from softlab.model.scene.cloth import Collider, Plane
-from softlab.model.scene.parts import NotNegative, Number, Positive
 
 TANK = "tank"  # the kind of table
 Sizes = Annotated[tuple[Positive, ...], Field(min_length=2, max_length=3)]

@@ -31,7 +31,7 @@ FAMILIES = "mass_spring xpbd shape_matching tetrahedra fluid"
 BACKEND = ("core", "contact", FAMILIES, "world domains")
 # Lowest first. Units of one line do not import each other.
 ORDER = {
-    "model": ("formulas", "base", "tables", "geometry", "assets", "scene", "core", "contact", FAMILIES, "world domains"),
+    "model": ("formulas", "base", "geometry", "assets", "scene", "core", "contact", FAMILIES, "world domains"),
     "cpu_backend": BACKEND,
     "gpu_backend": BACKEND,
     "app": ("auto_threads outcome shared", "driver", "render", "output", "command", "plan", "window"),
@@ -44,11 +44,6 @@ ORDER = {
         "words", "listings machines tables", "claims answer grid_tables", "facts rungs", "build", "film", "jobs", "commands",
     ),
 }  # fmt: skip
-APART = {  # files that rank below the rest of their package: unit -> package, files
-    "model": {
-        "tables": ("scene", "parts words"),
-    }
-}
 
 
 def imported(file: Path) -> set[str]:
@@ -82,14 +77,6 @@ def test_every_package_is_in_the_order():
     """A new package has to be given its place."""
     found = {folder.name for folder in ROOT.iterdir() if (folder / "__init__.py").exists()} - {"tests"}
     assert found <= set(LEVELS)
-
-
-def unit_of(layer: str, parts: tuple[str, ...]) -> str:
-    """The unit that a file or module belongs to; `parts` without the layer."""
-    for unit, (package, files) in APART.get(layer, {}).items():
-        if parts[0] == package and len(parts) > 1 and parts[1] in files.split():
-            return unit
-    return parts[0]
 
 
 def ranks_of(layer: str) -> dict[str, int]:
@@ -128,9 +115,9 @@ def violations(layer: str) -> set[str]:
         parts = file.relative_to(ROOT).with_suffix("").parts
         if parts[0] != layer or parts[1] == "__init__":
             continue
-        here = unit_of(layer, parts[1:])
+        here = parts[1]
         for module in imports_of(file):
-            there = unit_of(layer, tuple(module.split(".")[1:]))
+            there = module.split(".")[1]
             if here != there and ranks[there] >= ranks[here]:
                 found.add(f"{'.'.join(parts)} -> {module}")
     return found
@@ -144,8 +131,7 @@ def exceptions() -> set[str]:
 @pytest.mark.parametrize("layer", ORDER)
 def test_every_unit_has_a_rank(layer):
     """Each package and top-level file stands in the order, and the order names nothing that is gone."""
-    parts = [tuple(name.split(".")[1:]) for name in modules() if name.startswith(f"{layer}.")]
-    assert {unit_of(layer, one) for one in parts} == set(ranks_of(layer))
+    assert {name.split(".")[1] for name in modules() if name.startswith(f"{layer}.")} == set(ranks_of(layer))
 
 
 @pytest.mark.parametrize("layer", ORDER)

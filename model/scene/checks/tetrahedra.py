@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from softlab.model.base.errors import SceneError
+from softlab.model.base.words import suggestion
 from softlab.model.scene.attachment import check_attachment
 from softlab.model.scene.checks.selection import check_word
 from softlab.model.scene.cloth import COLLIDER_KINDS, CONSTRAINT_KINDS
@@ -18,7 +19,6 @@ from softlab.model.scene.particle_contact import MAX_KINDS
 from softlab.model.scene.regions import Region
 from softlab.model.scene.scene_parts import SceneParts
 from softlab.model.scene.tetrahedra import TETRAHEDRAL_KINDS, Material, TetrahedralBody
-from softlab.model.scene.words import suggestion
 
 SOLVERS_OF_TETRAHEDRA = ("xpbd", *TETRAHEDRAL_SOLVERS)
 OF_TETRAHEDRA = (

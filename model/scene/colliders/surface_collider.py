@@ -10,11 +10,11 @@ from typing import Any, ClassVar
 import numpy as np
 
 from softlab.model.base.errors import SceneError
+from softlab.model.base.table import ZERO, Positive, Vector
 from softlab.model.geometry.arithmetic.ordered import applied, norm
 from softlab.model.geometry.measures import rotation_matrix
 from softlab.model.scene.cloth import Collider
 from softlab.model.scene.mesh_source import MeshSource
-from softlab.model.scene.parts import ZERO, Positive, Vector
 
 
 class SurfaceCollider(MeshSource, Collider):
