@@ -14,8 +14,8 @@ from softlab.model.core.families import family_of
 from softlab.model.core.simulation import Options, Simulation, State
 from softlab.model.core.stability.diagnosis import refusal
 from softlab.model.core.stepping import lost_so_far
-from softlab.model.scene.motion import RELEASE
 from softlab.model.scene.scene import Scene, load_scene
+from softlab.model.tables.motion import RELEASE
 
 BACKENDS = ("cpu", "gpu")
 

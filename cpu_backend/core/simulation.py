@@ -19,8 +19,8 @@ from softlab.model.contact.cloth_parameters import pin_velocity
 from softlab.model.core.options import unknown_kernel
 from softlab.model.core.plan import Executor
 from softlab.model.core.simulation import Options, Simulation
-from softlab.model.scene.cloth import COLLIDER_KINDS
 from softlab.model.scene.scene import Scene
+from softlab.model.tables.cloth import COLLIDER_KINDS
 from softlab.model.tetrahedra.targets import Targeted
 
 WIDTH = 4  # numbers of a particle in space: x, y, z and, for positions, its weight

@@ -19,10 +19,10 @@ from softlab.model.core.parameters import PARAMETERS as GRID_PARAMETERS
 from softlab.model.core.parameters import require_held, rounded_record
 from softlab.model.formulas import cloth, motion
 from softlab.model.geometry.arithmetic.ordered import norm
-from softlab.model.scene.cloth import COLLIDER_KINDS, SURFACE_KINDS
-from softlab.model.scene.colliders.surface_collider import naming
-from softlab.model.scene.motion import motions_of_pins
 from softlab.model.scene.scene import Scene
+from softlab.model.tables.cloth import COLLIDER_KINDS, SURFACE_KINDS
+from softlab.model.tables.colliders.surface_collider import naming
+from softlab.model.tables.motion import motions_of_pins
 
 CLOTH_PARAMETERS = (
     *GRID_PARAMETERS[:7],  # dt [s], values that follow from it, and the origin of time

@@ -17,8 +17,8 @@ from softlab.model.contact.cloth_parameters import CLOTH_PARAMETERS, FIELDS, REA
 from softlab.model.core.integrators import damping_rate
 from softlab.model.core.parameters import rounded_record
 from softlab.model.core.stability.springs import matching_stiffness
-from softlab.model.scene.cloth import CONSTRAINT_KINDS
 from softlab.model.scene.scene import Scene
+from softlab.model.tables.cloth import CONSTRAINT_KINDS
 
 OF_SHEETS = (
     "structural",

@@ -18,13 +18,13 @@ from softlab.model.geometry.arithmetic.functions import cosine, sine
 from softlab.model.geometry.particle_row import PARKED
 from softlab.model.geometry.sheets import sheet_positions
 from softlab.model.geometry.topology import mesh_of, pinned_vertices, vertex_masses
-from softlab.model.scene.cloth import Cloth, Fold
-from softlab.model.scene.kinds import SHEETS
-from softlab.model.scene.mesh import Mesh
-from softlab.model.scene.parts import Grid
 from softlab.model.scene.scene import Scene
-from softlab.model.scene.self_collision import CONTACT_BYTES
 from softlab.model.shape_matching.body_set import BodySet
+from softlab.model.tables.cloth import Cloth, Fold
+from softlab.model.tables.kinds import SHEETS
+from softlab.model.tables.mesh import Mesh
+from softlab.model.tables.parts import Grid
+from softlab.model.tables.self_collision import CONTACT_BYTES
 from softlab.model.tetrahedra.body_set import TetrahedraSet
 from softlab.model.world.world_set import WorldSet
 

@@ -13,8 +13,8 @@ from softlab.model.core.plan import Plan
 from softlab.model.core.sharing.bodies import Apart
 from softlab.model.core.sharing.decomposition import Reach
 from softlab.model.core.sharing.partitions import SharedMesh
-from softlab.model.scene.motion import RELEASE
 from softlab.model.scene.scene import Scene
+from softlab.model.tables.motion import RELEASE
 
 
 @dataclass(frozen=True)

@@ -27,9 +27,9 @@ from softlab.model.core.plan import Executor, Plan, StageRun
 from softlab.model.core.stability.divergence import DIVERGED_SIZE, check_interval
 from softlab.model.core.state import State, checked_arrays, checked_clusters, every_plastic
 from softlab.model.core.stepping import Stepping
-from softlab.model.scene.flow import taps_at_start, turned
 from softlab.model.scene.scene import Scene
 from softlab.model.shape_matching import spare
+from softlab.model.tables.flow import taps_at_start, turned
 
 
 class Simulation(Stepping):

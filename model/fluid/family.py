@@ -11,8 +11,8 @@ from softlab.model.fluid.measure import density_errors, pressures
 from softlab.model.fluid.parameters import fluid_record, highest_viscosity, speed_limit
 from softlab.model.fluid.plan import fluid_plan
 from softlab.model.fluid.speeds import expected_speeds
-from softlab.model.scene.cloth import COLLIDER_KINDS
 from softlab.model.scene.scene import Scene
+from softlab.model.tables.cloth import COLLIDER_KINDS
 
 PRESSURE = Output(
     "pressure", "(particles,)", "Pa", "pressure from the pairs of particles",

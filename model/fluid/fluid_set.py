@@ -11,7 +11,7 @@ import numpy as np
 from softlab.model.fluid.lattice import Lattice, lattice_of
 from softlab.model.geometry.arithmetic.functions import cosine, sine, whole_power
 from softlab.model.geometry.particle_row import PARKED, ParticleRow
-from softlab.model.scene.fluid import Domain, Fluid
+from softlab.model.tables.fluid import Domain, Fluid
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,8 +10,8 @@ from softlab.model.base.clock import START, Clock
 from softlab.model.core.own_forces import own_fields, own_names, own_values
 from softlab.model.core.parameters import rounded_record
 from softlab.model.fluid.fluid_set import FluidSet
-from softlab.model.scene.fluid import REPEATED, WIDER, Fluid
 from softlab.model.scene.scene import Scene
+from softlab.model.tables.fluid import REPEATED, WIDER, Fluid
 
 AXES = "xyz"
 BOX = ("low", "high", "side", "half", "cells", "inverse_side")  # of an axis that repeats; the last one: cells per metre

@@ -23,7 +23,7 @@ TOP = 0.1  # of the mean edge: what lies so near to the highest vertex counts as
 
 
 class MeshPart(Protocol):
-    """What a scene tells of a mesh (model/scene/mesh.py has the part itself): a file, or rows and columns."""
+    """What a scene tells of a mesh (model/tables/mesh.py has the part itself): a file, or rows and columns."""
 
     file: str | None
     scale: float

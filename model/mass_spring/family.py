@@ -14,8 +14,8 @@ from softlab.model.core.sharing.decomposition import Reach, require_local
 from softlab.model.core.stability.springs import sheet_spring_count, sheet_strain, stored_in_springs
 from softlab.model.mass_spring.cloth_plan import cloth_plan, kicks_meet
 from softlab.model.mass_spring.plan import mass_spring_plan
-from softlab.model.scene.cloth import COLLIDER_KINDS, SPRING_KINDS
 from softlab.model.scene.scene import Scene
+from softlab.model.tables.cloth import COLLIDER_KINDS, SPRING_KINDS
 
 
 def _note(scene: Scene) -> str:

@@ -13,10 +13,10 @@ from softlab.model.base.errors import SceneError
 from softlab.model.base.table import Part
 from softlab.model.base.words import notes_of, suggestion
 from softlab.model.geometry.shapes import Shape
-from softlab.model.scene.kinds import KINDS
-from softlab.model.scene.mesh_source import MeshSource
-from softlab.model.scene.parts import CAMERA, CameraPart
-from softlab.model.scene.tank import TANK, Tank
+from softlab.model.tables.kinds import KINDS
+from softlab.model.tables.mesh_source import MeshSource
+from softlab.model.tables.parts import CAMERA, CameraPart
+from softlab.model.tables.tank import TANK, Tank
 
 TOLD = KINDS | {TANK: Tank, CAMERA: CameraPart, "shape": Shape}  # a shape is a field of a body or mesh, not a table
 REQUIRED = "(must be given)"

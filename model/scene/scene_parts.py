@@ -17,9 +17,11 @@ from softlab.model.base.errors import InputError, SceneError
 from softlab.model.base.table import Part
 from softlab.model.base.words import scene_error, suggestion
 from softlab.model.fluid.fluid_set import FluidSet, make_fluid_set
-from softlab.model.scene.attachment import Attachment, motion_with, pins
-from softlab.model.scene.bodies import BODY_KINDS, Placed
-from softlab.model.scene.cloth import (
+from softlab.model.scene.members import member_tables, members_of
+from softlab.model.shape_matching.body_set import BodySet, make_body_set
+from softlab.model.tables.attachment import Attachment, motion_with, pins
+from softlab.model.tables.bodies import BODY_KINDS, Placed
+from softlab.model.tables.cloth import (
     COLLIDER_KINDS,
     CONSTRAINT_KINDS,
     SPRING_KINDS,
@@ -29,15 +31,14 @@ from softlab.model.scene.cloth import (
     Fold,
     Wind,
 )
-from softlab.model.scene.flow import Emitter, Sink
-from softlab.model.scene.fluid import Domain, Fluid, Foam
-from softlab.model.scene.kinds import KINDS, REMOVED
-from softlab.model.scene.members import member_tables, members_of
-from softlab.model.scene.mesh import Mesh
-from softlab.model.scene.method import Method
-from softlab.model.scene.motion import Motion
-from softlab.model.scene.particle_contact import Contact
-from softlab.model.scene.parts import (
+from softlab.model.tables.flow import Emitter, Sink
+from softlab.model.tables.fluid import Domain, Fluid, Foam
+from softlab.model.tables.kinds import KINDS, REMOVED
+from softlab.model.tables.mesh import Mesh
+from softlab.model.tables.method import Method
+from softlab.model.tables.motion import Motion
+from softlab.model.tables.particle_contact import Contact
+from softlab.model.tables.parts import (
     CAMERA,
     CameraPart,
     Damping,
@@ -48,12 +49,11 @@ from softlab.model.scene.parts import (
     Perturbation,
     Springs,
 )
-from softlab.model.scene.regions import Region
-from softlab.model.scene.self_collision import SelfCollision
-from softlab.model.scene.tank import TANK, Tank
-from softlab.model.scene.tetrahedra import TETRAHEDRAL_KINDS, Material, TetrahedralBody
-from softlab.model.scene.xpbd import Attachments, Load
-from softlab.model.shape_matching.body_set import BodySet, make_body_set
+from softlab.model.tables.regions import Region
+from softlab.model.tables.self_collision import SelfCollision
+from softlab.model.tables.tank import TANK, Tank
+from softlab.model.tables.tetrahedra import TETRAHEDRAL_KINDS, Material, TetrahedralBody
+from softlab.model.tables.xpbd import Attachments, Load
 from softlab.model.tetrahedra.body_set import TetrahedraSet, make_tetrahedra_set
 from softlab.model.world.world_set import WorldSet, make_world_set
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from softlab.model.base.errors import SceneError
 from softlab.model.core.sharing.bodies import Apart, require_apart
-from softlab.model.scene.attachment import pins
 from softlab.model.scene.scene import Scene
+from softlab.model.tables.attachment import pins
 from softlab.model.tetrahedra.body_set import TetrahedraSet
 from softlab.model.tetrahedra.topology import bodies_of_particles
 

@@ -15,7 +15,7 @@ from softlab.model.formulas.constraints import attachment as formula
 from softlab.model.geometry.measures import nearest_of
 from softlab.model.geometry.tetrahedra.embedding import carriers
 from softlab.model.geometry.tetrahedra.mesh import TetrahedralMesh
-from softlab.model.scene.attachment import Attachment, pins
+from softlab.model.tables.attachment import Attachment, pins
 from softlab.model.tetrahedra.body_set import TetrahedraSet
 from softlab.model.xpbd.mesh_constraints import coloured
 

@@ -12,9 +12,9 @@ from softlab.model.core.family import SolverFamily
 from softlab.model.core.parameters import rounded_record
 from softlab.model.core.stability.projection import projection_limit, projection_note
 from softlab.model.geometry.measures import edge_lengths
-from softlab.model.scene.cloth import COLLIDER_KINDS, CONSTRAINT_KINDS
-from softlab.model.scene.motion import RELEASE
 from softlab.model.scene.scene import Scene
+from softlab.model.tables.cloth import COLLIDER_KINDS, CONSTRAINT_KINDS
+from softlab.model.tables.motion import RELEASE
 from softlab.model.tetrahedra.apart import tetrahedra_apart
 from softlab.model.tetrahedra.attachments import KIND, stored
 from softlab.model.tetrahedra.constraints import CONSTANTS, constraint_sets, tetrahedra_plan, through_note

@@ -10,8 +10,8 @@ import numpy as np
 from softlab.model.base.errors import InputError
 from softlab.model.geometry.arithmetic.ordered import total
 from softlab.model.geometry.tetrahedra.mesh import TetrahedralMesh
-from softlab.model.scene.regions import Region
-from softlab.model.scene.tetrahedra import Material, TetrahedralBody, lame_of
+from softlab.model.tables.regions import Region
+from softlab.model.tables.tetrahedra import Material, TetrahedralBody, lame_of
 from softlab.model.tetrahedra.masses import limited
 from softlab.model.tetrahedra.topology import neighbours
 

@@ -12,9 +12,9 @@ from softlab.model.base.errors import InputError, SceneError
 from softlab.model.geometry.arithmetic.ordered import applied, total
 from softlab.model.geometry.measures import turned_about
 from softlab.model.geometry.tetrahedra.mesh import TetrahedralMesh
-from softlab.model.scene.checks.selection import vertices_of
-from softlab.model.scene.regions import Region
-from softlab.model.scene.tetrahedra import Material, TetrahedralBody
+from softlab.model.tables.regions import Region
+from softlab.model.tables.selection import vertices_of
+from softlab.model.tables.tetrahedra import Material, TetrahedralBody
 from softlab.model.tetrahedra.matter import Matter, matter_of
 
 

@@ -12,9 +12,9 @@ from softlab.model.base.errors import SceneError
 from softlab.model.base.pins import pin_indices
 from softlab.model.geometry.mesh import TriangleMesh
 from softlab.model.geometry.topology import mesh_of, pinned_vertices, vertex_masses
-from softlab.model.scene.checks.selection import vertices_of
-from softlab.model.scene.mesh import Mesh
-from softlab.model.scene.regions import Region
+from softlab.model.tables.mesh import Mesh
+from softlab.model.tables.regions import Region
+from softlab.model.tables.selection import vertices_of
 
 
 @dataclass(frozen=True, eq=False)

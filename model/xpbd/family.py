@@ -11,8 +11,8 @@ from softlab.model.core.family import ANY_SHEET, SolverFamily
 from softlab.model.core.sharing.decomposition import Reach, require_local
 from softlab.model.core.stability.projection import projection_limit, projection_note
 from softlab.model.core.stability.springs import sheet_spring_count, sheet_strain, stored_in_springs
-from softlab.model.scene.cloth import COLLIDER_KINDS, CONSTRAINT_KINDS, SPRING_KINDS
 from softlab.model.scene.scene import Scene
+from softlab.model.tables.cloth import COLLIDER_KINDS, CONSTRAINT_KINDS, SPRING_KINDS
 from softlab.model.xpbd.mesh_constraints import constraint_sets, edge_strain, mesh_energy
 from softlab.model.xpbd.mesh_plan import xpbd_mesh_plan
 from softlab.model.xpbd.plan import xpbd_parts, xpbd_plan

@@ -25,9 +25,9 @@ from softlab.model.geometry.measures import edge_lengths, triangle_areas
 from softlab.model.geometry.mesh import TriangleMesh
 from softlab.model.geometry.topology import mesh_of
 from softlab.model.geometry.voxels import winding_numbers
-from softlab.model.scene.cloth import CONSTRAINT_KINDS
 from softlab.model.scene.scene import Scene
-from softlab.model.scene.xpbd import MAX_ANCHORS
+from softlab.model.tables.cloth import CONSTRAINT_KINDS
+from softlab.model.tables.xpbd import MAX_ANCHORS
 from softlab.model.xpbd.attachments import UNREACHED, vertex_attachments
 from softlab.model.xpbd.rest_shape import check_flat
 

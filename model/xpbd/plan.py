@@ -10,9 +10,9 @@ from softlab.model.core.plan import Node, Plan, Stage
 from softlab.model.formulas import colliders, contact, distance, particle_contact
 from softlab.model.formulas.shape_matching import cluster, couple, deformation, lattice, pace, rebound, rigid
 from softlab.model.formulas.shape_matching import grid as shape_matching
-from softlab.model.scene.cloth import SPRING_KINDS
-from softlab.model.scene.parts import Elastic
 from softlab.model.scene.scene import Scene
+from softlab.model.tables.cloth import SPRING_KINDS
+from softlab.model.tables.parts import Elastic
 
 JACOBI = frozenset({"jacobi", "averaged-jacobi"})  # orderings: all constraints at one position
 BODIES_LOOKED_AT = 27  # particles of the cells around one, in a lattice

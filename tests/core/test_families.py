@@ -9,9 +9,9 @@ from softlab.model.base.errors import SceneError
 from softlab.model.core.families import families, family_of, scene_plan, stability_limit
 from softlab.model.core.family import SolverFamily
 from softlab.model.mass_spring.plan import mass_spring_plan
-from softlab.model.scene.kinds import KINDS
 from softlab.model.scene.reader import catalogue
 from softlab.model.scene.scene import load_scene
+from softlab.model.tables.kinds import KINDS
 
 ONES = {family.name: family for family in families()}
 

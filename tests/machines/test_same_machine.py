@@ -39,7 +39,7 @@ EXCEPTIONS = {
     "geometry/tetrahedra/mesh.py": "a reported quality",
     "geometry/tetrahedra/voxels.py": "an inverse of whole numbers, rounded to halves",
     "contact/penetration.py": "reported gaps",
-    "scene/colliders/surface_collider.py": "radians: one product",
+    "tables/colliders/surface_collider.py": "radians: one product",
     "geometry/measures.py": "radians: one product",
     "geometry/strokes.py": "radians: one product",
     "fluid/foam.py": "drawn points", "fluid/foam_walls.py": "drawn points",

@@ -25,12 +25,12 @@ SHARED = {
         "softlab.model.scene.sheets",
     },
     "tetrahedra_newton.py": {"softlab.model.tetrahedra.body_set"},
-    "self_contacts.py": {"softlab.model.scene.self_collision"},
+    "self_contacts.py": {"softlab.model.tables.self_collision"},
     "shape_matching.py": {"softlab.model.assets.clusters", "softlab.model.shape_matching.matching"},
     "cluster_material.py": {"softlab.model.assets.clusters"},
-    "cloth.py": {"softlab.model.scene.colliders.mesh_collider", "softlab.model.scene.colliders.distance_field"},
-    "mesh_collider.py": {"softlab.model.scene.colliders.mesh_collider"},
-    "distance_field.py": {"softlab.model.scene.colliders.distance_field"},
+    "cloth.py": {"softlab.model.tables.colliders.mesh_collider", "softlab.model.tables.colliders.distance_field"},
+    "mesh_collider.py": {"softlab.model.tables.colliders.mesh_collider"},
+    "distance_field.py": {"softlab.model.tables.colliders.distance_field"},
     "surface_contacts.py": {"softlab.model.tetrahedra.attachments"},  # who is tied to whom
     "tetrahedra_cloth.py": {
         "softlab.model.tetrahedra.attachments",
@@ -39,8 +39,8 @@ SHARED = {
     "fluid.py": {"softlab.model.fluid.measure"},  # who is near to whom, by a k-d tree, which no solver asks
     "fluid_world.py": {
         "softlab.model.geometry.particle_row",
-        "softlab.model.scene.colliders.mesh_collider",
-        "softlab.model.scene.colliders.distance_field",
+        "softlab.model.tables.colliders.mesh_collider",
+        "softlab.model.tables.colliders.distance_field",
     },
     "fluid_solids.py": {"softlab.model.fluid.samples"},  # where they lie
     "world.py": {  # triangles, who is tied to whom, who meets whom, what is sampled

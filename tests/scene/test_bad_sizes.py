@@ -20,9 +20,9 @@ from softlab.model.base.errors import InputError, SceneError
 from softlab.model.core import build as build_module
 from softlab.model.core.build import build
 from softlab.model.geometry.shapes import Shape
-from softlab.model.scene.particle_contact import Contact
 from softlab.model.scene.scene import Scene, load_scene
-from softlab.model.scene.self_collision import CONTACT_BYTES, SelfCollision
+from softlab.model.tables.particle_contact import Contact
+from softlab.model.tables.self_collision import CONTACT_BYTES, SelfCollision
 
 STAR = Shape(name="star").mesh()
 BOX = Shape(name="box").mesh()

@@ -5,18 +5,18 @@ from __future__ import annotations
 from typing import Any
 
 from softlab.model.base.errors import SceneError
-from softlab.model.scene.bodies import BODY_KINDS
 from softlab.model.scene.checks.flow import check_flow
 from softlab.model.scene.checks.fluids import check_among_solids, check_fluids
 from softlab.model.scene.checks.solver import OF_MESHES
 from softlab.model.scene.checks.tetrahedra import check_tetrahedra
-from softlab.model.scene.cloth import CLOTH_KINDS, COLLIDER_KINDS, SPRING_KINDS
-from softlab.model.scene.kinds import KINDS
 from softlab.model.scene.members import members_of
-from softlab.model.scene.method import OF_FLUIDS, OF_WORLDS, Method
-from softlab.model.scene.particle_contact import MAX_KINDS
 from softlab.model.scene.resting import take_resting_defaults
 from softlab.model.scene.scene_parts import SceneParts
+from softlab.model.tables.bodies import BODY_KINDS
+from softlab.model.tables.cloth import CLOTH_KINDS, COLLIDER_KINDS, SPRING_KINDS
+from softlab.model.tables.kinds import KINDS
+from softlab.model.tables.method import OF_FLUIDS, OF_WORLDS, Method
+from softlab.model.tables.particle_contact import MAX_KINDS
 
 GRID_ONLY = ("springs",)
 WITH_FLUIDS = ("fluid", "emitter", "sink", "domain", "foam", "gravity", "external", "method", *COLLIDER_KINDS)

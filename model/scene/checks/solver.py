@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from softlab.model.base.errors import SceneError
-from softlab.model.scene.cloth import CONSTRAINT_KINDS, SPRING_KINDS
-from softlab.model.scene.kinds import KINDS
-from softlab.model.scene.method import OF_FLUIDS, OF_WORLDS
-from softlab.model.scene.method import OF_TETRAHEDRA as TETRAHEDRAL_SOLVERS
-from softlab.model.scene.motion import RELEASE, check_inside, motions_of_pins
-from softlab.model.scene.parts import Elastic
 from softlab.model.scene.scene_parts import SceneParts
-from softlab.model.scene.xpbd import XPBD_KINDS
+from softlab.model.tables.cloth import CONSTRAINT_KINDS, SPRING_KINDS
+from softlab.model.tables.kinds import KINDS
+from softlab.model.tables.method import OF_FLUIDS, OF_WORLDS
+from softlab.model.tables.method import OF_TETRAHEDRA as TETRAHEDRAL_SOLVERS
+from softlab.model.tables.motion import RELEASE, check_inside, motions_of_pins
+from softlab.model.tables.parts import Elastic
+from softlab.model.tables.xpbd import XPBD_KINDS
 
 OF_MESHES = tuple(kind for kind in CONSTRAINT_KINDS if kind not in SPRING_KINDS)
 NOT_OF_MESHES = ("shear", "fold", "motion", "load", "self_collision")

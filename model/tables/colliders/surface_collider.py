@@ -13,8 +13,8 @@ from softlab.model.base.errors import SceneError
 from softlab.model.base.table import ZERO, Positive, Vector
 from softlab.model.geometry.arithmetic.ordered import applied, norm
 from softlab.model.geometry.measures import rotation_matrix
-from softlab.model.scene.cloth import Collider
-from softlab.model.scene.mesh_source import MeshSource
+from softlab.model.tables.cloth import Collider
+from softlab.model.tables.mesh_source import MeshSource
 
 
 class SurfaceCollider(MeshSource, Collider):

@@ -14,7 +14,7 @@ from softlab.model.geometry.mending.welding import without_flat
 from softlab.model.geometry.mesh_files import read_arrays
 from softlab.model.geometry.topology import mesh_path
 from softlab.model.geometry.triangle_tree import order_of, tree_numbers
-from softlab.model.scene.colliders.surface_collider import SurfaceCollider
+from softlab.model.tables.colliders.surface_collider import SurfaceCollider
 
 MIN_AREA = 5e-18  # m^2: the square of a smaller area is 0 in float32
 

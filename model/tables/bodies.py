@@ -17,7 +17,7 @@ from softlab.model.assets.soft_sheet import SoftSheet
 from softlab.model.base.table import ZERO, Count, NotNegative, Part, Positive, Vector
 from softlab.model.geometry.measures import turned_about
 from softlab.model.geometry.topology import mesh_path
-from softlab.model.scene.mesh_source import MeshSource
+from softlab.model.tables.mesh_source import MeshSource
 
 MAX_COPIES = 1_000_000
 Copies = tuple[Count, Count, Count]

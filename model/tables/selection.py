@@ -9,8 +9,8 @@ import numpy as np
 
 from softlab.model.base.errors import InputError, SceneError
 from softlab.model.base.words import suggestion
-from softlab.model.scene.motion import Motion
-from softlab.model.scene.regions import SIDES, WORDS, Region
+from softlab.model.tables.motion import Motion
+from softlab.model.tables.regions import SIDES, WORDS, Region
 
 AT_THE_SIDE = 1e-6  # of the longest side: a vertex this near to a side of its box, or to a region, lies in it
 

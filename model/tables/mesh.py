@@ -9,9 +9,9 @@ from pydantic import field_validator, model_validator
 
 from softlab.model.base.table import Count, Part, Positive
 from softlab.model.geometry.topology import describe, mesh_of
-from softlab.model.scene.cloth import Cloth
-from softlab.model.scene.mesh_source import OF_FILES
-from softlab.model.scene.parts import Grid
+from softlab.model.tables.cloth import Cloth
+from softlab.model.tables.mesh_source import OF_FILES
+from softlab.model.tables.parts import Grid
 
 Diagonals = Literal["one", "alternating"]
 OF_SHEETS = ("shape", "rows", "columns", "spacing", "diagonals", "placement")

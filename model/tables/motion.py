@@ -15,7 +15,7 @@ from pydantic import field_validator, model_validator
 from softlab.model.base.errors import SceneError
 from softlab.model.base.pins import PIN_RULE, Pins, checked_pins, pin_indices
 from softlab.model.base.table import NotNegative, Number, Part, Positive, Vector
-from softlab.model.scene.parts import Grid
+from softlab.model.tables.parts import Grid
 
 RELEASE, ALL = "release", "all"
 MAX_RADIANS = 1e9  # of a whole motion: quarter turns are counted in integers

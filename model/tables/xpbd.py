@@ -7,7 +7,7 @@ from typing import Annotated
 from pydantic import Field
 
 from softlab.model.base.table import NotNegative, Part, Positive
-from softlab.model.scene.self_collision import SelfCollision
+from softlab.model.tables.self_collision import SelfCollision
 
 MAX_ANCHORS = 4  # per particle
 

@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 from softlab.model.base.table import Part
-from softlab.model.scene.attachment import Attachment
-from softlab.model.scene.bodies import BODY_KINDS
-from softlab.model.scene.cloth import CLOTH_KINDS, COLLIDER_KINDS
-from softlab.model.scene.colliders.distance_field import DistanceField
-from softlab.model.scene.colliders.mesh_collider import MeshCollider
-from softlab.model.scene.flow import FLOW_KINDS
-from softlab.model.scene.fluid import FLUID_KINDS
-from softlab.model.scene.mesh import MESH_KINDS
-from softlab.model.scene.method import Method
-from softlab.model.scene.motion import RELEASE, Release
-from softlab.model.scene.particle_contact import Contact
-from softlab.model.scene.parts import GRID_KINDS
-from softlab.model.scene.regions import Region
-from softlab.model.scene.tetrahedra import TETRAHEDRAL_KINDS, Material
-from softlab.model.scene.xpbd import XPBD_KINDS
+from softlab.model.tables.attachment import Attachment
+from softlab.model.tables.bodies import BODY_KINDS
+from softlab.model.tables.cloth import CLOTH_KINDS, COLLIDER_KINDS
+from softlab.model.tables.colliders.distance_field import DistanceField
+from softlab.model.tables.colliders.mesh_collider import MeshCollider
+from softlab.model.tables.flow import FLOW_KINDS
+from softlab.model.tables.fluid import FLUID_KINDS
+from softlab.model.tables.mesh import MESH_KINDS
+from softlab.model.tables.method import Method
+from softlab.model.tables.motion import RELEASE, Release
+from softlab.model.tables.particle_contact import Contact
+from softlab.model.tables.parts import GRID_KINDS
+from softlab.model.tables.regions import Region
+from softlab.model.tables.tetrahedra import TETRAHEDRAL_KINDS, Material
+from softlab.model.tables.xpbd import XPBD_KINDS
 
 KINDS: dict[str, type[Part]] = (
     GRID_KINDS

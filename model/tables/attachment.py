@@ -12,8 +12,8 @@ from pydantic import model_validator
 from softlab.model.base.errors import SceneError
 from softlab.model.base.table import NotNegative, Part, Vector
 from softlab.model.base.words import suggestion
-from softlab.model.scene.cloth import Collider
-from softlab.model.scene.motion import Motion
+from softlab.model.tables.cloth import Collider
+from softlab.model.tables.motion import Motion
 
 LONGEST = 1e8  # s, or rad: how far ahead a collider's path is known to what is attached to it
 

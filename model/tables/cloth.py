@@ -8,8 +8,8 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from softlab.model.base.table import ZERO, NotNegative, Part, Positive, Seed, Vector
-from softlab.model.scene.motion import Motion
-from softlab.model.scene.parts import Elastic, Grid, friction_is_ordered
+from softlab.model.tables.motion import Motion
+from softlab.model.tables.parts import Elastic, Grid, friction_is_ordered
 
 
 class Cloth(Grid):

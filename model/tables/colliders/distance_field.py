@@ -16,7 +16,7 @@ from softlab.model.geometry.mesh import read_mesh
 from softlab.model.geometry.signed_distance import sampled
 from softlab.model.geometry.solid import solid
 from softlab.model.geometry.topology import mesh_path
-from softlab.model.scene.colliders.surface_collider import SurfaceCollider
+from softlab.model.tables.colliders.surface_collider import SurfaceCollider
 
 MAX_SAMPLES = 2**24 - 2**12  # 256 along each side, which takes minutes to sample; float32 counts to 2^24
 ALONG, ACROSS = 64, 4  # cells along a mesh's longest side, and at least across its shortest, where none are told

@@ -10,7 +10,7 @@ from pydantic import model_validator
 
 from softlab.model.base.table import ZERO, NotNegative, Part, Positive, Vector
 from softlab.model.geometry.arithmetic.ordered import dot, norm
-from softlab.model.scene.fluid import Flat
+from softlab.model.tables.fluid import Flat
 
 NEVER = 1e30  # s
 

@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 
 from softlab.model.base.errors import SceneError
 from softlab.model.base.table import NotNegative, Number, Positive
-from softlab.model.scene.cloth import Collider, Plane
+from softlab.model.tables.cloth import Collider, Plane
 
 TANK = "tank"  # the kind of table
 Sizes = Annotated[tuple[Positive, ...], Field(min_length=2, max_length=3)]

@@ -12,7 +12,7 @@ from softlab.model.assets.cooked import cooked, is_settled
 from softlab.model.assets.tetrahedral_body import CookedBody
 from softlab.model.base.table import ZERO, AtLeastOne, Count, Flag, NotNegative, Part, Positive, Vector
 from softlab.model.geometry.topology import mesh_path
-from softlab.model.scene.mesh_source import MeshSource
+from softlab.model.tables.mesh_source import MeshSource
 
 MaterialName = Literal["fixed-corotated", "corotated", "neo-hookean"]
 LARGEST_RATIO = 0.499  # above it lambda / mu is over 500, and linear tetrahedra lock

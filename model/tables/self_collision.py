@@ -5,7 +5,7 @@ from __future__ import annotations
 from pydantic import model_validator
 
 from softlab.model.base.table import NotNegative, Part, Positive, Sweeps
-from softlab.model.scene.parts import friction_is_ordered
+from softlab.model.tables.parts import friction_is_ordered
 
 MAX_CONTACTS = 12  # of one mass with triangles; the nearest are used, those beyond are counted
 # Largest host memory per mass: each contact's triangle, corners, links, values and forces; its cell of space and

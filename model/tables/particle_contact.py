@@ -7,7 +7,7 @@ from typing import Annotated
 from pydantic import Field, model_validator
 
 from softlab.model.base.table import NotNegative, Part, Positive, Sweeps
-from softlab.model.scene.parts import friction_is_ordered
+from softlab.model.tables.parts import friction_is_ordered
 
 MAX_KINDS = 64  # bodies of a scene, copies not counted: their table has all pairs
 

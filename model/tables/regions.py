@@ -19,7 +19,7 @@ from softlab.model.geometry.shapes import Shape
 from softlab.model.geometry.solid import solid
 from softlab.model.geometry.topology import mesh_path
 from softlab.model.geometry.voxels import winding_numbers
-from softlab.model.scene.mesh_source import check_axis, check_digest
+from softlab.model.tables.mesh_source import check_axis, check_digest
 
 Side = Literal["left", "right", "bottom", "top", "back", "front"]  # of x, y and z: the lower one first
 SIDES: tuple[Side, ...] = ("left", "right", "bottom", "top", "back", "front")
