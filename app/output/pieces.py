@@ -10,9 +10,9 @@ import numpy as np
 from softlab.app.render import colours
 from softlab.app.render.collider_shapes import collider_mesh, plane_axes
 from softlab.model.geometry.normals import mesh_normals
+from softlab.model.particles.body_set import Copy
 from softlab.model.scene.scene import Scene
 from softlab.model.scene.sheets import scene_normals, triangles_of
-from softlab.model.shape_matching.body_set import Copy
 from softlab.model.shape_matching.spare import copies_there
 from softlab.model.tables.cloth import Plane
 

@@ -20,10 +20,10 @@ from softlab.model.base.errors import InputError
 from softlab.model.core.build import pinned_indices
 from softlab.model.core.simulation import Simulation
 from softlab.model.geometry.normals import mesh_normals
+from softlab.model.particles.tetrahedra.skin import Skin, plain_skin
+from softlab.model.particles.tetrahedra_set import TetrahedraSet
 from softlab.model.scene.scene import Scene
-from softlab.model.tetrahedra.body_set import TetrahedraSet
 from softlab.model.tetrahedra.material import at_particles, largest_strain, von_mises
-from softlab.model.tetrahedra.skin import Skin, plain_skin
 
 SHINE = 0.12
 TOLD = 0.6  # of a colour that is a number: what light and shade leave alone

@@ -25,9 +25,9 @@ from softlab.cpu_backend.tetrahedra.descent_kernels import (
 )
 from softlab.cpu_backend.tetrahedra.solver import Tetrahedra
 from softlab.cpu_backend.xpbd.mesh_kernels import make_mesh_stages
-from softlab.model.core.constraints import ConstraintSet, Projection
 from softlab.model.core.plan import Moment, Plan, StageRun
 from softlab.model.formulas.elastic.chebyshev import weights
+from softlab.model.particles.constraints import ConstraintSet, Projection
 from softlab.model.scene.scene import Scene
 from softlab.model.tetrahedra.constraints import DAMPED
 from softlab.model.tetrahedra.descent import ACCELERATE, Descent, descents, stage_name, vbd_plan, visited

@@ -17,12 +17,12 @@ from softlab.cpu_backend.core.constraints import make_sweep_stage
 from softlab.cpu_backend.tetrahedra.sleep import make_sleep_stages
 from softlab.cpu_backend.xpbd.mesh import MeshPositionBased
 from softlab.cpu_backend.xpbd.mesh_kernels import make_mesh_stages
-from softlab.model.core.constraints import ConstraintSet, Projection
 from softlab.model.core.plan import Executor, Moment, Plan, StageRun
+from softlab.model.particles.constraints import ConstraintSet, Projection
+from softlab.model.particles.tetrahedra.topology import neighbours
 from softlab.model.scene.scene import Scene
 from softlab.model.tetrahedra.constraints import SLEEP, SLEEPING, constraint_sets, projections_of, tetrahedra_plan
 from softlab.model.tetrahedra.tables import cloth_lists
-from softlab.model.tetrahedra.topology import neighbours
 
 
 class Tetrahedra(MeshPositionBased):

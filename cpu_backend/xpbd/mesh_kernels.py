@@ -18,8 +18,8 @@ from softlab.cpu_backend.core.own_forces import make_own_force
 from softlab.cpu_backend.core.progress import shares
 from softlab.cpu_backend.core.scratch import cloth_variant
 from softlab.cpu_backend.core.wind import make_air, make_triangle
-from softlab.model.core.constraints import Projection
 from softlab.model.formulas import distance
+from softlab.model.particles.constraints import Projection
 from softlab.model.tables.cloth import COLLIDER_KINDS
 from softlab.model.xpbd.mesh_plan import BODY_DAMPING
 

@@ -17,7 +17,7 @@ from softlab.gpu_backend.shape_matching.lattice_kernels import (
     make_lattice_kernels,
 )
 from softlab.model.assets.lattice import VALUES
-from softlab.model.shape_matching.body_set import BodySet
+from softlab.model.particles.body_set import BodySet
 from softlab.model.tables.method import Method
 
 FRAME = 12

@@ -19,10 +19,10 @@ from softlab.gpu_backend.tetrahedra.descent_contact import CarriedContacts
 from softlab.gpu_backend.tetrahedra.descent_kernels import make_accelerate, make_visits
 from softlab.gpu_backend.tetrahedra.solver import Tetrahedra
 from softlab.gpu_backend.xpbd.mesh import THREADS
-from softlab.model.core.constraints import ConstraintSet, Projection
 from softlab.model.core.plan import Moment, Plan, StageRun
 from softlab.model.formulas.elastic.chebyshev import weights
 from softlab.model.formulas.elastic.descent import STRAINS
+from softlab.model.particles.constraints import ConstraintSet, Projection
 from softlab.model.scene.scene import Scene
 from softlab.model.tetrahedra.constraints import DAMPED
 from softlab.model.tetrahedra.descent import ACCELERATE, CHEBYSHEV, Descent, descents, stage_name, vbd_plan, visited

@@ -27,12 +27,12 @@ from softlab.gpu_backend.tetrahedra.resident_launch import (
 from softlab.gpu_backend.tetrahedra.sleep import make_sleep
 from softlab.gpu_backend.xpbd.mesh import MeshPositionBased
 from softlab.model.base.errors import SceneError
-from softlab.model.core.constraints import ConstraintSet, Projection
 from softlab.model.core.plan import Executor, Plan, StageRun
+from softlab.model.particles.constraints import ConstraintSet, Projection
+from softlab.model.particles.tetrahedra.topology import neighbours
 from softlab.model.scene.scene import Scene
 from softlab.model.tetrahedra.constraints import SLEEP, SLEEPING, constraint_sets, projections_of, tetrahedra_plan
 from softlab.model.tetrahedra.tables import cloth_lists, surface_lists
-from softlab.model.tetrahedra.topology import neighbours
 
 
 class Tetrahedra(MeshPositionBased):

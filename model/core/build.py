@@ -13,20 +13,20 @@ import numpy as np
 
 from softlab.model.base.memory import require_sheet
 from softlab.model.base.pins import pin_indices
-from softlab.model.fluid.fluid_set import FluidSet
 from softlab.model.geometry.arithmetic.functions import cosine, sine
 from softlab.model.geometry.particle_row import PARKED
 from softlab.model.geometry.sheets import sheet_positions
 from softlab.model.geometry.topology import mesh_of, pinned_vertices, vertex_masses
+from softlab.model.particles.body_set import BodySet
+from softlab.model.particles.fluid_set import FluidSet
+from softlab.model.particles.tetrahedra_set import TetrahedraSet
+from softlab.model.particles.world_set import WorldSet
 from softlab.model.scene.scene import Scene
-from softlab.model.shape_matching.body_set import BodySet
 from softlab.model.tables.cloth import Cloth, Fold
 from softlab.model.tables.kinds import SHEETS
 from softlab.model.tables.mesh import Mesh
 from softlab.model.tables.parts import Grid
 from softlab.model.tables.self_collision import CONTACT_BYTES
-from softlab.model.tetrahedra.body_set import TetrahedraSet
-from softlab.model.world.world_set import WorldSet
 
 MASS_BYTES = 160  # host memory per mass: position, velocity and inverse mass in float64, two solver states, a snapshot
 

@@ -24,7 +24,7 @@ class State:
     position, velocity : (particles, dimensions) float arrays, m and m/s
         In the order of the scene, in the simulation's precision.
     inverse_mass : (particles,) float array, 1/kg
-        0 where a particle is pinned, or waits for an emitter (model/fluid/fluid_set.py).
+        0 where a particle is pinned, or waits for an emitter (model/particles/fluid_set.py).
     time : float
         Simulated time, s.
     step : int

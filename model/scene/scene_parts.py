@@ -16,9 +16,11 @@ from pydantic import ValidationError
 from softlab.model.base.errors import InputError, SceneError
 from softlab.model.base.table import Part
 from softlab.model.base.words import scene_error, suggestion
-from softlab.model.fluid.fluid_set import FluidSet, make_fluid_set
+from softlab.model.particles.body_set import BodySet, make_body_set
+from softlab.model.particles.fluid_set import FluidSet, make_fluid_set
+from softlab.model.particles.tetrahedra_set import TetrahedraSet, make_tetrahedra_set
+from softlab.model.particles.world_set import WorldSet, make_world_set
 from softlab.model.scene.members import member_tables, members_of
-from softlab.model.shape_matching.body_set import BodySet, make_body_set
 from softlab.model.tables.attachment import Attachment, motion_with, pins
 from softlab.model.tables.bodies import BODY_KINDS, Placed
 from softlab.model.tables.cloth import (
@@ -54,8 +56,6 @@ from softlab.model.tables.self_collision import SelfCollision
 from softlab.model.tables.tank import TANK, Tank
 from softlab.model.tables.tetrahedra import TETRAHEDRAL_KINDS, Material, TetrahedralBody
 from softlab.model.tables.xpbd import Attachments, Load
-from softlab.model.tetrahedra.body_set import TetrahedraSet, make_tetrahedra_set
-from softlab.model.world.world_set import WorldSet, make_world_set
 
 
 def _build_part(name: str, made: Any, fields: dict[str, Any]) -> Any:

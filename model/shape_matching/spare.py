@@ -9,8 +9,8 @@ import numpy as np
 
 from softlab.model.base.errors import InputError, SceneError
 from softlab.model.core.state import State
+from softlab.model.particles.body_set import Copy
 from softlab.model.scene.scene import Scene
-from softlab.model.shape_matching.body_set import Copy
 from softlab.model.tables.flow import nozzle_points
 
 STILL = (0.0, 0.0, 0.0)  # m/s

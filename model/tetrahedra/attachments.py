@@ -1,6 +1,6 @@
 """Attachments of vertices of tetrahedral bodies and a cloth as constraints for both backends' executors.
 
-Attachments that are pinned, and follow what they are attached to, are in model/tetrahedra/body_set.py.
+Attachments that are pinned, and follow what they are attached to, are in model/particles/tetrahedra_set.py.
 """
 
 from __future__ import annotations
@@ -10,13 +10,13 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from softlab.model.base.errors import SceneError
-from softlab.model.core.constraints import ConstraintSet, Projection
 from softlab.model.formulas.constraints import attachment as formula
 from softlab.model.geometry.measures import nearest_of
 from softlab.model.geometry.tetrahedra.embedding import carriers
 from softlab.model.geometry.tetrahedra.mesh import TetrahedralMesh
+from softlab.model.particles.constraints import ConstraintSet, Projection
+from softlab.model.particles.tetrahedra_set import TetrahedraSet
 from softlab.model.tables.attachment import Attachment, pins
-from softlab.model.tetrahedra.body_set import TetrahedraSet
 from softlab.model.xpbd.mesh_constraints import coloured
 
 KIND = "attachment"

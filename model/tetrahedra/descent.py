@@ -11,13 +11,13 @@ from softlab.model.core.plan import Node, Plan, Stage
 from softlab.model.formulas.constraints.tetrahedron import MATERIALS
 from softlab.model.formulas.elastic import chebyshev, descent
 from softlab.model.geometry.lists import grouped, offsets_of
+from softlab.model.particles.tetrahedra.topology import neighbours
+from softlab.model.particles.tetrahedra_set import TetrahedraSet
 from softlab.model.scene.scene import Scene
 from softlab.model.tables.cloth import COLLIDER_KINDS
-from softlab.model.tetrahedra.body_set import TetrahedraSet
 from softlab.model.tetrahedra.constraints import DAMPED, tetrahedra_parts
 from softlab.model.tetrahedra.material import material_of, stiffnesses
 from softlab.model.tetrahedra.springs import PARTS, held_bodies, springs
-from softlab.model.tetrahedra.topology import neighbours
 from softlab.model.xpbd.mesh_plan import PROJECT_CONTACTS, constrained_plan
 
 CORNERS = 4

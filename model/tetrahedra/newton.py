@@ -27,10 +27,10 @@ from softlab.model.formulas import colliders, distance
 from softlab.model.formulas.constraints.tetrahedron import MATERIALS
 from softlab.model.formulas.elastic import deformation, stages, tangent
 from softlab.model.geometry.arithmetic.ordered import total
+from softlab.model.particles.tetrahedra_set import TetrahedraSet
 from softlab.model.scene.checks.tetrahedra import NOT_SMOOTH
 from softlab.model.scene.scene import Scene
 from softlab.model.tetrahedra.apart import none_apart
-from softlab.model.tetrahedra.body_set import TetrahedraSet
 from softlab.model.tetrahedra.constraints import tetrahedra_parts, through_note
 from softlab.model.tetrahedra.family import TETRAHEDRA
 from softlab.model.tetrahedra.material import rest_ratio

@@ -24,9 +24,9 @@ from softlab.model.contact.surface_parameters import (
 )
 from softlab.model.core.build import rest_positions
 from softlab.model.geometry.lists import Lists
+from softlab.model.particles.world_set import WorldSet
 from softlab.model.scene.scene import Scene
 from softlab.model.scene.sheets import triangles_of
-from softlab.model.world.world_set import WorldSet
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,7 +15,6 @@ import numpy as np
 
 from softlab.model.base.errors import InputError
 from softlab.model.core.build import Body
-from softlab.model.core.constraints import ConstraintSet, Projection
 from softlab.model.formulas import bending as bending_formulas
 from softlab.model.formulas import distance as distance_formulas
 from softlab.model.formulas.constraints import dihedral, distance, isometric, tether, volume
@@ -25,6 +24,7 @@ from softlab.model.geometry.measures import edge_lengths, triangle_areas
 from softlab.model.geometry.mesh import TriangleMesh
 from softlab.model.geometry.topology import mesh_of
 from softlab.model.geometry.voxels import winding_numbers
+from softlab.model.particles.constraints import ConstraintSet, Projection
 from softlab.model.scene.scene import Scene
 from softlab.model.tables.cloth import CONSTRAINT_KINDS
 from softlab.model.tables.xpbd import MAX_ANCHORS

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from softlab.model.contact.sheet_plan import FRICTION_IN_PLACE, WIND
-from softlab.model.core.constraints import ConstraintSet
 from softlab.model.core.own_forces import own_forces
 from softlab.model.core.plan import Node, Plan, Stage
 from softlab.model.formulas import colliders, contact, distance
+from softlab.model.particles.constraints import ConstraintSet
 from softlab.model.scene.scene import Scene
 from softlab.model.xpbd.mesh_constraints import constraint_sets, model_of, operations_of, projection_of, wanted
 from softlab.model.xpbd.plan import LOOKED_AT, xpbd_parts

@@ -31,7 +31,9 @@ FAMILIES = "mass_spring xpbd shape_matching tetrahedra fluid"
 BACKEND = ("core", "contact", FAMILIES, "world domains")
 # Lowest first. Units of one line do not import each other.
 ORDER = {
-    "model": ("formulas", "base", "geometry", "assets", "tables", "scene", "core", "contact", FAMILIES, "world domains"),
+    "model": (
+        "formulas", "base", "geometry", "assets", "tables", "particles", "scene", "core", "contact", FAMILIES, "world domains",
+    ),
     "cpu_backend": BACKEND,
     "gpu_backend": BACKEND,
     "app": ("auto_threads outcome shared", "driver", "render", "output", "command", "plan", "window"),

@@ -31,7 +31,7 @@ EXCEPTIONS = {
     "shape_matching/energy.py": "reported energies and strains",
     "core/stability/springs.py": "reported energies and strains",
     "assets/skin.py": "drawn vertices and normals",
-    "tetrahedra/skin.py": "drawn vertices",
+    "particles/tetrahedra/skin.py": "drawn vertices",
     "tetrahedra/material.py": "reported stretches, stresses and energies",
     "tetrahedra/attachments.py": "a reported energy",
     "geometry/anisotropy.py": "drawn ellipsoids",

@@ -123,7 +123,7 @@ BODIES: tuple[Mistake, ...] = (
         {"contacts push at what is attached to a cloth": ('if one.model != "world":\n            free', 'if one.model == "bodies":\n            free')},
     ),
     *in_file(
-        "model/tetrahedra/masses.py",
+        "model/particles/tetrahedra/masses.py",
         "test_matter.py::test_a_limit_of_masses_keeps_the_total",
         {"a limit of masses is one of their logarithms": ("asked = found[near.indices] / ratio", "asked = found[near.indices] / ratio**2")},
     ),

@@ -24,7 +24,7 @@ SHARED = {
         "softlab.model.core.build",
         "softlab.model.scene.sheets",
     },
-    "tetrahedra_newton.py": {"softlab.model.tetrahedra.body_set"},
+    "tetrahedra_newton.py": {"softlab.model.particles.tetrahedra_set"},
     "self_contacts.py": {"softlab.model.tables.self_collision"},
     "shape_matching.py": {"softlab.model.assets.clusters", "softlab.model.shape_matching.matching"},
     "cluster_material.py": {"softlab.model.assets.clusters"},

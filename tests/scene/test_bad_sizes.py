@@ -100,7 +100,7 @@ def test_what_contacts_take_is_what_is_looked_for(real: type, monkeypatch: pytes
 
 
 def test_bodies_beyond_the_memory(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("softlab.model.shape_matching.body_set.available_bytes", lambda: 2**30)
+    monkeypatch.setattr("softlab.model.particles.body_set.available_bytes", lambda: 2**30)
     body = {"kind": "soft_body", "shape": {"name": "box"}, "particle_spacing": 0.5, "copies": [100, 100, 100]}
     with pytest.raises(SceneError, match=r"copies = 8000000: needs .*iB of main memory"):
         Scene({"b": body}).body_set  # noqa: B018

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from kernel_text import entry_of, record_of
 
-from softlab.model.core.constraints import Projection
 from softlab.model.formulas.constraints.tetrahedron import MATERIALS
+from softlab.model.particles.constraints import Projection
 from softlab.model.tetrahedra.constraints import BLOCKS, DAMPED, ITERATED, part_of_run, projections_of
 
 pytestmark = pytest.mark.usefixtures("ptx_compiler")

@@ -25,10 +25,10 @@ from softlab.app.render.vertex_arrays import (
 from softlab.app.render.view import View
 from softlab.model.base.errors import InputError
 from softlab.model.core.simulation import Simulation
-from softlab.model.fluid.fluid_set import FluidSet
 from softlab.model.fluid.foam import FoamPoints
 from softlab.model.fluid.measure import density_errors
 from softlab.model.geometry.anisotropy import ellipsoids
+from softlab.model.particles.fluid_set import FluidSet
 from softlab.model.scene.scene import Scene
 
 COLOURINGS = ("fluid", "speed", "density")  # the first is how fluids are shown at first

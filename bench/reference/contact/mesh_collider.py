@@ -1,7 +1,7 @@
 """Mesh as a collider, in slow, plain NumPy float64: all triangles for each mass, without a tree.
 
-From the description in model/tables/colliders/mesh_collider.py, without model/formulas. In the mesh's frame the first triangle
-between the previous and the new place of a mass puts it at the thickness on the side it came from; otherwise the
+From the description in model/tables/colliders/mesh_collider.py, without model/formulas. In the mesh's frame the first
+triangle between the previous and the new place of a mass puts it at the thickness on the side it came from; otherwise the
 nearest point pushes it out to there. At most four times; a mass whose path still crosses a triangle then stays where it
 was.
 """

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from softlab.model.core.constraints import Projection
 from softlab.model.formulas.constraints import distance
 from softlab.model.geometry.arithmetic.ordered import norm
 from softlab.model.geometry.colouring import Colouring, colour
 from softlab.model.geometry.lists import offsets_of
+from softlab.model.particles.constraints import Projection
 
 LINKS = Projection("links", distance.make, corners=2, values=2, flags=(("own_compliance", True),))
 

@@ -10,10 +10,10 @@ import numpy as np
 from softlab.model.base.errors import InputError
 from softlab.model.geometry.arithmetic.ordered import total
 from softlab.model.geometry.tetrahedra.mesh import TetrahedralMesh
+from softlab.model.particles.tetrahedra.masses import limited
+from softlab.model.particles.tetrahedra.topology import neighbours
 from softlab.model.tables.regions import Region
 from softlab.model.tables.tetrahedra import Material, TetrahedralBody, lame_of
-from softlab.model.tetrahedra.masses import limited
-from softlab.model.tetrahedra.topology import neighbours
 
 WHOLE_RATIO = (
     10.0  # largest ratio of the volumes at two neighbouring vertices in a lattice of whole voxels of five tetrahedra

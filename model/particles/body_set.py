@@ -19,7 +19,7 @@ from softlab.model.base.memory import MAX_PARTICLES, available_bytes, require
 from softlab.model.geometry.arithmetic.ordered import applied, mean, total
 from softlab.model.geometry.lists import offsets_of
 from softlab.model.geometry.particle_row import ParticleRow
-from softlab.model.shape_matching.links import LinkedCopies, Links, make_links
+from softlab.model.particles.links import LinkedCopies, Links, make_links
 from softlab.model.tables.bodies import Placed
 
 

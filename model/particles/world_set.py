@@ -14,7 +14,7 @@ from softlab.model.base.pins import pin_indices
 from softlab.model.geometry.arithmetic.ordered import mean
 from softlab.model.geometry.particle_row import ParticleRow
 from softlab.model.geometry.topology import mesh_of, pinned_vertices, vertex_masses
-from softlab.model.shape_matching.body_set import BodySet
+from softlab.model.particles.body_set import BodySet
 from softlab.model.tables.mesh import Mesh
 
 

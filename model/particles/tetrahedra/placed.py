@@ -12,10 +12,10 @@ from softlab.model.base.errors import InputError, SceneError
 from softlab.model.geometry.arithmetic.ordered import applied, total
 from softlab.model.geometry.measures import turned_about
 from softlab.model.geometry.tetrahedra.mesh import TetrahedralMesh
+from softlab.model.particles.tetrahedra.matter import Matter, matter_of
 from softlab.model.tables.regions import Region
 from softlab.model.tables.selection import vertices_of
 from softlab.model.tables.tetrahedra import Material, TetrahedralBody
-from softlab.model.tetrahedra.matter import Matter, matter_of
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,17 +15,17 @@ from softlab.model.geometry.lists import Lists, grouped
 from softlab.model.geometry.measures import edge_lengths
 from softlab.model.geometry.particle_row import ParticleRow
 from softlab.model.geometry.tetrahedra.mesh import rest_inverse
+from softlab.model.particles.tetrahedra.matter import Matter, joined
+from softlab.model.particles.tetrahedra.placed import PlacedBody, placed_body
+from softlab.model.particles.tetrahedra.sheet import Sheet, sheet_of
+from softlab.model.particles.tetrahedra.skin import Skin, plain_skin, skin_of
+from softlab.model.particles.tetrahedra.topology import PAIRS
 from softlab.model.tables.attachment import Attachment, pins
 from softlab.model.tables.mesh import Mesh
 from softlab.model.tables.motion import Motion
 from softlab.model.tables.regions import Region
 from softlab.model.tables.selection import body_numbers, check_word, motion_numbers, vertices_of
 from softlab.model.tables.tetrahedra import Material, TetrahedralBody
-from softlab.model.tetrahedra.matter import Matter, joined
-from softlab.model.tetrahedra.placed import PlacedBody, placed_body
-from softlab.model.tetrahedra.sheet import Sheet, sheet_of
-from softlab.model.tetrahedra.skin import Skin, plain_skin, skin_of
-from softlab.model.tetrahedra.topology import PAIRS
 
 ELEMENT_BYTES = (
     400  # on the host, per tetrahedron: corners, values in float64 and in the kernels' arithmetic, multipliers

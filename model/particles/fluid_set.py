@@ -8,9 +8,9 @@ from functools import cached_property
 
 import numpy as np
 
-from softlab.model.fluid.lattice import Lattice, lattice_of
 from softlab.model.geometry.arithmetic.functions import cosine, sine, whole_power
 from softlab.model.geometry.particle_row import PARKED, ParticleRow
+from softlab.model.particles.fluid_lattice import Lattice, lattice_of
 from softlab.model.tables.fluid import Domain, Fluid
 
 
