@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 from softlab.model.core.simulation import Simulation, State
+from softlab.model.core.spare import counts
 from softlab.model.fluid.measure import compression, height
 from softlab.model.fluid.parameters import speed_limit
 from softlab.model.scene.scene import Scene
-from softlab.model.shape_matching.spare import counts
 from softlab.model.tables.colliders.surface_collider import SurfaceCollider, naming
 
 

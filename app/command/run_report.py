@@ -21,7 +21,7 @@ from softlab.model.base.errors import Diverged
 from softlab.model.contact.shortfalls import shortfalls
 from softlab.model.core.energy import energies, spring_strain
 from softlab.model.core.simulation import Simulation, State
-from softlab.model.shape_matching.spare import counts
+from softlab.model.core.spare import counts
 
 
 def run_report(

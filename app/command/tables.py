@@ -10,10 +10,10 @@ from rich.markup import escape
 from rich.table import Column, Table
 
 from softlab.app.command.findings import Finding
+from softlab.model.core.spare import counts
 from softlab.model.scene.fields import about, rows_of
 from softlab.model.scene.reader import catalogue
 from softlab.model.scene.scene import load_scene
-from softlab.model.shape_matching.spare import counts
 
 UNITS = {
     "dt": "s",

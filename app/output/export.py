@@ -20,7 +20,7 @@ from softlab.app.render.bodies.skinning import ClusterFrames
 from softlab.model.base.errors import InputError, SceneError
 from softlab.model.base.files import check_target, replacing
 from softlab.model.core.simulation import Simulation
-from softlab.model.shape_matching.spare import present
+from softlab.model.core.spare import present
 
 PLY, GLB = ".ply", ".glb"
 FRAME = 1 / 60  # s of simulated time between two frames, as in a clip

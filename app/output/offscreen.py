@@ -24,9 +24,9 @@ from softlab.model.base.errors import InputError, SoftlabError
 from softlab.model.base.files import check_target
 from softlab.model.core.build import rest_positions
 from softlab.model.core.simulation import Simulation
+from softlab.model.core.spare import present
 from softlab.model.fluid.foam import FoamPoints
 from softlab.model.scene.scene import Scene
-from softlab.model.shape_matching.spare import present
 
 MARGINS = (40.0, 110.0, 40.0, 50.0)  # pixels at the left, bottom (legend), right, top (caption)
 MIN_SIZE, MAX_SIZE = 16, 16384  # pixels

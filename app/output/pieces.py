@@ -9,11 +9,11 @@ import numpy as np
 
 from softlab.app.render import colours
 from softlab.app.render.collider_shapes import collider_mesh, plane_axes
+from softlab.model.core.spare import copies_there
 from softlab.model.geometry.normals import mesh_normals
 from softlab.model.particles.body_set import Copy
 from softlab.model.scene.scene import Scene
 from softlab.model.scene.sheets import scene_normals, triangles_of
-from softlab.model.shape_matching.spare import copies_there
 from softlab.model.tables.cloth import Plane
 
 PLANE_REACH = 1.0  # relative to the scene's size: a plane extends so far on each side of the masses

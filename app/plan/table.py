@@ -10,9 +10,9 @@ from softlab.app.plan.fluid import fluid_lines
 from softlab.app.plan.passes import BackendPlan
 from softlab.app.plan.report import PlanReport, Row, limit_line, share
 from softlab.model.core.families import family_of
+from softlab.model.core.spare import counts
 from softlab.model.core.stability.limit import frequency_lines
 from softlab.model.scene.scene import Scene
-from softlab.model.shape_matching.spare import counts
 
 
 def _percent(part: float, whole: float) -> str:

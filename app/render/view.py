@@ -28,8 +28,8 @@ from softlab.app.render.smooth_target import SmoothTarget
 from softlab.app.render.vertex_arrays import uniform_matrix
 from softlab.model.core.build import rest_positions
 from softlab.model.core.simulation import Simulation
+from softlab.model.core.spare import present
 from softlab.model.scene.scene import Scene
-from softlab.model.shape_matching.spare import present
 
 RING = 22.0  # pixels
 

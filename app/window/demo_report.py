@@ -16,8 +16,8 @@ from softlab.app.window.panes import Pane
 from softlab.model.base.files import replacing
 from softlab.model.core.families import family_of
 from softlab.model.core.simulation import Simulation
+from softlab.model.core.spare import counts, present
 from softlab.model.scene.scene import Scene
-from softlab.model.shape_matching.spare import counts, present
 
 FAR = 100  # steps: a limit beyond so many tells nothing of this step
 

@@ -16,10 +16,10 @@ from softlab.model.contact.shortfalls import inverted_elements
 from softlab.model.core.build import masses
 from softlab.model.core.energy import energies
 from softlab.model.core.simulation import Simulation
+from softlab.model.core.spare import absent, present
 from softlab.model.core.stepping import lost
 from softlab.model.fluid.measure import compression
 from softlab.model.scene.scene import Scene
-from softlab.model.shape_matching.spare import absent, present
 
 ASKED = 30_000  # particles of a fluid whose densities are asked for in passing: a tenth of a second
 KEEP_RANGE = 2.6  # times the wanted range of colours: a legend that flickers between two ranges cannot be read

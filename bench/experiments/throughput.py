@@ -18,8 +18,8 @@ from softlab.bench.measure.tables import print_table
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import Measure, measures
 from softlab.model.base.errors import SceneError
+from softlab.model.core.spare import counts
 from softlab.model.scene.scene import Scene, load_scene
-from softlab.model.shape_matching.spare import counts
 
 # the names in the store are those under which the experiment was first written
 STAGE = "crowds"  # of the samples

@@ -20,8 +20,8 @@ from softlab.bench.reference.finite_elements import Body, shape_gradients
 from softlab.bench.reference.steps import Motion, alone
 from softlab.bench.reference.tetrahedra import Sweep
 from softlab.model.base.errors import SceneError
+from softlab.model.contact.attachments import attachment_sets
 from softlab.model.scene.scene import Scene
-from softlab.model.tetrahedra.attachments import attachment_sets
 from softlab.model.tetrahedra.constraints import constraint_sets, tetrahedra_of_sets
 
 

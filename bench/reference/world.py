@@ -20,9 +20,9 @@ from softlab.bench.reference.contact import surface_contacts
 from softlab.bench.reference.contact.self_contacts import Found
 from softlab.bench.reference.coupled.fluid_solids import FluidAmongSolids
 from softlab.bench.reference.steps import Motion
+from softlab.model.contact.attachments import attachment_sets
 from softlab.model.scene.scene import Scene
 from softlab.model.scene.sheets import triangles_of
-from softlab.model.tetrahedra.attachments import attachment_sets
 from softlab.model.world.plan import coupled
 from softlab.model.world.solids import solids_of
 

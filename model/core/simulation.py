@@ -18,6 +18,7 @@ import numpy as np
 
 from softlab.model.base.clock import START, Clock, clock_of
 from softlab.model.base.errors import Diverged, InputError, SceneError
+from softlab.model.core import spare
 from softlab.model.core.build import Body, build
 from softlab.model.core.energy import energies
 from softlab.model.core.families import family_of, stability_limit
@@ -28,7 +29,6 @@ from softlab.model.core.stability.divergence import DIVERGED_SIZE, check_interva
 from softlab.model.core.state import State, checked_arrays, checked_clusters, every_plastic
 from softlab.model.core.stepping import Stepping
 from softlab.model.scene.scene import Scene
-from softlab.model.shape_matching import spare
 from softlab.model.tables.flow import taps_at_start, turned
 
 

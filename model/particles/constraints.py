@@ -13,6 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from softlab.model.geometry.colouring import colour
+
 
 @dataclass(frozen=True)
 class Projection:
@@ -87,3 +89,9 @@ class ConstraintSet:
         """Sets of constraints of which no two move the same particle, in the order of an iteration."""
         colours = (np.arange(*self.starts[c : c + 2]).reshape(-1, self.run) for c in range(self.colours))
         return [members for colour in colours for members in colour.T]
+
+
+def coloured(kind: str, model: str, corners: np.ndarray, values: np.ndarray, particles: int) -> ConstraintSet:
+    """Return the set of these constraints, sorted by colours."""
+    found = colour(corners, particles)
+    return ConstraintSet(kind, model, np.ascontiguousarray(corners[found.order]), values[found.order], found.starts)

@@ -8,6 +8,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from softlab.model.contact.attachments import attachment_parts, attachment_projections, attachment_sets
 from softlab.model.core.plan import Node, Plan, Stage
 from softlab.model.formulas.constraints import attachment, tetrahedron, voxel_volume
 from softlab.model.formulas.elastic import sleep
@@ -15,7 +16,6 @@ from softlab.model.geometry.colouring import colour
 from softlab.model.particles.constraints import ConstraintSet, Projection
 from softlab.model.particles.tetrahedra_set import TetrahedraSet
 from softlab.model.scene.scene import Scene
-from softlab.model.tetrahedra.attachments import attachment_parts, attachment_projections, attachment_sets
 from softlab.model.tetrahedra.material import constraint_values, material_of, voxel_values
 from softlab.model.tetrahedra.voxel_order import voxel_order
 from softlab.model.xpbd import mesh_constraints as of_cloths

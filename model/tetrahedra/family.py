@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from softlab.model.base.clock import START, Clock
+from softlab.model.contact.attachments import KIND, stored
 from softlab.model.contact.substep_parameters import XPBD_FIELDS, xpbd_values
 from softlab.model.core.family import SolverFamily
 from softlab.model.core.parameters import rounded_record
@@ -16,7 +17,6 @@ from softlab.model.scene.scene import Scene
 from softlab.model.tables.cloth import COLLIDER_KINDS, CONSTRAINT_KINDS
 from softlab.model.tables.motion import RELEASE
 from softlab.model.tetrahedra.apart import tetrahedra_apart
-from softlab.model.tetrahedra.attachments import KIND, stored
 from softlab.model.tetrahedra.constraints import CONSTANTS, constraint_sets, tetrahedra_plan, through_note
 from softlab.model.tetrahedra.material import energies
 from softlab.model.tetrahedra.partitions import tetrahedra_partitions

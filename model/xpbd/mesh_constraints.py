@@ -19,12 +19,11 @@ from softlab.model.formulas import bending as bending_formulas
 from softlab.model.formulas import distance as distance_formulas
 from softlab.model.formulas.constraints import dihedral, distance, isometric, tether, volume
 from softlab.model.geometry.arithmetic.ordered import combined, dot, mean, norm
-from softlab.model.geometry.colouring import colour
 from softlab.model.geometry.measures import edge_lengths, triangle_areas
 from softlab.model.geometry.mesh import TriangleMesh
 from softlab.model.geometry.topology import mesh_of
 from softlab.model.geometry.voxels import winding_numbers
-from softlab.model.particles.constraints import ConstraintSet, Projection
+from softlab.model.particles.constraints import ConstraintSet, Projection, coloured
 from softlab.model.scene.scene import Scene
 from softlab.model.tables.cloth import CONSTRAINT_KINDS
 from softlab.model.tables.xpbd import MAX_ANCHORS
@@ -83,12 +82,6 @@ def model_of(kind: str, told: str | None = None) -> str:
 
 
 _known: WeakKeyDictionary[TriangleMesh, dict[tuple[str, str], ConstraintSet]] = WeakKeyDictionary()  # colouring is slow
-
-
-def coloured(kind: str, model: str, corners: np.ndarray, values: np.ndarray, particles: int) -> ConstraintSet:
-    """Return the set of these constraints, sorted by colours."""
-    found = colour(corners, particles)
-    return ConstraintSet(kind, model, np.ascontiguousarray(corners[found.order]), values[found.order], found.starts)
 
 
 def attachment_set(scene: Scene, body: Body) -> ConstraintSet:

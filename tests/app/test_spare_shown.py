@@ -27,8 +27,8 @@ from softlab.app.window.demo import Demo
 from softlab.app.window.demo_report import demo_state, masses_text
 from softlab.app.window.mouse import Mouse
 from softlab.model.core.energy import energies
+from softlab.model.core.spare import Counts, absent, counts, present
 from softlab.model.scene.scene import Scene, load_scene
-from softlab.model.shape_matching.spare import Counts, absent, counts, present
 
 SPARE = beams_and_torus(torus=TORUS | {"spare": 2})
 ALONE = beams_and_torus()

@@ -32,7 +32,8 @@ BACKEND = ("core", "contact", FAMILIES, "world domains")
 # Lowest first. Units of one line do not import each other.
 ORDER = {
     "model": (
-        "formulas", "base", "geometry", "assets", "tables", "particles", "scene", "core", "contact", FAMILIES, "world domains",
+        "formulas", "base", "geometry", "assets", "tables", "particles", "scene", "core", "contact", FAMILIES,
+        "world domains",
     ),
     "cpu_backend": BACKEND,
     "gpu_backend": BACKEND,

@@ -33,7 +33,7 @@ EXCEPTIONS = {
     "assets/skin.py": "drawn vertices and normals",
     "particles/tetrahedra/skin.py": "drawn vertices",
     "tetrahedra/material.py": "reported stretches, stresses and energies",
-    "tetrahedra/attachments.py": "a reported energy",
+    "contact/attachments.py": "a reported energy",
     "geometry/anisotropy.py": "drawn ellipsoids",
     "geometry/voxels.py": "winding numbers, whole but for rounding, that are compared with a half",
     "geometry/tetrahedra/mesh.py": "a reported quality",

@@ -118,7 +118,7 @@ BODIES: tuple[Mistake, ...] = (
         {"a cloth is not moved by what is attached to it": ("moved(q, -wq, change), moved(r, -wr, change),\n        )", "moved(q, wq, change), moved(r, wr, change),\n        )")},
     ),
     *in_file(
-        "model/tetrahedra/attachments.py",
+        "model/contact/attachments.py",
         "test_cloth_beside.py::test_attachments_hold_both_ways_and_contacts_leave_them_alone",
         {"contacts push at what is attached to a cloth": ('if one.model != "world":\n            free', 'if one.model == "bodies":\n            free')},
     ),

@@ -31,9 +31,9 @@ SHARED = {
     "cloth.py": {"softlab.model.tables.colliders.mesh_collider", "softlab.model.tables.colliders.distance_field"},
     "mesh_collider.py": {"softlab.model.tables.colliders.mesh_collider"},
     "distance_field.py": {"softlab.model.tables.colliders.distance_field"},
-    "surface_contacts.py": {"softlab.model.tetrahedra.attachments"},  # who is tied to whom
+    "surface_contacts.py": {"softlab.model.contact.attachments"},  # who is tied to whom
     "tetrahedra_cloth.py": {
-        "softlab.model.tetrahedra.attachments",
+        "softlab.model.contact.attachments",
         "softlab.model.tetrahedra.constraints",
     },  # and in which order of colours
     "fluid.py": {"softlab.model.fluid.measure"},  # who is near to whom, by a k-d tree, which no solver asks
@@ -45,7 +45,7 @@ SHARED = {
     "fluid_solids.py": {"softlab.model.fluid.samples"},  # where they lie
     "world.py": {  # triangles, who is tied to whom, who meets whom, what is sampled
         "softlab.model.scene.sheets",
-        "softlab.model.tetrahedra.attachments",
+        "softlab.model.contact.attachments",
         "softlab.model.world.plan",
         "softlab.model.world.solids",
     },

@@ -14,11 +14,11 @@ from softlab.app.output.pieces import pieces_of
 from softlab.app.plan.report import plan_report
 from softlab.bench.reference import tetrahedra_cloth as reference
 from softlab.model.base.errors import InputError, SceneError
+from softlab.model.contact.attachments import attachment_sets, contact_free
 from softlab.model.contact.self_contact_parameters import MAX_CONTACTS
 from softlab.model.contact.surface_parameters import contact_surface
 from softlab.model.core.simulation import State
 from softlab.model.scene.scene import Scene
-from softlab.model.tetrahedra.attachments import attachment_sets, contact_free
 from softlab.model.xpbd.mesh_constraints import constraint_sets, mesh_energy
 
 EXACT: dict[str, Any] = {"precision": "float64", "math": "exact", "threads": 1}

@@ -14,10 +14,9 @@ from softlab.model.formulas.constraints import attachment as formula
 from softlab.model.geometry.measures import nearest_of
 from softlab.model.geometry.tetrahedra.embedding import carriers
 from softlab.model.geometry.tetrahedra.mesh import TetrahedralMesh
-from softlab.model.particles.constraints import ConstraintSet, Projection
+from softlab.model.particles.constraints import ConstraintSet, Projection, coloured
 from softlab.model.particles.tetrahedra_set import TetrahedraSet
 from softlab.model.tables.attachment import Attachment, pins
-from softlab.model.xpbd.mesh_constraints import coloured
 
 KIND = "attachment"
 CORNERS = {
