@@ -7,8 +7,8 @@ import numpy as np
 from softlab.model.contact.cloth_parameters import REACH
 from softlab.model.core.energy import spring_strain
 from softlab.model.core.stability.springs import spring_ends
+from softlab.model.position_based.mesh_constraints import edges_of
 from softlab.model.scene.scene import Scene
-from softlab.model.xpbd.mesh_constraints import edges_of
 
 ALIKE = 0.01  # of a rest length: strains are drawn as true as that
 

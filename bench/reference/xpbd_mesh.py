@@ -17,9 +17,9 @@ from softlab.bench.reference import cloth
 from softlab.bench.reference.philox import random_directions
 from softlab.bench.reference.steps import Motion, Poke, alone
 from softlab.model.geometry.topology import mesh_of, pinned_vertices
+from softlab.model.position_based.mesh_constraints import constraint_sets
 from softlab.model.scene.scene import Scene
 from softlab.model.scene.sheets import triangles_of
-from softlab.model.xpbd.mesh_constraints import constraint_sets
 
 
 @dataclass(frozen=True)

@@ -21,8 +21,8 @@ from softlab.cpu_backend.shape_matching.matching_stages import make_matching_sta
 from softlab.model.assets.lattice import TABLE, matching_axis
 from softlab.model.core.plan import Executor, Moment, StageRun
 from softlab.model.core.simulation import Options
+from softlab.model.position_based.plan import xpbd_plan
 from softlab.model.scene.scene import Scene
-from softlab.model.xpbd.plan import xpbd_plan
 
 
 def aligned(rows: int, columns: int, real: Any) -> Layout:

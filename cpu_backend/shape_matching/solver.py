@@ -35,9 +35,9 @@ from softlab.model.core.own_forces import POKED
 from softlab.model.core.plan import Executor, Moment, StageRun
 from softlab.model.core.simulation import Options
 from softlab.model.particles.links import LINKS
+from softlab.model.position_based.plan import xpbd_plan
 from softlab.model.scene.scene import Scene
 from softlab.model.shape_matching.cluster_tables import matching_factors, shaping
-from softlab.model.xpbd.plan import xpbd_plan
 
 UNEVEN = 1.3  # work of the busiest thread relative to the mean, above which threads share bodies
 

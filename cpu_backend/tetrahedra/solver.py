@@ -1,8 +1,8 @@
 """Bodies of tetrahedra on CPU threads, position-based: two constraints per tetrahedron, sorted by colour.
 
 M. Macklin et al., "XPBD", MIG 2016, algorithm 1; M. Macklin et al., "Small Steps in Physics Simulation", SCA 2019. The
-loops are a mesh's (xpbd/mesh.py); model/formulas/constraints/tetrahedron.py has the formulas. With surface contacts a
-step is one call per pass: contacts are searched and projected between them.
+loops are a mesh's (position_based/mesh.py); model/formulas/constraints/tetrahedron.py has the formulas. With surface contacts
+a step is one call per pass: contacts are searched and projected between them.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ import numpy as np
 
 from softlab.cpu_backend.contact.surfaces import SurfaceContacts
 from softlab.cpu_backend.core.constraints import make_sweep_stage
+from softlab.cpu_backend.position_based.mesh import MeshPositionBased
+from softlab.cpu_backend.position_based.mesh_kernels import make_mesh_stages
 from softlab.cpu_backend.tetrahedra.sleep import make_sleep_stages
-from softlab.cpu_backend.xpbd.mesh import MeshPositionBased
-from softlab.cpu_backend.xpbd.mesh_kernels import make_mesh_stages
 from softlab.model.core.plan import Executor, Moment, Plan, StageRun
 from softlab.model.particles.constraints import ConstraintSet, Projection
 from softlab.model.particles.tetrahedra.topology import neighbours

@@ -26,8 +26,8 @@ from softlab.gpu_backend.shape_matching.stages import bind_bodies_stages
 from softlab.gpu_backend.shape_matching.state import BodiesState
 from softlab.model.core.plan import Executor
 from softlab.model.core.simulation import Options
+from softlab.model.position_based.plan import xpbd_plan
 from softlab.model.scene.scene import Scene
-from softlab.model.xpbd.plan import xpbd_plan
 
 
 class Bodies(BodiesState):

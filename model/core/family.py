@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -86,6 +86,8 @@ class SolverFamily:
     - `solvers`, `passes`: by backend, the class that it opens and the function that describes its passes for `softlab
       plan`, as
       `module:name`, since both are in layers above the model.
+    - `clusters`: by backend, the class that the solver of position-based sheets iterates in place of constraints, in the
+      same way.
     - `reference`: the module in bench/reference/ whose `simulate` computes its reference.
     - `unknown`: why no converged reference of the motion is known, and what to use instead; None: one is known.
     - `reach(scene)`: how far a step reads along the rows of its sheet, for sharing by rows (model/domains).
@@ -111,6 +113,7 @@ class SolverFamily:
     solvers: Mapping[str, str]
     passes: Mapping[str, str]
     reference: str
+    clusters: Mapping[str, str] = field(default_factory=dict)
     outputs: Callable[[Scene], tuple[Output, ...]] = of_springs
     scheme_note: Callable[[Scene], str] = lambda scene: ""
     unknown: str | None = None

@@ -58,8 +58,8 @@ class Projection:
 class ConstraintSet:
     """Constraints of one kind: colour c contains those from `starts[c]` to before `starts[c + 1]`, `run` after `run`.
 
-    `kind`: of the scene's part; `model`: a name in MODELS (model/xpbd/mesh_constraints.py); `corners`: (constraints,
-    corners) int32 particles; `values`: (constraints, values) float64, as the projection takes them.
+    `kind`: of the scene's part; `model`: a name in MODELS (model/position_based/mesh_constraints.py); `corners`:
+    (constraints, corners) int32 particles; `values`: (constraints, values) float64, as the projection takes them.
     """
 
     kind: str

@@ -13,6 +13,7 @@ from softlab.model.core.family import SolverFamily
 from softlab.model.core.parameters import rounded_record
 from softlab.model.core.stability.projection import projection_limit, projection_note
 from softlab.model.geometry.measures import edge_lengths
+from softlab.model.position_based.mesh_constraints import mesh_energy
 from softlab.model.scene.scene import Scene
 from softlab.model.tables.cloth import COLLIDER_KINDS, CONSTRAINT_KINDS
 from softlab.model.tables.motion import RELEASE
@@ -20,7 +21,6 @@ from softlab.model.tetrahedra.apart import tetrahedra_apart
 from softlab.model.tetrahedra.constraints import CONSTANTS, constraint_sets, tetrahedra_plan, through_note
 from softlab.model.tetrahedra.material import energies
 from softlab.model.tetrahedra.partitions import tetrahedra_partitions
-from softlab.model.xpbd.mesh_constraints import mesh_energy
 
 
 def tetrahedra_record(

@@ -19,8 +19,8 @@ from softlab.cpu_backend.contact.particles import ParticleContacts
 from softlab.model.base.errors import SceneError
 from softlab.model.contact.particle_parameters import H_RESTITUTION, H_SETTLING, particle_contact_record
 from softlab.model.formulas import particle_contact as formulas
+from softlab.model.position_based.plan import xpbd_parts, xpbd_plan
 from softlab.model.scene.scene import Scene
-from softlab.model.xpbd.plan import xpbd_parts, xpbd_plan
 
 STEPS = 8
 

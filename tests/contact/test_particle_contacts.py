@@ -23,8 +23,8 @@ from softlab.model.contact.particle_parameters import (
     kinds_of_particles,
     particle_contact_record,
 )
+from softlab.model.position_based.plan import xpbd_parts
 from softlab.model.scene.scene import Scene, load_scene
-from softlab.model.xpbd.plan import xpbd_parts
 
 FREE = {"gravity": 0.0, "contact": {"maximum_speed": 1e3, "sleeping_speed": 1e-30}}
 BAR = {"kind": "soft_body", "particle_spacing": 0.16, "adhesion": 1e-30, **SAMPLED}  # 24 particles, 3 clusters

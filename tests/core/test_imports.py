@@ -1,7 +1,6 @@
 """Imports point one way, and nothing heavy is imported before it is used.
 
-The packages and top-level files of a layer have an order, too. What breaks it stands in `import_exceptions.txt`, which only
-shrinks: an entry that is no longer needed fails as a new violation does.
+The packages and top-level files of a layer have an order, too, and families of solvers do not import each other.
 """
 
 import ast
@@ -26,14 +25,13 @@ LEVELS = {  # an import may only go to a lower level, or stay inside its own lay
 }
 
 
-EXCEPTIONS = Path(__file__).with_name("import_exceptions.txt")
 FAMILIES = "mass_spring xpbd shape_matching tetrahedra fluid"
-BACKEND = ("core", "contact", FAMILIES, "world domains")
+BACKEND = ("core", "contact", "position_based", FAMILIES, "world domains")
 # Lowest first. Units of one line do not import each other.
 ORDER = {
     "model": (
-        "formulas", "base", "geometry", "assets", "tables", "particles", "scene", "core", "contact", FAMILIES,
-        "world domains",
+        "formulas", "base", "geometry", "assets", "tables", "particles", "scene", "core", "contact",
+        "position_based", FAMILIES, "world domains",
     ),
     "cpu_backend": BACKEND,
     "gpu_backend": BACKEND,
@@ -126,11 +124,6 @@ def violations(layer: str) -> set[str]:
     return found
 
 
-def exceptions() -> set[str]:
-    lines = EXCEPTIONS.read_text(encoding="utf-8").splitlines()
-    return {line for line in lines if line and not line.startswith("#")}
-
-
 @pytest.mark.parametrize("layer", ORDER)
 def test_every_unit_has_a_rank(layer):
     """Each package and top-level file stands in the order, and the order names nothing that is gone."""
@@ -139,16 +132,7 @@ def test_every_unit_has_a_rank(layer):
 
 @pytest.mark.parametrize("layer", ORDER)
 def test_imports_go_down_the_order(layer):
-    known = {line for line in exceptions() if line.startswith(f"{layer}.")}
-    found = violations(layer)
-    assert sorted(found - known) == [], "new imports against the order: move what both need down"
-    assert sorted(known - found) == [], f"no longer needed: remove from {EXCEPTIONS.name}"
-
-
-def test_the_exceptions_are_sorted_and_of_known_layers():
-    lines = [line for line in EXCEPTIONS.read_text(encoding="utf-8").splitlines() if line and not line.startswith("#")]
-    assert lines == sorted(set(lines))
-    assert {line.partition(".")[0] for line in lines} <= set(ORDER)
+    assert sorted(violations(layer)) == [], "imports against the order: move what both need down"
 
 
 def test_there_is_no_circle():

@@ -19,7 +19,7 @@ from softlab.model.scene.scene import Scene, load_scene
 # Of a mesh collider the triangles are shared, not their tree; of a distance field the samples, not what lies between them.
 SHARED = {
     "xpbd_mesh.py": {
-        "softlab.model.xpbd.mesh_constraints",
+        "softlab.model.position_based.mesh_constraints",
         "softlab.model.geometry.topology",
         "softlab.model.core.build",
         "softlab.model.scene.sheets",

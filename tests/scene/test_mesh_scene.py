@@ -18,9 +18,9 @@ from softlab.model.core.energy import energies, spring_strain
 from softlab.model.core.families import scene_plan
 from softlab.model.geometry.normals import vertex_normals
 from softlab.model.geometry.topology import mesh_of
+from softlab.model.position_based.mesh_constraints import constraint_sets
 from softlab.model.scene.scene import Scene, load_scene
 from softlab.model.scene.sheets import mesh_lines, scene_normals, triangles_of
-from softlab.model.xpbd.mesh_constraints import constraint_sets
 
 GARMENT = {"mesh": {"file": "garment.obj", "pinned": "top"}, "structural": {}, "method": {"solver": "xpbd"}}
 

@@ -16,8 +16,8 @@ from softlab.bench.reference import cluster_material
 from softlab.bench.reference import shape_matching as reference
 from softlab.bench.reference.contact.particle_contacts import Contacts
 from softlab.model.formulas.shape_matching import couple
+from softlab.model.position_based.plan import xpbd_parts, xpbd_plan
 from softlab.model.scene.scene import Scene
-from softlab.model.xpbd.plan import xpbd_parts, xpbd_plan
 
 CUBE: dict[str, Any] = {
     "shape": {"name": "box", "resolution": 4, "sides": [0.4] * 3},

@@ -27,8 +27,8 @@ from softlab.model.assets.soft_sheet import SoftSheet
 from softlab.model.base.errors import InputError, SceneError
 from softlab.model.geometry.shapes import Shape
 from softlab.model.particles.links import LinkedCopies, make_links
+from softlab.model.position_based.plan import xpbd_plan
 from softlab.model.scene.scene import Scene
-from softlab.model.xpbd.plan import xpbd_plan
 
 SHEET: dict[str, Any] = {"kind": "soft_sheet", "shape": {"name": "sheet", "resolution": 6}, "particle_spacing": 1 / 6}
 

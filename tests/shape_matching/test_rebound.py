@@ -15,9 +15,9 @@ from rebound_scenes import BRICK, FLOOR, among_soft_ones, dropped
 
 from softlab.bench.reference import shape_matching as reference
 from softlab.model.assets.clusters import whole_clusters
+from softlab.model.position_based.plan import xpbd_parts, xpbd_plan
 from softlab.model.scene.scene import Scene
 from softlab.model.shape_matching.rigid_rebound import rebound_limits
-from softlab.model.xpbd.plan import xpbd_parts, xpbd_plan
 
 G = 9.81
 CORNERS = np.array([[x, y, z] for x in (-0.1, 0.1) for y in (-0.1, 0.1) for z in (-0.1, 0.1)])

@@ -15,8 +15,8 @@ from softlab.gpu_backend.xpbd.choice import (
 )
 from softlab.gpu_backend.xpbd.tile import SheetTile, dependencies, span
 from softlab.model.base.errors import SceneError
+from softlab.model.position_based.plan import colour_order, families, xpbd_parts
 from softlab.model.scene.scene import Scene
-from softlab.model.xpbd.plan import colour_order, families, xpbd_parts
 
 KINDS = ("structural", "shear", "bending")
 H200 = (132, 227 << 10)

@@ -17,7 +17,7 @@ import numpy as np
 from softlab.gpu_backend.core.compile import inlined
 from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.quads import load_quad
-from softlab.gpu_backend.xpbd.constraints import KINDS, make_change
+from softlab.gpu_backend.position_based.constraints import KINDS, make_change
 from softlab.model.contact.substep_parameters import OF_SHEETS
 from softlab.model.formulas import distance
 

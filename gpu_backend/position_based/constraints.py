@@ -18,7 +18,7 @@ from softlab.model.contact.substep_parameters import (
     OF_SHEETS,
 )
 from softlab.model.formulas import distance
-from softlab.model.xpbd.plan import Family
+from softlab.model.position_based.plan import Family
 
 KINDS = ("structural", "shear", "bending")
 

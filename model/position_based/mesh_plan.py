@@ -9,9 +9,15 @@ from softlab.model.core.own_forces import own_forces
 from softlab.model.core.plan import Node, Plan, Stage
 from softlab.model.formulas import colliders, contact, distance
 from softlab.model.particles.constraints import ConstraintSet
+from softlab.model.position_based.mesh_constraints import (
+    constraint_sets,
+    model_of,
+    operations_of,
+    projection_of,
+    wanted,
+)
+from softlab.model.position_based.plan import LOOKED_AT, xpbd_parts
 from softlab.model.scene.scene import Scene
-from softlab.model.xpbd.mesh_constraints import constraint_sets, model_of, operations_of, projection_of, wanted
-from softlab.model.xpbd.plan import LOOKED_AT, xpbd_parts
 
 BODY_DAMPING = "body-damping"  # a part: bodies have their own damping rates
 PROJECT_CONTACTS = "project contacts"  # a stage
@@ -19,7 +25,7 @@ PINS = Stage("pins", 0, 0, 0, 1.0)  # following a motion: their position and vel
 
 
 def mesh_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset[str]:
-    """Return the parts that need code: a sheet's (model/xpbd/plan.py), and each constraint's model, as
+    """Return the parts that need code: a sheet's (model/position_based/plan.py), and each constraint's model, as
     `bending-isometric`.
 
     Every mass has its own weight (`load`).
@@ -62,7 +68,7 @@ def xpbd_mesh_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
 def constrained_plan(scene: Scene, parts: frozenset[str], sets: Sequence[tuple[ConstraintSet, int]]) -> Plan:
     """Return the plan of particles with sets of constraints, each with the operations of one constraint.
 
-    Substeps and iterations are as in model/xpbd/plan.py, all forces are part of the prediction.
+    Substeps and iterations are as in model/position_based/plan.py, all forces are part of the prediction.
     """
     method = scene.method
     forces = 3 * distance.OPERATIONS_PREDICT + ("gravity" in parts)

@@ -20,8 +20,8 @@ from softlab.cpu_backend.core.scratch import cloth_variant
 from softlab.cpu_backend.core.wind import make_air, make_triangle
 from softlab.model.formulas import distance
 from softlab.model.particles.constraints import Projection
+from softlab.model.position_based.mesh_plan import BODY_DAMPING
 from softlab.model.tables.cloth import COLLIDER_KINDS
-from softlab.model.xpbd.mesh_plan import BODY_DAMPING
 
 AXES = 3  # a velocity's fourth number is its particle's own damping rate, 1/s
 

@@ -13,15 +13,15 @@ import numpy as np
 
 from softlab.cpu_backend.core.constraints import make_constraint_stage, no_sets, set_arrays
 from softlab.cpu_backend.core.simulation import QuadsSimulation, chosen_kernel
-from softlab.cpu_backend.xpbd.mesh_kernels import ALWAYS, make_mesh_advance, make_mesh_stages
+from softlab.cpu_backend.position_based.mesh_kernels import ALWAYS, make_mesh_advance, make_mesh_stages
 from softlab.model.core.plan import Executor, Moment, Plan, StageRun
 from softlab.model.core.simulation import Options
 from softlab.model.geometry.tables import wind_lists
 from softlab.model.geometry.topology import mesh_of
 from softlab.model.particles.constraints import ConstraintSet, Projection
+from softlab.model.position_based.mesh_constraints import attachment_set, constraint_sets, projections_of
+from softlab.model.position_based.mesh_plan import stage_name, xpbd_mesh_plan
 from softlab.model.scene.scene import Scene
-from softlab.model.xpbd.mesh_constraints import attachment_set, constraint_sets, projections_of
-from softlab.model.xpbd.mesh_plan import stage_name, xpbd_mesh_plan
 
 
 def choose_kernel(wanted: str | None, what: str = "a mesh") -> str:

@@ -24,11 +24,11 @@ from softlab.model.geometry.mesh import TriangleMesh
 from softlab.model.geometry.topology import mesh_of
 from softlab.model.geometry.voxels import winding_numbers
 from softlab.model.particles.constraints import ConstraintSet, Projection, coloured
+from softlab.model.position_based.attachments import UNREACHED, vertex_attachments
+from softlab.model.position_based.rest_shape import check_flat
 from softlab.model.scene.scene import Scene
 from softlab.model.tables.cloth import CONSTRAINT_KINDS
 from softlab.model.tables.xpbd import MAX_ANCHORS
-from softlab.model.xpbd.attachments import UNREACHED, vertex_attachments
-from softlab.model.xpbd.rest_shape import check_flat
 
 FLAT = 1e-9  # of the edge: a shorter vector k at rest is the rounding of a flat hinge's coordinates
 SHAKE = 1e-4  # of the mean edge
@@ -102,7 +102,7 @@ def tether_of(anchors: int) -> Projection:
 
 
 def projection_of(kind: str, parts: frozenset[str]) -> Projection:
-    """Return the projection of a kind of part in a scene of such parts (model/xpbd/mesh_plan.py)."""
+    """Return the projection of a kind of part in a scene of such parts (model/position_based/mesh_plan.py)."""
     if kind == "attachments":
         return tether_of(next(n for n in range(1, MAX_ANCHORS + 1) if f"attachments-{n}" in parts))
     name = model_of(kind, next((name for name in MODELS if f"{kind}-{name}" in parts), None))

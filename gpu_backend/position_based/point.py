@@ -1,7 +1,7 @@
 """Operations of a position-based solver on one mass, as device functions: its prediction, and its velocity afterwards.
 
 Masses are quads: x, y, z and the weight w, 0 if pinned, 1, or the sheet's mass over the mass's own if the scene has a
-`load`. In a plane z stays 0 and is not computed. xpbd/constraints.py and gather.py have constraints.
+`load`. In a plane z stays 0 and is not computed. constraints.py and gather.py have constraints.
 """
 
 from __future__ import annotations

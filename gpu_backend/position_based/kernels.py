@@ -21,10 +21,10 @@ from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
 from softlab.gpu_backend.core.sheet import BLOCK, make_place
 from softlab.gpu_backend.core.wind import make_block_air
 from softlab.gpu_backend.core.world import Cell, World
-from softlab.gpu_backend.xpbd.constraints import compliant, make_constants, make_pair
-from softlab.gpu_backend.xpbd.gather import make_gather
-from softlab.gpu_backend.xpbd.point import make_accelerations, make_tethers
-from softlab.model.xpbd.plan import JACOBI, Family, families
+from softlab.gpu_backend.position_based.constraints import compliant, make_constants, make_pair
+from softlab.gpu_backend.position_based.gather import make_gather
+from softlab.gpu_backend.position_based.point import make_accelerations, make_tethers
+from softlab.model.position_based.plan import JACOBI, Family, families
 
 
 def compact_shape(family: Family, rows: int, columns: int) -> tuple[int, int]:

@@ -1,6 +1,6 @@
 """CUDA kernels of a mesh's step, one thread per mass: the prediction with all forces, and normals for drawing.
 
-Velocities and colliders are the sheets' (xpbd/kernels.py); constraints are in core/constraints.py.
+Velocities and colliders are the sheets' (kernels.py); constraints are in core/constraints.py.
 """
 
 from __future__ import annotations

@@ -24,17 +24,17 @@ from softlab.gpu_backend.core.launch import Graphs, can_capture
 from softlab.gpu_backend.core.quads import AXES, SIZE, pack
 from softlab.gpu_backend.core.sheet import make_cloth_tools, make_mesh_tools
 from softlab.gpu_backend.core.substeps import SubstepSimulation, launched_kernel
-from softlab.gpu_backend.xpbd.kernels import make_end
-from softlab.gpu_backend.xpbd.mesh_kernels import make_mesh_begin, make_slow
-from softlab.gpu_backend.xpbd.stages import make_xpbd_stages
+from softlab.gpu_backend.position_based.kernels import make_end
+from softlab.gpu_backend.position_based.mesh_kernels import make_mesh_begin, make_slow
+from softlab.gpu_backend.position_based.stages import make_xpbd_stages
 from softlab.model.core.plan import Executor, Moment, Plan, StageRun
 from softlab.model.core.simulation import Options
 from softlab.model.geometry.tables import wind_lists
 from softlab.model.geometry.topology import mesh_of
 from softlab.model.particles.constraints import ConstraintSet, Projection
+from softlab.model.position_based.mesh_constraints import attachment_set, constraint_sets, projections_of
+from softlab.model.position_based.mesh_plan import BODY_DAMPING, stage_name, xpbd_mesh_plan
 from softlab.model.scene.scene import Scene
-from softlab.model.xpbd.mesh_constraints import attachment_set, constraint_sets, projections_of
-from softlab.model.xpbd.mesh_plan import BODY_DAMPING, stage_name, xpbd_mesh_plan
 
 THREADS = 128  # per block: small blocks distribute a colour's few thousand constraints over more processors
 
