@@ -169,8 +169,6 @@ class QuadsSimulation(Targeted, ParticlesSimulation):
         count, real = len(self.body.position), self.real
         self._position, self._velocity, self._before = (np.zeros((count, WIDTH), real) for _ in range(3))
         self._position[:, 3] = self.body.inverse_mass * self.scene.grid.mass
-        if self.scene.tetrahedra:
-            self._velocity[:, 3] = self.scene.tetrahedra_set.damping_rates
         self._kept = np.zeros((2, count, WIDTH), real)
         self._bands = max(1, min(self.threads, shares))
         self._bad, self._slots = np.zeros(self._bands, np.int64), WIDTH * np.arange(count)

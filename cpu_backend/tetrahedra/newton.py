@@ -76,6 +76,7 @@ class TetrahedraNewton(QuadsSimulation):
         self._control = np.zeros(2 + len(passes.COUNTS), np.int64)
         self._values, self.done = np.zeros(len(passes.VALUES), real), np.zeros(len(DONE), np.int64)
         self._allocate(groups)
+        self._velocity[:, 3] = found.damping_rates
         self._lists = surface_lists(found, False)
         self._executor = Executor(self.plan, {}, self._advance)
         self.reset()

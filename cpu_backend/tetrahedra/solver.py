@@ -34,6 +34,10 @@ class Tetrahedra(MeshPositionBased):
     def _plan_of(self, scene: Scene, live: frozenset[str]) -> Plan:
         return tetrahedra_plan(scene, live)
 
+    def _allocate(self, shares: int) -> None:
+        super()._allocate(shares)
+        self._velocity[:, 3] = self.scene.tetrahedra_set.damping_rates
+
     def _constraints(self) -> tuple[list[ConstraintSet], tuple[Projection, ...]]:
         return list(constraint_sets(self.scene)), projections_of(self.plan.parts)
 

@@ -65,6 +65,15 @@ def of_springs(scene: Scene) -> tuple[Output, ...]:
     return (STRAIN, NORMAL) if scene.dimensions == 3 else (STRAIN,)
 
 
+def contacts_lost(simulation: Any) -> dict[str, int]:
+    """Return `contacts_lost`, if surfaces of the scene have contacts: contacts, and vertices in the search distance, for
+    which a search had no capacity."""
+    scene, contacts = simulation.scene, getattr(simulation, "contacts", None)
+    if scene.self_collision is None and scene.contact is None:
+        return {}
+    return {"contacts_lost": int(getattr(contacts, "lost", 0)) + int(getattr(contacts, "neighbours_lost", 0))}
+
+
 @dataclass(frozen=True)
 class SolverFamily:
     """One way to step one structure of particles, on every backend.
@@ -94,6 +103,7 @@ class SolverFamily:
     - `apart(scene)`: the bodies of a scene in which none acts on another, for sharing by bodies
       (model/core/sharing/bodies.py).
     - `halo(scene)`: how far a substep reads [m], for sharing by slabs of space (model/domains/slabs.py).
+    - `lost(simulation)`: the counts of contacts or neighbours that did not fit into lists of fixed length, by name.
     - `partitions(scene)`: the meshes of a scene, for sharing by parts of bodies (model/core/sharing/partitions.py).
 
     The last four raise SceneError for a part that prevents sharing; None: not yet supported for the family.
@@ -121,6 +131,7 @@ class SolverFamily:
     apart: Callable[[Scene], Apart] | None = None
     halo: Callable[[Scene], float] | None = None
     partitions: Callable[[Scene], SharedMesh] | None = None
+    lost: Callable[[Any], dict[str, int]] = contacts_lost
 
 
 ANY_SHEET = frozenset(

@@ -16,6 +16,7 @@ import numpy as np
 from softlab.model.core.build import pinned_indices
 from softlab.model.core.stability.cloth_bounds import laplacian_bound
 from softlab.model.geometry.topology import vertex_masses
+from softlab.model.particles.particle_set import ParticleSet
 from softlab.model.scene.scene import Scene
 
 
@@ -183,12 +184,9 @@ def frequency_bound(scene: Scene) -> float:
 
 def lightest_mass(scene: Scene) -> float:
     """Return the smallest mass [kg] that moves, or of inactive bodies may; the sheet's where nothing moves."""
-    if scene.bodies:
-        return float(scene.body_set.clusters.mass.min())
-    if scene.tetrahedra:
-        free = np.delete(scene.tetrahedra_set.masses, scene.tetrahedra_set.pinned_vertices)
-        return float(free.min(initial=inf)) if len(free) else scene.grid.mass
     sheet = scene.grid
+    if isinstance(sheet, ParticleSet):
+        return sheet.lightest
     by_area = scene.mesh if scene.mesh and scene.mesh.density is not None else None
     if not scene.loads and not by_area:
         return sheet.mass

@@ -127,7 +127,7 @@ class Simulation(Stepping):
         position, velocity = self._download()
         self._note_waiting(position)
         inverse_mass = self.body.inverse_mass.copy()
-        bodies = self._download_rotation(), every_plastic(self._download_plastic(), self._cluster_count())
+        bodies = self._download_rotation(), every_plastic(self._download_plastic(), self.scene.cluster_count)
         taps = self._taps.copy() if len(self._taps) else None
         return State(position, velocity, inverse_mass, self.time, self.step, *bodies, self._clock, taps)
 
@@ -154,7 +154,9 @@ class Simulation(Stepping):
             self._take_weights(inverse_mass)
         rotation, plastic = state.rotation, state.plastic
         if rotation is not None or plastic is not None:
-            rotation, plastic = checked_clusters(rotation, plastic, self.plan.parts, self._cluster_count(), self.real)
+            rotation, plastic = checked_clusters(
+                rotation, plastic, self.plan.parts, self.scene.cluster_count, self.real
+            )
         self._enter(float(state.time))
         self._set_clock(clock_of(state.clock, int(state.step), float(state.time), self.scene.method.dt))
         if len(self.body.pinned):
@@ -192,7 +194,7 @@ class Simulation(Stepping):
     @property
     def _flows(self) -> bool:
         """True if emitters or sinks add and remove particles."""
-        return bool(self.scene.emitters or self.scene.sinks)
+        return self.scene.flows
 
     def _note_waiting(self, position: np.ndarray) -> None:
         """Set the inverse masses of `body` from the positions of a fluid, which mark inactive particles."""
@@ -208,9 +210,6 @@ class Simulation(Stepping):
         if not np.array_equal(found, self._taps):
             self._taps = found
             self._parameters_changed()
-
-    def _cluster_count(self) -> int:
-        return self.scene.body_set.clusters.count if self.scene.bodies else 0
 
     def reset(self) -> None:
         """Return to the scene's start."""
@@ -307,7 +306,7 @@ class Simulation(Stepping):
         SceneError
             The scene has no bodies.
         """
-        if not self.scene.bodies:
+        if not self.scene.copies:
             raise SceneError("read", "clusters", "are those of bodies, and this scene has none")
         return self._read_clusters()
 

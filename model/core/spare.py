@@ -9,7 +9,8 @@ import numpy as np
 
 from softlab.model.base.errors import InputError, SceneError
 from softlab.model.core.state import State
-from softlab.model.particles.body_set import Copy
+from softlab.model.particles.body_set import BodySet, Copy
+from softlab.model.particles.fluid_set import FluidSet
 from softlab.model.scene.scene import Scene
 from softlab.model.tables.flow import nozzle_points
 
@@ -41,13 +42,10 @@ def absent(scene: Scene, inverse_mass: np.ndarray | None = None) -> np.ndarray |
 
     By inverse masses as in State or (None) at the scene's start.
     """
-    if scene.emitters or scene.sinks:
-        found = scene.fluid_set
-        waits = ~found.there(found.position) if inverse_mass is None else np.asarray(inverse_mass) == 0
-        return waits if waits.any() else None
-    if not scene.bodies:
+    found = scene.grid
+    if not isinstance(found, BodySet | FluidSet):
         return None
-    waits = scene.body_set.waiting if inverse_mass is None else np.asarray(inverse_mass) == 0
+    waits = found.waiting if inverse_mass is None else np.asarray(inverse_mass) == 0
     return waits if waits.any() else None
 
 
@@ -56,7 +54,7 @@ def present(scene: Scene, position: np.ndarray, inverse_mass: np.ndarray | None 
 
     All, where none would be left, or for a fluid its nozzles.
     """
-    if scene.emitters or scene.sinks:
+    if scene.flows:
         there = position[scene.fluid_set.there(position)]
         return there if len(there) else nozzle_points(scene, np.float64)[:, : position.shape[1]]
     waits = absent(scene, inverse_mass)
@@ -66,8 +64,7 @@ def present(scene: Scene, position: np.ndarray, inverse_mass: np.ndarray | None 
 def copies_there(scene: Scene, inverse_mass: np.ndarray | None = None) -> np.ndarray:
     """Return which copies of a scene's bodies are active by `absent`, (copies,) bool."""
     waits = absent(scene, inverse_mass)
-    copies = scene.body_set.copies
-    return np.array([waits is None or not waits[copy.first_particle] for copy in copies])
+    return np.array([waits is None or not waits[copy.first_particle] for copy in scene.copies])
 
 
 @dataclass(frozen=True)
@@ -86,13 +83,13 @@ class Counts:
 
 def counts(scene: Scene, inverse_mass: np.ndarray | None = None) -> Counts:
     """Return the numbers of active and inactive particles and bodies, by `absent`."""
-    if not scene.bodies:
+    if not scene.copies:
         waits = absent(scene, inverse_mass)
         waiting_particles = 0 if waits is None else int(waits.sum())
         return Counts(scene.grid.particle_count - waiting_particles, waiting_particles=waiting_particles)
     is_there = copies_there(scene, inverse_mass)
-    there = [copy.baked for copy in scene.body_set.copies if is_there[copy.number]]
-    waiting = [copy.baked for copy in scene.body_set.copies if not is_there[copy.number]]
+    there = [copy.baked for copy in scene.copies if is_there[copy.number]]
+    waiting = [copy.baked for copy in scene.copies if not is_there[copy.number]]
     return Counts(
         sum(len(body.position) for body in there), sum(body.clusters.count for body in there), len(there), len(waiting),
         sum(len(body.position) for body in waiting),
@@ -106,7 +103,7 @@ def added(
     weights = state.inverse_mass
     if name not in scene.bodies:
         raise SceneError("body", name, f"must be one of {', '.join(scene.bodies) or 'a scene with bodies'}")
-    part, mine = scene.bodies[name], [copy for copy in scene.body_set.copies if copy.name == name]
+    part, mine = scene.bodies[name], [copy for copy in scene.copies if copy.name == name]
     copy = next((one for one in mine if not weights[one.first_particle]), None)
     if copy is None:
         told = "all spare copies are in use; raise `spare` or call remove_body() first"
@@ -122,7 +119,7 @@ def added(
 def removed(scene: Scene, state: State, parts: Collection[str], number: int) -> State:
     """Return the state without the copy, see Simulation.remove_body; `parts`: of the plan."""
     weights = state.inverse_mass
-    copies = scene.body_set.copies if scene.bodies else ()
+    copies = scene.copies
     if (
         not isinstance(number, int | np.integer)
         or not 0 <= number < len(copies)

@@ -107,5 +107,6 @@ FLUID = SolverFamily(
     reference="softlab.bench.reference.fluid",
     outputs=lambda scene: (STRAIN, PRESSURE),
     halo=fluid_halo,
+    lost=lambda simulation: {"neighbours_lost": int(simulation.contacts_lost)},
     unknown="a fluid's particles have no converged reference; the density error is reported instead",
 )

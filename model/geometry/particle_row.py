@@ -17,6 +17,11 @@ class ParticleRow:
     position: np.ndarray
 
     @property
+    def waiting(self) -> np.ndarray | None:
+        """Particles that are inactive at the start, (particles,) bool; None where all are always active."""
+        return None
+
+    @property
     def columns(self) -> int:
         """All particles: the set is one row."""
         return len(self.position)

@@ -94,6 +94,21 @@ class BodySet(ParticleRow):
         return np.array([copy.waits for copy in self.copies])[self.body]
 
     @property
+    def masses(self) -> np.ndarray:
+        """Mass of each particle, (particles,) float64 [kg]."""
+        return self.clusters.mass
+
+    @property
+    def lightest(self) -> float:
+        """Smallest mass of a particle [kg]."""
+        return float(self.masses.min())
+
+    @property
+    def pinned_vertices(self) -> np.ndarray:
+        """Particles that do not move at the start, ascending: inactive ones."""
+        return np.flatnonzero(self.waiting)
+
+    @property
     def extent(self) -> float:
         """Longest side [m]."""
         return float(np.ptp(self.position, axis=0).max(initial=self.spacing))

@@ -62,6 +62,21 @@ class FluidSet(ParticleRow):
         return self.particle_masses[0]
 
     @property
+    def lightest(self) -> float:
+        """Mass of a particle of the first fluid [kg], by which solvers scale."""
+        return self.mass
+
+    @property
+    def waiting(self) -> np.ndarray:
+        """Particles that wait for an emitter, (particles,) bool."""
+        return ~self.there(self.position)
+
+    @property
+    def pinned_vertices(self) -> np.ndarray:
+        """None, (0,) int64."""
+        return np.zeros(0, np.int64)
+
+    @property
     def masses(self) -> np.ndarray:
         """Mass of each particle, (particles,) float64 [kg]."""
         return np.array(self.particle_masses)[self.fluid]

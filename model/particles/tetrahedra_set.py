@@ -95,6 +95,12 @@ class TetrahedraSet(ParticleRow):
         """Mean mass of a particle [kg]."""
         return mean(self.masses)
 
+    @property
+    def lightest(self) -> float:
+        """Smallest mass of a particle that moves [kg]; the mean one where none does."""
+        free = np.delete(self.masses, self.pinned_vertices)
+        return float(free.min()) if len(free) else self.mass
+
     def mass_of(self, name: str) -> float:
         """Return the mass of the body, or cloth, of that name [kg]."""
         ends, number = [*self.first_particle, self.particle_count], self.names.index(name)

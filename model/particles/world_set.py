@@ -14,7 +14,6 @@ from softlab.model.base.pins import pin_indices
 from softlab.model.geometry.arithmetic.ordered import mean
 from softlab.model.geometry.particle_row import ParticleRow
 from softlab.model.geometry.topology import mesh_of, pinned_vertices, vertex_masses
-from softlab.model.particles.body_set import BodySet
 from softlab.model.tables.mesh import Mesh
 
 
@@ -47,6 +46,11 @@ class WorldSet(ParticleRow):
         return mean(self.masses)
 
     @property
+    def lightest(self) -> float:
+        """Mean mass of a particle [kg]; each member has its own."""
+        return self.mass
+
+    @property
     def extent(self) -> float:
         """Longest side [m]."""
         return float(np.ptp(self.position, axis=0).max())
@@ -71,8 +75,6 @@ def make_world_set(members: Mapping[str, Any]) -> WorldSet:
 
 def _of(found: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Return (position, velocity, masses, pinned) of a member's own set."""
-    if isinstance(found, BodySet):
-        return found.position, found.velocity, found.clusters.mass, np.flatnonzero(found.waiting)
     if isinstance(found, Mesh):
         position = mesh_of(found).position + found.origin
         pinned = (
@@ -81,4 +83,4 @@ def _of(found: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
             else pinned_vertices(found)
         )
         return position, np.zeros_like(position), vertex_masses(found), pinned
-    return found.position, found.velocity, found.masses, getattr(found, "pinned_vertices", np.zeros(0, np.int64))
+    return found.position, found.velocity, found.masses, found.pinned_vertices

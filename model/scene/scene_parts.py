@@ -16,7 +16,7 @@ from pydantic import ValidationError
 from softlab.model.base.errors import InputError, SceneError
 from softlab.model.base.table import Part
 from softlab.model.base.words import scene_error, suggestion
-from softlab.model.particles.body_set import BodySet, make_body_set
+from softlab.model.particles.body_set import BodySet, Copy, make_body_set
 from softlab.model.particles.fluid_set import FluidSet, make_fluid_set
 from softlab.model.particles.tetrahedra_set import TetrahedraSet, make_tetrahedra_set
 from softlab.model.particles.world_set import WorldSet, make_world_set
@@ -212,6 +212,18 @@ class SceneParts:
         return make_body_set(self.bodies)
 
     @property
+    def copies(self) -> tuple[Copy, ...]:
+        """All copies of the scene's bodies; none where it has no bodies."""
+        return self.body_set.copies if self.bodies else ()
+
+    @property
+    def cluster_count(self) -> int:
+        """Number of clusters of the scene's bodies, or of those in a world."""
+        if self.bodies:
+            return self.body_set.clusters.count
+        return sum(member.cluster_count for member in self.members.values())
+
+    @property
     def tetrahedra(self) -> dict[str, TetrahedralBody]:
         """The scene's tetrahedral bodies, by the part's name."""
         return self.own(*TETRAHEDRAL_KINDS)
@@ -236,6 +248,11 @@ class SceneParts:
     def sinks(self) -> dict[str, Sink]:
         """The scene's sinks, by the part's name."""
         return self.all_of("sink")
+
+    @property
+    def flows(self) -> bool:
+        """True if emitters or sinks add and remove particles."""
+        return bool(self.emitters or self.sinks)
 
     @cached_property
     def fluid_set(self) -> FluidSet:

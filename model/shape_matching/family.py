@@ -69,6 +69,7 @@ BODIES = replace(
     clusters={},
     outputs=of_bodies,
     apart=bodies_apart,
+    lost=lambda simulation: {"contacts_lost": int(simulation.contacts_lost)} if simulation.scene.contact else {},
     unknown="shape-matching bodies have no converged reference: clusters are their material; softlab bar compares it with "
     "closed forms, softlab throughput measures its speed",
 )

@@ -24,7 +24,7 @@ DEFORMATION = Output(
 )  # fmt: skip
 PLASTIC = Output(
     "plastic", "(clusters, 3, 3)", "1", "plastic deformation of rest offsets, of determinant 1",
-    on_host(lambda one: np.asarray(every_plastic(one._download_plastic(), one._cluster_count()))),
+    on_host(lambda one: np.asarray(every_plastic(one._download_plastic(), one.scene.cluster_count))),
 )  # fmt: skip
 
 

@@ -125,10 +125,6 @@ class WorldSimulation(Simulation):
     def _bodies(self) -> Simulation | None:
         return self.members.get("bodies")
 
-    def _cluster_count(self) -> int:
-        member = self._bodies()
-        return member._cluster_count() if member else 0
-
     def _download_rotation(self) -> np.ndarray | None:
         member = self._bodies()
         return member._download_rotation() if member else None
