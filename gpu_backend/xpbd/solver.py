@@ -47,7 +47,7 @@ from softlab.model.core.families import family_of
 from softlab.model.core.plan import Executor
 from softlab.model.core.simulation import Options
 from softlab.model.position_based.attachments import sheet_reaches
-from softlab.model.position_based.plan import colour_order, families, xpbd_plan
+from softlab.model.position_based.plan import colour_order, families
 from softlab.model.scene.scene import Scene
 
 NOT_YET = ("motion", "mesh")
@@ -63,7 +63,7 @@ class PositionBased(SubstepSimulation):
                     f"{name}.kind", kind, "is not known to the position-based solvers on the gpu; leave it out"
                 )
         super().__init__(scene, options)
-        self.plan = xpbd_plan(scene, options.live)
+        self.plan = family_of(scene).plan(scene, options.live)
         self._chosen = xpbd_kernel(scene, self.real, self.plan.parts, options.kernel)
         self.kernel = self._chosen.kernel
         tile = self._chosen.tile

@@ -11,13 +11,13 @@ from softlab.model.contact.substep_parameters import xpbd_record
 from softlab.model.core.family import SolverFamily
 from softlab.model.core.stability.projection import projection_limit, projection_note
 from softlab.model.core.stability.springs import sheet_spring_count, sheet_strain
-from softlab.model.position_based.plan import xpbd_plan
 from softlab.model.scene.checks.fit import OF_BODIES
 from softlab.model.scene.checks.solver import MATCHED
 from softlab.model.scene.scene import Scene
 from softlab.model.shape_matching.apart import bodies_apart
 from softlab.model.shape_matching.energy import goal_strain, window_energy
 from softlab.model.shape_matching.outputs import of_bodies
+from softlab.model.shape_matching.plan import body_plan, window_plan
 
 
 def _stored_in_windows(
@@ -36,7 +36,7 @@ WINDOWS = SolverFamily(
     name="shape-matching grid",
     knows=frozenset(MATCHED),
     accepts=lambda scene: scene.method.matches_shapes and not (scene.bodies or scene.tetrahedra or scene.fluids),
-    plan=xpbd_plan,
+    plan=window_plan,
     record=xpbd_record,
     limit=projection_limit,
     limited_by_net=True,
@@ -60,6 +60,7 @@ BODIES = replace(
     name="bodies",
     knows=frozenset(OF_BODIES),
     accepts=lambda scene: bool(scene.bodies),
+    plan=body_plan,
     limited_by_net=False,
     stored=_stored_in_bodies,
     strain=lambda scene, position, kind, plastic: goal_strain(scene, position, plastic),
