@@ -181,6 +181,13 @@ class SceneParts:
         return bool(members_of(self.kinds))
 
     @cached_property
+    def content(self) -> str:
+        """What the scene's particles are: `world`, or by the only family of particles `fluids`, `tetrahedra` (and a cloth
+        beside them), `bodies` or `sheet`."""
+        own = {"world": self.is_world, "fluids": self.fluids, "tetrahedra": self.tetrahedra, "bodies": self.bodies}
+        return next((name for name, particles in own.items() if particles), "sheet")
+
+    @cached_property
     def members(self) -> dict[str, Any]:
         """Scenes of each family's parts in a world, by the names in model/scene/members.py, in the order of its
         particles; empty for any other scene. Raises SceneError."""
