@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from softlab.app.presentation import presentation_of
 from softlab.app.render.camera import Camera
 from softlab.app.window.demo import Demo
 from softlab.app.window.live import stiffness_paths
@@ -95,26 +96,22 @@ def title_text(demo: Demo, number: int) -> str:
 
 def strain_text(demo: Demo) -> str:
     """The worst strain, how far a particle of bodies is from its goal, or how much a fluid is pressed and how fast it is."""
-    worst = demo.statistics.worst_strain
-    if demo.world.scene.fluids:
-        fastest = f"fastest {demo.statistics.fastest:.3g} m/s"
-        return fastest if math.isnan(worst) else f"largest density error {worst:+.2%}, {fastest}"
-    if demo.world.scene.bodies:
-        return f"largest distance from goal {worst:.3g} spacings"
-    return f"worst strain {worst:+.4g}"
+    text = presentation_of(demo.world.scene).worst_text
+    return text(demo.statistics.worst_strain, demo.statistics.fastest)
 
 
 def counts_of(world: Simulation) -> dict[str, int]:
     """How many there are of what a world has, by name."""
     scene = world.scene
     told, springs = counts(scene, world.body.inverse_mass), family_of(scene).spring_count(scene)
+    own = presentation_of(scene).counts(scene)
     found = {
         "Particles": told.particles,
-        "Bodies": told.bodies or len(scene.tetrahedra),
+        "Bodies": told.bodies if scene.copies else own.get("bodies", 0),
         "Inactive bodies": told.waiting,
         "Clusters": told.clusters,
-        "Tetrahedra": len(scene.tetrahedra_set.tetrahedra) if scene.tetrahedra else 0,
-        "Springs": 0 if scene.bodies or scene.tetrahedra else springs,
+        "Tetrahedra": own.get("tetrahedra", 0),
+        "Springs": 0 if "tetrahedra" in own else springs,
         "Colliders": len(scene.colliders),
     }
     return {name: count for name, count in found.items() if count or name == "Particles"}
@@ -124,15 +121,7 @@ def masses_text(scene: Scene, inverse_mass: np.ndarray | None = None) -> str:
     """How many masses there are, in words; of bodies also how many clusters and bodies, and how many more bodies wait, by
     inverse masses as in State (None: when the scene starts); and colliders."""
     colliders = len(scene.colliders)
-    found = f"{scene.grid.rows} x {scene.grid.columns} masses"
-    if scene.fluids:
-        found = str(scene.fluid_set)
-    if scene.tetrahedra:
-        found = str(scene.tetrahedra_set)
-    if scene.bodies:
-        told = counts(scene, inverse_mass)
-        found = f"{told.particles} particles in {told.clusters} clusters of {told.bodies} bodies"
-        found += f" + {told.waiting} inactive" if told.waiting else ""
+    found = presentation_of(scene).brief(scene, counts(scene, inverse_mass))
     return found + (f", {colliders} collider{'s' * (colliders > 1)}" if colliders else "")
 
 

@@ -12,6 +12,7 @@ from typing import Self
 import numpy as np
 
 from softlab.app.driver import open_simulation
+from softlab.app.presentation import presentation_of
 from softlab.app.render.camera import finite_bounds
 from softlab.app.window.hand import Hand
 from softlab.app.window.live import live_parts
@@ -34,9 +35,8 @@ OpenWorld = Callable[..., Simulation]
 
 def first_steps(scene: Scene) -> int:
     """Steps per frame at first: 10, but of bodies of any kind those that come nearest to a frame's time."""
-    if not (scene.bodies or scene.tetrahedra or scene.fluids or scene.is_world):
-        return 10
-    return min(STEPS_PER_FRAME, key=lambda steps: abs(log(steps * scene.method.dt / FRAME)))
+    told = presentation_of(scene).steps_per_frame
+    return told or min(STEPS_PER_FRAME, key=lambda steps: abs(log(steps * scene.method.dt / FRAME)))
 
 
 def _over_limit(world: Simulation) -> bool:

@@ -97,6 +97,7 @@ class SolverFamily:
       `module:name`, since both are in layers above the model.
     - `clusters`: by backend, the class that the solver of position-based sheets iterates in place of constraints, in the
       same way.
+    - `presentation`: how its scenes are drawn and described (app/presentation.py), in the same way.
     - `reference`: the module in bench/reference/ whose `simulate` computes its reference.
     - `unknown`: why no converged reference of the motion is known, and what to use instead; None: one is known.
     - `reach(scene)`: how far a step reads along the rows of its sheet, for sharing by rows (model/domains).
@@ -123,6 +124,7 @@ class SolverFamily:
     solvers: Mapping[str, str]
     passes: Mapping[str, str]
     reference: str
+    presentation: str = "softlab.app.families.sheets:SHEET"
     clusters: Mapping[str, str] = field(default_factory=dict)
     outputs: Callable[[Scene], tuple[Output, ...]] = of_springs
     scheme_note: Callable[[Scene], str] = lambda scene: ""

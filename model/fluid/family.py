@@ -106,6 +106,7 @@ FLUID = SolverFamily(
     passes={"cpu": "softlab.app.plan.fluid:fluid_on_cpu", "gpu": "softlab.app.plan.fluid_gpu:fluid_on_gpu"},
     reference="softlab.bench.reference.fluid",
     outputs=lambda scene: (STRAIN, PRESSURE),
+    presentation="softlab.app.families.fluid:FLUID",
     halo=fluid_halo,
     lost=lambda simulation: {"neighbours_lost": int(simulation.contacts_lost)},
     unknown="a fluid's particles have no converged reference; the density error is reported instead",

@@ -60,6 +60,7 @@ BODIES = replace(
     name="bodies",
     knows=frozenset(OF_BODIES),
     accepts=lambda scene: bool(scene.bodies),
+    presentation="softlab.app.families.bodies:BODIES",
     plan=body_plan,
     limited_by_net=False,
     stored=_stored_in_bodies,

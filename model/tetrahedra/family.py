@@ -78,6 +78,7 @@ TETRAHEDRA = SolverFamily(
     solvers={backend: f"softlab.{backend}_backend.tetrahedra.solver:Tetrahedra" for backend in ("cpu", "gpu")},
     passes={"cpu": "softlab.app.plan.mesh:mesh_on_cpu", "gpu": "softlab.app.plan.mesh:tetrahedra_on_gpu"},
     reference="softlab.bench.reference.tetrahedra",
+    presentation="softlab.app.families.tetrahedra:TETRAHEDRA",
     apart=tetrahedra_apart,
     partitions=tetrahedra_partitions,
     unknown="tetrahedra have no converged reference; softlab tetrahedra measures how far a bar is from rest",

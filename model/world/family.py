@@ -107,6 +107,7 @@ WORLD = SolverFamily(
     solvers={"cpu": "softlab.cpu_backend.world.solver:World", "gpu": "softlab.gpu_backend.world.solver:World"},
     passes={"cpu": "softlab.app.plan.world:world_on_cpu", "gpu": "softlab.app.plan.world:world_on_gpu"},
     reference="softlab.bench.reference.world",
+    presentation="softlab.app.families.world:WORLD",
     lost=_lost,
     outputs=lambda scene: of_bodies(scene) if scene.bodies else of_springs(scene),
     unknown="a world of several families has no converged reference",

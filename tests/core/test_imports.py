@@ -35,7 +35,9 @@ ORDER = {
     ),
     "cpu_backend": BACKEND,
     "gpu_backend": BACKEND,
-    "app": ("auto_threads outcome shared", "driver", "render", "output", "command", "plan", "window"),
+    "app": (
+        "auto_threads outcome presentation shared", "driver", "render", "output", "command", "families", "plan", "window",
+    ),
     "bench": (
         "store", "keys", "measure", "reference", "experiments", "stress", "peers cluster", "options",
         "advice_commands commands scale_commands sweep_commands",
