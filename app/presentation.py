@@ -11,10 +11,16 @@ import numpy as np
 from softlab.model.base.components import named
 from softlab.model.core.families import family_of
 from softlab.model.core.spare import Counts
+from softlab.model.core.state import State
 from softlab.model.scene.scene import Scene
 
 
 def no_counts(scene: Scene) -> dict[str, Any]:
+    """Return {}."""
+    return {}
+
+
+def no_report(simulation: Any, state: State) -> dict[str, Any]:
     """Return {}."""
     return {}
 
@@ -35,6 +41,7 @@ class Presentation:
     - `pieces(scene, position, matrices, inverse_mass)`: the moving parts for a file (app/output/pieces.py).
     - `amounts(scene, counts)`: the numbers of particles, springs and so on, in words; `brief`: the same in a window.
     - `counts(scene)`: the counts besides particles, by name.
+    - `report(simulation, state)`: what the report of a run says besides.
     - `worst(scene, position, strain)`, `worst_text(worst, fastest)`: the number that the window shows of the state, and in
       words; `quantity`: what it is called; `fastest`: True if the largest speed is shown with it.
     - `steps_per_frame`: in a window at first; None: those that come nearest to a frame's time.
@@ -49,6 +56,7 @@ class Presentation:
     pieces: Callable[[Scene, np.ndarray, np.ndarray | None, np.ndarray | None], Any] | None = None
     looks: Callable[[], tuple[str, ...]] = tuple
     counts: Callable[[Scene], dict[str, Any]] = no_counts
+    report: Callable[[Any, State], dict[str, Any]] = no_report
     worst: Callable[[Scene, np.ndarray, np.ndarray], float] = worst_strain
     worst_text: Callable[[float, float], str] = lambda worst, fastest: f"worst strain {worst:+.4g}"
     quantity: str = "Strain"

@@ -10,7 +10,7 @@ from softlab.app.output.pieces import Piece, skinned
 from softlab.app.presentation import Presentation
 from softlab.app.render import colours
 from softlab.model.core.energy import spring_strain
-from softlab.model.core.spare import Counts, copies_there
+from softlab.model.core.spare import Counts, copies_there, counts
 from softlab.model.particles.body_set import Copy
 from softlab.model.scene.scene import Scene
 
@@ -51,6 +51,20 @@ def _counts(scene: Scene) -> dict[str, Any]:
     return {"bodies": len(scene.copies), "clusters": clusters.count, "entries": len(clusters.indices)}
 
 
+def bodies_report(simulation: Any) -> dict[str, Any]:
+    """Return the numbers of active bodies and their clusters, and of inactive bodies and their particles.
+
+    Their `max_strain` is the distance of a particle from its goal in one of its clusters, over the particle spacing.
+    """
+    told = counts(simulation.scene, simulation.body.inverse_mass)
+    return {
+        "bodies": told.bodies,
+        "waiting": told.waiting,
+        "waiting_particles": told.waiting_particles,
+        "clusters": told.clusters,
+    }
+
+
 def _amounts(scene: Scene, told: Counts) -> str:
     from softlab.app.command.tables import number
 
@@ -76,6 +90,7 @@ BODIES = Presentation(
     strain=spring_strain,
     pieces=_pieces,
     counts=_counts,
+    report=lambda simulation, state: bodies_report(simulation),
     amounts=_amounts,
     brief=_brief,
     worst_text=lambda worst, fastest: f"largest distance from goal {worst:.3g} spacings",

@@ -48,6 +48,16 @@ def _counts(scene: Scene) -> dict[str, Any]:
     return counts | ({"triangles": len(found.sheet.mesh.triangles)} if found.sheet else {})
 
 
+def newton_report(simulation: Any) -> dict[str, Any]:
+    """Return, for implicit tetrahedral bodies, per solve (a substep is one, of second order two): matrices, Newton's
+    steps, and products with the matrix."""
+    if not hasattr(simulation, "done"):
+        return {}
+    solves, _, matrices, products, steps = (int(one) for one in simulation.done)
+    each = max(solves, 1)
+    return {"matrices": matrices / each, "newton_steps": steps / each, "matrix_products": products / each}
+
+
 TETRAHEDRA = Presentation(
     view=_view,
     looks=_looks,
@@ -55,6 +65,7 @@ TETRAHEDRA = Presentation(
     strain=spring_strain,
     pieces=_pieces,
     counts=_counts,
+    report=lambda simulation, state: newton_report(simulation),
     amounts=lambda scene, told: str(scene.tetrahedra_set),
     brief=lambda scene, told: str(scene.tetrahedra_set),
     levels=True,

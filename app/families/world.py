@@ -7,9 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from softlab.app.families.fluid import speed_report
 from softlab.app.families.sheets import SHEET
 from softlab.app.presentation import presentation_of
 from softlab.model.core.spare import Counts, counts
+from softlab.model.core.state import State
 from softlab.model.scene.scene import Scene
 
 
@@ -43,7 +45,12 @@ def _amounts(scene: Scene, told: Counts) -> str:
     return "; ".join(f"{name}: {presentation_of(one).amounts(one, counts(one))}" for name, one in members)
 
 
+def _report(simulation: Any, state: State) -> dict[str, Any]:
+    fluid = simulation.members.get("fluid")
+    return speed_report(fluid) if fluid else {}
+
+
 WORLD = replace(
-    SHEET, view=_view, lines=lambda scene: [], strain=_strain, pieces=None, counts=_counts, amounts=_amounts,
+    SHEET, view=_view, lines=lambda scene: [], strain=_strain, pieces=None, counts=_counts, amounts=_amounts, report=_report,
     steps_per_frame=None,
 )  # fmt: skip

@@ -212,7 +212,7 @@ def fastest_damping(scene: Scene) -> float:
 
 
 def spring_damping_bound(scene: Scene) -> float:
-    """Return a rate [1/s] that the dampers along a cloth's springs do not exceed.
+    """Return a rate [1/s] that the dampers along a cloth's springs do not exceed; 0 for a grid, which has none.
 
     Their matrix is a Laplacian, bounded like the springs' (see `frequency_bound`).
     """
@@ -231,7 +231,7 @@ def explicit_limit(scene: Scene, frequency: float | None = None) -> float:
     name, gamma = scene.method.integrator, damping_rate(scene)
     w = frequency_bound(scene) if frequency is None else frequency
     limit = integrators_for(scene)[name].limit
-    along = spring_damping_bound(scene) if scene.cloth else 0.0
+    along = spring_damping_bound(scene)
     if along == 0:
         return limit(w, gamma)
     if name == "velocity-verlet":

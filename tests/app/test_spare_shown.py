@@ -16,7 +16,7 @@ from fake_cloth import FakeCloth, open_fake
 from real_window import StillWindow, display, needs_display  # noqa: F401
 from test_view3d import drawing, looks_like, near  # noqa: F401  # a fixture among them
 
-from softlab.app.command.run_parts import bodies_report
+from softlab.app.families.bodies import bodies_report
 from softlab.app.output.export import Exporter, check_export
 from softlab.app.output.offscreen import OffscreenRenderer, render_frame
 from softlab.app.output.pieces import pieces_of
