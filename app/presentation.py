@@ -30,6 +30,12 @@ def worst_strain(scene: Scene, position: np.ndarray, strain: np.ndarray) -> floa
     return float(strain[np.argmax(np.abs(strain))]) if len(strain) else 0.0
 
 
+def row_and_column(scene: Scene, particle: int) -> str:
+    """Return `row, column` of a mass."""
+    row, column = divmod(particle, scene.grid.columns)
+    return f"{row}, {column}"
+
+
 @dataclass(frozen=True)
 class Presentation:
     """How the scenes of a family are drawn, exported and described.
@@ -45,6 +51,8 @@ class Presentation:
     - `worst(scene, position, strain)`, `worst_text(worst, fastest)`: the number that the window shows of the state, and in
       words; `quantity`: what it is called; `fastest`: True if the largest speed is shown with it.
     - `steps_per_frame`: in a window at first; None: those that come nearest to a frame's time.
+    - `particle`: what a particle is called; `particle_name(scene, particle)`: which one it is.
+    - `grips`: True if the mouse pulls a whole body instead of a particle.
     - `levels`: True if a legend of levels may be needed.
     """
 
@@ -62,6 +70,9 @@ class Presentation:
     quantity: str = "Strain"
     fastest: bool = False
     steps_per_frame: int | None = None
+    particle: str = "mass"
+    particle_name: Callable[[Scene, int], str] = row_and_column
+    grips: bool = False
     levels: bool = False
 
 

@@ -85,6 +85,11 @@ def _brief(scene: Scene, told: Counts) -> str:
     return found + (f" + {told.waiting} inactive" if told.waiting else "")
 
 
+def _particle_name(scene: Scene, particle: int) -> str:
+    """Return the particle's number, and whose it is."""
+    return f"{particle} of {scene.copies[scene.body_set.body[particle]].name}"
+
+
 BODIES = Presentation(
     view=_view,
     strain=spring_strain,
@@ -93,5 +98,8 @@ BODIES = Presentation(
     report=lambda simulation, state: bodies_report(simulation),
     amounts=_amounts,
     brief=_brief,
+    particle="particle",
+    particle_name=_particle_name,
+    grips=True,
     worst_text=lambda worst, fastest: f"largest distance from goal {worst:.3g} spacings",
 )

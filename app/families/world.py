@@ -45,6 +45,12 @@ def _amounts(scene: Scene, told: Counts) -> str:
     return "; ".join(f"{name}: {presentation_of(one).amounts(one, counts(one))}" for name, one in members)
 
 
+def _particle_name(scene: Scene, particle: int) -> str:
+    """Return the particle's number in its member."""
+    places = scene.world_set.slices().items()
+    return next(f"{particle - own.start} of {name}" for name, own in places if particle < own.stop)
+
+
 def _report(simulation: Any, state: State) -> dict[str, Any]:
     fluid = simulation.members.get("fluid")
     return speed_report(fluid) if fluid else {}
@@ -52,5 +58,5 @@ def _report(simulation: Any, state: State) -> dict[str, Any]:
 
 WORLD = replace(
     SHEET, view=_view, lines=lambda scene: [], strain=_strain, pieces=None, counts=_counts, amounts=_amounts, report=_report,
-    steps_per_frame=None,
+    steps_per_frame=None, particle="particle", particle_name=_particle_name,
 )  # fmt: skip

@@ -164,7 +164,7 @@ class Demo(Steering):
         """D: a body that waits comes in above `place` [m]; of several parts each in turn."""
         if self._blocked():
             return
-        if not self.world.scene.bodies:
+        if not self.world.scene.copies:
             self.say(NO_BODIES)
             return
 
@@ -184,11 +184,11 @@ class Demo(Steering):
         """X: the body of the selected particle leaves, and waits from then on."""
         if self._blocked():
             return
-        selected, body_set = self.hand.selected, self.world.scene.body_set if self.world.scene.bodies else None
-        if selected is None or body_set is None:
-            self.say("select a body first: click it or press an arrow key" if body_set is not None else NO_BODIES)
+        selected, copies = self.hand.selected, self.world.scene.copies
+        if selected is None or not copies:
+            self.say("select a body first: click it or press an arrow key" if copies else NO_BODIES)
             return
-        copy = body_set.copies[body_set.body[selected]]
+        copy = copies[self.world.scene.body_set.body[selected]]
         if self._guard(lambda: self.world.remove_body(copy.number)):
             self.hand.held = self.hand.selected = None
             self.hand.forget()

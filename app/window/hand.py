@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from softlab.app.presentation import presentation_of
 from softlab.app.window.grip import Grip
 from softlab.model.core.simulation import Simulation
 
@@ -53,7 +54,7 @@ class Hand:
         self.direction = direction
         if self.selected is None:
             self.selected = (body.rows // 2) * body.columns + body.columns // 2
-            if world.scene.bodies:  # of those that are there
+            if presentation_of(world.scene).grips:  # of those that are there
                 there = np.flatnonzero(body.inverse_mass)
                 self.selected = int(there[len(there) // 2])
         else:
@@ -76,7 +77,7 @@ class Hand:
         nothing = (0.0,) * len(self.down)
         if self.held is None:
             return nothing
-        if world.scene.bodies:
+        if presentation_of(world.scene).grips:
             place, grip = position[self.held.particle].astype(float), self._hold(world, self.held.particle)
             found = grip.force(world, place, self.held.target, self.held.direction, hold_time)
             return tuple(found.tolist()) if np.isfinite(found).all() else nothing
@@ -95,7 +96,7 @@ class Hand:
     def push(self, world: Simulation, position: np.ndarray, hold_time: float) -> None:
         """Give the world the force of the held poke, or let go. Raises what `Simulation.poke` raises. A body is not poked
         but pulled, see `pull`."""
-        if world.scene.bodies:
+        if presentation_of(world.scene).grips:
             self._grip = self._grip if self.held else None
             return
         wanted = (self.held.particle, self.force(world, position, hold_time)) if self.held else NO_POKE
@@ -106,7 +107,7 @@ class Hand:
 
     def pull(self, world: Simulation, hold_time: float) -> None:
         """Pull the held body for the steps of `hold_time` [s] that follow. Raises Diverged."""
-        if self.held is not None and world.scene.bodies:
+        if self.held is not None and presentation_of(world.scene).grips:
             self._hold(world, self.held.particle).pull(world, self.held.target, self.held.direction, hold_time)
 
 

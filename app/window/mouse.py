@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from softlab.app.presentation import presentation_of
 from softlab.app.render.camera import pick
 from softlab.app.window.shown import Shown
 
@@ -46,7 +47,7 @@ class Mouse:
     def _reach(self, position: np.ndarray) -> float | np.ndarray:
         """Pixels, of bodies (particles,)."""
         scene = self.demo.world.scene
-        if not scene.bodies:
+        if not presentation_of(scene).grips:
             return SPACE_REACH if self.viewer.space else REACH
         _, depth = self._camera.project(position)
         reach = np.fmax(SPACE_REACH, BODY_REACH * scene.grid.spacing * self._camera.focal / depth)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from softlab.app.presentation import presentation_of
 from softlab.app.window.hand import Poke, neighbour
 from softlab.app.window.worlds import Worlds
 
@@ -17,14 +18,7 @@ class Poking(Worlds):
 
     def name(self, particle: int) -> str:
         """`row, column` of a mass; of bodies the particle's number, and whose it is; of a world the same of its member."""
-        if self.world.scene.is_world:
-            places = self.world.scene.world_set.slices().items()
-            return next(f"{particle - own.start} of {name}" for name, own in places if particle < own.stop)
-        if self.world.scene.bodies:
-            body_set = self.world.scene.body_set
-            copy = body_set.copies[body_set.body[particle]]
-            return f"{particle} of {copy.name}"
-        return "{}, {}".format(*divmod(particle, self.world.body.columns))
+        return presentation_of(self.world.scene).particle_name(self.world.scene, particle)
 
     def force(self) -> tuple[float, ...]:
         """The held force [N], of as many components as the world has; 0 without one."""
@@ -32,7 +26,7 @@ class Poking(Worlds):
 
     def _tell_selection(self, particle: int) -> None:
         pinned = self.world.body.inverse_mass[particle] == 0
-        what = "particle" if self.world.scene.bodies or self.world.scene.is_world else "mass"
+        what = presentation_of(self.world.scene).particle
         self.say(f"{what} {self.name(particle)} selected" + ("; it is pinned" if pinned else ""))
 
     def move_selection(self, columns: int, rows: int, direction: Sequence[float] | None = None) -> None:
@@ -41,10 +35,11 @@ class Poking(Worlds):
         The `direction` (in the plane that same way) is also where Enter pokes to from then on.
         """
         towards = (float(columns), float(rows)) if direction is None else tuple(direction)
-        if self.world.scene.bodies and not self.world.body.inverse_mass.any():
+        grips = presentation_of(self.world.scene).grips
+        if grips and not self.world.body.inverse_mass.any():
             self.say("no active body to select")
             return
-        if self.hand.selected is not None and self.world.scene.bodies:
+        if grips and self.hand.selected is not None:
             body_set = self.world.scene.body_set
             own = np.flatnonzero(body_set.body == body_set.body[self.hand.selected])
             self._tell_selection(self.hand.move_to(neighbour(self.position, own, self.hand.selected, towards), towards))

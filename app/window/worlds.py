@@ -194,7 +194,7 @@ class Worlds:
         up about the pointer, were the force as old as a frame. A body weighs more than what is pulled of it."""
         if self.hand.held is None or self.world.scene.dimensions == 2:
             return 1
-        return min(self.steps_per_frame, BODY_BATCHES if self.world.scene.bodies else MAX_BATCHES)
+        return min(self.steps_per_frame, BODY_BATCHES if presentation_of(self.world.scene).grips else MAX_BATCHES)
 
     @property
     def _pace(self) -> Simulation:
