@@ -86,6 +86,7 @@ class TetrahedraView(SheetView):
     skins, or else the outer faces of the tetrahedra; `colouring`: of COLOURINGS, the range of which only grows."""
 
     subject, colourings = "tetrahedra", COLOURINGS
+    options = ("skin", "lines")
 
     def __init__(self, scene: Scene, detail: Detail = FINE, first_colour: int = 0):
         """`first_colour`: the first body's, of those that bodies have."""

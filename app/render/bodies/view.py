@@ -45,6 +45,7 @@ class BodiesView(View):
     colours, of COLOURINGS."""
 
     subject, colourings = "bodies", COLOURINGS
+    options = ("particles", "skin", "clusters", "links", "lines")
 
     def __init__(self, scene: Scene, detail: Detail = FINE):
         super().__init__(scene, detail)

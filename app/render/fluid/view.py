@@ -65,6 +65,7 @@ class FluidView(View):
     which takes the host a tenth of a second for 10 000 particles, else balls."""
 
     subject, colourings = "fluid", COLOURINGS
+    options = ("lines", "foam")
 
     def __init__(self, scene: Scene, detail: Detail = FINE, shaped: bool = False):
         super().__init__(scene, detail)
