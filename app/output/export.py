@@ -83,7 +83,7 @@ class Exporter:
         self.target, self.every = target, target.every
         self.written: list[Path] = []
         self._worlds = _members_of(simulation)
-        self._frames = {name: ClusterFrames(one.scene) for name, one in self._worlds.items() if one.scene.bodies}
+        self._frames = {name: ClusterFrames(one.scene) for name, one in self._worlds.items() if one.scene.copies}
         self.keep(simulation, 0)
 
     def steps_to_next(self, done: int) -> int:

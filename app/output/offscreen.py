@@ -123,7 +123,7 @@ class OffscreenRenderer:
 
     def show_bodies(self, inverse_mass: np.ndarray | None) -> None:
         """Hide bodies inactive by these inverse masses (particles,), as in State; None: when the scene starts."""
-        if self.scene.bodies:
+        if self.scene.copies:
             self._weights = inverse_mass
             self._view.show_bodies(inverse_mass)
 

@@ -128,7 +128,7 @@ class Demo(Steering):
                     world.set(path, value)
 
         self.hand.held = None
-        if self.world.scene.bodies:  # it may wait again
+        if self.world.scene.copies:  # it may wait again
             self.hand.selected = None
         self.hand.forget()
         self.frozen, self.failure = False, ""
