@@ -17,7 +17,6 @@ from softlab.model.core.spare import Counts
 from softlab.model.core.stability.springs import spring_ends
 from softlab.model.position_based.mesh_constraints import edges_of
 from softlab.model.scene.scene import Scene
-from softlab.model.scene.sheets import scene_normals, triangles_of
 
 
 def _view(scene: Scene, detail: Any, quick: bool, first_colour: int) -> Any:
@@ -50,9 +49,9 @@ def _pieces(
 ) -> list[Piece]:
     """Return the sheet: its triangles, or else its lines; one without springs is its masses."""
     name = next((name for name, part in scene.parts.items() if part is scene.grid), "grid")
-    triangles = triangles_of(scene) if scene.cloth else np.zeros((0, 3), np.int32)
+    triangles = scene.grid.triangles() if scene.cloth else np.zeros((0, 3), np.int32)
     if len(triangles):
-        return [Piece(name, position, colours.CLOTH_FRONT, triangles, scene_normals(scene, position))]
+        return [Piece(name, position, colours.CLOTH_FRONT, triangles, scene.grid.normals(position))]
     flat = position if position.shape[1] == 3 else np.pad(position, ((0, 0), (0, 1)))
     index = np.arange(len(position)).reshape(scene.grid.rows, scene.grid.columns)
     held = bool(scene.springs or scene.cloth_springs)

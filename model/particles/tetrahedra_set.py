@@ -13,6 +13,7 @@ from softlab.model.base.memory import MAX_PARTICLES, available_bytes, require
 from softlab.model.geometry.arithmetic.ordered import mean, total
 from softlab.model.geometry.lists import Lists, grouped
 from softlab.model.geometry.measures import edge_lengths
+from softlab.model.geometry.normals import mesh_normals
 from softlab.model.geometry.particle_row import ParticleRow
 from softlab.model.geometry.tetrahedra.mesh import rest_inverse
 from softlab.model.particles.tetrahedra.matter import Matter, joined
@@ -79,6 +80,14 @@ class TetrahedraSet(ParticleRow):
     sheet: Sheet | None = None
     whole: TetrahedraSet | None = None
     of_whole: tuple[np.ndarray, np.ndarray] = (NONE, NONE)
+
+    def triangles(self) -> np.ndarray:
+        """Return the triangles of the bodies' surfaces, counter-clockwise from outside, and the cloth's."""
+        return self.surface.astype(np.uint32)
+
+    def normals(self, position: np.ndarray) -> np.ndarray:
+        """Return the unit normals of the particles at `position` (particles, 3), (particles, 3) float64."""
+        return mesh_normals(position, self.triangles())
 
     @property
     def alike(self) -> TetrahedraSet:

@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, ClassVar, Literal
 
+import numpy as np
 from pydantic import field_validator, model_validator
 
 from softlab.model.base.table import Count, Part, Positive
+from softlab.model.geometry.normals import mesh_normals
 from softlab.model.geometry.topology import describe, mesh_of
 from softlab.model.tables.cloth import Cloth
 from softlab.model.tables.mesh_source import OF_FILES
@@ -81,6 +83,14 @@ class Mesh(Cloth):
     def extent(self) -> float:
         """Longest side [m]."""
         return float((mesh_of(self).position.max(axis=0) - mesh_of(self).position.min(axis=0)).max())
+
+    def triangles(self) -> np.ndarray:
+        """Return the triangles, (triangles, 3) uint32, as in the file."""
+        return mesh_of(self).triangles.astype(np.uint32)
+
+    def normals(self, position: np.ndarray) -> np.ndarray:
+        """See Grid."""
+        return mesh_normals(position, self.triangles())
 
     def _idle_fields(self) -> set[str]:
         """Return all fields that cannot be given, so that a written scene can be read."""

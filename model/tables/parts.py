@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar
 
+import numpy as np
 from pydantic import (
     Field,
     field_validator,
@@ -15,6 +16,8 @@ from pydantic import (
 from softlab.model.base.errors import SceneError
 from softlab.model.base.pins import Pins, checked_pins
 from softlab.model.base.table import AtLeastOne, Count, NotNegative, Number, Part, Positive, Seed, Vector
+from softlab.model.geometry.normals import vertex_normals
+from softlab.model.geometry.sheets import sheet_triangles
 
 
 def friction_is_ordered(part: Any) -> Any:
@@ -64,6 +67,14 @@ class Grid(Part):
     def extent(self) -> float:
         """Longest side [m], approximately."""
         return max(self.rows, self.columns) * self.spacing
+
+    def triangles(self) -> np.ndarray:
+        """Return the triangles, (triangles, 3) uint32, counter-clockwise from the front."""
+        return sheet_triangles(self.rows, self.columns)
+
+    def normals(self, position: np.ndarray) -> np.ndarray:
+        """Return the unit normals of the masses at `position` (particles, 3), (particles, 3) float64."""
+        return vertex_normals(position, self.rows, self.columns)
 
     @property
     def spring_count(self) -> int:

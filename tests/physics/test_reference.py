@@ -22,7 +22,6 @@ SHARED = {
         "softlab.model.position_based.mesh_constraints",
         "softlab.model.geometry.topology",
         "softlab.model.core.build",
-        "softlab.model.scene.sheets",
     },
     "tetrahedra_newton.py": {"softlab.model.particles.tetrahedra_set"},
     "self_contacts.py": {"softlab.model.tables.self_collision"},
@@ -44,7 +43,6 @@ SHARED = {
     },
     "fluid_solids.py": {"softlab.model.fluid.samples"},  # where they lie
     "world.py": {  # triangles, who is tied to whom, who meets whom, what is sampled
-        "softlab.model.scene.sheets",
         "softlab.model.contact.attachments",
         "softlab.model.world.plan",
         "softlab.model.world.solids",
