@@ -7,15 +7,15 @@ from pathlib import Path
 
 from softlab.app.auto_threads import AUTO, open_quickest
 from softlab.app.shared import USUAL_LINK, open_shared
-from softlab.model.core.components import named
-from softlab.model.core.errors import SceneError
+from softlab.model.base.components import named
+from softlab.model.base.errors import SceneError
+from softlab.model.base.waiting import work
 from softlab.model.core.families import family_of
 from softlab.model.core.simulation import Options, Simulation, State
 from softlab.model.core.stability.diagnosis import refusal
 from softlab.model.core.stepping import lost_so_far
-from softlab.model.core.waiting import work
-from softlab.model.scene.motion import RELEASE
 from softlab.model.scene.scene import Scene, load_scene
+from softlab.model.tables.motion import RELEASE
 
 BACKENDS = ("cpu", "gpu")
 

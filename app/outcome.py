@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from softlab.model.base.errors import Diverged
 from softlab.model.contact.shortfalls import CAUGHT, FAULTS
-from softlab.model.core.errors import Diverged
 
 OK, INCOMPLETE, DIVERGED = "ok", "incomplete", "diverged"
 

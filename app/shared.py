@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from softlab.model.core.components import component
-from softlab.model.core.errors import SceneError
+from softlab.model.base.components import component
+from softlab.model.base.errors import SceneError
 from softlab.model.core.options import Options
 from softlab.model.core.simulation import Simulation
 from softlab.model.domains.launched import launched_ranks
@@ -15,8 +15,8 @@ from softlab.model.domains.shared_bodies import SharedBodies, bodies_of, divisio
 from softlab.model.domains.shared_fluid import SharedFluid
 from softlab.model.domains.simulation import DecomposedSimulation, cut, reach_of
 from softlab.model.domains.slabs import fluid_halo_of, is_in_slabs, slabs_at_start
-from softlab.model.scene.motion import RELEASE
 from softlab.model.scene.scene import Scene
+from softlab.model.tables.motion import RELEASE
 
 LINKS = {  # of GPUs: the class that opens a sheet which they share
     "flags": "softlab.gpu_backend.domains.flags:FlagSimulation",

@@ -10,7 +10,7 @@ import typer
 from softlab.app.command.command_line import DEFAULT_STORE, SceneName, Settings, StorePath, out, scene_of, typed
 from softlab.bench.measure.took import Timed
 from softlab.bench.options import Backends, Precisions, Time, measure, precisions_of
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 
 advising = typer.Typer()
 

@@ -21,7 +21,7 @@ from softlab.bench.options import (
     precisions_of,
     where_asked,
 )
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 
 measuring = typer.Typer()
 

@@ -10,8 +10,8 @@ import typer
 from rich.console import Console
 
 from softlab.app.command.command_line import out, typed
-from softlab.model.core.components import component
-from softlab.model.core.errors import SceneError
+from softlab.model.base.components import component
+from softlab.model.base.errors import SceneError
 
 Backends = Annotated[list[str] | None, typer.Option(help="Only this backend. Repeatable.")]
 Integrators = Annotated[list[str] | None, typer.Option(help="Only this integrator. Repeatable.")]

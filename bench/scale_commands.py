@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from softlab.app.command.command_line import DEFAULT_STORE, StorePath, out
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 
 scaling = typer.Typer()
 

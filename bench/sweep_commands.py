@@ -10,8 +10,8 @@ import typer
 from softlab.app.command.command_line import DEFAULT_STORE, StorePath
 from softlab.bench.measure.took import Timed
 from softlab.bench.options import Backends, Cluster, Precisions, Sbatch, Workers, measure, precisions_of, where_asked
-from softlab.model.core.components import component
-from softlab.model.core.errors import SceneError
+from softlab.model.base.components import component
+from softlab.model.base.errors import SceneError
 
 sweeping = typer.Typer()
 

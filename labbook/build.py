@@ -48,8 +48,8 @@ from softlab.labbook.listings import listings
 from softlab.labbook.machines import machines_apart
 from softlab.labbook.rungs import rung_tables
 from softlab.labbook.tables import Table, machine_lines, scene_line
-from softlab.model.core.errors import BackendUnavailable, InputError
-from softlab.model.core.files import check_target, replacing
+from softlab.model.base.errors import BackendUnavailable, InputError
+from softlab.model.base.files import check_target, replacing
 from softlab.plots.core.data import Origin, Results, Source, is_suspect
 from softlab.plots.core.files import without_footer
 from softlab.plots.core.older import without_older

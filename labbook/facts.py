@@ -24,7 +24,7 @@ from softlab.bench.store.results import SPREAD_LIMIT
 from softlab.cpu_backend.core.threads import MULTIPLES
 from softlab.gpu_backend.core.sheet import BLOCK
 from softlab.labbook.words import percent, seconds
-from softlab.model.core.digest import ROOT
+from softlab.model.base.digest import ROOT
 from softlab.model.mass_spring.plan import mass_spring_plan
 from softlab.model.scene.scene import load_scene
 from softlab.plots.core.apart import SMALL

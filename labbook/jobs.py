@@ -13,9 +13,9 @@ from rich.table import Table
 from softlab.bench.measure.progress import Whole, keep_seconds, last_seconds, progress_bar
 from softlab.bench.store.database import DEFAULT_PATH
 from softlab.labbook.build import build, committed_data, write_book
-from softlab.model.core.components import component
-from softlab.model.core.errors import InputError, SoftlabError
-from softlab.model.core.files import check_target
+from softlab.model.base.components import component
+from softlab.model.base.errors import InputError, SoftlabError
+from softlab.model.base.files import check_target
 from softlab.plots.core.data import Results
 from softlab.plots.core.read import load
 from softlab.plots.draw import FIGURES, FigureFiles, draw_figures, figures_folder

@@ -5,7 +5,7 @@ from __future__ import annotations
 import textwrap
 from dataclasses import dataclass
 
-from softlab.model.core.digest import ROOT
+from softlab.model.base.digest import ROOT
 
 GAP = "..."
 

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from softlab.model.core.errors import InputError
+from softlab.model.base.errors import InputError
 from softlab.plots.core.data import Results
 from softlab.plots.core.files import SUFFIXES, save
 from softlab.plots.core.style import Drawing, settings

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from softlab.bench.experiments.accuracy.judge import distance
     from softlab.bench.experiments.accuracy.judge import judge_run as judge
     from softlab.bench.reference.mass_spring import converged
-    from softlab.model.core.errors import (
+    from softlab.model.base.errors import (
         BackendUnavailable,
         Diverged,
         Incomplete,
@@ -46,13 +46,13 @@ _MODULES = {
     "converged": "bench.reference.mass_spring",
     "scene_plan": "model.core.families",
     "stability_limit": "model.core.families",
-    "SoftlabError": "model.core.errors",
-    "SceneError": "model.core.errors",
-    "InputError": "model.core.errors",
-    "UnstableTimeStep": "model.core.errors",
-    "BackendUnavailable": "model.core.errors",
-    "Diverged": "model.core.errors",
-    "Incomplete": "model.core.errors",
+    "SoftlabError": "model.base.errors",
+    "SceneError": "model.base.errors",
+    "InputError": "model.base.errors",
+    "UnstableTimeStep": "model.base.errors",
+    "BackendUnavailable": "model.base.errors",
+    "Diverged": "model.base.errors",
+    "Incomplete": "model.base.errors",
 }
 __all__ = [  # noqa: RUF022 - in the order of docs/api.md
     "open_simulation", "Simulation", "State", "load_scene", "Scene", "judge", "distance", "converged", "scene_plan",

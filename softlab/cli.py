@@ -38,7 +38,7 @@ from softlab.bench.scale_commands import scaling
 from softlab.bench.store.commands import keeping
 from softlab.bench.sweep_commands import sweeping
 from softlab.labbook.commands import telling
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.domains.launched import launched_ranks
 
 app = typer.Typer(

@@ -19,7 +19,7 @@ from rich.console import Console
 from typer.core import TyperGroup
 
 from softlab.app.command.console import Output
-from softlab.model.core.errors import SoftlabError, on_command_line, shown
+from softlab.model.base.errors import SoftlabError, on_command_line, shown
 from softlab.model.domains.launched import launched_rank
 
 errors = Console(stderr=True, highlight=False, soft_wrap=True)
@@ -56,7 +56,7 @@ DEFAULT_STORE = Path("softlab-results") / "results.sqlite"
 def scene_of(name: str, settings: list[str] | None) -> Any:
     """Return the scene of that name or file, with the fields of --set. Raises SceneError."""
     from softlab.app.command.waiting import waiting_shown
-    from softlab.model.core.waiting import work
+    from softlab.model.base.waiting import work
     from softlab.model.scene.reader import parse_settings
     from softlab.model.scene.scene import load_scene
 
@@ -184,7 +184,7 @@ def drop_output() -> None:
 def compilations_shown(console: Console = errors) -> Iterator[None]:
     """Within it, print on a terminal each kernel that is compiled, and how long that took last time on this machine."""
     from softlab.app.command.waiting import waiting_shown
-    from softlab.model.core.kernel_cache import watched
+    from softlab.model.base.kernel_cache import watched
 
     def show(label: str, seconds: float | None) -> None:
         if console.is_terminal and (seconds is None or seconds >= 1.0):

@@ -10,9 +10,9 @@ from rich.console import Console
 from softlab.app.command.waiting import waiting_shown
 from softlab.model.assets.cooked import cooked, save
 from softlab.model.assets.tetrahedral_body import DENSITY
-from softlab.model.core.errors import SceneError
-from softlab.model.core.files import check_target
-from softlab.model.core.waiting import work
+from softlab.model.base.errors import SceneError
+from softlab.model.base.files import check_target
+from softlab.model.base.waiting import work
 from softlab.model.geometry.tetrahedra.voxels import PerVoxel
 
 CHOICES: dict[str, PerVoxel | Literal["conforming"]] = {"5": 5, "6": 6, "conforming": "conforming"}

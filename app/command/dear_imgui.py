@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import cache
 from typing import Any
 
-from softlab.model.core.errors import BackendUnavailable
+from softlab.model.base.errors import BackendUnavailable
 
 REMEDY = 'pip install -e ".[panel]"'
 

@@ -49,7 +49,7 @@ def _cpu() -> Finding:
 
 
 def _cache() -> Finding:
-    from softlab.model.core.kernel_cache import folder
+    from softlab.model.base.kernel_cache import folder
 
     if folder() is not None:
         return Finding("compile cache", True, f"compiled kernels are kept between runs in {folder()}")
@@ -72,7 +72,7 @@ def _gpu() -> Finding:
             "gpu", True, f"{text}: for tests only, very slow", "unset NUMBA_ENABLE_CUDASIM to use a real GPU"
         )
     from softlab.app.driver import open_simulation
-    from softlab.model.core.errors import SoftlabError
+    from softlab.model.base.errors import SoftlabError
     from softlab.model.scene.scene import load_scene
 
     try:
@@ -128,7 +128,7 @@ def _fonts() -> Finding:
 
 def _ffmpeg() -> Finding:
     from softlab.app.output.video import ffmpeg_path
-    from softlab.model.core.errors import SoftlabError
+    from softlab.model.base.errors import SoftlabError
 
     try:
         return Finding("ffmpeg", True, Path(ffmpeg_path()).name)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from importlib.util import find_spec
 
 from softlab.app.command.findings import Finding
-from softlab.model.core.components import component
-from softlab.model.core.errors import BackendUnavailable
+from softlab.model.base.components import component
+from softlab.model.base.errors import BackendUnavailable
 from softlab.model.domains.processes import INSTALL, mpi_installed, mpiexec
 
 

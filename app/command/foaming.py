@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 from softlab.model.core.simulation import Simulation
 from softlab.model.fluid.foam import FoamPoints
-from softlab.model.scene.fluid import Foam
 from softlab.model.scene.scene import Scene
+from softlab.model.tables.fluid import Foam
 
 FRAME = 1 / 60  # s
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from softlab.app.command.foaming import FRAME, frame_steps
 from softlab.app.output.offscreen import MAX_SIZE, MIN_SIZE, Fitted, OffscreenRenderer
 from softlab.app.output.video import CLIP, Picture, true_rate
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.core.simulation import Simulation
 from softlab.model.scene.scene import Scene
 

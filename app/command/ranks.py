@@ -13,7 +13,7 @@ from tempfile import TemporaryDirectory
 from softlab.app.command.run import Request
 from softlab.app.command.run_length import step_count
 from softlab.app.shared import check_asked, check_cut, check_shareable, check_shared
-from softlab.model.core.errors import BackendUnavailable, SceneError
+from softlab.model.base.errors import BackendUnavailable, SceneError
 from softlab.model.domains.launched import STATUS_FILE, launched_rank, launched_ranks
 from softlab.model.domains.processes import abort, mpi_installed, mpiexec
 from softlab.model.scene.scene import Scene

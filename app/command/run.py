@@ -24,15 +24,15 @@ from softlab.app.output.video import CLIP, Picture, check_render, render
 from softlab.app.render.views import check_view_options
 from softlab.app.shared import USUAL_LINK, check_asked, check_cut, check_shared
 from softlab.cpu_backend.core.threads import core_count, wait_policy
+from softlab.model.base.errors import Diverged, Incomplete, InputError, SceneError
+from softlab.model.base.memory import available_bytes, require
+from softlab.model.base.waiting import work
 from softlab.model.contact.overlaps import overlap_lines
-from softlab.model.core.errors import Diverged, Incomplete, InputError, SceneError
-from softlab.model.core.memory import available_bytes, require
 from softlab.model.core.options import PRECISIONS
 from softlab.model.core.simulation import Simulation, State
 from softlab.model.core.stability.divergence import MIN_INTERVAL
 from softlab.model.core.stability.laws import limit_notes
 from softlab.model.core.stability.resolution import resolution_line
-from softlab.model.core.waiting import work
 from softlab.model.domains.launched import launched_ranks
 from softlab.model.fluid.foam import FoamPoints
 from softlab.model.fluid.shear import shear_lines

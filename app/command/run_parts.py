@@ -7,11 +7,8 @@ from typing import Any
 import numpy as np
 
 from softlab.model.core.simulation import Simulation, State
-from softlab.model.fluid.measure import compression, height
-from softlab.model.fluid.parameters import speed_limit
-from softlab.model.scene.colliders.surface_collider import SurfaceCollider, naming
 from softlab.model.scene.scene import Scene
-from softlab.model.shape_matching.spare import counts
+from softlab.model.tables.colliders.surface_collider import SurfaceCollider, naming
 
 
 def body_lines(scene: Scene) -> list[str]:
@@ -30,9 +27,8 @@ def body_lines(scene: Scene) -> list[str]:
 def built_report(scene: Scene) -> dict[str, Any]:
     """Return, for tetrahedral bodies, by name: what they were built from, and their mass [kg], volume [m^3] and second
     moments of volume about x, y, z through the centre [m^5] next to the mesh's."""
-    members = scene.members.values() if scene.is_world else (scene,)
     built = {}
-    for member in members:
+    for member in (scene, *scene.members.values()):
         for name, part in member.tetrahedra.items():
             report = part.cooked.report
             built[name] = {
@@ -60,50 +56,6 @@ def collider_lines(scene: Scene) -> list[str]:
     return lines
 
 
-def bodies_report(simulation: Simulation) -> dict[str, Any]:
-    """Return the numbers of active bodies and their clusters, and of inactive bodies and their particles.
-
-    Their `max_strain` is the distance of a particle from its goal in one of its clusters, over the particle spacing.
-    """
-    scene = simulation.scene
-    if not scene.bodies:
-        return {}
-    totals = counts(scene, simulation.body.inverse_mass)
-    return {
-        "bodies": totals.bodies,
-        "waiting": totals.waiting,
-        "waiting_particles": totals.waiting_particles,
-        "clusters": totals.clusters,
-    }
-
-
-def fluid_report(simulation: Simulation, state: State) -> dict[str, Any]:
-    """Return, for fluids: how much densities exceed that at rest, the `height` of the highest 1 % of particles above
-    the floor of the lowest one at the start, and the particles that did not fit the capacity."""
-    scene = simulation.scene
-    if not scene.fluids or not np.isfinite(state.position).all():
-        return {}
-    mean, largest = compression(scene, state.position)
-    return {
-        "mean_compression": mean,
-        "largest_compression": largest,
-        "height": height(scene, state.position),
-        **({"not_emitted": simulation.not_emitted} if scene.emitters else {}),  # type: ignore[attr-defined]
-    }
-
-
-def speed_report(simulation: Any) -> dict[str, Any]:
-    """Return, for fluids, `speed_limit` [m/s], the smallest of all, and `speed_limited`: number of times that it slowed
-    a particle in a substep."""
-    if simulation.scene.is_world:
-        simulation = simulation.members.get("fluid", simulation)
-    scene = simulation.scene
-    if not scene.fluids:
-        return {}
-    limits = [speed_limit(scene, part) for part in scene.fluids.values()]
-    return {"speed_limit": min(limits), "speed_limited": simulation.speed_limited}
-
-
 def fluid_notes(report: dict[str, Any]) -> list[str]:
     """Return remedies for a fluid whose capacity or speed limit was too small."""
     notes = []
@@ -118,16 +70,6 @@ def fluid_notes(report: dict[str, Any]) -> list[str]:
             "times: the fluid is slower than it should be; raise method.substeps, or the fluid's maximum_speed"
         )
     return notes
-
-
-def newton_report(simulation: Simulation) -> dict[str, Any]:
-    """Return, for implicit tetrahedral bodies, per solve (a substep is one, of second order two): matrices, Newton's
-    steps, and products with the matrix."""
-    if not simulation.scene.tetrahedra or not hasattr(simulation, "done"):
-        return {}
-    solves, _, matrices, products, steps = (int(one) for one in simulation.done)
-    each = max(solves, 1)
-    return {"matrices": matrices / each, "newton_steps": steps / each, "matrix_products": products / each}
 
 
 def newton_notes(report: dict[str, Any]) -> list[str]:

@@ -7,21 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from softlab.app.command.run_parts import (
-    bodies_report,
-    built_report,
-    contact_report,
-    fluid_report,
-    newton_report,
-    speed_report,
-)  # fmt: skip
+from softlab.app.command.run_parts import built_report, contact_report
 from softlab.app.outcome import outcome_of
+from softlab.app.presentation import presentation_of
 from softlab.app.shared import sharing_report
+from softlab.model.base.errors import Diverged
 from softlab.model.contact.shortfalls import shortfalls
 from softlab.model.core.energy import energies, spring_strain
-from softlab.model.core.errors import Diverged
 from softlab.model.core.simulation import Simulation, State
-from softlab.model.shape_matching.spare import counts
+from softlab.model.core.spare import counts
 
 
 def run_report(
@@ -67,10 +61,7 @@ def run_report(
         "error_reason": "not judged",
         "outcome": outcome_of(faults, diverged),
         **contact_report(simulation, state),
-        **bodies_report(simulation),
+        **presentation_of(scene).report(simulation, state),
         **built_report(scene),
         **faults,
-        **fluid_report(simulation, state),
-        **speed_report(simulation),
-        **newton_report(simulation),
     }

@@ -7,8 +7,8 @@ import re
 from pathlib import Path
 from typing import Any
 
-from softlab.model.core.errors import InputError
-from softlab.model.core.files import check_target, replacing
+from softlab.model.base.errors import InputError
+from softlab.model.base.files import check_target, replacing
 from softlab.model.scene.scene import Scene
 
 SUFFIX = ".toml"

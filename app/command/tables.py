@@ -10,10 +10,10 @@ from rich.markup import escape
 from rich.table import Column, Table
 
 from softlab.app.command.findings import Finding
+from softlab.model.core.spare import counts
 from softlab.model.scene.fields import about, rows_of
 from softlab.model.scene.reader import catalogue
 from softlab.model.scene.scene import load_scene
-from softlab.model.shape_matching.spare import counts
 
 UNITS = {
     "dt": "s",
@@ -87,9 +87,9 @@ def print_scenes(console: Console) -> None:
         scene = load_scene(name)
         grid, method = scene.grid, scene.method
         size = (
-            str(counts(scene).particles)
-            if scene.mesh or scene.bodies or scene.tetrahedra or scene.fluids or scene.is_world
-            else f"{grid.rows} x {grid.columns}"
+            f"{grid.rows} x {grid.columns}"
+            if scene.content == "sheet" and not scene.mesh
+            else str(counts(scene).particles)
         )
         table.add_row(name, escape(scene.title), size, method.name)
     console.print(table)

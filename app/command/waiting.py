@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from rich.progress import BarColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from softlab.app.output.bar import Bar
-from softlab.model.core.waiting import waiting_watched
+from softlab.model.base.waiting import waiting_watched
 
 SHOWN_AFTER = 0.5  # s: longer work gets a bar
 
@@ -25,7 +25,7 @@ class _Waiting:
         self.bar: Bar | None = None
 
     def watch(self, label: str, fraction: float | None) -> None:
-        """Take a report of model/core/waiting.py."""
+        """Take a report of model/base/waiting.py."""
         with self.lock:
             if fraction is not None and fraction >= 1:
                 self.active.pop(label, None)

@@ -17,10 +17,10 @@ import numpy as np
 
 from softlab.app.output.pieces import Piece, collider_pieces, pieces_of
 from softlab.app.render.bodies.skinning import ClusterFrames
-from softlab.model.core.errors import InputError, SceneError
-from softlab.model.core.files import check_target, replacing
+from softlab.model.base.errors import InputError, SceneError
+from softlab.model.base.files import check_target, replacing
 from softlab.model.core.simulation import Simulation
-from softlab.model.shape_matching.spare import present
+from softlab.model.core.spare import present
 
 PLY, GLB = ".ply", ".glb"
 FRAME = 1 / 60  # s of simulated time between two frames, as in a clip
@@ -83,7 +83,7 @@ class Exporter:
         self.target, self.every = target, target.every
         self.written: list[Path] = []
         self._worlds = _members_of(simulation)
-        self._frames = {name: ClusterFrames(one.scene) for name, one in self._worlds.items() if one.scene.bodies}
+        self._frames = {name: ClusterFrames(one.scene) for name, one in self._worlds.items() if one.scene.copies}
         self.observe(simulation, 0)
 
     def steps_to_next(self, done: int) -> int:

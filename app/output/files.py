@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from softlab.model.base.clock import START, Clock
+from softlab.model.base.errors import InputError
+from softlab.model.base.files import check_target, read_archive, replacing
 from softlab.model.core.build import build
-from softlab.model.core.clock import START, Clock
-from softlab.model.core.errors import InputError
-from softlab.model.core.files import check_target, read_archive, replacing
 from softlab.model.core.state import FAMILY_ARRAYS, State, checked_arrays
 from softlab.model.scene.scene import Scene
 

@@ -20,13 +20,13 @@ from softlab.app.render.fluid.framing import main_part, with_fluids
 from softlab.app.render.framing import seen_points, seen_radius
 from softlab.app.render.opengl import OFFSCREEN_REMEDY, drawing_text, open_window, renderer_name
 from softlab.app.render.views import camera_of, check_view_options, view_of
+from softlab.model.base.errors import InputError, SoftlabError
+from softlab.model.base.files import check_target
 from softlab.model.core.build import rest_positions
-from softlab.model.core.errors import InputError, SoftlabError
-from softlab.model.core.files import check_target
 from softlab.model.core.simulation import Simulation
+from softlab.model.core.spare import present
 from softlab.model.fluid.foam import FoamPoints
 from softlab.model.scene.scene import Scene
-from softlab.model.shape_matching.spare import present
 
 MARGINS = (40.0, 110.0, 40.0, 50.0)  # pixels at the left, bottom (legend), right, top (caption)
 MIN_SIZE, MAX_SIZE = 16, 16384  # pixels
@@ -123,7 +123,7 @@ class OffscreenRenderer:
 
     def show_bodies(self, inverse_mass: np.ndarray | None) -> None:
         """Hide bodies inactive by these inverse masses (particles,), as in State; None: when the scene starts."""
-        if self.scene.bodies:
+        if self.scene.copies:
             self._weights = inverse_mass
             self._view.show_bodies(inverse_mass)
 

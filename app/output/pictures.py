@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from softlab.model.core.files import check_target, replacing
+from softlab.model.base.files import check_target, replacing
 
 
 def write_png(path: Path | str, image: np.ndarray) -> Path:

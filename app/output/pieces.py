@@ -7,14 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from softlab.app.presentation import presentation_of
 from softlab.app.render import colours
 from softlab.app.render.collider_shapes import collider_mesh, plane_axes
-from softlab.model.geometry.normals import mesh_normals
-from softlab.model.scene.cloth import Plane
 from softlab.model.scene.scene import Scene
-from softlab.model.scene.sheets import scene_normals, triangles_of
-from softlab.model.shape_matching.body_set import Copy
-from softlab.model.shape_matching.spare import copies_there
+from softlab.model.tables.cloth import Plane
 
 PLANE_EXTENT = 1.0  # relative to the scene's size: a plane extends so far on each side of the masses
 
@@ -44,56 +41,10 @@ def pieces_of(
     are inactive by `inverse_mass`, as in State (None: when the scene starts). A body without a skin is its particles; a
     sheet without triangles its lines; one without springs its masses.
     """
-    if scene.bodies:
-        assert matrices is not None
-        active = copies_there(scene, inverse_mass)
-        return [_body(scene, copy, position, matrices) for copy in scene.body_set.copies if active[copy.number]]
-    if scene.tetrahedra:
-        return _skins(scene, position)
-    if scene.fluids:
-        fluid, flat = scene.fluid_set.fluid, position if position.shape[1] == 3 else np.pad(position, ((0, 0), (0, 1)))
-        return [
-            Piece(name, np.ascontiguousarray(flat[fluid == number]), colours.BODIES[(number + 1) % len(colours.BODIES)])
-            for number, name in enumerate(scene.fluids)
-        ]
-    name = next((name for name, part in scene.parts.items() if part is scene.grid), "grid")
-    triangles = triangles_of(scene) if scene.cloth else np.zeros((0, 3), np.int32)
-    if len(triangles):
-        return [Piece(name, position, colours.CLOTH_FRONT, triangles, scene_normals(scene, position))]
-    flat = position if position.shape[1] == 3 else np.pad(position, ((0, 0), (0, 1)))
-    index = np.arange(len(position)).reshape(scene.grid.rows, scene.grid.columns)
-    has_springs = bool(scene.springs or scene.cloth_springs)
-    lines = tuple(line for line in (*index, *index.T) if len(line) > 1) if has_springs else ()
-    return [Piece(name, flat, colours.INK, lines=lines)]
-
-
-def _skins(scene: Scene, position: np.ndarray) -> list[Piece]:
-    """Return the skins of tetrahedral bodies, deformed with their tetrahedra, and of a cloth beside them."""
-    skin = scene.tetrahedra_set.skin
-    points = skin.points(position)
-    normals = mesh_normals(points, skin.faces)
-    skins = []
-    for number, (name, triangles) in enumerate(zip(scene.holdable, skin.triangles, strict=True)):
-        low, high = int(triangles.min()), int(triangles.max()) + 1
-        colour = colours.BODIES[number % len(colours.BODIES)]
-        skins.append(Piece(name, points[low:high], colour, triangles - low, normals[low:high]))
-    return skins
-
-
-def _body(scene: Scene, copy: Copy, position: np.ndarray, matrices: np.ndarray) -> Piece:
-    """Return a copy of a body: its skin deformed by its clusters (linear blend skinning, model/assets/skin.py), or else
-    its particles."""
-    colour, baked = colours.BODIES[copy.number % len(colours.BODIES)], copy.baked
-    several = scene.bodies[copy.name].count + scene.bodies[copy.name].spare > 1
-    first = next(one.number for one in scene.body_set.copies if one.name == copy.name) if several else 0
-    name = f"{copy.name}-{copy.number - first + 1}" if several else copy.name
-    skin = baked.skin
-    if skin is None or not len(skin.triangles):
-        rows = slice(copy.first_particle, copy.first_particle + len(baked.position))
-        return Piece(name, position[rows], colour)
-    rows = slice(copy.first_cluster, copy.first_cluster + baked.clusters.count)
-    vertices, normals = skinned(skin.position, skin.normal, skin.clusters, skin.weights, matrices[rows])
-    return Piece(name, vertices, colour, skin.triangles, normals)
+    make = presentation_of(scene).pieces
+    assert make is not None, "a world is exported member by member"
+    pieces: list[Piece] = make(scene, position, matrices, inverse_mass)
+    return pieces
 
 
 def skinned(

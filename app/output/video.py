@@ -19,8 +19,8 @@ import numpy as np
 
 from softlab.app.output.offscreen import Fitted, OffscreenRenderer, render_frame
 from softlab.app.render.fluid.framing import with_fluids
-from softlab.model.core.errors import BackendUnavailable, InputError
-from softlab.model.core.files import check_target, replacing
+from softlab.model.base.errors import BackendUnavailable, InputError
+from softlab.model.base.files import check_target, replacing
 from softlab.model.core.simulation import Simulation
 from softlab.model.fluid.foam import FoamPoints
 from softlab.model.scene.scene import Scene

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from softlab.app.plan.passes import BackendPlan, cpu_plan, merged_passes, stages_of
+from softlab.model.base.words import notes_of
 from softlab.model.core.plan import Plan
 from softlab.model.fluid.flow import rates
 from softlab.model.fluid.parameters import MAX_NEIGHBOURS, smoothing, speed_limit
 from softlab.model.fluid.plan import neighbours_at_rest
 from softlab.model.scene.checks.flow import fluid_of
 from softlab.model.scene.scene import Scene
-from softlab.model.scene.words import notes_of
 
 
 def fluid_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:

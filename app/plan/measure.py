@@ -17,7 +17,7 @@ from statistics import median
 from typing import Any
 
 from softlab.app.driver import open_simulation
-from softlab.model.core.errors import BackendUnavailable, SceneError
+from softlab.model.base.errors import BackendUnavailable, SceneError
 from softlab.model.core.plan import Moment, Stage, StageRun
 from softlab.model.core.simulation import Simulation
 from softlab.model.scene.scene import Scene

@@ -22,7 +22,7 @@ def _passes(plan: Plan, precision: str, note: str) -> tuple[Pass, ...]:
 
 def mesh_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
     """Return the plan on a CPU: constraints in index arrays, one parallel loop per colour."""
-    from softlab.cpu_backend.xpbd.mesh import choose_kernel
+    from softlab.cpu_backend.position_based.mesh import choose_kernel
 
     why = "index arrays sorted by colour, " + ONE_KERNEL
     if scene.contact is not None:
@@ -34,7 +34,7 @@ def mesh_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
 
 def vertices_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
     """Return the plan on a CPU: vertices with lists of their tetrahedra, one parallel loop per colour."""
-    from softlab.cpu_backend.xpbd.mesh import choose_kernel
+    from softlab.cpu_backend.position_based.mesh import choose_kernel
 
     why = "vertices sorted by colour, each with its tetrahedra, " + ONE_KERNEL
     if scene.contact is not None:

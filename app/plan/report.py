@@ -17,8 +17,9 @@ import numpy as np
 from softlab.app.driver import BACKENDS
 from softlab.app.plan.passes import BackendPlan
 from softlab.app.plan.shared import BodiesPlan, PartitionsPlan, SharedPlan, SlabsPlan
-from softlab.model.core.components import named
-from softlab.model.core.errors import SceneError
+from softlab.app.presentation import presentation_of
+from softlab.model.base.components import named
+from softlab.model.base.errors import SceneError
 from softlab.model.core.families import family_of, stability_limit
 from softlab.model.core.plan import Node, Plan, Stage
 from softlab.model.core.simulation import PRECISIONS
@@ -39,24 +40,6 @@ class Row:
     runs: int
     stage: Stage | None = None
     seconds: dict[str, float] = field(default_factory=dict)
-
-
-def counts_of(scene: Scene) -> dict[str, Any]:
-    """Return the counts of a scene besides particles; of a world those of each of its `members`."""
-    if scene.is_world:
-        members = scene.members.items()
-        return {"members": {name: {"particles": one.grid.particle_count} | counts_of(one) for name, one in members}}
-    if scene.tetrahedra:
-        tetrahedra = scene.tetrahedra_set
-        counts = {"bodies": len(tetrahedra.parts), "tetrahedra": len(tetrahedra.tetrahedra)}
-        return counts | ({"triangles": len(tetrahedra.sheet.mesh.triangles)} if tetrahedra.sheet else {})
-    if scene.fluids:
-        return {"fluids": len(scene.fluids)}
-    if scene.bodies:
-        clusters = scene.body_set.clusters
-        copies = len(scene.body_set.copies)
-        return {"bodies": copies, "clusters": clusters.count, "entries": len(clusters.indices)}
-    return {}
 
 
 @dataclass(frozen=True)
@@ -100,7 +83,7 @@ class PlanReport:
     def as_dict(self) -> dict[str, Any]:
         """Return the object that `--json` prints. Fractions are of the whole step; an infinite limit is null."""
         method, grid = self.scene.method, self.scene.grid
-        counts = counts_of(self.scene)
+        counts = presentation_of(self.scene).counts(self.scene)
         return {
             "scene": self.scene.name, "precision": self.precision, "particles": grid.particle_count,
             **counts, "springs": self.springs, "dimensions": self.plan.dimensions, "method": method.label,

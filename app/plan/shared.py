@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from softlab.app.command.tables import number
-from softlab.model.core.memory import readable
+from softlab.model.base.memory import readable
 from softlab.model.core.sharing.bodies import Division
 from softlab.model.core.sharing.decomposition import Decomposition
 from softlab.model.core.sharing.partitions import Partitions

@@ -5,14 +5,13 @@ from __future__ import annotations
 from rich.console import Console
 from rich.table import Column, Table
 
-from softlab.app.command.tables import number
 from softlab.app.plan.fluid import fluid_lines
 from softlab.app.plan.passes import BackendPlan
 from softlab.app.plan.report import PlanReport, Row, fraction, limit_line
-from softlab.model.core.families import family_of
+from softlab.app.presentation import presentation_of
+from softlab.model.core.spare import counts
 from softlab.model.core.stability.limit import frequency_lines
 from softlab.model.scene.scene import Scene
-from softlab.model.shape_matching.spare import counts
 
 
 def _percent(part: float, whole: float) -> str:
@@ -93,26 +92,7 @@ def overhead_lines(report: PlanReport) -> list[str]:
 
 def amounts(scene: Scene) -> str:
     """Return the number of particles and of their springs, clusters and so on; of a world member by member."""
-    if scene.is_world:
-        return "; ".join(f"{name}: {amounts(member)}" for name, member in scene.members.items())
-    if scene.fluids:
-        return str(scene.fluid_set)
-    if scene.tetrahedra:
-        return str(scene.tetrahedra_set)
-    if not scene.bodies:
-        return f"{number(scene.grid.particle_count)} masses, {number(family_of(scene).spring_count(scene))} springs"
-    body_set, totals = scene.body_set, counts(scene)
-    waiting = (
-        f" ({number(totals.waiting)} inactive, of {number(totals.waiting_particles)} particles)"
-        if totals.waiting
-        else ""
-    )
-    bodies = "1 body" if len(body_set.copies) == 1 else f"{number(len(body_set.copies))} bodies"
-    entries = len(body_set.clusters.indices) / body_set.particle_count
-    return (
-        f"{number(body_set.particle_count)} particles of {bodies}{waiting}, "
-        f"{number(body_set.clusters.count)} clusters, {entries:.2f} per particle"
-    )
+    return presentation_of(scene).amounts(scene, counts(scene))
 
 
 def print_plan(console: Console, report: PlanReport) -> None:

@@ -13,7 +13,7 @@ from typing import Self
 
 import numpy as np
 
-from softlab.model.scene.parts import CameraPart
+from softlab.model.tables.parts import CameraPart
 
 MIN_SCALE, MAX_SCALE = 1e-6, 1e6  # pixels per metre: what float32 vertex coordinates still resolve
 BEHIND = 0.25  # pixels that a pixel's length of depth counts when masses compete for the pointer

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from softlab.model.scene.cloth import Box, Capsule, Collider, Plane, Sphere
-from softlab.model.scene.colliders.surface_collider import SurfaceCollider, turn_matrix
 from softlab.model.scene.scene import Scene
+from softlab.model.tables.cloth import Box, Capsule, Collider, Plane, Sphere
+from softlab.model.tables.colliders.surface_collider import SurfaceCollider, turn_matrix
 
 RINGS, SECTORS = 20, 64  # of half a ball: flat enough that no edge shows
 GROUND_STEPS = 8  # of the ground's height over the scene's size: it moves seldom, not with the lowest mass

@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from softlab.model.contact.cloth_parameters import REACH
-from softlab.model.core.energy import spring_strain
-from softlab.model.core.stability.springs import spring_ends
+from softlab.app.presentation import presentation_of
 from softlab.model.scene.scene import Scene
-from softlab.model.xpbd.mesh_constraints import edges_of
 
 ALIKE = 0.01  # of a rest length: strains are drawn as true as that
 
@@ -24,19 +21,7 @@ def drawn_lines(scene: Scene) -> list[tuple[np.ndarray, float]]:
 
     Of a mesh by classes of rest lengths that differ by less than ALIKE, each with its mean.
     """
-    grid = scene.grid
-    if scene.fluids:
-        return []
-    if scene.dimensions == 2:
-        return [(spring_ends(grid.rows, grid.columns), scene.springs.rest_length)] if scene.springs else []
-    if scene.tetrahedra:
-        return alike(*scene.tetrahedra_set.edges)
-    if not scene.mesh:
-        return [(spring_ends(grid.rows, grid.columns, k), REACH[k] * grid.spacing) for k in drawn_kinds(scene)]
-    lines = []
-    for kind in drawn_kinds(scene):
-        lines += alike(*edges_of(scene, kind))
-    return lines
+    return presentation_of(scene).lines(scene)
 
 
 def alike(ends: np.ndarray, rest: np.ndarray) -> list[tuple[np.ndarray, float]]:
@@ -52,15 +37,4 @@ def drawn_strain(scene: Scene, position: np.ndarray) -> np.ndarray:
     For bodies (entries,): distances of particles from their goals, in spacings. For a world: its members one after the
     other.
     """
-    if scene.is_world:
-        places = scene.world_set.slices()
-        return np.concatenate([drawn_strain(one, position[places[name]]) for name, one in scene.members.items()])
-    if scene.fluids:
-        return np.zeros(0)
-    if scene.bodies or scene.tetrahedra:
-        return spring_strain(scene, position)
-    if not scene.cloth:
-        return spring_strain(scene, position) if scene.springs else np.zeros(0)
-    with np.errstate(over="ignore", invalid="ignore"):
-        strains = [spring_strain(scene, position, kind) for kind in drawn_kinds(scene)]
-    return np.concatenate([np.zeros(0), *strains])
+    return presentation_of(scene).strain(scene, position)

@@ -8,8 +8,8 @@ from softlab.app.render.camera import finite_bounds
 from softlab.app.render.camera3d import box_corners
 from softlab.app.render.collider_shapes import collider_boxes
 from softlab.app.render.fluid.framing import main_part, with_tank
-from softlab.model.scene.cloth import Plane
 from softlab.model.scene.scene import Scene
+from softlab.model.tables.cloth import Plane
 
 MIN_SLOPE = 0.2  # of a plane's unit normal upward: a steeper one is a wall, which nothing falls onto
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from softlab.app.presentation import presentation_of
 from softlab.app.render import colours
 from softlab.app.render.panels import FONTS, rgba
 from softlab.model.core.build import pinned_indices
@@ -134,7 +135,7 @@ class Legends:
         self._strain = legend_of(scene)
         self._names: NameLegend | None = None
         self._levels = (
-            Legend(len(pinned_indices(scene.grid)) > 0, levels=True) if scene.tetrahedra or scene.fluids else None
+            Legend(len(pinned_indices(scene.grid)) > 0, levels=True) if presentation_of(scene).levels else None
         )
 
     def needed(self, view: Any) -> bool:

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from softlab.model.core.errors import BackendUnavailable
+from softlab.model.base.errors import BackendUnavailable
 
 BARS = 80  # pixels of a screen that the window's title and the desktop's bar take
 DEBIAN_OFFSCREEN = "apt-get install libegl1 libgl1 libgl1-mesa-dri libfontconfig1 libfreetype6 fonts-dejavu-core"

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from softlab.app.render import colours
+from softlab.model.particles.body_set import BodySet
 from softlab.model.scene.scene import Scene
-from softlab.model.shape_matching.body_set import BodySet
 
 COLOURINGS = ("body", "group", "cluster")  # the first is how bodies are shown at first
 

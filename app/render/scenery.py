@@ -20,8 +20,8 @@ from softlab.app.render.vertex_arrays import (
     uniform_matrix,
     vertex_array,
 )
-from softlab.model.scene.cloth import Plane
 from softlab.model.scene.scene import Scene
+from softlab.model.tables.cloth import Plane
 
 KEY = np.array([-0.45, 0.95, 0.60]) / np.linalg.norm([-0.45, 0.95, 0.60])  # toward the light that throws shadows
 GROUND_RADIUS = 2.6  # times the scene's size, to where nothing is left of the ground

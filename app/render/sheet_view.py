@@ -24,7 +24,6 @@ from softlab.app.render.vertex_arrays import (
 from softlab.app.render.view import View
 from softlab.model.core.build import pinned_indices
 from softlab.model.scene.scene import Scene
-from softlab.model.scene.sheets import triangles_of
 
 WIDE_UP_TO = 200_000  # springs: beyond it, plain lines, which software drivers draw much faster
 POINTS_FROM = 14.0  # pixels between neighbours from which on the masses are drawn as points
@@ -80,7 +79,7 @@ class SheetView(View):
         self._wide = self.springs <= WIDE_UP_TO
         geometry = shaders.WIDE_SPRINGS if self._wide else shaders.THIN_SPRINGS
         self._spring_program = shader_program(shaders.VERTEX, shaders.SPRING_FRAGMENT, geometry)
-        faces = triangles_of(scene) if self.space else np.zeros((0, 3), np.uint32)
+        faces = scene.grid.triangles() if self.space else np.zeros((0, 3), np.uint32)
         self.lines = not len(faces)
         self._buffers: list[int] = []
         self._surface = self._drawn(faces, gl.GL_TRIANGLES)

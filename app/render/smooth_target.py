@@ -7,7 +7,7 @@ window it has, and off-screen pictures get the same edges. It may also be smalle
 from __future__ import annotations
 
 from softlab.app.render.detail import Detail
-from softlab.model.core.errors import BackendUnavailable
+from softlab.model.base.errors import BackendUnavailable
 
 
 class SmoothTarget:

@@ -16,14 +16,14 @@ from softlab.app.render.particle_colours import of_numbers
 from softlab.app.render.scenery import Drawn, Lit
 from softlab.app.render.sheet_view import SheetView
 from softlab.app.render.vertex_arrays import delete_all, draw_elements, refill, static_buffer, vertex_array
+from softlab.model.base.errors import InputError
 from softlab.model.core.build import pinned_indices
-from softlab.model.core.errors import InputError
 from softlab.model.core.simulation import Simulation
 from softlab.model.geometry.normals import mesh_normals
+from softlab.model.particles.tetrahedra.skin import Skin, plain_skin
+from softlab.model.particles.tetrahedra_set import TetrahedraSet
 from softlab.model.scene.scene import Scene
-from softlab.model.tetrahedra.body_set import TetrahedraSet
 from softlab.model.tetrahedra.material import at_particles, largest_strain, von_mises
-from softlab.model.tetrahedra.skin import Skin, plain_skin
 
 SHINE = 0.12
 UNLIT = 0.6  # of a colour that is a number: what light and shade leave alone
@@ -88,6 +88,7 @@ class TetrahedraView(SheetView):
     the range of which only grows."""
 
     subject, colourings = "tetrahedra", COLOURINGS
+    options = ("skin", "lines")
 
     def __init__(self, scene: Scene, detail: Detail = FINE, first_colour: int = 0):
         """`first_colour`: the first body's, of those that bodies have."""

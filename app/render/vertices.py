@@ -12,10 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from softlab.model.core.errors import InputError
+from softlab.model.base.errors import InputError
 from softlab.model.core.simulation import Simulation
 from softlab.model.scene.scene import Scene
-from softlab.model.scene.sheets import scene_normals
 
 
 class HostVertices:
@@ -64,7 +63,7 @@ class HostVertices:
         self.send(self.position_buffer, position)
         if normals and normal is None:
             with np.errstate(over="ignore", invalid="ignore"):
-                normal = scene_normals(self.scene, position)
+                normal = self.scene.grid.normals(position)
         if normals and normal is not None:
             self.send(self.normal_buffer, normal)
 

@@ -28,8 +28,8 @@ from softlab.app.render.smooth_target import SmoothTarget
 from softlab.app.render.vertex_arrays import uniform_matrix
 from softlab.model.core.build import rest_positions
 from softlab.model.core.simulation import Simulation
+from softlab.model.core.spare import present
 from softlab.model.scene.scene import Scene
-from softlab.model.shape_matching.spare import present
 
 RING = 22.0  # pixels
 
@@ -47,6 +47,7 @@ class View(ABC):
     subject = "sheet"  # what it shows, by which the window's keys go: bodies, tetrahedra, fluid
     shows_levels = False  # whether colours are levels, as soon as they are known
     colourings: tuple[str, ...] = ()  # what `next_colouring` goes through
+    options: tuple[str, ...] = ("lines",)  # what can be shown or hidden, each an attribute that `toggle_NAME` changes
 
     def __init__(self, scene: Scene, detail: Detail = FINE):
         self.scene, self.space = scene, scene.dimensions == 3
@@ -63,6 +64,14 @@ class View(ABC):
             self._lit = Lit()
 
     onto: SmoothTarget | None = None  # of a view that this is a part of: what that draws into
+
+    def shows(self, option: str) -> bool:
+        """Return the value of one of `options`."""
+        return bool(getattr(self, option))
+
+    def toggle(self, option: str) -> None:
+        """Change one of `options`."""
+        getattr(self, f"toggle_{option}")()
 
     def show_in(self, detail: Detail) -> None:
         """Draw in this quality from now on; in space."""

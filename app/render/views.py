@@ -6,11 +6,12 @@ from collections.abc import Sequence
 from math import radians
 from typing import Any
 
+from softlab.app.presentation import presentation_of
 from softlab.app.render.camera import Camera2D
 from softlab.app.render.camera3d import Camera3D
-from softlab.app.render.detail import FINE, Detail, usual_detail
+from softlab.app.render.detail import FINE, usual_detail
 from softlab.app.render.opengl import renderer_name
-from softlab.model.core.errors import InputError
+from softlab.model.base.errors import InputError
 from softlab.model.scene.scene import Scene
 
 
@@ -20,28 +21,8 @@ def view_of(scene: Scene, quick: bool = False) -> Any:
 
     `quick`: frames matter more than edges and shadows, which are left out if a processor draws.
     """
-    from softlab.app.render.world_view import WorldView
-
     detail = usual_detail(renderer_name()) if quick else FINE
-
-    def make(one: Scene, of_one: Detail, first_colour: int = 0) -> Any:
-        return _view_of_family(one, of_one, quick, first_colour)
-
-    return WorldView(scene, make, detail) if scene.is_world else make(scene, detail)
-
-
-def _view_of_family(scene: Scene, detail: Detail, quick: bool, first_colour: int) -> Any:
-    """Return the view of particles of one family."""
-    from softlab.app.render.bodies.view import BodiesView
-    from softlab.app.render.fluid.view import FluidView
-    from softlab.app.render.sheet_view import SheetView
-    from softlab.app.render.tetrahedra_view import TetrahedraView
-
-    if scene.fluids:
-        return FluidView(scene, detail, shaped=not quick)
-    if scene.tetrahedra:
-        return TetrahedraView(scene, detail, first_colour)
-    return (BodiesView if scene.bodies else SheetView)(scene, detail)
+    return presentation_of(scene).view(scene, detail, quick, 0)
 
 
 def camera_of(scene: Scene, width: int, height: int) -> Any:
@@ -59,10 +40,7 @@ def camera_of(scene: Scene, width: int, height: int) -> Any:
 
 def check_view_options(scene: Scene, view_options: Sequence[str]) -> None:
     """Raise InputError for a view option that scenes of this kind, or all scenes, lack."""
-    from softlab.app.render.fluid.view import VIEW_OPTIONS as OF_FLUIDS
-    from softlab.app.render.tetrahedra_view import VIEW_OPTIONS as OF_TETRAHEDRA
-
-    known = OF_TETRAHEDRA if scene.tetrahedra else OF_FLUIDS if scene.fluids else ()
+    known = presentation_of(scene).view_options()
     for name in view_options:
         if not known:
             raise InputError(f"--look {name}: applies to tetrahedral bodies and fluids; leave it out")

@@ -131,7 +131,7 @@ class Demo(Steering):
                     world.set(path, value)
 
         self.picker.poke = None
-        if self.world.scene.bodies:  # it may wait again
+        if self.world.scene.copies:  # it may wait again
             self.picker.selected = None
         self.picker.forget()
         self.frozen, self.failure = False, ""
@@ -167,7 +167,7 @@ class Demo(Steering):
         """Activate a body above `place` [m]; each part in turn (D)."""
         if self._blocked():
             return
-        if not self.world.scene.bodies:
+        if not self.world.scene.copies:
             self.say(NO_BODIES)
             return
 
@@ -187,11 +187,11 @@ class Demo(Steering):
         """Deactivate the body of the selected particle (X)."""
         if self._blocked():
             return
-        selected, body_set = self.picker.selected, self.world.scene.body_set if self.world.scene.bodies else None
-        if selected is None or body_set is None:
-            self.say("select a body first: click it or press an arrow key" if body_set is not None else NO_BODIES)
+        selected, copies = self.picker.selected, self.world.scene.copies
+        if selected is None or not copies:
+            self.say("select a body first: click it or press an arrow key" if copies else NO_BODIES)
             return
-        copy = body_set.copies[body_set.body[selected]]
+        copy = copies[self.world.scene.body_set.body[selected]]
         if self._guard(lambda: self.world.remove_body(copy.number)):
             self.picker.poke = self.picker.selected = None
             self.picker.forget()

@@ -9,15 +9,16 @@ from typing import Any
 
 import numpy as np
 
+from softlab.app.presentation import presentation_of
 from softlab.app.render.camera import Camera
 from softlab.app.window.demo import Demo
 from softlab.app.window.live import stiffness_paths
 from softlab.app.window.panes import Pane
+from softlab.model.base.files import replacing
 from softlab.model.core.families import family_of
-from softlab.model.core.files import replacing
 from softlab.model.core.simulation import Simulation
+from softlab.model.core.spare import counts, present
 from softlab.model.scene.scene import Scene
-from softlab.model.shape_matching.spare import counts, present
 
 FAR = 100  # steps: a limit beyond so many tells nothing of this step
 
@@ -100,26 +101,22 @@ def title_text(demo: Demo, number: int) -> str:
 def strain_text(demo: Demo) -> str:
     """Return the worst strain, the largest distance of a body's particle from its goal, or the compression and speed of
     a fluid."""
-    worst = demo.statistics.worst_strain
-    if demo.world.scene.fluids:
-        fastest = f"fastest {demo.statistics.fastest:.3g} m/s"
-        return fastest if math.isnan(worst) else f"largest density error {worst:+.2%}, {fastest}"
-    if demo.world.scene.bodies:
-        return f"largest distance from goal {worst:.3g} spacings"
-    return f"worst strain {worst:+.4g}"
+    text = presentation_of(demo.world.scene).worst_text
+    return text(demo.statistics.worst_strain, demo.statistics.fastest)
 
 
 def counts_of(world: Simulation) -> dict[str, int]:
     """Return the number of particles, bodies, clusters and so on of a world, by name."""
     scene = world.scene
     totals, springs = counts(scene, world.body.inverse_mass), family_of(scene).spring_count(scene)
+    of_family = presentation_of(scene).counts(scene)
     amounts = {
         "Particles": totals.particles,
-        "Bodies": totals.bodies or len(scene.tetrahedra),
+        "Bodies": totals.bodies if scene.copies else of_family.get("bodies", 0),
         "Inactive bodies": totals.waiting,
         "Clusters": totals.clusters,
-        "Tetrahedra": len(scene.tetrahedra_set.tetrahedra) if scene.tetrahedra else 0,
-        "Springs": 0 if scene.bodies or scene.tetrahedra else springs,
+        "Tetrahedra": of_family.get("tetrahedra", 0),
+        "Springs": 0 if "tetrahedra" in of_family else springs,
         "Colliders": len(scene.colliders),
     }
     return {name: count for name, count in amounts.items() if count or name == "Particles"}
@@ -131,15 +128,7 @@ def masses_text(scene: Scene, inverse_mass: np.ndarray | None = None) -> str:
     `inverse_mass`, as in State, marks inactive bodies (None: when the scene starts).
     """
     colliders = len(scene.colliders)
-    text = f"{scene.grid.rows} x {scene.grid.columns} masses"
-    if scene.fluids:
-        text = str(scene.fluid_set)
-    if scene.tetrahedra:
-        text = str(scene.tetrahedra_set)
-    if scene.bodies:
-        totals = counts(scene, inverse_mass)
-        text = f"{totals.particles} particles in {totals.clusters} clusters of {totals.bodies} bodies"
-        text += f" + {totals.waiting} inactive" if totals.waiting else ""
+    text = presentation_of(scene).brief(scene, counts(scene, inverse_mass))
     return text + (f", {colliders} collider{'s' * (colliders > 1)}" if colliders else "")
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from softlab.model.core.options import LIVE_PATHS
-from softlab.model.scene.parts import Gravity
 from softlab.model.scene.scene import Scene
+from softlab.model.tables.parts import Gravity
 
 
 def stiffness_paths(scene: Scene) -> dict[str, float]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from softlab.model.scene.scene import Scene
-from softlab.model.scene.tetrahedra import LARGEST_RATIO
+from softlab.model.tables.tetrahedra import LARGEST_RATIO
 
 FACTORS = {"young_modulus": 1.25, "poisson_ratio": 1.25, "damping": 2.0}  # of one press
 FIRST_DAMPING, LAST_DAMPING = 1e-3, 1e-4  # s: the first one of a body that has none, and below which there is none

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from softlab.app.outcome import fault_words
+from softlab.app.presentation import presentation_of
 from softlab.app.render.camera import finite_bounds, joined_bounds
 from softlab.app.render.colours import strain_range
 from softlab.app.render.drawn_springs import drawn_strain
@@ -16,12 +17,10 @@ from softlab.model.contact.shortfalls import inverted_elements
 from softlab.model.core.build import masses
 from softlab.model.core.energy import energies
 from softlab.model.core.simulation import Simulation
+from softlab.model.core.spare import absent, present
 from softlab.model.core.stepping import lost
-from softlab.model.fluid.measure import compression
 from softlab.model.scene.scene import Scene
-from softlab.model.shape_matching.spare import absent, present
 
-ASKED = 30_000  # particles of a fluid whose densities are asked for in passing: a tenth of a second
 RANGE_HYSTERESIS = 2.6  # times the wanted range of colours: a legend that flickers between two ranges cannot be read
 
 
@@ -30,7 +29,7 @@ class Statistics:
     """Numbers that are shown about a world.
 
     Energy [J]; the strain of largest size, relative to the rest length (of fluids the largest density over that at
-    rest, less 1, NaN for more than ASKED particles); the `momentum` [kg m/s] along each axis, if requested; of all
+    rest, less 1, NaN where there are many particles); the `momentum` [kg m/s] along each axis, if requested; of all
     worlds the range of colours and the `bounds` [m], as `finite_bounds` returns them; `fastest` [m/s]: of a fluid's
     particles; `faults`: what is incomplete so far, in a few words, of the tetrahedra and the lists of contacts alone,
     which are quickly counted.
@@ -71,8 +70,8 @@ def measure(
     if momentum:
         mass = masses(world.scene, absent(world.scene, state.inverse_mass))
         pushed = tuple(np.atleast_1d(np.sum(mass * state.velocity, axis=0, dtype=np.float64)).tolist())
-    fastest = float(np.sqrt((state.velocity**2).sum(axis=1).max())) if world.scene.fluids else 0.0
-    worst = _worst(world.scene, state.position, strain)
+    fastest = float(np.sqrt((state.velocity**2).sum(axis=1).max())) if presentation_of(world.scene).fastest else 0.0
+    worst = presentation_of(world.scene).worst(world.scene, state.position, strain)
     bounds = _bounds(active, before)
     faults = fault_words({**lost(world), **inverted_elements(world.scene, state.position)})
     return Statistics(energy["total"], energy["kinetic"], worst, wanted, bounds, pushed, fastest, faults)
@@ -86,15 +85,8 @@ def measure_picture(
     strains = [drawn_strain(scene, position) for scene, position in zip(scenes, positions, strict=True)]
     active = [main_part(scene, position) for scene, position in zip(scenes, positions, strict=True)]
     wanted, bounds = max(map(strain_range, strains)), _bounds(active, before)
-    worst = _worst(scenes[current], positions[current], strains[current])
+    worst = presentation_of(scenes[current]).worst(scenes[current], positions[current], strains[current])
     return replace(before, worst_strain=worst, strain_range=wanted, bounds=bounds)
-
-
-def _worst(scene: Scene, position: np.ndarray, strain: np.ndarray) -> float:
-    if scene.fluids:
-        measurable = len(position) <= ASKED and bool(np.isfinite(position).all())
-        return compression(scene, position)[1] if measurable else np.nan
-    return float(strain[np.argmax(np.abs(strain))]) if len(strain) else 0.0
 
 
 def _bounds(positions: Sequence[np.ndarray], before: Statistics) -> tuple[float, ...]:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from softlab.app.presentation import presentation_of
 from softlab.app.render.camera import pick
 from softlab.app.window.window_protocol import WindowProtocol
 
@@ -46,7 +47,7 @@ class Mouse:
     def _pick_radius(self, position: np.ndarray) -> float | np.ndarray:
         """Return the pick radius [pixels]; for bodies one per particle (particles,)."""
         scene = self.demo.world.scene
-        if not scene.bodies:
+        if not presentation_of(scene).grips:
             return SPACE_PICK_RADIUS if self.viewer.space else PLANE_PICK_RADIUS
         _, depth = self._camera.project(position)
         radius = np.fmax(SPACE_PICK_RADIUS, BODY_PICK_RADIUS * scene.grid.spacing * self._camera.focal / depth)

@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import ceil, sqrt
 
-from softlab.model.core.errors import SceneError
-from softlab.model.scene.bodies import BODY_KINDS
+from softlab.model.base.errors import SceneError
 from softlab.model.scene.members import members_of
 from softlab.model.scene.scene import Scene
+from softlab.model.tables.bodies import BODY_KINDS
 
 MAX_WORLDS = 9
 IN_A_ROW = 3  # as many stand beside each other; more in as many columns as rows

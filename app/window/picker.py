@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from softlab.app.presentation import presentation_of
 from softlab.app.window.mouse_constraint import MouseConstraint
 from softlab.model.core.simulation import Simulation
 
@@ -55,7 +56,7 @@ class Picker:
         self.direction = direction
         if self.selected is None:
             self.selected = (body.rows // 2) * body.columns + body.columns // 2
-            if world.scene.bodies:  # of those that are there
+            if presentation_of(world.scene).grips:  # of those that are there
                 active = np.flatnonzero(body.inverse_mass)
                 self.selected = int(active[len(active) // 2])
         else:
@@ -80,7 +81,7 @@ class Picker:
         nothing = (0.0,) * len(self.down)
         if self.poke is None:
             return nothing
-        if world.scene.bodies:
+        if presentation_of(world.scene).grips:
             place = position[self.poke.particle].astype(float)
             constraint = self._constraint_on(world, self.poke.particle)
             vector = constraint.force(world, place, self.poke.target, self.poke.direction, interval)
@@ -100,7 +101,7 @@ class Picker:
     def push(self, world: Simulation, position: np.ndarray, interval: float) -> None:
         """Apply the force of the poke to the world, or release it. Raises what `Simulation.poke` raises. A body is not
         poked but pulled, see `pull`."""
-        if world.scene.bodies:
+        if presentation_of(world.scene).grips:
             self._constraint = self._constraint if self.poke else None
             return
         wanted = (self.poke.particle, self.force(world, position, interval)) if self.poke else NO_POKE
@@ -111,7 +112,7 @@ class Picker:
 
     def pull(self, world: Simulation, interval: float) -> None:
         """Pull the poked body for the next `interval` [s] of steps. Raises Diverged."""
-        if self.poke is not None and world.scene.bodies:
+        if self.poke is not None and presentation_of(world.scene).grips:
             self._constraint_on(world, self.poke.particle).pull(world, self.poke.target, self.poke.direction, interval)
 
 

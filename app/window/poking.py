@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from softlab.app.presentation import presentation_of
 from softlab.app.window.picker import Poke, neighbour
 from softlab.app.window.worlds import Worlds
 
@@ -18,14 +19,7 @@ class Poking(Worlds):
     def name(self, particle: int) -> str:
         """Return `row, column` of a mass; of bodies the particle's number and its body; of a world the number in its
         member."""
-        if self.world.scene.is_world:
-            places = self.world.scene.world_set.slices().items()
-            return next(f"{particle - rows.start} of {name}" for name, rows in places if particle < rows.stop)
-        if self.world.scene.bodies:
-            body_set = self.world.scene.body_set
-            copy = body_set.copies[body_set.body[particle]]
-            return f"{particle} of {copy.name}"
-        return "{}, {}".format(*divmod(particle, self.world.body.columns))
+        return presentation_of(self.world.scene).particle_name(self.world.scene, particle)
 
     def force(self) -> tuple[float, ...]:
         """Force of the poke [N], with as many components as the world has dimensions; 0 without one."""
@@ -33,7 +27,7 @@ class Poking(Worlds):
 
     def _report_selection(self, particle: int) -> None:
         pinned = self.world.body.inverse_mass[particle] == 0
-        what = "particle" if self.world.scene.bodies or self.world.scene.is_world else "mass"
+        what = presentation_of(self.world.scene).particle
         self.say(f"{what} {self.name(particle)} selected" + ("; it is pinned" if pinned else ""))
 
     def move_selection(self, columns: int, rows: int, direction: Sequence[float] | None = None) -> None:
@@ -42,10 +36,11 @@ class Poking(Worlds):
         The `direction` (in a plane the same) is also that of the next poke with Enter.
         """
         towards = (float(columns), float(rows)) if direction is None else tuple(direction)
-        if self.world.scene.bodies and not self.world.body.inverse_mass.any():
+        grips = presentation_of(self.world.scene).grips
+        if grips and not self.world.body.inverse_mass.any():
             self.say("no active body to select")
             return
-        if self.picker.selected is not None and self.world.scene.bodies:
+        if grips and self.picker.selected is not None:
             body_set = self.world.scene.body_set
             body_particles = np.flatnonzero(body_set.body == body_set.body[self.picker.selected])
             self._report_selection(

@@ -8,7 +8,7 @@ from softlab.app.output.offscreen import read_pixels
 from softlab.app.output.pictures import write_png
 from softlab.app.output.video import VideoWriter
 from softlab.app.window.demo import Demo
-from softlab.model.core.errors import SoftlabError
+from softlab.model.base.errors import SoftlabError
 
 FPS = 60
 

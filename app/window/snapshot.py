@@ -8,7 +8,7 @@ from softlab.app.command.scene_file import write_scene
 from softlab.app.output.files import read_state, write_state
 from softlab.app.window.demo import Demo
 from softlab.app.window.shots import free_path
-from softlab.model.core.errors import InputError
+from softlab.model.base.errors import InputError
 
 LOADED = "the state was loaded from a file"
 

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.core.simulation import Simulation
-from softlab.model.shape_matching.spare import copies_there, counts
+from softlab.model.core.spare import copies_there, counts
 
 GAP = 0.1  # of a body's longest side: between it and what it is dropped on
 

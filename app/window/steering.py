@@ -14,7 +14,7 @@ from softlab.app.window.live import stiffness_paths
 from softlab.app.window.picker import Picker
 from softlab.app.window.poking import Poking
 from softlab.app.window.worlds import STEPS_PER_FRAME
-from softlab.model.core.errors import SoftlabError
+from softlab.model.base.errors import SoftlabError
 from softlab.model.core.options import LIVE_PATHS
 from softlab.model.core.simulation import Simulation, State
 from softlab.model.scene.scene import Scene

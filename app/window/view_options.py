@@ -39,14 +39,10 @@ class ViewOptions:
                 continue
             if view.space:
                 view.show_colliders(old.colliders)
-            for name in ("particles", "skin", "clusters", "links"):
-                if getattr(view, name, None) != getattr(old, name, None):
-                    getattr(view, f"toggle_{name}")()
-            if view.lines != old.lines:
-                view.toggle_lines()
-            if getattr(view, "foam", None) != getattr(old, "foam", None):
-                view.toggle_foam()
-            if hasattr(old, "colouring"):
+            for name in view.options:
+                if view.shows(name) != old.shows(name):
+                    view.toggle(name)
+            if old.colourings:
                 self._colour(view, old.colouring)
 
     @staticmethod
@@ -98,16 +94,16 @@ class ViewOptions:
         """Show or hide `particles`, `skin`, middles of `clusters`, or `links` of bodies, or the skin of tetrahedra (P,
         K, C, I)."""
         if self._subject == "tetrahedra" and name == "skin":
-            skins = [view.toggle_skin() for view in self.views if hasattr(view, "toggle_skin")]
+            skins = [view.toggle_skin() for view in self.views if "skin" in view.options]
             self.demo.say("skin" if skins[0] else "the outer faces of the tetrahedra")
             return
         if not self._bodies:
             self.demo.say(NO_BODIES)
             return
         for view in self.views:
-            getattr(view, f"toggle_{name}")()
+            view.toggle(name)
         first = self.views[0]
-        inside = " and ".join(part for part in ("particles", "clusters", "links") if getattr(first, part))
+        inside = " and ".join(part for part in ("particles", "clusters", "links") if first.shows(part))
         self.demo.say(" behind the ".join(word for word in (inside, "skin" if first.skin else "") if word))
         if name == "links" and not any(len(copy.baked.links) for copy in self.demo.world.scene.body_set.copies):
             self.demo.say("these bodies have no links")

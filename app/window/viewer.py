@@ -230,13 +230,11 @@ class Viewer:
             "screenshot": str(self.shots.screenshot) if self.shots.screenshot else None,
             "way": self.views[0].vertices.transfer,
         }
+        view = self.views[0]
         if self.space:
-            shown |= {"lines": self.views[0].lines}
-        if self.demo.world.scene.tetrahedra:
-            shown |= {"skin": self.views[0].skin, "colouring": self.views[0].colouring}
-        if self.bodies:
-            names = ("particles", "skin", "clusters", "links", "colouring")
-            shown |= {name: getattr(self.views[0], name) for name in names}
+            shown |= {name: view.shows(name) for name in view.options}
+        if view.colourings:
+            shown["colouring"] = view.colouring
         return (
             demo_state(self.demo, self.camera, self.panes[self.demo.current], self.height)
             | self.camera.as_dict()

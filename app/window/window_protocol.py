@@ -10,8 +10,8 @@ from softlab.app.window.frame_times import FrameTimes
 from softlab.app.window.panes import Pane
 from softlab.app.window.shots import Shots
 from softlab.app.window.view_options import ViewOptions
-from softlab.model.core.components import component
-from softlab.model.core.errors import BackendUnavailable, Diverged
+from softlab.model.base.components import component
+from softlab.model.base.errors import BackendUnavailable, Diverged
 from softlab.model.core.simulation import State
 from softlab.model.scene.scene import Scene
 

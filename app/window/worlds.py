@@ -12,12 +12,13 @@ from typing import Self
 import numpy as np
 
 from softlab.app.driver import open_simulation
+from softlab.app.presentation import presentation_of
 from softlab.app.render.camera import finite_bounds
 from softlab.app.window.live import live_parts
 from softlab.app.window.measures import Statistics, measure, measure_picture
 from softlab.app.window.panes import check_alike, titles_of
 from softlab.app.window.picker import Picker
-from softlab.model.core.errors import Diverged, SoftlabError
+from softlab.model.base.errors import Diverged, SoftlabError
 from softlab.model.core.simulation import Simulation, State
 from softlab.model.scene.scene import Scene
 
@@ -36,9 +37,8 @@ OpenWorld = Callable[..., Simulation]
 
 def first_steps(scene: Scene) -> int:
     """Initial number of steps per frame: 10; for bodies, tetrahedra and fluids that nearest to a frame's time."""
-    if not (scene.bodies or scene.tetrahedra or scene.fluids or scene.is_world):
-        return 10
-    return min(STEPS_PER_FRAME, key=lambda steps: abs(log(steps * scene.method.dt / FRAME)))
+    count = presentation_of(scene).steps_per_frame
+    return count or min(STEPS_PER_FRAME, key=lambda steps: abs(log(steps * scene.method.dt / FRAME)))
 
 
 def _over_limit(world: Simulation) -> bool:
@@ -199,7 +199,7 @@ class Worlds:
         """
         if self.picker.poke is None or self.world.scene.dimensions == 2:
             return 1
-        return min(self.steps_per_frame, BODY_BATCHES if self.world.scene.bodies else MAX_BATCHES)
+        return min(self.steps_per_frame, BODY_BATCHES if presentation_of(self.world.scene).grips else MAX_BATCHES)
 
     @property
     def _leading_world(self) -> Simulation:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from softlab.bench.cluster.pools import EXTRA, Job, Where, command, exit_words
-from softlab.model.core.errors import BackendUnavailable
+from softlab.model.base.errors import BackendUnavailable
 
 DASK_SECONDS = 5.0  # time in which a scheduler must answer, and in which it restarts what died
 

@@ -23,8 +23,8 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from softlab.model.core.errors import InputError
-from softlab.model.core.files import why
+from softlab.model.base.errors import InputError
+from softlab.model.base.files import why
 
 ROOMS = ("status", "claims", "plans", "stores", "out", "lost", "logs")
 GIVEN_UP = "given up"  # owner of a group that must not be taken any more

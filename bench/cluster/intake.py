@@ -8,7 +8,7 @@ from pathlib import Path
 from softlab.bench.cluster.folder import Folder
 from softlab.bench.store.database import Store
 from softlab.bench.store.transfer import merge
-from softlab.model.core.errors import InputError
+from softlab.model.base.errors import InputError
 
 
 class Intake:

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from softlab.cpu_backend.core.threads import core_count
-from softlab.model.core.errors import BackendUnavailable, SceneError, shortened
+from softlab.model.base.errors import BackendUnavailable, SceneError, shortened
 
 WEEK_MINUTES = 7 * 24 * 60
 SLURM_WORKERS, SLURM_MINUTES = 4, 8 * 60  # defaults

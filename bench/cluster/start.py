@@ -19,8 +19,8 @@ from softlab.bench.cluster.sweep import STILL_BEATS, Sweep
 from softlab.bench.cluster.turns import try_lock
 from softlab.bench.cluster.worker import code_digests
 from softlab.bench.store.database import Store
-from softlab.model.core.errors import InputError
-from softlab.model.core.files import why
+from softlab.model.base.errors import InputError
+from softlab.model.base.files import why
 
 FOLDER = ".workers"  # replaces the store's suffix
 

@@ -22,7 +22,7 @@ from softlab.bench.cluster.summary import ClusterSummary, count
 from softlab.bench.cluster.turns import host_name
 from softlab.bench.store.database import Store
 from softlab.bench.store.transfer import export, last_run
-from softlab.model.core.errors import BackendUnavailable, InputError
+from softlab.model.base.errors import BackendUnavailable, InputError
 
 DEATHS = 3  # number of deaths after which a group, or a slot, is given up
 STILL_BEATS = 3  # number of beats without a sign of life after which a worker whose job has ended is lost

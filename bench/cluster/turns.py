@@ -14,8 +14,8 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
-from softlab.model.core.disk_cache import user_cache
-from softlab.model.core.errors import InputError
+from softlab.model.base.disk_cache import user_cache
+from softlab.model.base.errors import InputError
 
 LOOK_SECONDS = 0.5  # interval in which a wait checks for Ctrl-C
 

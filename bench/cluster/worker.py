@@ -24,7 +24,7 @@ from softlab.bench.measure.share import sharing
 from softlab.bench.store.database import Store
 from softlab.bench.store.transfer import export, last_run, merge
 from softlab.bench.store.versions import BACKENDS, digest_of
-from softlab.model.core.errors import BackendUnavailable, SoftlabError, on_command_line
+from softlab.model.base.errors import BackendUnavailable, SoftlabError, on_command_line
 
 COUNTS = ("measured", "held", "samples", "suspect", "compile_seconds")  # fields of a summary, as far as it has them
 

@@ -21,7 +21,7 @@ from softlab.bench.measure.costs_timing import Measures
 from softlab.bench.measure.experiment import described, source_hash
 from softlab.bench.measure.items import Experiment, Items
 from softlab.bench.store.database import Store
-from softlab.model.core.digest import source_digest
+from softlab.model.base.digest import source_digest
 from softlab.model.scene.scene import Scene
 
 VERSION = 1  # part of every resume key: raise it when an experiment changes

@@ -37,7 +37,7 @@ from softlab.bench.measure.timing import Subject, prepare
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import Measure, by_configuration, measures
 from softlab.bench.store.schema import tables_by_kind
-from softlab.model.core.errors import SoftlabError
+from softlab.model.base.errors import SoftlabError
 from softlab.model.scene.scene import Scene
 
 COST = "bar: cost"  # value of `finding`

@@ -24,8 +24,8 @@ import numpy as np
 
 from softlab.app.driver import open_simulation
 from softlab.bench.measure.costs_timing import Measures
+from softlab.model.base.errors import BackendUnavailable, Diverged, UnstableTimeStep
 from softlab.model.core.build import build, rest_positions
-from softlab.model.core.errors import BackendUnavailable, Diverged, UnstableTimeStep
 from softlab.model.core.simulation import Simulation, State
 from softlab.model.core.stability.springs import matching_stiffness
 from softlab.model.scene.scene import Scene

@@ -28,7 +28,7 @@ from softlab.bench.measure.timing import Subject, prepare
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import Measure, measures
 from softlab.cpu_backend.core.threads import core_count
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.scene.scene import load_scene
 
 FINDING = "busy"  # value of `finding`

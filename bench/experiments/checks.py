@@ -15,8 +15,8 @@ import numpy as np
 
 from softlab.app.driver import open_simulation
 from softlab.bench.measure.gpu import gpu_simulated
+from softlab.model.base.errors import Diverged, SceneError
 from softlab.model.core.build import wave
-from softlab.model.core.errors import Diverged, SceneError
 from softlab.model.core.simulation import Simulation, State
 from softlab.model.scene.scene import Scene
 

@@ -11,9 +11,9 @@ import numpy as np
 
 from softlab.bench.experiments.body_scenes import SAMPLED, bodies_scene
 from softlab.model.assets.clusters import Clusters
+from softlab.model.particles.body_set import BodySet, Copy
+from softlab.model.particles.links import LinkedCopies, make_links
 from softlab.model.scene.scene import Scene
-from softlab.model.shape_matching.body_set import BodySet, Copy
-from softlab.model.shape_matching.links import LinkedCopies, make_links
 
 BODY = {"kind": "rigid_body", "particle_spacing": 0.14, **SAMPLED}  # the body that they replace
 

@@ -34,8 +34,8 @@ from softlab.bench.store.database import Store
 from softlab.model.core.build import build
 from softlab.model.core.energy import spring_strain
 from softlab.model.core.simulation import State
+from softlab.model.position_based.plan import colour_order, xpbd_parts
 from softlab.model.scene.scene import Scene, load_scene
-from softlab.model.xpbd.plan import colour_order, xpbd_parts
 
 CONVERGENCE = "convergence"  # value of `finding`
 RESIDUAL, BEFORE = "convergence_residual", "convergence_residual_before"  # over the rest length; BEFORE: at the start

@@ -16,8 +16,8 @@ from softlab.bench.measure.experiment import described, source_hash
 from softlab.bench.measure.items import Experiment
 from softlab.model.core.build import rest_positions
 from softlab.model.core.simulation import State
+from softlab.model.position_based.mesh_constraints import mesh_energy
 from softlab.model.scene.scene import Scene
-from softlab.model.xpbd.mesh_constraints import mesh_energy
 
 FINDING = "discretisation"
 BIAS, RATIO, SAG = "finding_bias", "finding_ratio", "finding_sag"  # spacings; dimensionless; m

@@ -26,11 +26,11 @@ from softlab.bench.measure.items import Experiment, Items
 from softlab.bench.measure.tables import columns, print_table
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import Measure, by_configuration, measures
-from softlab.model.core.components import component
-from softlab.model.core.digest import source_digest
-from softlab.model.core.errors import BackendUnavailable, SoftlabError
-from softlab.model.scene.parts import Gravity
+from softlab.model.base.components import component
+from softlab.model.base.digest import source_digest
+from softlab.model.base.errors import BackendUnavailable, SoftlabError
 from softlab.model.scene.scene import Scene
+from softlab.model.tables.parts import Gravity
 
 TANK, BOX = "still tank", "repeating box"
 SPACINGS = (0.05, 0.1, 1 / 30)  # m; the first one without viscosity is watched for the whole minute

@@ -22,7 +22,7 @@ from softlab.bench.measure.samples import stored_samples
 from softlab.bench.measure.timing import Neighbours, Renderer, Sample, Subject, choose_steps, interleaved, warm_up
 from softlab.bench.store.database import Store
 from softlab.cpu_backend.core.threads import thread_count
-from softlab.model.core.errors import Diverged, SoftlabError
+from softlab.model.base.errors import Diverged, SoftlabError
 from softlab.model.core.simulation import Simulation
 
 DRAWN_BY = "drawn_by"  # a measure: renderer, picture and way, as its reason

@@ -66,8 +66,7 @@ def disturbance(scene: Scene) -> np.ndarray:
 
 def twin_steps(scene: Scene, time: float, per_radian: float = STEPS_PER_RADIAN) -> int:
     """Steps of the twins up to `time` [s]: whole ones between two looks. `per_radian`: of the fastest vibration."""
-    along = spring_damping_bound(scene) if scene.cloth else 0.0
-    wanted = time * (frequency_bound(scene) + fastest_damping(scene) + along) * per_radian
+    wanted = time * (frequency_bound(scene) + fastest_damping(scene) + spring_damping_bound(scene)) * per_radian
     return LOOKS * ceil(max(wanted, MIN_STEPS) / LOOKS)
 
 

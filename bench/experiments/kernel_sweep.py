@@ -25,7 +25,7 @@ from softlab.bench.measure.share import share
 from softlab.bench.measure.starts import measure_starts
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import configuration
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.scene.scene import Scene, load_scene
 
 SQUARES = tuple(16 << k for k in range(10))  # 16 ... 8192

@@ -21,9 +21,9 @@ from softlab.bench.store.database import Store
 from softlab.bench.store.published import PUBLISHED
 from softlab.bench.store.results import Measure, measures
 from softlab.bench.store.schema import canonical
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
+from softlab.model.position_based.plan import constraint_count
 from softlab.model.scene.scene import Scene, load_scene
-from softlab.model.xpbd.plan import constraint_count
 
 STAGE = "projections"  # stage of the samples in the store
 STEP = "projection_step"  # s: the median of a step

@@ -23,8 +23,8 @@ from softlab.bench.store.database import Store
 from softlab.bench.store.results import configuration, timings
 from softlab.bench.store.schema import configuration_hash
 from softlab.cpu_backend.core.threads import thread_count
-from softlab.model.core.errors import SceneError
-from softlab.model.core.memory import available_bytes, readable
+from softlab.model.base.errors import SceneError
+from softlab.model.base.memory import available_bytes, readable
 from softlab.model.core.simulation import PRECISIONS
 from softlab.model.scene.scene import Scene, load_scene
 

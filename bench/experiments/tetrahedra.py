@@ -49,8 +49,8 @@ from softlab.bench.measure.experiment import described, keep
 from softlab.bench.measure.items import Group, Items, cost_sources
 from softlab.bench.measure.timing import Subject, prepare
 from softlab.bench.store.database import Store
+from softlab.model.base.errors import SceneError, SoftlabError, UnstableTimeStep
 from softlab.model.core.build import build
-from softlab.model.core.errors import SceneError, SoftlabError, UnstableTimeStep
 from softlab.model.core.simulation import PRECISIONS, Simulation, State
 from softlab.model.scene.checks.tetrahedra import SOLVERS_OF_TETRAHEDRA
 from softlab.model.scene.scene import Scene

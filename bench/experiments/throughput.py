@@ -17,9 +17,9 @@ from softlab.bench.measure.case_timing import Case, RatePoint, Rates, make_case
 from softlab.bench.measure.tables import print_table
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import Measure, measures
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
+from softlab.model.core.spare import counts
 from softlab.model.scene.scene import Scene, load_scene
-from softlab.model.shape_matching.spare import counts
 
 # the names in the store are those under which the experiment was first written
 STAGE = "crowds"  # of the samples

@@ -15,7 +15,7 @@ from functools import cache
 from pathlib import Path
 
 from softlab.bench.store.versions import BACKENDS, Dated, digest_of, sources_of
-from softlab.model.core.digest import ROOT
+from softlab.model.base.digest import ROOT
 
 MAP = ROOT / "labbook" / "data" / "kernel_keys.json"
 DIGEST = re.compile(r"[0-9a-f]{16}")

@@ -24,11 +24,12 @@ from softlab.bench.keys.carried import MAP, Carried, Group, read_map
 from softlab.bench.store.database import Store
 from softlab.bench.store.transfer import load_text
 from softlab.bench.store.versions import BACKENDS, digest_of, read_version
-from softlab.model.core.digest import ROOT
+from softlab.model.base.digest import ROOT
 
 DIGESTS = """
-import importlib.util as u, sys
-s = u.spec_from_file_location("digest", "model/core/digest.py"); m = u.module_from_spec(s); sys.modules["digest"] = m
+import importlib.util as u, pathlib, sys
+(path,) = pathlib.Path("model").glob("*/digest.py")  # its package depends on the commit
+s = u.spec_from_file_location("digest", path); m = u.module_from_spec(s); sys.modules["digest"] = m
 s.loader.exec_module(m); print(*(m.source_digest(*m.backend_sources(b)) for b in ("cpu", "gpu")))
 """
 

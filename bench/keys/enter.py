@@ -17,7 +17,7 @@ from softlab.bench.keys.versions import MEASURING, version_of
 from softlab.bench.store.database import Store
 from softlab.bench.store.schema import configuration_hash
 from softlab.bench.store.versions import BACKENDS, digest_of
-from softlab.model.core.digest import ROOT
+from softlab.model.base.digest import ROOT
 
 KEY = "kernel_key"
 Measured = tuple[Mapping[str, Any], str]  # a description and the text of its sources

@@ -18,7 +18,7 @@ from softlab.bench.measure.timing import Subject, prepare
 from softlab.bench.store.database import Store
 from softlab.bench.store.marks import is_wrong
 from softlab.bench.store.results import Measure, by_configuration, configuration
-from softlab.model.core.errors import Diverged, SceneError
+from softlab.model.base.errors import Diverged, SceneError
 from softlab.model.core.simulation import PRECISIONS, Simulation
 from softlab.model.scene.scene import Scene
 

@@ -1,6 +1,6 @@
 """Compiling the kernels of many cases before the first is measured, on several processes at once.
 
-Kernels are kept on disk by their content (model/core/kernel_cache.py), so that the process that measures only loads what
+Kernels are kept on disk by their content (model/base/kernel_cache.py), so that the process that measures only loads what
 others compiled. One after another, compiling is most of a first `softlab lab --quick`.
 """
 
@@ -20,9 +20,9 @@ from softlab.bench.measure.gpu import gpu_simulated
 from softlab.bench.measure.progress import progress_bar
 from softlab.bench.measure.share import Alone, sharing
 from softlab.cpu_backend.core.threads import core_count
-from softlab.model.core.errors import SoftlabError
-from softlab.model.core.files import replacing
-from softlab.model.core.kernel_cache import folder
+from softlab.model.base.errors import SoftlabError
+from softlab.model.base.files import replacing
+from softlab.model.base.kernel_cache import folder
 
 FEWEST = 4  # kinds of simulations: fewer are compiled before a process has started
 MAX_WORKERS = 12

@@ -27,7 +27,7 @@ from softlab.bench.store.results import configuration
 from softlab.bench.store.schema import SAME, configuration_hash
 from softlab.bench.store.versions import code_version, digest_of
 from softlab.cpu_backend.core.threads import thread_count, threading_layer, wait_policy
-from softlab.model.core.errors import BackendUnavailable, SceneError
+from softlab.model.base.errors import BackendUnavailable, SceneError
 from softlab.model.scene.scene import Scene
 
 # ---------------------------------------------------------------------- what is measured, and where

@@ -12,7 +12,7 @@ from softlab.bench.measure import costs_timing
 from softlab.bench.measure.costs_timing import RATIO, Measures, Record
 from softlab.bench.measure.experiment import Summary, Tell, backends_here, keep, resume, source_hash
 from softlab.bench.store.database import Store
-from softlab.model.core.digest import source_digest
+from softlab.model.base.digest import source_digest
 
 COSTS_VERSION = 1  # part of the resume key of every cost: raise it when how they are sampled changes
 

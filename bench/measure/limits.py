@@ -18,7 +18,7 @@ from softlab.bench.measure.gpu import gpu_or_reason, gpu_simulated
 from softlab.bench.measure.machine import machine_label, machine_record
 from softlab.bench.store.database import Store
 from softlab.cpu_backend.core.threads import core_count
-from softlab.model.core.digest import ROOT
+from softlab.model.base.digest import ROOT
 from softlab.model.core.simulation import PRECISIONS
 
 POLICIES = ("active", "passive")

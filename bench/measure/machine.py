@@ -26,7 +26,7 @@ from softlab.bench.measure.timing import Neighbours
 from softlab.bench.store.database import Store
 from softlab.bench.store.schema import canonical
 from softlab.cpu_backend.core.threads import MULTIPLES, core_count, threading_layer, wait_policy
-from softlab.model.core.memory import available_bytes
+from softlab.model.base.memory import available_bytes
 
 PACKAGES = ("numba", "llvmlite", "numpy", "numba-cuda")
 IDENTITY = (  # what tells two machines apart: hardware, and the versions that compile the kernels

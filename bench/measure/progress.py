@@ -13,10 +13,10 @@ from typing import Any
 from rich.progress import BarColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from softlab.app.output.bar import Bar
-from softlab.model.core.disk_cache import user_cache
-from softlab.model.core.errors import InputError
-from softlab.model.core.files import replacing
-from softlab.model.core.kernel_cache import watched
+from softlab.model.base.disk_cache import user_cache
+from softlab.model.base.errors import InputError
+from softlab.model.base.files import replacing
+from softlab.model.base.kernel_cache import watched
 
 SECONDS = "seconds.json"  # of the parts of each command, the last time
 

@@ -15,7 +15,7 @@ import time
 from softlab.bench.measure.experiment import host_of
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import configuration
-from softlab.model.core.digest import ROOT
+from softlab.model.base.digest import ROOT
 from softlab.model.scene.scene import Scene
 
 COLD, WARM = "start_seconds_cold", "start_seconds_warm"

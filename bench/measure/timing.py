@@ -27,8 +27,8 @@ from softlab.app.outcome import fault_words
 from softlab.bench.store.marks import INCOMPLETE
 from softlab.cpu_backend.core.threads import allowed_cores, core_count
 from softlab.cpu_backend.mass_spring.grid.choice import LEVELS
+from softlab.model.base.errors import Diverged
 from softlab.model.contact.shortfalls import can_fall_short, shortfalls
-from softlab.model.core.errors import Diverged
 from softlab.model.core.simulation import Simulation, State
 
 PASSES = 4  # of a kernel that does several steps in a pass, in a sample at least

@@ -18,7 +18,7 @@ from softlab.app.command.command_line import errors
 from softlab.bench.store.database import Store
 from softlab.bench.store.schema import canonical
 from softlab.bench.store.versions import refuse_changed_files
-from softlab.model.core.errors import SoftlabError
+from softlab.model.base.errors import SoftlabError
 
 TABLE = """CREATE TABLE IF NOT EXISTS took (
     machine TEXT NOT NULL, command TEXT NOT NULL, seconds REAL NOT NULL, configurations INTEGER NOT NULL,

@@ -14,9 +14,9 @@ import numpy as np
 
 from softlab.bench.experiments.checks import CHECK_ROWS, LIMITS
 from softlab.bench.peers.bars.tip import Tip
+from softlab.model.base.errors import SoftlabError
 from softlab.model.contact.sheet_plan import present_parts
 from softlab.model.core.build import build
-from softlab.model.core.errors import SoftlabError
 from softlab.model.core.parameters import PARAMETERS, parameter_record
 from softlab.model.core.simulation import PRECISIONS
 from softlab.model.scene.scene import Scene

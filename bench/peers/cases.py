@@ -21,8 +21,8 @@ from softlab.bench.peers.registry import OURS
 from softlab.bench.peers.scenes import PeerScene, shape_of
 from softlab.bench.store.results import configuration
 from softlab.cpu_backend.core.threads import thread_count, threading_layer, wait_policy
+from softlab.model.base.errors import Diverged
 from softlab.model.core.build import Body
-from softlab.model.core.errors import Diverged
 from softlab.model.core.simulation import State
 from softlab.model.scene.scene import Scene
 

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from softlab.bench.peers.base import PeerError
 from softlab.cpu_backend.core.processor import processor_name
-from softlab.model.core.disk_cache import cache_folder
+from softlab.model.base.disk_cache import cache_folder
 
 # g++ first: it shares its OpenMP threads with numba, while two teams would disturb each other
 COMPILERS = ("g++", "clang++")

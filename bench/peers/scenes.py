@@ -15,7 +15,7 @@ from typing import Any
 from softlab.bench.experiments.checks import CHECK_STEPS
 from softlab.bench.experiments.sweep import shapes
 from softlab.bench.peers.bars.tip import ACROSS, BARS, NEAR, Tip, bar_of, exact_tip
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.scene.scene import Scene, load_scene
 
 GRID_SQUARES = tuple(32 << k for k in range(9))  # 32 ... 8192

@@ -28,8 +28,8 @@ from softlab.bench.peers.registry import OURS, PEERS
 from softlab.bench.peers.scenes import peer_scenes
 from softlab.bench.store.database import Store
 from softlab.bench.store.versions import code_version
+from softlab.model.base.memory import available_bytes, readable
 from softlab.model.core.build import Body, build
-from softlab.model.core.memory import available_bytes, readable
 from softlab.model.core.simulation import Simulation
 
 

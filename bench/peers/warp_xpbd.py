@@ -15,8 +15,8 @@ import numpy as np
 from softlab.bench.peers.base import Opened, SheetConstants
 from softlab.bench.peers.warp_base import Replayed, WarpPeer, load_warp, numbers
 from softlab.bench.reference.xpbd import of_scene
+from softlab.model.position_based.plan import xpbd_parts
 from softlab.model.scene.scene import Scene
-from softlab.model.xpbd.plan import xpbd_parts
 
 KINDS = ("structural", "shear", "bending")
 KNOWN = frozenset({*KINDS, *(f"{kind}-{word}" for kind in KINDS for word in ("compliance", "damping"))}) | {

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from softlab.bench.reference.mass_spring import converged
-from softlab.model.core.disk_cache import read_arrays, write_arrays
+from softlab.model.base.disk_cache import read_arrays, write_arrays
 from softlab.model.scene.scene import Scene
 
 # spacings; RK4 at dt 0.0025 on the accuracy scenes has an error of 8e-8, which shall be resolved tenfold

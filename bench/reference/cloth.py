@@ -21,10 +21,10 @@ import numpy as np
 from softlab.bench.reference.contact import distance_field, mesh_collider
 from softlab.bench.reference.philox import random_directions
 from softlab.bench.reference.steps import Poke, masses, named_mask, pinned_mask
-from softlab.model.core.errors import SceneError
-from softlab.model.scene.colliders.distance_field import DistanceField
-from softlab.model.scene.colliders.mesh_collider import MeshCollider
+from softlab.model.base.errors import SceneError
 from softlab.model.scene.scene import Scene
+from softlab.model.tables.colliders.distance_field import DistanceField
+from softlab.model.tables.colliders.mesh_collider import MeshCollider
 
 # kind -> (rows, columns) from one end of a spring to the other
 WAYS = {"structural": ((0, 1), (1, 0)), "shear": ((1, 1), (1, -1)), "bending": ((0, 2), (2, 0))}

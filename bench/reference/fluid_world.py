@@ -18,9 +18,9 @@ import numpy as np
 from softlab.bench.reference import cloth
 from softlab.bench.reference.contact import distance_field, mesh_collider
 from softlab.model.geometry.particle_row import PARKED
-from softlab.model.scene.colliders.distance_field import DistanceField
-from softlab.model.scene.colliders.mesh_collider import MeshCollider
 from softlab.model.scene.scene import Scene
+from softlab.model.tables.colliders.distance_field import DistanceField
+from softlab.model.tables.colliders.mesh_collider import MeshCollider
 
 TOUCHING = 1e-3  # of half an edge, or of the squared radius: a mass this near is in contact, whatever its rounding
 FLAT = 1 / 1024  # a smaller slope of a field has no direction

@@ -21,7 +21,7 @@ from softlab.bench.reference.richardson import refine
 from softlab.bench.reference.steps import EXPLICIT_DAMPING_VERLET as EXPLICIT_DAMPING_VERLET
 from softlab.bench.reference.steps import Accelerate, Poke, masses, one_step
 from softlab.bench.reference.steps import pinned_mask as pinned_mask
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.scene.scene import Scene
 
 

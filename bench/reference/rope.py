@@ -6,7 +6,7 @@ import numpy as np
 
 from softlab.bench.reference import cloth
 from softlab.bench.reference.steps import masses, pinned_mask
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.scene.scene import Scene
 
 

@@ -13,7 +13,7 @@ from softlab.bench.reference import cloth, cluster_material, mass_spring, xpbd
 from softlab.bench.reference.contact.particle_contacts import Contacts
 from softlab.bench.reference.steps import Motion, alone
 from softlab.model.assets.clusters import Clusters
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.scene.scene import Scene
 from softlab.model.shape_matching.matching import lattice_clusters
 

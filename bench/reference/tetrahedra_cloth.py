@@ -19,9 +19,9 @@ from softlab.bench.reference.contact import surface_contacts
 from softlab.bench.reference.finite_elements import Body, shape_gradients
 from softlab.bench.reference.steps import Motion, alone
 from softlab.bench.reference.tetrahedra import Sweep
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
+from softlab.model.contact.attachments import attachment_sets
 from softlab.model.scene.scene import Scene
-from softlab.model.tetrahedra.attachments import attachment_sets
 from softlab.model.tetrahedra.constraints import constraint_sets, tetrahedra_of_sets
 
 

@@ -19,8 +19,8 @@ from collections.abc import Callable
 
 import numpy as np
 
+from softlab.model.particles.tetrahedra_set import TetrahedraSet
 from softlab.model.scene.scene import Scene
-from softlab.model.tetrahedra.body_set import TetrahedraSet
 
 IMPLICIT = 1 - 2**-0.5  # implicit weight of each stage
 STEP = 1e-6  # difference of F's entries: the error of differences is about its square

@@ -20,9 +20,8 @@ from softlab.bench.reference.contact import surface_contacts
 from softlab.bench.reference.contact.self_contacts import Found
 from softlab.bench.reference.coupled.fluid_solids import FluidAmongSolids
 from softlab.bench.reference.steps import Motion
+from softlab.model.contact.attachments import attachment_sets
 from softlab.model.scene.scene import Scene
-from softlab.model.scene.sheets import triangles_of
-from softlab.model.tetrahedra.attachments import attachment_sets
 from softlab.model.world.plan import coupled
 from softlab.model.world.solids import solids_of
 
@@ -57,7 +56,7 @@ def _surfaces(scene: Scene, distance: float) -> Surfaces:
             continue
         elif name == "cloth":
             body[slices[name]] = len(closed)
-            triangles.append(triangles_of(own).astype(int) + first)
+            triangles.append(own.grid.triangles().astype(int) + first)
             closed.append(False)
         else:
             found = own.tetrahedra_set

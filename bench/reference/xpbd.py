@@ -22,7 +22,7 @@ import numpy as np
 from softlab.bench.reference import cloth, mass_spring
 from softlab.bench.reference.philox import random_directions
 from softlab.bench.reference.steps import Poke, Settle, pinned_mask
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.scene.scene import Scene
 
 # ascending: one constraint at a time from the first mass on, which is not parallel; for tests

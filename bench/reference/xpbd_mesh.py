@@ -17,9 +17,8 @@ from softlab.bench.reference import cloth
 from softlab.bench.reference.philox import random_directions
 from softlab.bench.reference.steps import Motion, Poke, alone
 from softlab.model.geometry.topology import mesh_of, pinned_vertices
+from softlab.model.position_based.mesh_constraints import constraint_sets
 from softlab.model.scene.scene import Scene
-from softlab.model.scene.sheets import triangles_of
-from softlab.model.xpbd.mesh_constraints import constraint_sets
 
 
 @dataclass(frozen=True)
@@ -203,7 +202,7 @@ def wind_on(scene: Scene, p: np.ndarray, v: np.ndarray, time: float, triangles: 
     wind = scene.wind
     assert wind is not None
     force, air = np.zeros_like(p), cloth.air(scene, time)
-    for corners in (triangles_of(scene) if triangles is None else triangles).astype(int):
+    for corners in (scene.grid.triangles() if triangles is None else triangles).astype(int):
         a, b, c = p[corners]
         u, twice = air - v[corners].mean(axis=0), np.cross(b - a, c - a)
         size, speed = float(np.linalg.norm(twice)), float(np.linalg.norm(u))

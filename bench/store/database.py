@@ -20,8 +20,8 @@ from typing import Any
 from softlab.bench.store import schema
 from softlab.bench.store.machine_records import gained
 from softlab.bench.store.schema import SCHEMA, SCHEMA_VERSION, canonical, check_rows, configuration_hash
-from softlab.model.core.errors import InputError
-from softlab.model.core.files import check_source
+from softlab.model.base.errors import InputError
+from softlab.model.base.files import check_source
 
 DEFAULT_PATH = Path("softlab-results") / "results.sqlite"
 BUSY_SECONDS = 5.0  # how long to wait for another process's write

@@ -22,7 +22,7 @@ import numpy as np
 from softlab.bench.store.database import DEFAULT_PATH, Store
 from softlab.bench.store.method_name import name_of
 from softlab.bench.store.schema import canonical, configuration_hash, tables_by_kind
-from softlab.model.core.errors import SoftlabError
+from softlab.model.base.errors import SoftlabError
 from softlab.model.core.families import scene_plan
 from softlab.model.scene.scene import Scene
 

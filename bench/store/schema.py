@@ -20,7 +20,7 @@ import sqlite3
 from collections.abc import Mapping
 from typing import Any
 
-from softlab.model.core.errors import InputError, shown
+from softlab.model.base.errors import InputError, shown
 
 SCHEMA_VERSION = 1
 KEY, TEXT, INTEGER, REAL = "TEXT PRIMARY KEY", "TEXT NOT NULL", "INTEGER NOT NULL", "REAL NOT NULL"

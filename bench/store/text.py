@@ -26,8 +26,8 @@ from pathlib import Path
 from typing import IO, Any
 
 from softlab.bench.store.schema import COLUMNS, TABLES, canonical, configuration_hash
-from softlab.model.core.errors import InputError, shortened
-from softlab.model.core.files import check_source
+from softlab.model.base.errors import InputError, shortened
+from softlab.model.base.files import check_source
 
 MAGIC = "softlab-results"
 TEXT_VERSION = 1

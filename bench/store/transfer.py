@@ -12,8 +12,8 @@ from softlab.app.command.command_line import without_store
 from softlab.bench.store.database import Store
 from softlab.bench.store.schema import TABLES, checked_record
 from softlab.bench.store.text import TEXTS, Rows, as_text, is_text, is_text_export, read_text
-from softlab.model.core.errors import InputError
-from softlab.model.core.files import check_target, replacing
+from softlab.model.base.errors import InputError
+from softlab.model.base.files import check_target, replacing
 
 
 def export(store: Store, path: str | Path, machine: str | None = None, after: int = 0) -> Path:

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Protocol, TypeVar
 
-from softlab.model.core.digest import ROOT, backend_sources, source_digest
-from softlab.model.core.errors import InputError
+from softlab.model.base.digest import ROOT, backend_sources, source_digest
+from softlab.model.base.errors import InputError
 
 BACKENDS = ("cpu", "gpu")
 MEASURING = (  # files that decide what a measurement is

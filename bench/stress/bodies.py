@@ -33,8 +33,8 @@ from softlab.bench.stress.laws import Law
 from softlab.bench.stress.trial import Check, Trial
 from softlab.model.core.simulation import State
 from softlab.model.formulas.rotation import KEPT
-from softlab.model.scene.cloth import Box, Plane, Sphere
 from softlab.model.scene.scene import Scene
+from softlab.model.tables.cloth import Box, Plane, Sphere
 
 ROUNDINGS = 8  # rounding errors of a coordinate per substep
 GOALS = 32  # rounding errors of 1 m: error of a goal, from some 60 operations on half a metre

@@ -15,7 +15,7 @@ from softlab.model.contact.penetration import measure
 from softlab.model.core.energy import energies
 from softlab.model.core.integrators import frequency_bound
 from softlab.model.core.simulation import State
-from softlab.model.scene.cloth import Sphere
+from softlab.model.tables.cloth import Sphere
 
 LOOKS = (1, 2, 3, 5, 10, 30, 60)  # steps after which a state is checked
 SECONDS = 10.0  # simulated time of layers

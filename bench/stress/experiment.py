@@ -37,8 +37,8 @@ from softlab.bench.stress.results import CHECK, CODES, SHAPE, VERDICT, HardSumma
 from softlab.bench.stress.shapes import as_text, bodies_as_text
 from softlab.bench.stress.tetrahedral_cases import tetrahedral_budget
 from softlab.bench.stress.trial import Check, Endless, SilentNaN, Trial
-from softlab.model.core.digest import source_digest
-from softlab.model.core.errors import BackendUnavailable, Diverged, SceneError, SoftlabError, UnstableTimeStep
+from softlab.model.base.digest import source_digest
+from softlab.model.base.errors import BackendUnavailable, Diverged, SceneError, SoftlabError, UnstableTimeStep
 from softlab.model.core.families import stability_limit
 from softlab.model.core.simulation import PRECISIONS
 from softlab.model.scene.scene import Scene

@@ -12,8 +12,8 @@ from softlab.bench.stress.trial import Check, Trial
 from softlab.model.core.state import State
 from softlab.model.fluid.measure import compression, differences
 from softlab.model.fluid.parameters import MAX_NEIGHBOURS, speed_limit
-from softlab.model.scene.cloth import Box, Plane
 from softlab.model.scene.scene import Scene
+from softlab.model.tables.cloth import Box, Plane
 
 SECONDS = 1.0  # simulated time of a cup's motion, and of fluids that fall and come to rest
 SPARSE = 2.0  # s: simulated time of free flight

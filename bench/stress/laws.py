@@ -19,9 +19,9 @@ import numpy as np
 
 from softlab.bench.reference import mass_spring as reference
 from softlab.bench.stress.trial import REST, Check, Trial
+from softlab.model.base.errors import Diverged
 from softlab.model.core.build import wave
 from softlab.model.core.energy import energies
-from softlab.model.core.errors import Diverged
 from softlab.model.core.integrators import INTEGRATORS, amplification_matrix, damping_rate
 from softlab.model.core.stability.springs import spring_stiffness
 from softlab.model.scene.scene import Scene

@@ -11,7 +11,7 @@ import numpy as np
 
 from softlab.bench.stress.laws import disturbed, hanging, ten_times_too_large
 from softlab.bench.stress.trial import Check, Trial
-from softlab.model.core.errors import UnstableTimeStep
+from softlab.model.base.errors import UnstableTimeStep
 from softlab.model.core.integrators import INTEGRATORS, damping_rate
 
 MAX_STEPS = 250_000  # largest number of steps in which a chain is to settle, a second or two

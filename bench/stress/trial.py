@@ -18,8 +18,8 @@ from softlab.app.driver import open_simulation
 from softlab.bench.experiments.accuracy.solver_error import ORDERINGS
 from softlab.bench.reference import mass_spring as reference
 from softlab.bench.reference import xpbd
+from softlab.model.base.errors import Diverged, SoftlabError
 from softlab.model.core.build import build
-from softlab.model.core.errors import Diverged, SoftlabError
 from softlab.model.core.families import stability_limit
 from softlab.model.core.simulation import Simulation, State
 from softlab.model.scene.scene import Scene

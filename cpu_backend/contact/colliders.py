@@ -32,7 +32,7 @@ from softlab.model.contact.cloth_parameters import (
 )
 from softlab.model.contact.sheet_plan import FRICTION_IN_PLACE
 from softlab.model.formulas import cloth, colliders, distance_field, triangle_tree
-from softlab.model.scene.cloth import COLLIDER_KINDS
+from softlab.model.tables.cloth import COLLIDER_KINDS
 
 PLANE, SPHERE, CAPSULE, BOX, MESH, FIELD = range(len(COLLIDER_KINDS))  # numbers of the kinds of colliders in kernels
 

@@ -1,5 +1,5 @@
 """Contacts between particles of bodies on CPU threads: the stages "find neighbours", "project contacts" and "bounce",
-and their arrays (model/scene/particle_contact.py). Particles are in the order of
+and their arrays (model/tables/particle_contact.py). Particles are in the order of
 cpu_backend/shape_matching/layout.py."""
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Compilation of formulas and kernels for the CPU, and the cache of machine code between runs.
 
-A function is identified by its content (model/core/digest.py): two factories that make the same function share one,
+A function is identified by its content (model/base/digest.py): two factories that make the same function share one,
 whatever they call their variant, and the content of a kernel is part of the name of its machine code's file
-(model/core/kernel_cache.py).
+(model/base/kernel_cache.py).
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from numba.core.caching import CompileResultCacheImpl, FunctionCache
 from softlab.cpu_backend.core.plain import in_python, still_time, translated
 from softlab.cpu_backend.core.progress import new_team
 from softlab.cpu_backend.core.region import BodyPipeline, LinkedPipeline, packed, region
-from softlab.model.core.digest import content_digest, file_name, source_digest
-from softlab.model.core.kernel_cache import Kept, NamedByContent, Place, keep
+from softlab.model.base.digest import content_digest, file_name, source_digest
+from softlab.model.base.kernel_cache import Kept, NamedByContent, Place, keep
 
 # Optimisations of `fast`. Not `reassoc`, which would cancel the (p' - p) of the hand-out's step; not `nnan` and `ninf`,
 # since a diverging state must stay visible.

@@ -15,8 +15,8 @@ import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.progress import shares
-from softlab.model.core.constraints import ConstraintSet, Projection
-from softlab.model.core.tuples import each_of, tuple_of
+from softlab.model.base.tuples import each_of, tuple_of
+from softlab.model.particles.constraints import ConstraintSet, Projection
 
 ALONE = 256  # constraints of a colour that one thread processes faster than threads can synchronise: a few microseconds
 # Runs of a colour that are interleaved: the processor starts the constraint of the next run before it has finished the

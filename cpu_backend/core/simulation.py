@@ -19,8 +19,8 @@ from softlab.model.contact.cloth_parameters import pin_velocity
 from softlab.model.core.options import unknown_kernel
 from softlab.model.core.plan import Executor
 from softlab.model.core.simulation import Options, Simulation
-from softlab.model.scene.cloth import COLLIDER_KINDS
 from softlab.model.scene.scene import Scene
+from softlab.model.tables.cloth import COLLIDER_KINDS
 from softlab.model.tetrahedra.targets import Targeted
 
 WIDTH = 4  # numbers of a particle in space: x, y, z and, for positions, its weight
@@ -169,8 +169,6 @@ class QuadsSimulation(Targeted, ParticlesSimulation):
         count, real = len(self.body.position), self.real
         self._position, self._velocity, self._before = (np.zeros((count, WIDTH), real) for _ in range(3))
         self._position[:, 3] = self.body.inverse_mass * self.scene.grid.mass
-        if self.scene.tetrahedra:
-            self._velocity[:, 3] = self.scene.tetrahedra_set.damping_rates
         self._kept = np.zeros((2, count, WIDTH), real)
         self._bands = max(1, min(self.threads, shares))
         self._bad, self._slots = np.zeros(self._bands, np.int64), WIDTH * np.arange(count)

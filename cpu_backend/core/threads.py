@@ -15,7 +15,7 @@ import os
 import sys
 from collections.abc import MutableMapping
 
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 
 
 def allowed_cores() -> frozenset[int]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from softlab.cpu_backend.domains.halos import Halo
 from softlab.cpu_backend.domains.ranks import RankExchange, Ranks
-from softlab.model.core.errors import BackendUnavailable
+from softlab.model.base.errors import BackendUnavailable
 from softlab.model.domains.exchange import PATIENCE, Exchange, NothingSent
 from softlab.model.domains.processes import lost
 

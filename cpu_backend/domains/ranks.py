@@ -11,7 +11,7 @@ import numpy as np
 from softlab.cpu_backend.core.threads import core_count
 from softlab.cpu_backend.domains.fluid import FluidWindow
 from softlab.cpu_backend.domains.halos import Halo, ParticlesHalo, RowsHalo
-from softlab.model.core.components import named
+from softlab.model.base.components import named
 from softlab.model.core.families import family_of
 from softlab.model.core.options import Options
 from softlab.model.core.simulation import Simulation

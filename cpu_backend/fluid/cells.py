@@ -13,7 +13,7 @@ from softlab.cpu_backend.core.own_forces import make_own_force
 from softlab.cpu_backend.fluid.quads import QUAD, QUADS
 from softlab.model.fluid.parameters import F_BUOYANCY, F_SPEED, FLUID_FIELDS
 from softlab.model.formulas.fluid import cells, motion
-from softlab.model.scene.cloth import COLLIDER_KINDS
+from softlab.model.tables.cloth import COLLIDER_KINDS
 
 AXES = 3
 BOX = 2 * AXES  # numbers in a band's box: the lowest corner, the highest one

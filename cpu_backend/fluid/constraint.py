@@ -21,7 +21,7 @@ from softlab.cpu_backend.fluid.quads import LANES, QUAD, QUADS
 from softlab.cpu_backend.fluid.rows import make_rows, make_scratch
 from softlab.cpu_backend.fluid.walls import make_wall_rows
 from softlab.model.fluid.parameters import MAX_NEIGHBOURS
-from softlab.model.scene.cloth import COLLIDER_KINDS
+from softlab.model.tables.cloth import COLLIDER_KINDS
 
 
 def make_sides_of(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:

@@ -26,7 +26,7 @@ from softlab.cpu_backend.fluid.rows import make_scratch
 from softlab.cpu_backend.fluid.walls import make_wall_rows
 from softlab.model.fluid.parameters import F_CHANGE, F_SPEED, F_WEIGHT, MAX_NEIGHBOURS
 from softlab.model.formulas.fluid import density, divergence, motion
-from softlab.model.scene.cloth import COLLIDER_KINDS
+from softlab.model.tables.cloth import COLLIDER_KINDS
 
 
 def make_approach(compiler: Compiler, real: Any, parts: frozenset[str], sides_of: Any) -> SimpleNamespace:

@@ -22,7 +22,7 @@ from softlab.model.fluid.among_solids import K_GRIP, K_LIGHTNESS, KINDS
 from softlab.model.fluid.parameters import F_WEIGHT, MAX_NEIGHBOURS
 from softlab.model.fluid.samples import CORNERS
 from softlab.model.formulas.fluid import density, solids
-from softlab.model.scene.cloth import COLLIDER_KINDS
+from softlab.model.tables.cloth import COLLIDER_KINDS
 
 SUMS = 5  # rows of LANES for each band
 

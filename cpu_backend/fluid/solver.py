@@ -32,8 +32,8 @@ from softlab.model.fluid.parameters import MAX_NEIGHBOURS, fluid_rows, most_cell
 from softlab.model.fluid.plan import SHAPES, fluid_plan
 from softlab.model.fluid.samples import Samples
 from softlab.model.geometry.particle_row import PARKED
-from softlab.model.scene.flow import nozzle_points
 from softlab.model.scene.scene import Scene
+from softlab.model.tables.flow import nozzle_points
 
 
 class Fluid(ParticlesSimulation):

@@ -18,7 +18,7 @@ from softlab.cpu_backend.fluid.smoothing import make_smoothing
 from softlab.model.fluid.parameters import F_CHANGE, F_DRAG, F_SPEED, F_SURFACE_DRAG, F_WEIGHT, MAX_NEIGHBOURS
 from softlab.model.fluid.plan import SMOOTHING
 from softlab.model.formulas.fluid import motion
-from softlab.model.scene.cloth import COLLIDER_KINDS
+from softlab.model.tables.cloth import COLLIDER_KINDS
 
 
 def make_velocities(compiler: Compiler, real: Any, parts: frozenset[str], sides_of: Any) -> SimpleNamespace:

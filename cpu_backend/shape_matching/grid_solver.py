@@ -22,7 +22,7 @@ from softlab.model.assets.lattice import TABLE, matching_axis
 from softlab.model.core.plan import Executor, Moment, StageRun
 from softlab.model.core.simulation import Options
 from softlab.model.scene.scene import Scene
-from softlab.model.xpbd.plan import xpbd_plan
+from softlab.model.shape_matching.plan import window_plan
 
 
 def aligned(rows: int, columns: int, real: Any) -> Layout:
@@ -40,7 +40,7 @@ class ShapeMatching(RowsSimulation):
     def __init__(self, scene: Scene, options: Options, threads: str | int = "1x"):
         super().__init__(scene, options, threads)
         self.kernel = chosen_kernel(options.kernel, "a position-based solver")
-        self.plan = xpbd_plan(scene, options.live)
+        self.plan = window_plan(scene, options.live)
         self.integers = self._seeds(2)
         rows, columns, region = self.body.rows, self.body.columns, scene.method.region
         self._tables = tuple(matching_axis(count, region).table(self.real) for count in (rows, columns))

@@ -9,8 +9,8 @@ import numpy as np
 from softlab.cpu_backend.core.layout import aligned_zeros
 from softlab.cpu_backend.shape_matching.lattice_rows import LINE, SLICE, WINDOW
 from softlab.model.assets.lattice import T_INVERSE, T_MASS, VALUES
-from softlab.model.scene.method import Method
-from softlab.model.shape_matching.body_set import BodySet
+from softlab.model.particles.body_set import BodySet
+from softlab.model.tables.method import Method
 
 NUMBERS = 8  # of a lattice: counts along x, y, z, region, where its three tables begin, and that of a slice
 PENCIL = 5  # numbers of a pencil

@@ -12,7 +12,7 @@ import numpy as np
 from softlab.cpu_backend.shape_matching.arrays import ClusterArrays
 from softlab.model.assets.clusters import Clusters
 from softlab.model.formulas.shape_matching.cluster import LANES
-from softlab.model.shape_matching.body_set import BodySet
+from softlab.model.particles.body_set import BodySet
 from softlab.model.shape_matching.cluster_tables import first_particles, leans
 
 LONE, SCATTERED = 2, 1  # kinds of rigid clusters: a whole body, with its particles in order; others

@@ -25,8 +25,8 @@ from softlab.model.core.own_forces import own_forces
 from softlab.model.formulas import distance
 from softlab.model.formulas.shape_matching import rigid
 from softlab.model.formulas.shape_matching.cluster import LANES
-from softlab.model.scene.cloth import COLLIDER_KINDS
 from softlab.model.shape_matching.cluster_tables import shaping
+from softlab.model.tables.cloth import COLLIDER_KINDS
 
 
 @cache

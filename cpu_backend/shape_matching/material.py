@@ -13,10 +13,10 @@ from softlab.model.assets.clusters import Clusters, whole_clusters
 from softlab.model.formulas.shape_matching.couple import SPIN
 from softlab.model.formulas.shape_matching.deformation import SHAPE
 from softlab.model.formulas.shape_matching.pace import MOTION
-from softlab.model.scene.method import Method
 from softlab.model.shape_matching.cluster_tables import damping_factors, shape_table, shaping
 from softlab.model.shape_matching.rigid_motion import goal_slack
 from softlab.model.shape_matching.rigid_rebound import rebound_limits
+from softlab.model.tables.method import Method
 
 
 class ClusterMaterial:

@@ -34,10 +34,10 @@ from softlab.model.contact.cloth_parameters import collider_numbers
 from softlab.model.core.own_forces import POKED
 from softlab.model.core.plan import Executor, Moment, StageRun
 from softlab.model.core.simulation import Options
+from softlab.model.particles.links import LINKS
 from softlab.model.scene.scene import Scene
 from softlab.model.shape_matching.cluster_tables import matching_factors, shaping
-from softlab.model.shape_matching.links import LINKS
-from softlab.model.xpbd.plan import xpbd_plan
+from softlab.model.shape_matching.plan import body_plan
 
 UNEVEN = 1.3  # work of the busiest thread relative to the mean, above which threads share bodies
 
@@ -57,7 +57,7 @@ class Bodies(ParticlesSimulation):
 
     def __init__(self, scene: Scene, options: Options, threads: str | int = "1x"):
         super().__init__(scene, options, threads)
-        self.kernel, self.plan = choose_kernel(options.kernel), xpbd_plan(scene, options.live)
+        self.kernel, self.plan = choose_kernel(options.kernel), body_plan(scene, options.live)
         real = self.real
         body_set = scene.body_set
         self.clusters = body_set.loose

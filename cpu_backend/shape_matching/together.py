@@ -25,9 +25,9 @@ from softlab.cpu_backend.shape_matching.particles import make_particles
 from softlab.cpu_backend.shape_matching.rebound import make_rebound
 from softlab.cpu_backend.shape_matching.rigid import make_rest, make_steadying
 from softlab.model.formulas.shape_matching.cluster import LANES
-from softlab.model.scene.cloth import COLLIDER_KINDS
+from softlab.model.particles.links import LINKS
 from softlab.model.shape_matching.cluster_tables import shaping
-from softlab.model.shape_matching.links import LINKS
+from softlab.model.tables.cloth import COLLIDER_KINDS
 
 
 def make_substep_end(compiler: Compiler, real: Any, math: str, parts: frozenset[str]) -> Any:

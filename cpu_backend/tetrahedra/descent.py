@@ -2,7 +2,7 @@
 tetrahedra.
 
 A. H. Chen et al., "Vertex Block Descent", ACM TOG 43 (2024), algorithm 1, without acceleration. Start and end of a
-substep are a mesh's (xpbd/mesh_kernels.py). Kernels: `fused`, many steps in one call, and `stages`. In `exact` math
+substep are a mesh's (position_based/mesh_kernels.py). Kernels: `fused`, many steps in one call, and `stages`. In `exact` math
 both give the same bits, for any number of threads.
 """
 
@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from softlab.cpu_backend.contact.surfaces import SurfaceContacts
+from softlab.cpu_backend.position_based.mesh_kernels import make_mesh_stages
 from softlab.cpu_backend.tetrahedra.descent_acceleration import make_accelerate_stage
 from softlab.cpu_backend.tetrahedra.descent_contact import CarriedContacts
 from softlab.cpu_backend.tetrahedra.descent_kernels import (
@@ -24,10 +25,9 @@ from softlab.cpu_backend.tetrahedra.descent_kernels import (
     make_descent_stages,
 )
 from softlab.cpu_backend.tetrahedra.solver import Tetrahedra
-from softlab.cpu_backend.xpbd.mesh_kernels import make_mesh_stages
-from softlab.model.core.constraints import ConstraintSet, Projection
 from softlab.model.core.plan import Moment, Plan, StageRun
 from softlab.model.formulas.elastic.chebyshev import weights
+from softlab.model.particles.constraints import ConstraintSet, Projection
 from softlab.model.scene.scene import Scene
 from softlab.model.tetrahedra.constraints import DAMPED
 from softlab.model.tetrahedra.descent import ACCELERATE, Descent, descents, stage_name, vbd_plan, visited

@@ -16,11 +16,11 @@ import numpy as np
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.progress import shares
 from softlab.cpu_backend.core.scratch import cloth_variant
+from softlab.cpu_backend.position_based.mesh_kernels import make_substep
 from softlab.cpu_backend.tetrahedra.descent_acceleration import make_accelerate
 from softlab.cpu_backend.tetrahedra.descent_contact import make_meeting
 from softlab.cpu_backend.tetrahedra.springs import make_springs
-from softlab.cpu_backend.xpbd.mesh_kernels import make_substep
-from softlab.model.core.tuples import tuple_of
+from softlab.model.base.tuples import tuple_of
 from softlab.model.formulas.elastic import descent
 from softlab.model.tetrahedra.descent import CHEBYSHEV, CORNERS, RATE, SCALE, Descent, visited
 from softlab.model.tetrahedra.springs import PARTS, Springs

@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from softlab.cpu_backend.core.simulation import QuadsSimulation, chosen_kernel
+from softlab.cpu_backend.position_based.mesh_kernels import ALWAYS
 from softlab.cpu_backend.tetrahedra.newton_arrays import (
     Coarse,
     Elements,
@@ -22,7 +23,6 @@ from softlab.cpu_backend.tetrahedra.newton_arrays import (
     Vectors,
 )
 from softlab.cpu_backend.tetrahedra.newton_steps import DONE, SUMS, make_newton_advance
-from softlab.cpu_backend.xpbd.mesh_kernels import ALWAYS
 from softlab.model.core.plan import Executor
 from softlab.model.core.simulation import Options
 from softlab.model.formulas.elastic import newton as passes
@@ -76,6 +76,7 @@ class TetrahedraNewton(QuadsSimulation):
         self._control = np.zeros(2 + len(passes.COUNTS), np.int64)
         self._values, self.done = np.zeros(len(passes.VALUES), real), np.zeros(len(DONE), np.int64)
         self._allocate(groups)
+        self._velocity[:, 3] = found.damping_rates
         self._lists = surface_lists(found, False)
         self._executor = Executor(self.plan, {}, self._advance)
         self.reset()

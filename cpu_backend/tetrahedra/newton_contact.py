@@ -13,7 +13,7 @@ from softlab.cpu_backend.contact.colliders import make_collide_mass
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.model.contact.sheet_plan import FRICTION_IN_PLACE
 from softlab.model.formulas.elastic import newton
-from softlab.model.scene.cloth import COLLIDER_KINDS
+from softlab.model.tables.cloth import COLLIDER_KINDS
 
 
 def make_contact(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:

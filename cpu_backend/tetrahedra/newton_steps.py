@@ -16,12 +16,12 @@ from softlab.cpu_backend.contact.pins import make_drive
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.progress import shares
 from softlab.cpu_backend.core.scratch import cloth_variant
+from softlab.cpu_backend.position_based.mesh_kernels import make_begin, make_end
 from softlab.cpu_backend.tetrahedra.newton_coarse import make_band, make_coarse
 from softlab.cpu_backend.tetrahedra.newton_contact import make_contact
 from softlab.cpu_backend.tetrahedra.newton_elements import make_elements
 from softlab.cpu_backend.tetrahedra.newton_matrix import make_matrix_rows
 from softlab.cpu_backend.tetrahedra.newton_rows import make_moving, make_solving
-from softlab.cpu_backend.xpbd.mesh_kernels import make_begin, make_end
 from softlab.model.formulas.elastic import newton as passes
 from softlab.model.formulas.elastic import stages
 from softlab.model.tetrahedra.newton import DAMPED, STAGED, SUMMED

@@ -1,8 +1,8 @@
 """Bodies of tetrahedra on CPU threads, position-based: two constraints per tetrahedron, sorted by colour.
 
 M. Macklin et al., "XPBD", MIG 2016, algorithm 1; M. Macklin et al., "Small Steps in Physics Simulation", SCA 2019. The
-loops are a mesh's (xpbd/mesh.py); model/formulas/constraints/tetrahedron.py has the formulas. With surface contacts a
-step is one call per pass: contacts are searched and projected between them.
+loops are a mesh's (position_based/mesh.py); model/formulas/constraints/tetrahedron.py has the formulas. With surface contacts
+a step is one call per pass: contacts are searched and projected between them.
 """
 
 from __future__ import annotations
@@ -14,15 +14,15 @@ import numpy as np
 
 from softlab.cpu_backend.contact.surfaces import SurfaceContacts
 from softlab.cpu_backend.core.constraints import make_sweep_stage
+from softlab.cpu_backend.position_based.mesh import MeshPositionBased
+from softlab.cpu_backend.position_based.mesh_kernels import make_mesh_stages
 from softlab.cpu_backend.tetrahedra.sleep import make_sleep_stages
-from softlab.cpu_backend.xpbd.mesh import MeshPositionBased
-from softlab.cpu_backend.xpbd.mesh_kernels import make_mesh_stages
-from softlab.model.core.constraints import ConstraintSet, Projection
 from softlab.model.core.plan import Executor, Moment, Plan, StageRun
+from softlab.model.particles.constraints import ConstraintSet, Projection
+from softlab.model.particles.tetrahedra.topology import neighbours
 from softlab.model.scene.scene import Scene
 from softlab.model.tetrahedra.constraints import SLEEP, SLEEPING, constraint_sets, projections_of, tetrahedra_plan
 from softlab.model.tetrahedra.tables import cloth_lists
-from softlab.model.tetrahedra.topology import neighbours
 
 
 class Tetrahedra(MeshPositionBased):
@@ -33,6 +33,10 @@ class Tetrahedra(MeshPositionBased):
 
     def _plan_of(self, scene: Scene, live: frozenset[str]) -> Plan:
         return tetrahedra_plan(scene, live)
+
+    def _allocate(self, shares: int) -> None:
+        super()._allocate(shares)
+        self._velocity[:, 3] = self.scene.tetrahedra_set.damping_rates
 
     def _constraints(self) -> tuple[list[ConstraintSet], tuple[Projection, ...]]:
         return list(constraint_sets(self.scene)), projections_of(self.plan.parts)

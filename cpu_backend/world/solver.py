@@ -10,7 +10,7 @@ from softlab.cpu_backend.core.simulation import ParticlesSimulation, chosen_kern
 from softlab.cpu_backend.core.threads import thread_count
 from softlab.cpu_backend.fluid.among_solids import FluidAmongSolids
 from softlab.cpu_backend.world.joined import Joined
-from softlab.model.core.components import named
+from softlab.model.base.components import named
 from softlab.model.core.families import family_of, scene_plan
 from softlab.model.core.plan import Executor, StageRun
 from softlab.model.core.simulation import Options, Simulation

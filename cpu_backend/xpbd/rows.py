@@ -22,10 +22,10 @@ from softlab.cpu_backend.xpbd.layout import (
     P_STRIDE,
 )
 from softlab.cpu_backend.xpbd.stage_projections import make_change
+from softlab.model.base.tuples import reader
 from softlab.model.contact.substep_parameters import CONSTANTS
-from softlab.model.core.tuples import reader
 from softlab.model.formulas import distance
-from softlab.model.xpbd.plan import FAMILIES, Family
+from softlab.model.position_based.plan import FAMILIES, Family
 
 
 def make_motion_rows(

@@ -28,7 +28,7 @@ from softlab.cpu_backend.xpbd.schedule import (
     PHASES,
 )
 from softlab.cpu_backend.xpbd.walk import make_walk
-from softlab.model.xpbd.plan import FAMILIES
+from softlab.model.position_based.plan import FAMILIES
 
 
 def make_links(

@@ -27,12 +27,12 @@ from softlab.cpu_backend.xpbd.seidel import make_seidel_advance
 from softlab.cpu_backend.xpbd.stages import bind_position_stages
 from softlab.cpu_backend.xpbd.tables import Tables
 from softlab.cpu_backend.xpbd.walk import keeps_velocity
+from softlab.model.base.errors import SceneError
 from softlab.model.contact.cloth_parameters import collider_numbers
-from softlab.model.core.errors import SceneError
 from softlab.model.core.plan import Executor
 from softlab.model.core.simulation import Options
+from softlab.model.position_based.plan import FAMILIES, JACOBI, xpbd_plan
 from softlab.model.scene.scene import Scene
-from softlab.model.xpbd.plan import FAMILIES, JACOBI, xpbd_plan
 
 NOT_YET = ("motion",)
 ROWS_OF_BAND = 2  # minimum in the Jacobi orderings: the rows that a constraint spans
@@ -85,7 +85,7 @@ class PositionBased(RowsSimulation):
         if part is None or "attachments" not in self.plan.parts:
             nothing = np.zeros((0, body.rows, body.columns))
             return nothing.astype(np.int32), nothing.astype(self.real)
-        from softlab.model.xpbd.attachments import sheet_reaches
+        from softlab.model.position_based.attachments import sheet_reaches
 
         anchor, reach = sheet_reaches(self.scene, body, self.real)
         shape = (part.anchors, body.rows, body.columns)

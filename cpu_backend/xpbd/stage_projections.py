@@ -1,7 +1,7 @@
 """Projections of the teaching version: a colour of a family of constraints at a time, or all of them at once (Jacobi).
 
-Constraints are numbered as in model/xpbd/plan.py: the one with the index (i, j) of a family leads `down` rows down and
-`right` columns to the right; for right = -1 from column j + 1 to column j.
+Constraints are numbered as in model/position_based/plan.py: the one with the index (i, j) of a family leads `down` rows down
+and `right` columns to the right; for right = -1 from column j + 1 to column j.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from softlab.model.contact.substep_parameters import (
 )
 from softlab.model.core.plan import Moment, StageRun
 from softlab.model.formulas import distance
-from softlab.model.xpbd.plan import FAMILIES, colour_order, families
+from softlab.model.position_based.plan import FAMILIES, colour_order, families
 
 ROOM = 2  # rows and columns of displacements around the sheet, without constraints
 

@@ -20,8 +20,8 @@ from softlab.cpu_backend.core.scratch import cloth_variant
 from softlab.cpu_backend.core.wind import make_wind_stage
 from softlab.cpu_backend.xpbd.stage_projections import bind_projections, make_projections
 from softlab.model.core.plan import Moment, StageRun
-from softlab.model.scene.cloth import COLLIDER_KINDS
-from softlab.model.xpbd.plan import FAMILIES
+from softlab.model.position_based.plan import FAMILIES
+from softlab.model.tables.cloth import COLLIDER_KINDS
 
 
 @cache

@@ -15,8 +15,8 @@ import numpy as np
 from softlab.model.contact.substep_parameters import constants_of
 from softlab.model.core.build import Body
 from softlab.model.formulas import distance
+from softlab.model.position_based.plan import FAMILIES, Family, families
 from softlab.model.scene.scene import Scene
-from softlab.model.xpbd.plan import FAMILIES, Family, families
 
 
 def mass_weights(scene: Scene, body: Body, real: Any) -> np.ndarray:

@@ -30,7 +30,7 @@ from softlab.cpu_backend.xpbd.layout import (
 )
 from softlab.cpu_backend.xpbd.rows import make_motion_rows
 from softlab.model.formulas import distance
-from softlab.model.scene.cloth import COLLIDER_KINDS
+from softlab.model.tables.cloth import COLLIDER_KINDS
 
 
 def keeps_velocity(parts: frozenset[str]) -> bool:

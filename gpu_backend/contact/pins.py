@@ -16,6 +16,7 @@ from numba import cuda
 from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
 from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.quads import load_quad, store_quad
+from softlab.model.base.errors import SceneError
 from softlab.model.contact.cloth_parameters import (
     M_DURATION,
     M_SPIN,
@@ -37,7 +38,6 @@ from softlab.model.contact.cloth_parameters import (
     PIN_FIELDS,
 )
 from softlab.model.core.build import Body
-from softlab.model.core.errors import SceneError
 from softlab.model.formulas import cloth, motion
 
 STILL = 1

@@ -1,7 +1,7 @@
 """Compilation of kernels for the GPU, and the cache of machine code between runs.
 
-As on the CPU, a kernel is identified by its content (model/core/digest.py), which is part of the name of its machine
-code's file (model/core/kernel_cache.py).
+As on the CPU, a kernel is identified by its content (model/base/digest.py), which is part of the name of its machine
+code's file (model/base/kernel_cache.py).
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ import numpy as np
 from numba import cuda
 
 from softlab.gpu_backend.core.device import simulated
-from softlab.model.core.digest import content_digest, file_name
-from softlab.model.core.kernel_cache import Kept, NamedByContent, Place, keep
+from softlab.model.base.digest import content_digest, file_name
+from softlab.model.base.kernel_cache import Kept, NamedByContent, Place, keep
 
 
 def variant_name(real: Any, *words: object) -> str:

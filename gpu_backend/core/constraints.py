@@ -22,8 +22,8 @@ from numba import cuda
 from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
 from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.quads import load_quad, make_row, pack, store_quad
-from softlab.model.core.constraints import ConstraintSet, Projection
-from softlab.model.core.tuples import each_of, tuple_of
+from softlab.model.base.tuples import each_of, tuple_of
+from softlab.model.particles.constraints import ConstraintSet, Projection
 
 
 def places(found: ConstraintSet) -> np.ndarray:

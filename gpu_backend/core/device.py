@@ -6,7 +6,7 @@ import os
 from functools import cache
 from typing import Any
 
-from softlab.model.core.errors import BackendUnavailable
+from softlab.model.base.errors import BackendUnavailable
 
 SIMULATED_LIMITS = (1, 1 << 20)  # one block at a time runs there; shared memory is not limited
 INSTALL = 'pip install -e ".[cuda13]" (NVIDIA driver 580 or newer) or ".[cuda12]" (older drivers), in the lab\'s folder'

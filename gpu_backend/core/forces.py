@@ -18,7 +18,7 @@ from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
 from softlab.model.core.own_forces import OWN_FORCES, make_add, make_own, own_forces
 from softlab.model.core.plan import StageRun
-from softlab.model.scene.cloth import CONSTRAINT_KINDS
+from softlab.model.tables.cloth import CONSTRAINT_KINDS
 
 OWN = frozenset({"gravity", "load", *(force.part for force in OWN_FORCES)})  # the parts that these functions depend on
 

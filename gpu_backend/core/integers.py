@@ -10,8 +10,8 @@ import numpy as np
 
 from softlab.gpu_backend.core.compile import inlined
 from softlab.model.core.own_forces import EXTERNAL_SEED, own_changes
-from softlab.model.scene.cloth import COLLIDER_KINDS
 from softlab.model.scene.scene import Scene
+from softlab.model.tables.cloth import COLLIDER_KINDS
 
 INTEGERS = 9
 # after EXTERNAL_SEED and POKED

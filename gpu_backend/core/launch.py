@@ -12,7 +12,7 @@ from typing import Any
 from numba import cuda
 
 from softlab.gpu_backend.core.device import simulated
-from softlab.model.core.errors import BackendUnavailable
+from softlab.model.base.errors import BackendUnavailable
 
 CHUNKS = (256, 64, 16, 4, 2)  # passes per graph; even, so that ping-pong buffers are back in place after each
 

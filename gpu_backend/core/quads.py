@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from softlab.gpu_backend.core.device import simulated
-from softlab.model.core.tuples import tuple_of
+from softlab.model.base.tuples import tuple_of
 
 AXES = 3
 ROWS = 3  # quads of a frame

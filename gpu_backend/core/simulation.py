@@ -21,8 +21,8 @@ from numba import cuda
 from softlab.gpu_backend.core.device import memory_info, require_gpu, simulated, unsupported_code
 from softlab.gpu_backend.core.launch import Graphs, new_stream
 from softlab.gpu_backend.core.sheet import BLOCK, MAX_BLOCKS_DOWN
-from softlab.model.core.errors import SceneError
-from softlab.model.core.memory import require
+from softlab.model.base.errors import SceneError
+from softlab.model.base.memory import require
 from softlab.model.core.plan import Executor
 from softlab.model.core.simulation import Options, Simulation
 from softlab.model.scene.scene import Scene

@@ -13,7 +13,7 @@ from typing import Any
 from numba import cuda
 
 from softlab.gpu_backend.core.device import require_gpu, simulated
-from softlab.model.core.errors import BackendUnavailable
+from softlab.model.base.errors import BackendUnavailable
 
 SHARE = "SOFTLAB_SHARE_GPU"  # set to 1: more windows than GPUs share the available ones
 ALREADY_ENABLED = 704  # CUDA_ERROR_PEER_ACCESS_ALREADY_ENABLED

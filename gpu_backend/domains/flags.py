@@ -20,7 +20,7 @@ from softlab.gpu_backend.domains.kernels import FLAG_STRIDE, MOST_BLOCKS, THREAD
 from softlab.gpu_backend.domains.units import StateUnits
 from softlab.gpu_backend.domains.windows import GpuWindows
 from softlab.gpu_backend.mass_spring.bands import Bands
-from softlab.model.core.errors import BackendUnavailable
+from softlab.model.base.errors import BackendUnavailable
 from softlab.model.core.options import Options
 from softlab.model.core.sharing.decomposition import Border, Decomposition
 from softlab.model.domains.exchange import Exchange

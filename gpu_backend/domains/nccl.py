@@ -20,7 +20,7 @@ from softlab.gpu_backend.core.device import require_gpu
 from softlab.gpu_backend.domains.devices import at, devices_for, gpu_count, new_event, sharing
 from softlab.gpu_backend.domains.units import StateUnits
 from softlab.gpu_backend.domains.windows import GpuWindows
-from softlab.model.core.errors import BackendUnavailable
+from softlab.model.base.errors import BackendUnavailable
 from softlab.model.core.options import Options
 from softlab.model.core.sharing.decomposition import Decomposition
 from softlab.model.domains.exchange import PATIENCE, Exchange

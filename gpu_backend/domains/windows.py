@@ -8,7 +8,7 @@ from typing import Any
 
 from softlab.gpu_backend.core.simulation import CudaSimulation
 from softlab.gpu_backend.domains.devices import at
-from softlab.model.core.components import named
+from softlab.model.base.components import named
 from softlab.model.core.families import family_of
 from softlab.model.core.options import Options
 from softlab.model.core.sharing.decomposition import Decomposition

@@ -9,7 +9,7 @@ from numba import cuda
 
 from softlab.gpu_backend.fluid.flow_kernels import DUE_FIELDS, THREADS, make_flow_kernels
 from softlab.model.fluid.flow import emitter_rows, fluid_starts, sink_rows
-from softlab.model.scene.flow import nozzle_points
+from softlab.model.tables.flow import nozzle_points
 
 
 class Flow:

@@ -28,8 +28,8 @@ from softlab.gpu_backend.fluid.smoothing import make_smoothing
 from softlab.gpu_backend.fluid.sort_kernels import THREADS as SORT_THREADS
 from softlab.gpu_backend.fluid.stages import bind_fluid_stages
 from softlab.gpu_backend.fluid.tools import make_fluid_tools
+from softlab.model.base.errors import SceneError
 from softlab.model.contact.cloth_parameters import collider_numbers
-from softlab.model.core.errors import SceneError
 from softlab.model.core.plan import Executor
 from softlab.model.core.simulation import Options
 from softlab.model.fluid.parameters import MAX_NEIGHBOURS, fluid_rows, most_cells

@@ -14,7 +14,7 @@ from typing import Any
 
 from numba import cuda
 
-from softlab.model.core.errors import BackendUnavailable
+from softlab.model.base.errors import BackendUnavailable
 
 MOST_BANDS = 4  # besides those at cut edges: with three, one is ready whenever blocks end
 

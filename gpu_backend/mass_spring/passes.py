@@ -10,7 +10,7 @@ import numpy as np
 
 from softlab.gpu_backend.core.simulation import CudaSimulation
 from softlab.gpu_backend.core.tiling import Tile
-from softlab.model.core.errors import BackendUnavailable
+from softlab.model.base.errors import BackendUnavailable
 
 
 class SheetPasses(CudaSimulation):

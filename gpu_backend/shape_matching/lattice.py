@@ -17,8 +17,8 @@ from softlab.gpu_backend.shape_matching.lattice_kernels import (
     make_lattice_kernels,
 )
 from softlab.model.assets.lattice import VALUES
-from softlab.model.scene.method import Method
-from softlab.model.shape_matching.body_set import BodySet
+from softlab.model.particles.body_set import BodySet
+from softlab.model.tables.method import Method
 
 FRAME = 12
 BUSY = 2**17  # threads that occupy a large device: a hundred multiprocessors with a thousand each

@@ -10,9 +10,9 @@ from numba import cuda
 from softlab.gpu_backend.core.constraints import make_projections
 from softlab.gpu_backend.core.quads import pack
 from softlab.gpu_backend.shape_matching.kernels import THREADS
-from softlab.model.scene.method import Method
-from softlab.model.shape_matching.body_set import BodySet
-from softlab.model.shape_matching.links import LINKS
+from softlab.model.particles.body_set import BodySet
+from softlab.model.particles.links import LINKS
+from softlab.model.tables.method import Method
 
 
 class DeviceLinks:

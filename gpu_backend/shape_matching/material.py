@@ -12,8 +12,8 @@ from softlab.gpu_backend.shape_matching.damping import make_damping_ends, make_g
 from softlab.gpu_backend.shape_matching.kernels import THREADS, TOGETHER
 from softlab.gpu_backend.shape_matching.shapes import make_shaped_turn
 from softlab.model.assets.clusters import Clusters
-from softlab.model.scene.method import Method
 from softlab.model.shape_matching.cluster_tables import damping_factors, shape_table, shaping
+from softlab.model.tables.method import Method
 
 
 class ClusterMaterial:

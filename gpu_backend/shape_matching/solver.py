@@ -27,7 +27,7 @@ from softlab.gpu_backend.shape_matching.state import BodiesState
 from softlab.model.core.plan import Executor
 from softlab.model.core.simulation import Options
 from softlab.model.scene.scene import Scene
-from softlab.model.xpbd.plan import xpbd_plan
+from softlab.model.shape_matching.plan import body_plan
 
 
 class Bodies(BodiesState):
@@ -35,7 +35,7 @@ class Bodies(BodiesState):
 
     def __init__(self, scene: Scene, options: Options, stream: Any = None):
         super().__init__(scene, options, stream)
-        self.plan, self.kernel = xpbd_plan(scene, options.live), launched_kernel(options.kernel, "bodies")
+        self.plan, self.kernel = body_plan(scene, options.live), launched_kernel(options.kernel, "bodies")
         self.threads, self.clusters = THREADS, scene.body_set.loose
         self._require_space()
         self._start(THREADS)

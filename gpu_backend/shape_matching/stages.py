@@ -8,7 +8,7 @@ import numpy as np
 
 from softlab.gpu_backend.core.forces import bind_forces
 from softlab.gpu_backend.core.quads import AXES, SIZE
-from softlab.gpu_backend.xpbd.stages import make_xpbd_stages
+from softlab.gpu_backend.position_based.stages import make_xpbd_stages
 from softlab.model.core.plan import Moment, StageRun
 
 

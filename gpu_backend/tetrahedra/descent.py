@@ -1,8 +1,8 @@
 """Bodies of tetrahedra on CUDA by vertex block descent: one thread per vertex of a colour, one launch per colour.
 
 A. H. Chen et al., "Vertex Block Descent", ACM TOG 43 (2024), algorithm 1, without acceleration. Start and end of a
-substep, and the capture of launches, are a mesh's (xpbd/mesh.py). In `exact` math all kernels give the same bits as the
-CPU.
+substep, and the capture of launches, are a mesh's (position_based/mesh.py). In `exact` math all kernels give the same bits
+as the CPU.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ import numpy as np
 from softlab.gpu_backend.contact.surfaces import SurfaceContacts
 from softlab.gpu_backend.core.quads import SIZE, pack
 from softlab.gpu_backend.core.substeps import launched_kernel
+from softlab.gpu_backend.position_based.mesh import THREADS
 from softlab.gpu_backend.tetrahedra.descent_contact import CarriedContacts
 from softlab.gpu_backend.tetrahedra.descent_kernels import make_accelerate, make_visits
 from softlab.gpu_backend.tetrahedra.solver import Tetrahedra
-from softlab.gpu_backend.xpbd.mesh import THREADS
-from softlab.model.core.constraints import ConstraintSet, Projection
 from softlab.model.core.plan import Moment, Plan, StageRun
 from softlab.model.formulas.elastic.chebyshev import weights
 from softlab.model.formulas.elastic.descent import STRAINS
+from softlab.model.particles.constraints import ConstraintSet, Projection
 from softlab.model.scene.scene import Scene
 from softlab.model.tetrahedra.constraints import DAMPED
 from softlab.model.tetrahedra.descent import ACCELERATE, CHEBYSHEV, Descent, descents, stage_name, vbd_plan, visited

@@ -20,7 +20,7 @@ from softlab.gpu_backend.core.quads import SIZE, load_quad, make_row, store_quad
 from softlab.gpu_backend.core.world import World
 from softlab.gpu_backend.tetrahedra.descent_contact import make_meeting
 from softlab.gpu_backend.tetrahedra.springs import make_pulled
-from softlab.model.core.tuples import each_of, tuple_of
+from softlab.model.base.tuples import each_of, tuple_of
 from softlab.model.formulas.elastic import chebyshev, descent
 from softlab.model.tetrahedra.descent import CORNERS, RATE, SCALE
 from softlab.model.tetrahedra.springs import PARTS

@@ -15,7 +15,7 @@ import numpy as np
 from softlab.gpu_backend.core.compile import inlined
 from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.quads import load_quad, store_quad
-from softlab.model.core.tuples import tuple_of
+from softlab.model.base.tuples import tuple_of
 from softlab.model.formulas.constraints.tetrahedron import HOOKEAN
 from softlab.model.formulas.elastic import damper, deformation, newton, solving, tangent
 from softlab.model.tetrahedra.block_rows import BLOCKS

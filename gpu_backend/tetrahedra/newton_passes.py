@@ -40,8 +40,8 @@ from softlab.model.formulas.elastic.newton import (
     UPDATE,
     WEIGH,
 )
+from softlab.model.position_based.mesh_plan import BODY_DAMPING
 from softlab.model.tetrahedra.newton import DAMPED, STAGED, SUMMED
-from softlab.model.xpbd.mesh_plan import BODY_DAMPING
 
 FACTOR, INVERT, BACK = range(len(KINDS), len(KINDS) + 3)  # passes after `coarse rows` and `restrict`, before the next
 

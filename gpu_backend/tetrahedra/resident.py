@@ -46,7 +46,7 @@ from softlab.gpu_backend.tetrahedra.slabs import (
     SHARED,
     STARTS,
 )
-from softlab.model.core.constraints import Projection
+from softlab.model.particles.constraints import Projection
 
 
 @cache

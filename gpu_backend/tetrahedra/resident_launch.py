@@ -16,12 +16,12 @@ from softlab.gpu_backend.core.messages import message_size
 from softlab.gpu_backend.core.quads import pack
 from softlab.gpu_backend.tetrahedra.resident import make_tetrahedra_resident
 from softlab.gpu_backend.tetrahedra.slabs import MOST_THREADS, Slabs, make_slabs
-from softlab.model.core.constraints import ConstraintSet, Projection
-from softlab.model.core.errors import BackendUnavailable, SceneError
+from softlab.model.base.errors import BackendUnavailable, SceneError
+from softlab.model.contact.attachments import CORNERS, part_of
+from softlab.model.particles.constraints import ConstraintSet, Projection
+from softlab.model.position_based.mesh_plan import BODY_DAMPING
 from softlab.model.scene.scene import Scene
-from softlab.model.tetrahedra.attachments import CORNERS, part_of
 from softlab.model.tetrahedra.constraints import CLOTH, SLEEPING, WHOLE, constraint_sets, tetrahedra_of_sets
-from softlab.model.xpbd.mesh_plan import BODY_DAMPING
 
 RUNS = 1 << 17  # maximum number of voxels of a set that may be divided into slabs
 

@@ -12,8 +12,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from softlab.model.core.constraints import ConstraintSet
-from softlab.model.tetrahedra.body_set import TetrahedraSet
+from softlab.model.particles.constraints import ConstraintSet
+from softlab.model.particles.tetrahedra_set import TetrahedraSet
 
 HEADER = 8  # numbers of a slab in `tables`, by index:
 OWN, ALL, LIST, SHARED, BORDER_BEFORE, BORDER_AFTER, STARTS = range(7)

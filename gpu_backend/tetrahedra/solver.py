@@ -2,7 +2,7 @@
 colour, or per voxel.
 
 M. Macklin et al., "XPBD", MIG 2016, algorithm 1; M. Macklin et al., "Small Steps in Physics Simulation", SCA 2019.
-Launches are a mesh's (xpbd/mesh.py); model/formulas/constraints/tetrahedron.py has the formulas. Kernels besides a
+Launches are a mesh's (position_based/mesh.py); model/formulas/constraints/tetrahedron.py has the formulas. Kernels besides a
 mesh's: `resident`, all steps in one launch, of bodies of voxels that fit on the chip (resident.py); `resident:4` in
 slabs of 4 layers. In `exact` math all give the same bits as the CPU.
 """
@@ -17,6 +17,7 @@ from numba import cuda
 from softlab.gpu_backend.contact.surfaces import SurfaceContacts, surface_contact_bytes
 from softlab.gpu_backend.core.device import simulated
 from softlab.gpu_backend.core.substeps import launched_kernel
+from softlab.gpu_backend.position_based.mesh import MeshPositionBased
 from softlab.gpu_backend.tetrahedra.resident_launch import (
     ResidentSet,
     chosen_slabs,
@@ -25,14 +26,13 @@ from softlab.gpu_backend.tetrahedra.resident_launch import (
     layers_of,
 )
 from softlab.gpu_backend.tetrahedra.sleep import make_sleep
-from softlab.gpu_backend.xpbd.mesh import MeshPositionBased
-from softlab.model.core.constraints import ConstraintSet, Projection
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.core.plan import Executor, Plan, StageRun
+from softlab.model.particles.constraints import ConstraintSet, Projection
+from softlab.model.particles.tetrahedra.topology import neighbours
 from softlab.model.scene.scene import Scene
 from softlab.model.tetrahedra.constraints import SLEEP, SLEEPING, constraint_sets, projections_of, tetrahedra_plan
 from softlab.model.tetrahedra.tables import cloth_lists, surface_lists
-from softlab.model.tetrahedra.topology import neighbours
 
 
 class Tetrahedra(MeshPositionBased):

@@ -15,9 +15,9 @@ from softlab.gpu_backend.core.launch import Graphs, can_capture, new_stream
 from softlab.gpu_backend.core.substeps import Launched, SubstepSimulation, launched_kernel
 from softlab.gpu_backend.fluid.among_solids import FluidAmongSolids
 from softlab.gpu_backend.world.joined import THREADS, Joined
-from softlab.model.core.components import named
+from softlab.model.base.components import named
+from softlab.model.base.memory import require
 from softlab.model.core.families import family_of, scene_plan
-from softlab.model.core.memory import require
 from softlab.model.core.plan import Executor, StageRun
 from softlab.model.core.simulation import Options, Simulation
 from softlab.model.scene.scene import Scene

@@ -18,10 +18,10 @@ from softlab.gpu_backend.core.device import device_limits
 from softlab.gpu_backend.core.launch import can_capture
 from softlab.gpu_backend.xpbd.sweep import shared_bytes
 from softlab.gpu_backend.xpbd.tile import SheetTile, span, whole
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.core.options import unknown_kernel
+from softlab.model.position_based.plan import colour_order, families
 from softlab.model.scene.scene import Scene
-from softlab.model.xpbd.plan import colour_order, families
 from softlab.model.xpbd.reach import PERIOD
 
 XPBD_KERNELS = ("one-block", "tiled", "graph", "launch", "stages")

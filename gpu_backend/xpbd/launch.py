@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from softlab.gpu_backend.core.launch import prepare
+from softlab.gpu_backend.position_based.kernels import multiplier_planes
 from softlab.gpu_backend.xpbd.choice import Choice
-from softlab.gpu_backend.xpbd.kernels import multiplier_planes
 from softlab.gpu_backend.xpbd.sweep import shared_bytes
 from softlab.gpu_backend.xpbd.tiled import make_one_block, make_tiled
 

@@ -25,9 +25,8 @@ from softlab.gpu_backend.core.launch import Graphs, can_capture
 from softlab.gpu_backend.core.quads import SIZE
 from softlab.gpu_backend.core.sheet import BLOCK, make_cloth_tools
 from softlab.gpu_backend.core.substeps import SubstepSimulation
-from softlab.gpu_backend.xpbd.choice import xpbd_kernel
-from softlab.gpu_backend.xpbd.constraints import compliant
-from softlab.gpu_backend.xpbd.kernels import (
+from softlab.gpu_backend.position_based.constraints import compliant
+from softlab.gpu_backend.position_based.kernels import (
     blocks_over,
     compact_shape,
     make_attach,
@@ -38,15 +37,18 @@ from softlab.gpu_backend.xpbd.kernels import (
     make_plane_tools,
     multiplier_planes,
 )
+from softlab.gpu_backend.xpbd.choice import xpbd_kernel
 from softlab.gpu_backend.xpbd.launch import BlockLauncher, TiledLauncher
 from softlab.gpu_backend.xpbd.stages import bind_xpbd_stages
+from softlab.model.base.components import named
+from softlab.model.base.errors import SceneError
 from softlab.model.contact.cloth_parameters import collider_numbers
-from softlab.model.core.errors import SceneError
+from softlab.model.core.families import family_of
 from softlab.model.core.plan import Executor
 from softlab.model.core.simulation import Options
+from softlab.model.position_based.attachments import sheet_reaches
+from softlab.model.position_based.plan import colour_order, families
 from softlab.model.scene.scene import Scene
-from softlab.model.xpbd.attachments import sheet_reaches
-from softlab.model.xpbd.plan import colour_order, families, xpbd_plan
 
 NOT_YET = ("motion", "mesh")
 
@@ -61,7 +63,7 @@ class PositionBased(SubstepSimulation):
                     f"{name}.kind", kind, "is not known to the position-based solvers on the gpu; leave it out"
                 )
         super().__init__(scene, options)
-        self.plan = xpbd_plan(scene, options.live)
+        self.plan = family_of(scene).plan(scene, options.live)
         self._chosen = xpbd_kernel(scene, self.real, self.plan.parts, options.kernel)
         self.kernel = self._chosen.kernel
         tile = self._chosen.tile
@@ -82,17 +84,16 @@ class PositionBased(SubstepSimulation):
 
     # ------------------------------------------------------------------ arrays
 
-    def _make_matching(self) -> Any:
-        """Return what takes the place of constraints (gpu_backend/shape_matching/grid_solver.py), or None."""
-        return None
-
     def _allocate(self) -> None:
         scene = self.scene
         self._allocate_quads(collider_numbers(scene, self.real))
         self.scratch = self.new_array()
         inverse, mass = self.body.inverse_mass, scene.grid.mass  # their product may be 1 minus rounding
         self._weight = np.where(inverse == 1 / mass, 1.0, inverse * mass).astype(self.real)
-        self.matching = self._make_matching()
+        clusters = family_of(scene).clusters.get(self.backend)  # in place of constraints
+        self.matching = (
+            named(clusters)(scene, self.real, self.options.math, self._grid, self.stream) if clusters else None
+        )
         self.contacts = None
         if scene.self_collision:
             self.contacts = Contacts(scene, self.body, self.real, self.options.math, self._weight, self.stream)

@@ -1,84 +1,15 @@
-"""The stages of a position-based solver's plan as CUDA kernels, each over the whole sheet and with separate arrays:
-slow, but easy to read, to time and to test against the fused kernels. In all, `a` is the acceleration (quads)."""
+"""The stages of a position-based sheet's plan on CUDA, one by one, each over the whole sheet."""
 
 from __future__ import annotations
 
-from functools import cache
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from numba import cuda
 
-from softlab.gpu_backend.contact.motion import make_motion
-from softlab.gpu_backend.core.compile import kernel_options, make_kernels, variant_name
 from softlab.gpu_backend.core.forces import bind_forces
-from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
-from softlab.gpu_backend.core.wind import make_block_air
-from softlab.gpu_backend.core.world import Cell, World
-from softlab.gpu_backend.xpbd.gather import make_gather
-from softlab.gpu_backend.xpbd.point import make_accelerations
+from softlab.gpu_backend.position_based.stages import make_xpbd_stages
 from softlab.model.core.plan import Moment, StageRun
-from softlab.model.xpbd.plan import JACOBI, colour_order
-
-
-@cache
-def make_xpbd_stages(real: Any, math: str, parts: frozenset[str], axes: int) -> SimpleNamespace:
-    """Compile the stages of single masses: wind, prediction, velocity, colliders. core/forces.py has other forces."""
-    forces, motion = make_accelerations(real, math, parts), make_motion(real, math, parts, axes)
-    add_wind = forces.add_wind
-    predict_mass, rate_of, collide_mass = motion.predict, motion.rate_of, motion.collide
-    jacobi, block_air = make_gather(real, math, parts, axes), make_block_air(real, math, parts)
-    valence_of, share_of, has_shares = jacobi.valence_of, jacobi.share_of, bool(parts & JACOBI)
-    zero = real(0)
-
-    def wind(position, velocity, record, integers, number, a, rows, columns):
-        parameters = record[0]
-        air = block_air(parameters, integers, number, zero)
-        k = np.int32(cuda.grid(1))
-        if k < a.size // SIZE:
-            rows, columns = np.int32(rows), np.int32(columns)
-            i, j = np.int32(k // columns), np.int32(k % columns)
-            p, v, b = load_quad(position, k), load_quad(velocity, k), load_quad(a, k)
-            ax, ay, az = add_wind(
-                b[0], b[1], b[2], position, velocity, k, Cell(i, j, rows, columns), p, v, parameters, air
-            )  # fmt: skip
-            store_quad(a, k, ax, ay, az, zero)
-
-    def predict(before, velocity, a, position, record, rows, columns):
-        """Predict positions; `a` is set to 0, for the next substep's forces."""
-        parameters = record[0]
-        k = np.int32(cuda.grid(1))
-        if k < a.size // SIZE:
-            rows, columns = np.int32(rows), np.int32(columns)
-            p, b = load_quad(before, k), load_quad(a, k)
-            x, y, z = predict_mass(p, load_quad(velocity, k), b[0], b[1], b[2], parameters)
-            spare = p[3]
-            if has_shares:
-                spare = share_of(valence_of(Cell(np.int32(k // columns), np.int32(k % columns), rows, columns)), spare)
-            store_quad(position, k, x, y, z, spare)
-            store_quad(a, k, zero, zero, zero, zero)
-
-    def update_velocity(before, position, velocity, record):
-        parameters = record[0]
-        k = np.int32(cuda.grid(1))
-        if k < position.size // SIZE:
-            b, p = load_quad(before, k), load_quad(position, k)
-            vx, vy, vz = rate_of(p, b, parameters)
-            store_quad(position, k, p[0], p[1], p[2], b[3])
-            store_quad(velocity, k, vx, vy, vz, zero)
-
-    def collide(before, position, velocity, record, bodies, integers, number):
-        world = World(record[0], bodies, integers)
-        k = np.int32(cuda.grid(1))
-        if k < position.size // SIZE:
-            b, p, v = load_quad(before, k), load_quad(position, k), load_quad(velocity, k)
-            px, py, pz, vx, vy, vz = collide_mass(b, p, v[0], v[1], v[2], world, number)
-            store_quad(position, k, px, py, pz, p[3])
-            store_quad(velocity, k, vx, vy, vz, zero)
-
-    variant = f"xpbd_{variant_name(real, math, axes, parts)}"
-    return make_kernels((wind, predict, update_velocity, collide), variant, **kernel_options(math))
+from softlab.model.position_based.plan import colour_order
 
 
 def bind_xpbd_stages(sim: Any) -> dict[str, StageRun]:

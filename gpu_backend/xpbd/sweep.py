@@ -17,11 +17,11 @@ from numba import cuda
 from softlab.gpu_backend.core.compile import inlined
 from softlab.gpu_backend.core.quads import load_quad, store_quad
 from softlab.gpu_backend.core.world import Cell
-from softlab.gpu_backend.xpbd.constraints import KINDS, compliant, dampers, make_pair
-from softlab.gpu_backend.xpbd.gather import make_gather
-from softlab.gpu_backend.xpbd.kernels import compact_shape
+from softlab.gpu_backend.position_based.constraints import KINDS, compliant, dampers, make_pair
+from softlab.gpu_backend.position_based.gather import make_gather
+from softlab.gpu_backend.position_based.kernels import compact_shape
 from softlab.gpu_backend.xpbd.tile import SheetTile
-from softlab.model.xpbd.plan import Family, colour_order
+from softlab.model.position_based.plan import Family, colour_order
 
 
 def masses_each(tile: SheetTile) -> int:

@@ -17,12 +17,12 @@ from softlab.gpu_backend.contact.motion import make_motion
 from softlab.gpu_backend.core.compile import inlined
 from softlab.gpu_backend.core.quads import load_quad, store_quad
 from softlab.gpu_backend.core.world import Cell
-from softlab.gpu_backend.xpbd.constraints import KINDS, compliant, dampers
-from softlab.gpu_backend.xpbd.gather import make_gather
-from softlab.gpu_backend.xpbd.point import make_accelerations, make_tethers
+from softlab.gpu_backend.position_based.constraints import KINDS, compliant, dampers
+from softlab.gpu_backend.position_based.gather import make_gather
+from softlab.gpu_backend.position_based.point import make_accelerations, make_tethers
 from softlab.gpu_backend.xpbd.sweep import colour_slots, make_constraint_place, make_lattice, masses_each
 from softlab.gpu_backend.xpbd.tile import SheetTile
-from softlab.model.xpbd.plan import colour_order, families
+from softlab.model.position_based.plan import colour_order, families
 
 
 def _make_places(math: str, tile: SheetTile) -> tuple[Any, Any]:

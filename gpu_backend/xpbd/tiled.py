@@ -19,11 +19,11 @@ from softlab.gpu_backend.core.device import ALIGNMENT, simulated
 from softlab.gpu_backend.core.integers import make_clock
 from softlab.gpu_backend.core.wind import make_block_air
 from softlab.gpu_backend.core.world import World
-from softlab.gpu_backend.xpbd.constraints import dampers, make_constants
+from softlab.gpu_backend.position_based.constraints import dampers, make_constants
 from softlab.gpu_backend.xpbd.sweep import copies, make_jacobi_sweep, make_sweep, register_multipliers
 from softlab.gpu_backend.xpbd.tile import SheetTile
 from softlab.gpu_backend.xpbd.tile_ends import make_multiplier_moves, make_tile_ends
-from softlab.model.xpbd.plan import families
+from softlab.model.position_based.plan import families
 
 
 @cache

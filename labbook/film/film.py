@@ -25,8 +25,8 @@ from softlab.labbook.film.canvas import FULL, Format, Stage
 from softlab.labbook.film.script import script
 from softlab.labbook.film.sound import breaths, read_sound, spoken, write_track
 from softlab.labbook.film.timeline import Part, Shot, caption_at, fitted, reading_seconds, subtitles, timeline
-from softlab.model.core.errors import InputError
-from softlab.model.core.files import check_target, replacing
+from softlab.model.base.errors import InputError
+from softlab.model.base.files import check_target, replacing
 from softlab.model.scene.scene import load_scene
 from softlab.plots.core.data import Results
 

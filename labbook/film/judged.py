@@ -19,8 +19,8 @@ from softlab.bench.experiments.accuracy.judge import distance
 from softlab.bench.experiments.accuracy.points import SCENES, end_of
 from softlab.labbook.film.canvas import CPU, FAINT, GPU, INK, LINE, MARGIN, WARNING, WHITE, Area, Canvas, Colour
 from softlab.labbook.words import number, seconds
+from softlab.model.base.errors import Diverged
 from softlab.model.core.build import build
-from softlab.model.core.errors import Diverged
 from softlab.model.core.families import stability_limit
 from softlab.model.scene.scene import Scene, load_scene
 from softlab.plots.core.accuracy_points import Point, points

@@ -13,7 +13,7 @@ from softlab.app.output.offscreen import OffscreenRenderer
 from softlab.labbook.answer import HEAD, winner_tables
 from softlab.labbook.film.canvas import BAND, CPU, FAINT, FOOT, GPU, INK, LINE, MARGIN, Area
 from softlab.labbook.film.judged import Judged
-from softlab.model.core.errors import SoftlabError
+from softlab.model.base.errors import SoftlabError
 from softlab.plots.core.data import Results
 from softlab.plots.core.files import lay_out
 from softlab.plots.core.style import Drawing, settings

@@ -20,10 +20,10 @@ from softlab.model.assets.lattice import Lattice
 from softlab.model.assets.skin import INFLUENCES, Skin
 from softlab.model.assets.soft_body import MATERIAL, Meshes, RigidBody
 from softlab.model.assets.soft_sheet import SoftSheet
-from softlab.model.core.digest import ROOT, source_digest
-from softlab.model.core.disk_cache import cache_folder, kept
-from softlab.model.core.errors import InputError, SoftlabError
-from softlab.model.core.waiting import work
+from softlab.model.base.digest import ROOT, source_digest
+from softlab.model.base.disk_cache import cache_folder, kept
+from softlab.model.base.errors import InputError, SoftlabError
+from softlab.model.base.waiting import work
 from softlab.model.geometry.mesh import mesh_bytes, read_mesh
 from softlab.model.geometry.shapes import Shape
 

@@ -13,7 +13,7 @@ from math import ceil, log10
 import numpy as np
 
 from softlab.model.assets.clusters import Clusters
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.geometry.arithmetic.ordered import eigenvalues, mean, norm
 from softlab.model.geometry.edges import components
 from softlab.model.geometry.lists import offsets_of

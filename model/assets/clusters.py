@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from softlab.model.assets.material import Material
-from softlab.model.core.errors import InputError
+from softlab.model.base.errors import InputError
 from softlab.model.formulas.shape_matching.deformation import MIN_VOLUME
 from softlab.model.geometry.arithmetic.functions import expm1, log1p
 from softlab.model.geometry.arithmetic.ordered import eigenvalues, inverse

@@ -23,11 +23,11 @@ from softlab.model.assets.tetrahedral_body import (
     body_of_voxels,
     scaled,
 )
-from softlab.model.core.digest import ROOT, source_digest
-from softlab.model.core.disk_cache import cache_folder, kept
-from softlab.model.core.errors import InputError, SceneError, SoftlabError
-from softlab.model.core.files import check_source, is_there, read_archive
-from softlab.model.core.waiting import work
+from softlab.model.base.digest import ROOT, source_digest
+from softlab.model.base.disk_cache import cache_folder, kept
+from softlab.model.base.errors import InputError, SceneError, SoftlabError
+from softlab.model.base.files import check_source, is_there, read_archive
+from softlab.model.base.waiting import work
 from softlab.model.geometry.mesh import TriangleMesh, mesh_bytes, read_mesh, triangle_mesh
 from softlab.model.geometry.mesh_files import FORMATS, read_arrays
 from softlab.model.geometry.repair import simplified, united

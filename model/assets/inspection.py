@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from softlab.model.core.errors import InputError, SoftlabError
-from softlab.model.core.waiting import report
+from softlab.model.base.errors import InputError, SoftlabError
+from softlab.model.base.waiting import report
 from softlab.model.geometry.arithmetic.ordered import norm, total
 from softlab.model.geometry.edges import NonManifold, components, edge_uses
 from softlab.model.geometry.measures import triangle_areas

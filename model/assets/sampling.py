@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from softlab.model.core.errors import InputError, SceneError
+from softlab.model.base.errors import InputError, SceneError
 from softlab.model.geometry.arithmetic.functions import whole_power
 from softlab.model.geometry.arithmetic.ordered import dot, mean, norm, total
 from softlab.model.geometry.measures import triangle_areas

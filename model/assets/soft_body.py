@@ -17,12 +17,12 @@ from softlab.model.assets.clusters import Clusters
 from softlab.model.assets.material import Material, even
 from softlab.model.assets.sampling import sample
 from softlab.model.assets.skin import make_skin
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
+from softlab.model.base.table import Flag, NotNegative, Part, Positive
+from softlab.model.base.words import scene_error
 from softlab.model.geometry.mesh import TriangleMesh
 from softlab.model.geometry.neighbours import TooMany, close_pairs
 from softlab.model.geometry.solid import as_mesh, solid
-from softlab.model.scene.parts import Flag, NotNegative, Part, Positive
-from softlab.model.scene.words import scene_error
 
 SPACINGS = 2.0  # of the clusters' centres in particle spacings, unless given
 OVERLAP = 1.25  # of their radius in their spacings, unless given

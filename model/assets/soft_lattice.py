@@ -15,11 +15,11 @@ from softlab.model.assets.lattice import Lattice
 from softlab.model.assets.sampling import MAX_PARTICLES
 from softlab.model.assets.skin import make_skin
 from softlab.model.assets.soft_body import Meshes, SoftBody, check_masses
-from softlab.model.core.errors import InputError, SceneError
-from softlab.model.core.memory import available_bytes, require
+from softlab.model.base.errors import InputError, SceneError
+from softlab.model.base.memory import available_bytes, require
+from softlab.model.base.table import Count
 from softlab.model.geometry.arithmetic.ordered import dot, total
 from softlab.model.geometry.solid import as_mesh
-from softlab.model.scene.parts import Count
 
 OFF = 1e-6  # of a box's longest side: how far a corner of the mesh may be off its sides
 FITS = 0.2  # of the spacing: how far one that fills the box may be off it

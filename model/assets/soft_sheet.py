@@ -10,11 +10,11 @@ from softlab.model.assets.baked_body import BakedBody, report_of
 from softlab.model.assets.clustering import check, gather
 from softlab.model.assets.skin import make_skin
 from softlab.model.assets.soft_body import Meshes, SoftBody, check_masses
-from softlab.model.core.errors import InputError
+from softlab.model.base.errors import InputError
+from softlab.model.base.table import NotNegative, Positive
 from softlab.model.geometry.arithmetic.ordered import total as sum_of
 from softlab.model.geometry.measures import edge_lengths, triangle_areas
 from softlab.model.geometry.solid import as_mesh
-from softlab.model.scene.parts import NotNegative, Positive
 
 
 class SoftSheet(SoftBody):

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from softlab.model.core.errors import InputError
+from softlab.model.base.errors import InputError
 from softlab.model.geometry.arithmetic.ordered import dot, mean, total
 from softlab.model.geometry.mesh import TriangleMesh
 from softlab.model.geometry.mesh_files import check_vertices

@@ -10,19 +10,19 @@ from typing import Any
 
 import numpy as np
 
+from softlab.model.base.clock import START, Clock
+from softlab.model.base.errors import SceneError
 from softlab.model.core.build import Body
-from softlab.model.core.clock import START, Clock
-from softlab.model.core.errors import SceneError
 from softlab.model.core.integrators import damping_rate
 from softlab.model.core.own_forces import own_fields, own_names, own_values
 from softlab.model.core.parameters import PARAMETERS as GRID_PARAMETERS
 from softlab.model.core.parameters import require_held, rounded_record
 from softlab.model.formulas import cloth, motion
 from softlab.model.geometry.arithmetic.ordered import norm
-from softlab.model.scene.cloth import COLLIDER_KINDS, SURFACE_KINDS
-from softlab.model.scene.colliders.surface_collider import naming
-from softlab.model.scene.motion import motions_of_pins
 from softlab.model.scene.scene import Scene
+from softlab.model.tables.cloth import COLLIDER_KINDS, SURFACE_KINDS
+from softlab.model.tables.colliders.surface_collider import naming
+from softlab.model.tables.motion import motions_of_pins
 
 CLOTH_PARAMETERS = (
     *GRID_PARAMETERS[:7],  # dt [s], values that follow from it, and the origin of time

@@ -10,8 +10,8 @@ import numpy as np
 from softlab.model.contact.cloth_parameters import B_RADIUS, B_THICKNESS, B_U, B_W, B_X, B_Z, collider_rows
 from softlab.model.core.build import build
 from softlab.model.formulas import colliders, distance_field, triangle_tree
-from softlab.model.scene.colliders.surface_collider import SurfaceCollider
 from softlab.model.scene.scene import Scene
+from softlab.model.tables.colliders.surface_collider import SurfaceCollider
 
 HOLLOW = " (it is solid all through; a tank is made of planes, a floor and walls)"
 MAX_ASKED = 2000  # free masses: a tenth of a second

@@ -6,7 +6,7 @@ import numpy as np
 
 from softlab.model.core.parameters import rounded_record
 from softlab.model.scene.scene import Scene
-from softlab.model.scene.self_collision import MAX_CONTACTS as MAX_CONTACTS
+from softlab.model.tables.self_collision import MAX_CONTACTS as MAX_CONTACTS
 
 SELF_CONTACT_PARAMETERS = (
     "thickness",  # m

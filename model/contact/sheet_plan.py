@@ -5,8 +5,8 @@ from __future__ import annotations
 from softlab.model.core.own_forces import own_forces, own_parts
 from softlab.model.core.plan import Stage
 from softlab.model.formulas import wind
-from softlab.model.scene.motion import motions_of_pins
 from softlab.model.scene.scene import Scene
+from softlab.model.tables.motion import motions_of_pins
 
 TRIANGLES_EACH = 6  # of a cloth, around a mass
 FRICTION_IN_PLACE = "friction-in-place"  # a part: friction of colliders acts on positions, too

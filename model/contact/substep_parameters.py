@@ -11,14 +11,14 @@ from typing import Any
 import numpy as np
 
 from softlab.model.assets.clusters import matching_share
+from softlab.model.base.clock import START, Clock
+from softlab.model.base.tuples import reader
 from softlab.model.contact.cloth_parameters import CLOTH_PARAMETERS, FIELDS, REACH, cloth_values
-from softlab.model.core.clock import START, Clock
 from softlab.model.core.integrators import damping_rate
 from softlab.model.core.parameters import rounded_record
 from softlab.model.core.stability.springs import matching_stiffness
-from softlab.model.core.tuples import reader
-from softlab.model.scene.cloth import CONSTRAINT_KINDS
 from softlab.model.scene.scene import Scene
+from softlab.model.tables.cloth import CONSTRAINT_KINDS
 
 OF_SHEETS = (
     "structural",

@@ -10,6 +10,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from softlab.model.contact.attachments import contact_free
 from softlab.model.contact.particle_parameters import (
     G_DISTANCE,
     G_NEIGHBOURS,
@@ -32,9 +33,8 @@ from softlab.model.formulas.contact import (
 )
 from softlab.model.geometry.arithmetic.ordered import norm
 from softlab.model.geometry.lists import Lists, grouped, offsets_of
+from softlab.model.particles.tetrahedra_set import TetrahedraSet
 from softlab.model.scene.scene import Scene
-from softlab.model.tetrahedra.attachments import contact_free
-from softlab.model.tetrahedra.body_set import TetrahedraSet
 
 SURFACE_CONTACT_PARAMETERS = (
     "thickness",  # m, distance between surfaces

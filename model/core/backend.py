@@ -10,10 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from softlab.model.base.errors import InputError
 from softlab.model.core.energy import spring_strain
-from softlab.model.core.errors import InputError
 from softlab.model.scene.scene import Scene
-from softlab.model.scene.sheets import scene_normals
 
 
 class Backend(ABC):
@@ -82,7 +81,7 @@ class Backend(ABC):
 
         Computed on the host in float64; a backend overrides this to compute them on its device.
         """
-        normal = scene_normals(self.scene, self._read_position(None))
+        normal = self.scene.grid.normals(self._read_position(None))
         if into is None:
             return normal.astype(self.real)
         into[...] = normal

@@ -11,22 +11,19 @@ from weakref import WeakValueDictionary
 
 import numpy as np
 
-from softlab.model.core.memory import require_sheet
-from softlab.model.core.pins import pin_indices
-from softlab.model.fluid.fluid_set import FluidSet
+from softlab.model.base.memory import require_sheet
+from softlab.model.base.pins import pin_indices
 from softlab.model.geometry.arithmetic.functions import cosine, sine
 from softlab.model.geometry.particle_row import PARKED
 from softlab.model.geometry.sheets import sheet_positions
 from softlab.model.geometry.topology import mesh_of, pinned_vertices, vertex_masses
-from softlab.model.scene.cloth import Cloth, Fold
-from softlab.model.scene.kinds import SHEETS
-from softlab.model.scene.mesh import Mesh
-from softlab.model.scene.parts import Grid
+from softlab.model.particles.particle_set import ParticleSet
 from softlab.model.scene.scene import Scene
-from softlab.model.scene.self_collision import CONTACT_BYTES
-from softlab.model.shape_matching.body_set import BodySet
-from softlab.model.tetrahedra.body_set import TetrahedraSet
-from softlab.model.world.world_set import WorldSet
+from softlab.model.tables.cloth import Cloth, Fold
+from softlab.model.tables.kinds import SHEETS
+from softlab.model.tables.mesh import Mesh
+from softlab.model.tables.parts import Grid
+from softlab.model.tables.self_collision import CONTACT_BYTES
 
 MASS_BYTES = 160  # host memory per mass: position, velocity and inverse mass in float64, two solver states, a snapshot
 
@@ -63,12 +60,12 @@ def sheet_name(scene: Scene) -> str:
     return scene.name_of(*SHEETS, default="bodies")
 
 
-Sheet = Grid | BodySet | TetrahedraSet | FluidSet | WorldSet
+Sheet = Grid | ParticleSet
 
 
 def pinned_indices(grid: Sheet) -> np.ndarray:
     """Return the sorted flat indices (row * columns + column) of the masses in `grid.pinned`."""
-    if isinstance(grid, TetrahedraSet | WorldSet):
+    if isinstance(grid, ParticleSet):
         return grid.pinned_vertices
     if isinstance(grid, Mesh) and grid.file is not None:
         return pinned_vertices(grid)
@@ -81,7 +78,7 @@ def rest_positions(grid: Sheet) -> np.ndarray:
     A cloth's start at its origin: in z = const where it hangs, along +z instead of -y where it lies. A mesh has those
     of its vertices.
     """
-    if isinstance(grid, BodySet | TetrahedraSet | FluidSet | WorldSet):
+    if isinstance(grid, ParticleSet):
         return grid.position
     if isinstance(grid, Mesh):
         return mesh_of(grid).position + grid.origin
@@ -163,22 +160,16 @@ def _build(scene: Scene) -> Body:
     count = grid.particle_count
     needed = MASS_BYTES + (CONTACT_BYTES if scene.self_collision else 0)
     require_sheet(grid.rows, grid.columns, needed, sheet_name(scene))
-    if isinstance(grid, BodySet):
-        waiting = grid.waiting
-        inverse_mass = np.where(waiting, 0.0, 1 / grid.clusters.mass)
-        return Body(1, count, grid.position.copy(), grid.velocity, inverse_mass, np.flatnonzero(waiting), grid.extent)
     cloth, fold = scene.cloth, scene.fold
     position = folded_positions(cloth, fold) if cloth and fold else rest_positions(grid)
-    if not isinstance(grid, Grid):  # those of other sets are their own arrays, a sheet's are new
-        position = position.copy()
-    velocity = (
-        grid.velocity.copy() if isinstance(grid, TetrahedraSet | FluidSet | WorldSet) else np.zeros(position.shape)
-    )
+    velocity, waiting = np.zeros(position.shape), None
+    if isinstance(grid, ParticleSet):  # whose arrays are its own, a sheet's are new
+        position, velocity, waiting = position.copy(), grid.velocity.copy(), grid.waiting
     pinned = pinned_indices(grid)
     inverse_mass = 1 / np.broadcast_to(masses(scene), (count, 1))[:, 0]
     inverse_mass[pinned] = 0
-    if isinstance(grid, FluidSet):
-        inverse_mass[~grid.there(position)] = 0
+    if waiting is not None:
+        inverse_mass[waiting] = 0
     free = inverse_mass > 0
     if scene.perturbation:
         position[free] += wave(grid, scene.perturbation.amplitude)[free]
@@ -192,10 +183,7 @@ def masses(scene: Scene, waiting: np.ndarray | None = None) -> np.ndarray | floa
 
     `waiting`: (particles,) bool; inactive particles of bodies or fluids get the mass 0.
     """
-    if scene.bodies:
-        mass = scene.body_set.clusters.mass
-        return (mass if waiting is None else np.where(waiting, 0.0, mass))[:, None]
-    if isinstance(scene.grid, TetrahedraSet | FluidSet | WorldSet):
+    if isinstance(scene.grid, ParticleSet):
         return (scene.grid.masses if waiting is None else np.where(waiting, 0.0, scene.grid.masses))[:, None]
     if scene.mesh and scene.mesh.density is not None:
         return vertex_masses(scene.mesh)[:, None]

@@ -7,8 +7,8 @@ import numpy as np
 from softlab.model.core.build import masses
 from softlab.model.core.families import family_of
 from softlab.model.core.family import NO_ARRAYS, Arrays
+from softlab.model.core.spare import absent
 from softlab.model.scene.scene import Scene
-from softlab.model.shape_matching.spare import absent
 
 
 def spring_strain(

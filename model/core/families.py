@@ -5,8 +5,8 @@ from __future__ import annotations
 
 from functools import cache
 
-from softlab.model.core.components import named
-from softlab.model.core.errors import SceneError
+from softlab.model.base.components import named
+from softlab.model.base.errors import SceneError
 from softlab.model.core.family import SolverFamily
 from softlab.model.core.plan import Plan
 from softlab.model.scene.scene import Scene

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
-from softlab.model.core.clock import Clock
+from softlab.model.base.clock import Clock
 from softlab.model.core.plan import Plan
 from softlab.model.core.sharing.bodies import Apart
 from softlab.model.core.sharing.decomposition import Reach
 from softlab.model.core.sharing.partitions import SharedMesh
-from softlab.model.scene.motion import RELEASE
 from softlab.model.scene.scene import Scene
+from softlab.model.tables.motion import RELEASE
 
 
 @dataclass(frozen=True)
@@ -91,6 +91,15 @@ def of_springs(scene: Scene) -> tuple[Output, ...]:
     return (STRAIN, NORMAL) if scene.dimensions == 3 else (STRAIN,)
 
 
+def contacts_lost(simulation: Any) -> dict[str, int]:
+    """Return `contacts_lost`, if surfaces of the scene have contacts: contacts, and vertices in the search distance, for
+    which a search had no capacity."""
+    scene, contacts = simulation.scene, getattr(simulation, "contacts", None)
+    if scene.self_collision is None and scene.contact is None:
+        return {}
+    return {"contacts_lost": int(getattr(contacts, "lost", 0)) + int(getattr(contacts, "neighbours_lost", 0))}
+
+
 Arrays = Mapping[str, np.ndarray]  # of a state, those of its family, by name
 NO_ARRAYS: Arrays = MappingProxyType({})
 
@@ -118,12 +127,16 @@ class SolverFamily:
     - `solvers`, `passes`: by backend, the class that it opens and the function that describes its passes for `softlab
       plan`, as
       `module:name`, since both are in layers above the model.
+    - `clusters`: by backend, the class that the solver of position-based sheets iterates in place of constraints, in the
+      same way.
+    - `presentation`: how its scenes are drawn and described (app/presentation.py), in the same way.
     - `reference`: the module in bench/reference/ whose `simulate` computes its reference.
     - `unknown`: why no converged reference of the motion is known, and what to use instead; None: one is known.
     - `reach(scene)`: how far a step reads along the rows of its sheet, for sharing by rows (model/domains).
     - `apart(scene)`: the bodies of a scene in which none acts on another, for sharing by bodies
       (model/core/sharing/bodies.py).
     - `halo(scene)`: how far a substep reads [m], for sharing by slabs of space (model/domains/slabs.py).
+    - `lost(simulation)`: the counts of contacts or neighbours that did not fit into lists of fixed length, by name.
     - `partitions(scene)`: the meshes of a scene, for sharing by parts of bodies (model/core/sharing/partitions.py).
 
     The last four raise SceneError for a part that prevents sharing; None: not yet supported for the family.
@@ -143,6 +156,8 @@ class SolverFamily:
     solvers: Mapping[str, str]
     passes: Mapping[str, str]
     reference: str
+    presentation: str = "softlab.app.families.sheets:SHEET"
+    clusters: Mapping[str, str] = field(default_factory=dict)
     outputs: Callable[[Scene], tuple[Output, ...]] = of_springs
     state_arrays: tuple[StateArray, ...] = ()
     scheme_note: Callable[[Scene], str] = lambda scene: ""
@@ -151,6 +166,7 @@ class SolverFamily:
     apart: Callable[[Scene], Apart] | None = None
     halo: Callable[[Scene], float] | None = None
     partitions: Callable[[Scene], SharedMesh] | None = None
+    lost: Callable[[Any], dict[str, int]] = contacts_lost
 
 
 ANY_SHEET = frozenset(

@@ -16,6 +16,7 @@ import numpy as np
 from softlab.model.core.build import pinned_indices
 from softlab.model.core.stability.cloth_bounds import laplacian_bound
 from softlab.model.geometry.topology import vertex_masses
+from softlab.model.particles.particle_set import ParticleSet
 from softlab.model.scene.scene import Scene
 
 
@@ -183,12 +184,9 @@ def frequency_bound(scene: Scene) -> float:
 
 def lightest_mass(scene: Scene) -> float:
     """Return the smallest mass [kg] that moves, or of inactive bodies may; the sheet's where nothing moves."""
-    if scene.bodies:
-        return float(scene.body_set.clusters.mass.min())
-    if scene.tetrahedra:
-        free = np.delete(scene.tetrahedra_set.masses, scene.tetrahedra_set.pinned_vertices)
-        return float(free.min(initial=inf)) if len(free) else scene.grid.mass
     sheet = scene.grid
+    if isinstance(sheet, ParticleSet):
+        return sheet.lightest
     by_area = scene.mesh if scene.mesh and scene.mesh.density is not None else None
     if not scene.loads and not by_area:
         return sheet.mass
@@ -214,7 +212,7 @@ def fastest_damping(scene: Scene) -> float:
 
 
 def spring_damping_bound(scene: Scene) -> float:
-    """Return a rate [1/s] that the dampers along a cloth's springs do not exceed.
+    """Return a rate [1/s] that the dampers along a cloth's springs do not exceed; 0 for a grid, which has none.
 
     Their matrix is a Laplacian, bounded like the springs' (see `frequency_bound`).
     """
@@ -233,7 +231,7 @@ def explicit_limit(scene: Scene, frequency: float | None = None) -> float:
     name, gamma = scene.method.integrator, damping_rate(scene)
     w = frequency_bound(scene) if frequency is None else frequency
     limit = integrators_for(scene)[name].limit
-    along = spring_damping_bound(scene) if scene.cloth else 0.0
+    along = spring_damping_bound(scene)
     if along == 0:
         return limit(w, gamma)
     if name == "velocity-verlet":

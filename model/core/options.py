@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from softlab.model.core.errors import SceneError
-from softlab.model.scene.cloth import CONSTRAINT_KINDS
+from softlab.model.base.errors import SceneError
 from softlab.model.scene.scene import Scene
+from softlab.model.tables.cloth import CONSTRAINT_KINDS
 
 PRECISIONS = {"float32": np.float32, "float64": np.float64}
 MATHS = ("fast", "exact")

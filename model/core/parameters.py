@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from softlab.model.core.clock import START, Clock
-from softlab.model.core.errors import SceneError
+from softlab.model.base.clock import START, Clock
+from softlab.model.base.errors import SceneError
 from softlab.model.core.integrators import damping_rate
 from softlab.model.core.own_forces import own_fields, own_names, own_values
 from softlab.model.scene.scene import Scene

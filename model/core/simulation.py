@@ -16,10 +16,11 @@ from typing import Any
 
 import numpy as np
 
+from softlab.model.base.clock import START, Clock, clock_of
+from softlab.model.base.errors import Diverged, SceneError
+from softlab.model.core import spare
 from softlab.model.core.build import Body, build
-from softlab.model.core.clock import START, Clock, clock_of
 from softlab.model.core.energy import energies
-from softlab.model.core.errors import Diverged, SceneError
 from softlab.model.core.families import family_of, stability_limit
 from softlab.model.core.family import OF_ALL, Output, StateArray
 from softlab.model.core.options import PRECISIONS, Options, check_live
@@ -27,9 +28,8 @@ from softlab.model.core.plan import Executor, Plan, StageRun
 from softlab.model.core.stability.divergence import DIVERGED_SIZE, check_interval
 from softlab.model.core.state import State, checked_arrays, checked_family_arrays
 from softlab.model.core.stepping import Stepping
-from softlab.model.scene.flow import taps_at_start, turned
 from softlab.model.scene.scene import Scene
-from softlab.model.shape_matching import spare
+from softlab.model.tables.flow import taps_at_start, turned
 
 
 class Simulation(Stepping):
@@ -193,7 +193,7 @@ class Simulation(Stepping):
     @property
     def _flows(self) -> bool:
         """True if emitters or sinks add and remove particles."""
-        return bool(self.scene.emitters or self.scene.sinks)
+        return self.scene.flows
 
     def _note_waiting(self, position: np.ndarray) -> None:
         """Set the inverse masses of `body` from the positions of a fluid, which mark inactive particles."""
@@ -296,7 +296,7 @@ class Simulation(Stepping):
         SceneError
             The scene has no bodies.
         """
-        if not self.scene.bodies:
+        if not self.scene.copies:
             raise SceneError("read", "clusters", "are those of bodies, and this scene has none")
         return self._read_clusters()
 

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from softlab.model.core.clock import START, Clock
-from softlab.model.core.errors import InputError
+from softlab.model.base.clock import START, Clock
+from softlab.model.base.errors import InputError
 from softlab.model.core.family import StateArray
 from softlab.model.core.options import PRECISIONS
 from softlab.model.scene.scene import Scene
@@ -24,7 +24,7 @@ class State:
     position, velocity : (particles, dimensions) float arrays, m and m/s
         In the order of the scene, in the simulation's precision.
     inverse_mass : (particles,) float array, 1/kg
-        0 where a particle is pinned, or waits for an emitter (model/fluid/fluid_set.py).
+        0 where a particle is pinned, or waits for an emitter (model/particles/fluid_set.py).
     time : float
         Simulated time, s.
     step : int

@@ -16,10 +16,11 @@ from math import ceil, isqrt
 from numbers import Integral
 from typing import Any
 
+from softlab.model.base.clock import UNSEEN, Clock
+from softlab.model.base.errors import Diverged, SceneError
 from softlab.model.core.backend import Backend
 from softlab.model.core.build import Body, build
-from softlab.model.core.clock import UNSEEN, Clock
-from softlab.model.core.errors import Diverged, SceneError
+from softlab.model.core.families import family_of
 from softlab.model.core.options import Options
 from softlab.model.core.stability.diagnosis import diagnose
 from softlab.model.core.state import State
@@ -221,22 +222,4 @@ def lost(simulation: Any) -> dict[str, int]:
 def lost_so_far(simulation: Any) -> dict[str, int]:
     """Return the counts of `lost` including the step that compiled the kernels, in which all particles may lie in one
     place."""
-    scene, contacts = simulation.scene, getattr(simulation, "contacts", None)
-    if scene.is_world:
-        found = {"contacts_lost": _beyond(contacts)} if scene.contact is not None else {}
-        for member in getattr(simulation, "members", {}).values():
-            for name, count in lost_so_far(member).items():
-                found[name] = found.get(name, 0) + count
-        return found
-    if scene.fluids:
-        return {"neighbours_lost": int(simulation.contacts_lost)}
-    if scene.bodies:
-        return {"contacts_lost": int(simulation.contacts_lost)} if scene.contact is not None else {}
-    if scene.self_collision is not None or (scene.tetrahedra and scene.contact is not None):
-        return {"contacts_lost": _beyond(contacts)}
-    return {}
-
-
-def _beyond(contacts: Any) -> int:
-    """Return the number of contacts, and of vertices in the search distance, for which a search had no capacity."""
-    return int(getattr(contacts, "lost", 0)) + int(getattr(contacts, "neighbours_lost", 0))
+    return family_of(simulation.scene).lost(simulation)

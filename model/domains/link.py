@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 
 
 @dataclass(frozen=True)

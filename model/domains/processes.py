@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from softlab.model.core.errors import BackendUnavailable, SceneError
+from softlab.model.base.errors import BackendUnavailable, SceneError
 from softlab.model.domains.exchange import PATIENCE
 from softlab.model.domains.launched import launched_ranks
 

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from softlab.model.base.errors import SceneError
 from softlab.model.core.build import some_of
-from softlab.model.core.errors import SceneError
 from softlab.model.core.families import family_of, scene_plan
 from softlab.model.core.options import Options
 from softlab.model.core.own_forces import own_parts

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.core.families import family_of
 from softlab.model.scene.scene import Scene
 

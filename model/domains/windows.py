@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from typing import Any
 
+from softlab.model.base.errors import SceneError
 from softlab.model.core.build import Body, given
-from softlab.model.core.errors import SceneError
 from softlab.model.core.options import Options
 from softlab.model.core.simulation import Simulation
 from softlab.model.domains.exchange import Exchange

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from softlab.model.core.errors import InputError
+from softlab.model.base.errors import InputError
 from softlab.model.core.family import STRAIN, Output, SolverFamily, StateArray, on_host
 from softlab.model.core.stability.laws import RESTS
 from softlab.model.fluid.halo import fluid_halo
@@ -15,9 +15,9 @@ from softlab.model.fluid.measure import density_errors, pressures
 from softlab.model.fluid.parameters import fluid_record, highest_viscosity, speed_limit
 from softlab.model.fluid.plan import fluid_plan
 from softlab.model.fluid.speeds import expected_speeds
-from softlab.model.scene.cloth import COLLIDER_KINDS
-from softlab.model.scene.flow import taps_at_start
 from softlab.model.scene.scene import Scene
+from softlab.model.tables.cloth import COLLIDER_KINDS
+from softlab.model.tables.flow import taps_at_start
 
 PRESSURE = Output(
     "pressure", "(particles,)", "Pa", "pressure from the pairs of particles",
@@ -135,6 +135,8 @@ FLUID = SolverFamily(
     reference="softlab.bench.reference.fluid",
     outputs=lambda scene: (STRAIN, PRESSURE),
     state_arrays=(TAPS,),
+    presentation="softlab.app.families.fluid:FLUID",
     halo=fluid_halo,
+    lost=lambda simulation: {"neighbours_lost": int(simulation.contacts_lost)},
     unknown="a fluid's particles have no converged reference; the density error is reported instead",
 )

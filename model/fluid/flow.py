@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from softlab.model.scene.checks.flow import fluid_of
-from softlab.model.scene.flow import NEVER, Emitter, spatial
+from softlab.model.tables.flow import NEVER, Emitter, spatial
 
 # Row of an emitter:
 EMITTER_FIELDS = 14

@@ -18,8 +18,8 @@ from scipy.spatial import cKDTree
 from softlab.model.fluid.foam_sources import foaming_speed, full_count, sources
 from softlab.model.fluid.foam_walls import kept_out
 from softlab.model.formulas.random import make_philox
-from softlab.model.scene.fluid import Foam
 from softlab.model.scene.scene import Scene
+from softlab.model.tables.fluid import Foam
 
 SPRAY, FOAM, BUBBLE = range(3)
 NAMES = ("spray", "foam", "bubbles")

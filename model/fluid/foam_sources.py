@@ -13,8 +13,8 @@ from math import pi
 import numpy as np
 
 from softlab.model.fluid.measure import differences
-from softlab.model.scene.fluid import Foam
 from softlab.model.scene.scene import Scene
+from softlab.model.tables.fluid import Foam
 
 GRAVITY = 9.81  # m/s^2, for the speed scale of a scene without gravity
 TRAPPED = 0.10, 0.40  # of the scene's speed: approach speeds of neighbours that trap air

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from softlab.model.geometry.crossings import corners_of, first_crossings
-from softlab.model.scene.cloth import Box, Capsule, Plane, Sphere
-from softlab.model.scene.colliders.distance_field import DistanceField
-from softlab.model.scene.colliders.mesh_collider import MeshCollider
-from softlab.model.scene.colliders.surface_collider import SurfaceCollider
 from softlab.model.scene.scene import Scene
+from softlab.model.tables.cloth import Box, Capsule, Plane, Sphere
+from softlab.model.tables.colliders.distance_field import DistanceField
+from softlab.model.tables.colliders.mesh_collider import MeshCollider
+from softlab.model.tables.colliders.surface_collider import SurfaceCollider
 
 ROUNDS = 4  # corrections of a point to its side of a mesh, before it stays where it was
 GAP = 1e-3  # rest distances from a mesh, where it is put: on a triangle rounding would decide the side

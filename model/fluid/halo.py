@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.fluid.parameters import speed_limit
 from softlab.model.fluid.plan import SHAPES, SMOOTHING, fluid_parts
-from softlab.model.scene.fluid import WIDER
 from softlab.model.scene.scene import Scene
+from softlab.model.tables.fluid import WIDER
 
 APART = "is not shared among processes or GPUs yet"
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
-from softlab.model.fluid.lattice import closeness_cubed, spiky_slope
+from softlab.model.particles.fluid_lattice import closeness_cubed, spiky_slope
 from softlab.model.scene.scene import Scene
 
 TOP = 0.01  # of a fluid's particles: the highest ones, which define its height

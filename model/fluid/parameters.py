@@ -6,12 +6,12 @@ from math import floor, prod
 
 import numpy as np
 
-from softlab.model.core.clock import START, Clock
+from softlab.model.base.clock import START, Clock
 from softlab.model.core.own_forces import own_fields, own_names, own_values
 from softlab.model.core.parameters import rounded_record
-from softlab.model.fluid.fluid_set import FluidSet
-from softlab.model.scene.fluid import REPEATED, WIDER, Fluid
+from softlab.model.particles.fluid_set import FluidSet
 from softlab.model.scene.scene import Scene
+from softlab.model.tables.fluid import REPEATED, WIDER, Fluid
 
 AXES = "xyz"
 BOX = ("low", "high", "side", "half", "cells", "inverse_side")  # of an axis that repeats; the last one: cells per metre
@@ -28,7 +28,7 @@ FLUID_PARAMETERS = (
     "gravity",  # m/s^2, along +y (so negative)
     "support",  # m
     "inverse_support",
-    "lattice_sum",  # see model/fluid/lattice.py
+    "lattice_sum",  # see model/particles/fluid_lattice.py
     "density_scale",
     "gradient_scale",
     "wall_scale",

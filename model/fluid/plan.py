@@ -89,8 +89,8 @@ from softlab.model.fluid.divergence_plan import divergence_stages
 from softlab.model.formulas import colliders
 from softlab.model.formulas.fluid import density, motion
 from softlab.model.formulas.fluid.flow import OPERATIONS_SINK
-from softlab.model.scene.cloth import COLLIDER_KINDS, Collider
 from softlab.model.scene.scene import Scene
+from softlab.model.tables.cloth import COLLIDER_KINDS, Collider
 
 WALLS = COLLIDER_KINDS  # all add to a fluid's density
 LOOKED_AT = {2: 9, 3: 27}  # cells that a search visits

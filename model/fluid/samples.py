@@ -14,9 +14,9 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial import cKDTree
 
-from softlab.model.fluid.lattice import Lattice, poly6
 from softlab.model.geometry.arithmetic.ordered import norm
 from softlab.model.geometry.lists import grouped, offsets_of
+from softlab.model.particles.fluid_lattice import Lattice, poly6
 
 CORNERS = 3  # particles that carry a sample, at most
 CLOSE = 0.75  # rest distances between samples of a face, at most

@@ -16,8 +16,8 @@ from math import ceil
 import numpy as np
 
 from softlab.model.geometry.arithmetic.ordered import norm, total
-from softlab.model.scene.fluid import AMONG_BODIES
 from softlab.model.scene.scene import Scene
+from softlab.model.tables.fluid import AMONG_BODIES
 
 FLOWS = 0.05  # of the pressure: largest modulus at which denser fluid sinks through lighter (tests/fluid/test_fluid_shear.py)
 

@@ -7,9 +7,9 @@ from math import ceil, hypot, sqrt
 import numpy as np
 
 from softlab.model.fluid.parameters import speed_limit
-from softlab.model.scene.cloth import Plane
-from softlab.model.scene.fluid import SPEED_SHARE
 from softlab.model.scene.scene import Scene
+from softlab.model.tables.cloth import Plane
+from softlab.model.tables.fluid import SPEED_SHARE
 
 UPRIGHT = 0.9  # component along y of the unit normal of a floor, at least
 

@@ -10,7 +10,7 @@ Shells", SCA 2003, eq. 2, and of M. Bergou et al., "A Quadratic Bending Model fo
 `isometric`: the vector k = K0 a + K1 b + K2 c + K3 d of the cotangents at rest. Its length is |b - a| (t_c + t_d),
 where t are the wings' directions away from the edge: 2 |b - a| sin(theta/2) while triangles keep their shape. It is
 linear, so that its energy is quadratic and one projection is exact. It constrains only the length of k and has no slope
-at k = 0, so that scenes need a mesh that is flat at rest (model/xpbd/rest_shape.py).
+at k = 0, so that scenes need a mesh that is flat at rest (model/position_based/rest_shape.py).
 
 `dihedral`: |b - a| (4 tan(theta/4) - the same at rest). It needs no inverse trigonometric function. It is smooth from
 -180 to 180 degrees, where it is 4 instead of pi, and has a derivative everywhere, so that a hinge folded flat still

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from softlab.model.core.errors import SceneError
-from softlab.model.core.waiting import work
+from softlab.model.base.errors import SceneError
+from softlab.model.base.waiting import work
 from softlab.model.geometry.lists import offsets_of
 
 MAX_COLOURS = 1 << 14  # each is a launch or a barrier per sweep

@@ -10,7 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
-from softlab.model.core.errors import InputError
+from softlab.model.base.errors import InputError
 from softlab.model.geometry.lists import Lists, grouped
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.geometry.arithmetic.ordered import mean, norm
 from softlab.model.geometry.edges import MeshEdges
 from softlab.model.geometry.lists import Lists, ranges

@@ -14,8 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
-from softlab.model.core.errors import InputError
-from softlab.model.core.waiting import work
+from softlab.model.base.errors import InputError
+from softlab.model.base.waiting import work
 from softlab.model.geometry.edges import MeshEdges, edge_uses, mesh_edges
 from softlab.model.geometry.mending.hull import bounding
 from softlab.model.geometry.mending.welding import many, tell, turned, welded

@@ -15,8 +15,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from softlab.model.core.errors import InputError, SceneError
-from softlab.model.core.waiting import work
+from softlab.model.base.errors import InputError, SceneError
+from softlab.model.base.waiting import work
 from softlab.model.geometry.formats.faces import Faces
 from softlab.model.geometry.formats.gltf import read_gltf
 from softlab.model.geometry.formats.gmsh import read_gmsh

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from softlab.model.core.errors import InputError
-from softlab.model.core.waiting import steps
+from softlab.model.base.errors import InputError
+from softlab.model.base.waiting import steps
 from softlab.model.geometry.arithmetic.ordered import norm
 
 MAX_PAIRS = 2**26  # kept together: 2 GiB

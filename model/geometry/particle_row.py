@@ -16,6 +16,19 @@ class ParticleRow:
     spring_count: ClassVar[int] = 0
     position: np.ndarray
 
+    def triangles(self) -> np.ndarray:
+        """Return the triangles of the particles' surfaces, (triangles, 3) uint32; none by default."""
+        return np.zeros((0, 3), np.uint32)
+
+    def normals(self, position: np.ndarray) -> np.ndarray:
+        """Return the unit normals of surfaces at `position` (particles, 3), (particles, 3) float64; 0 without."""
+        return np.zeros((len(position), 3))
+
+    @property
+    def waiting(self) -> np.ndarray | None:
+        """Particles that are inactive at the start, (particles,) bool; None where all are always active."""
+        return None
+
     @property
     def columns(self) -> int:
         """All particles: the set is one row."""

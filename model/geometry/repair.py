@@ -11,7 +11,7 @@ import importlib.util
 
 import numpy as np
 
-from softlab.model.core.errors import BackendUnavailable, InputError, SceneError
+from softlab.model.base.errors import BackendUnavailable, InputError, SceneError
 from softlab.model.geometry.arithmetic.ordered import dot, mean
 from softlab.model.geometry.edges import components
 from softlab.model.geometry.mesh import TriangleMesh, triangle_mesh

@@ -10,13 +10,13 @@ from typing import Literal
 import numpy as np
 from pydantic import model_validator
 
+from softlab.model.base.table import Count, Part, Positive
 from softlab.model.geometry.arithmetic.functions import cosine, power, sine
 from softlab.model.geometry.mesh import TriangleMesh, triangle_mesh
 from softlab.model.geometry.sheets import cell_corners, sheet_triangles
 from softlab.model.geometry.strokes import blended, extruded, letters, outline, polygon, tube, union
 from softlab.model.geometry.surfaces.cup import cup
 from softlab.model.geometry.surfaces.surface_nets import Field, surface
-from softlab.model.scene.parts import Count, Part, Positive
 
 ShapeName = Literal[
     "star", "torus", "beam", "blob", "octopus", "letters", "sheet", "terrain", "box", "ball", "pipe", "creature", "cup"

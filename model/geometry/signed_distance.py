@@ -15,9 +15,9 @@ from time import perf_counter
 
 import numpy as np
 
-from softlab.model.core.digest import ROOT, source_digest
-from softlab.model.core.disk_cache import cache_folder, read_arrays, write_arrays
-from softlab.model.core.waiting import steps
+from softlab.model.base.digest import ROOT, source_digest
+from softlab.model.base.disk_cache import cache_folder, read_arrays, write_arrays
+from softlab.model.base.waiting import steps
 from softlab.model.geometry.triangle_tree import order_of, tree_numbers
 from softlab.model.geometry.voxels import runs_inside
 

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from softlab.model.core.errors import InputError
-from softlab.model.core.waiting import work
+from softlab.model.base.errors import InputError
+from softlab.model.base.waiting import work
 from softlab.model.geometry.arithmetic.ordered import dot, mean, total
 from softlab.model.geometry.edges import MeshEdges, NonManifold, components
 from softlab.model.geometry.measures import triangle_areas

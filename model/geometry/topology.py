@@ -10,8 +10,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from softlab.model.core.errors import InputError, SceneError
-from softlab.model.core.memory import require_sheet
+from softlab.model.base.errors import InputError, SceneError
+from softlab.model.base.memory import require_sheet
 from softlab.model.geometry.arithmetic.ordered import mean
 from softlab.model.geometry.measures import edge_lengths, triangle_areas
 from softlab.model.geometry.mesh import TriangleMesh, read_mesh, triangle_mesh
@@ -23,7 +23,7 @@ TOP = 0.1  # of the mean edge: what lies so near to the highest vertex counts as
 
 
 class MeshPart(Protocol):
-    """What a scene tells of a mesh (model/scene/mesh.py has the part itself): a file, or rows and columns."""
+    """What a scene tells of a mesh (model/tables/mesh.py has the part itself): a file, or rows and columns."""
 
     file: str | None
     scale: float

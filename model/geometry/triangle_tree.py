@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from softlab.model.core.waiting import work
+from softlab.model.base.waiting import work
 from softlab.model.formulas.triangle_tree import CORNERS, NODE
 from softlab.model.geometry.lists import offsets_of, ranges
 

@@ -10,8 +10,8 @@ from softlab.model.core.plan import Node, Plan, Stage
 from softlab.model.formulas import colliders, implicit, integrators
 from softlab.model.formulas import springs as spring_formulas
 from softlab.model.mass_spring.plan import force_stages, stepped
-from softlab.model.scene.cloth import SPRING_KINDS
 from softlab.model.scene.scene import Scene
+from softlab.model.tables.cloth import SPRING_KINDS
 
 SPRINGS_EACH = 4  # of a kind, on an interior mass
 PRODUCT_STAGE = "product with the matrix, spring by spring"  # of implicit Euler

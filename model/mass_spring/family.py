@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from softlab.model.base.errors import SceneError
 from softlab.model.contact.cloth_parameters import cloth_record
 from softlab.model.contact.sheet_plan import cloth_parts
-from softlab.model.core.errors import SceneError
 from softlab.model.core.family import ANY_SHEET, SolverFamily
 from softlab.model.core.integrators import IMPLICIT, explicit_limit, integrators_for
 from softlab.model.core.parameters import parameter_record
@@ -14,8 +14,8 @@ from softlab.model.core.sharing.decomposition import Reach, require_local
 from softlab.model.core.stability.springs import sheet_spring_count, sheet_strain, stored_in_springs
 from softlab.model.mass_spring.cloth_plan import cloth_plan, kicks_meet
 from softlab.model.mass_spring.plan import mass_spring_plan
-from softlab.model.scene.cloth import COLLIDER_KINDS, SPRING_KINDS
 from softlab.model.scene.scene import Scene
+from softlab.model.tables.cloth import COLLIDER_KINDS, SPRING_KINDS
 
 
 def _note(scene: Scene) -> str:

@@ -10,8 +10,8 @@ import numpy as np
 
 from softlab.model.contact.cloth_parameters import CLOTH_PARAMETERS, FIELDS, cloth_values
 from softlab.model.core.parameters import rounded_record
-from softlab.model.scene.cloth import SPRING_KINDS
 from softlab.model.scene.scene import Scene
+from softlab.model.tables.cloth import SPRING_KINDS
 
 OWN = (  # only in the matrix
     "damping_of_step",  # dt rate

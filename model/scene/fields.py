@@ -9,13 +9,14 @@ from typing import Any, Literal, get_args, get_origin
 from annotated_types import Ge, Gt, Le
 from pydantic.fields import FieldInfo
 
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
+from softlab.model.base.table import Part
+from softlab.model.base.words import notes_of, suggestion
 from softlab.model.geometry.shapes import Shape
-from softlab.model.scene.kinds import KINDS
-from softlab.model.scene.mesh_source import MeshSource
-from softlab.model.scene.parts import CAMERA, CameraPart, Part
-from softlab.model.scene.tank import TANK, Tank
-from softlab.model.scene.words import notes_of, suggestion
+from softlab.model.tables.kinds import KINDS
+from softlab.model.tables.mesh_source import MeshSource
+from softlab.model.tables.parts import CAMERA, CameraPart
+from softlab.model.tables.tank import TANK, Tank
 
 TOLD = KINDS | {TANK: Tank, CAMERA: CameraPart, "shape": Shape}  # a shape is a field of a body or mesh, not a table
 REQUIRED = "(must be given)"

@@ -7,12 +7,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from softlab.model.core.errors import SceneError
-from softlab.model.scene.bodies import BODY_KINDS
-from softlab.model.scene.cloth import COLLIDER_KINDS, CONSTRAINT_KINDS
-from softlab.model.scene.method import FIELDS_OF_SOLVER, OF_FLUIDS, OF_WORLDS, Method
-from softlab.model.scene.motion import RELEASE
-from softlab.model.scene.tetrahedra import TETRAHEDRAL_KINDS
+from softlab.model.base.errors import SceneError
+from softlab.model.tables.bodies import BODY_KINDS
+from softlab.model.tables.cloth import COLLIDER_KINDS, CONSTRAINT_KINDS
+from softlab.model.tables.method import FIELDS_OF_SOLVER, OF_FLUIDS, OF_WORLDS, Method
+from softlab.model.tables.motion import RELEASE
+from softlab.model.tables.tetrahedra import TETRAHEDRAL_KINDS
 
 OF_CLOTHS = ("mesh", "wind", *(kind for kind in CONSTRAINT_KINDS if kind != "shear"))
 SHARED = ("contact", "damping", "external", "gravity", "method", *COLLIDER_KINDS)

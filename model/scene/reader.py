@@ -11,14 +11,14 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from softlab.model.core.errors import InputError, SceneError, shown
-from softlab.model.core.files import is_there, read_text
+from softlab.model.base.errors import InputError, SceneError, shown
+from softlab.model.base.files import is_there, read_text
+from softlab.model.base.words import suggestion
 from softlab.model.geometry.mesh_files import FORMATS
 from softlab.model.geometry.topology import is_file, own_meshes
-from softlab.model.scene.bodies import BODY_KINDS
-from softlab.model.scene.cloth import SURFACE_KINDS
-from softlab.model.scene.tetrahedra import TETRAHEDRAL_KINDS
-from softlab.model.scene.words import suggestion
+from softlab.model.tables.bodies import BODY_KINDS
+from softlab.model.tables.cloth import SURFACE_KINDS
+from softlab.model.tables.tetrahedra import TETRAHEDRAL_KINDS
 
 TOO_LONG = re.compile(r"[0-9_]{1000,}")  # digits of an integer that Python may refuse to read
 OF_MESHES = ("mesh", "region", *SURFACE_KINDS, *BODY_KINDS, *TETRAHEDRAL_KINDS)  # kinds of parts that may name a file

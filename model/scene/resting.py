@@ -10,15 +10,15 @@ from math import ceil, sqrt
 import numpy as np
 
 from softlab.model.assets.baked_body import BakedBody
-from softlab.model.core.errors import InputError, SceneError
+from softlab.model.base.errors import InputError, SceneError
 from softlab.model.geometry.arithmetic.functions import power
 from softlab.model.geometry.arithmetic.ordered import mean
-from softlab.model.scene.bodies import BODY_KINDS
-from softlab.model.scene.cloth import COLLIDER_KINDS
-from softlab.model.scene.fluid import AMONG_BODIES
 from softlab.model.scene.members import SUBSTEPS
 from softlab.model.scene.scene_parts import SceneParts
-from softlab.model.scene.tetrahedra import TETRAHEDRAL_KINDS
+from softlab.model.tables.bodies import BODY_KINDS
+from softlab.model.tables.cloth import COLLIDER_KINDS
+from softlab.model.tables.fluid import AMONG_BODIES
+from softlab.model.tables.tetrahedra import TETRAHEDRAL_KINDS
 
 SINKING = 0.01  # of the spacing: how far a resting body may sink in a substep
 MIN_THICKNESS = 0.01  # of the spacing, of a collider: rounding does not put a resting particle inside

@@ -12,20 +12,20 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from softlab.model.core.clock import UNSEEN
-from softlab.model.core.errors import SceneError
+from softlab.model.base.clock import UNSEEN
+from softlab.model.base.errors import SceneError
+from softlab.model.base.words import suggestion
 from softlab.model.scene.checks.fit import check_fit
 from softlab.model.scene.checks.releases import check_releases, tables_without
 from softlab.model.scene.checks.solver import check_solver
-from softlab.model.scene.kinds import KINDS, REMOVED, SEVERAL, SHEETS
-from softlab.model.scene.method import FIELDS_OF_SOLVER, Method
-from softlab.model.scene.motion import RELEASE, Release
-from softlab.model.scene.parts import CAMERA, CameraPart
 from softlab.model.scene.reader import scene_tables
 from softlab.model.scene.resting import take_resting_defaults
 from softlab.model.scene.scene_parts import SceneParts
-from softlab.model.scene.tank import TANK, Tank
-from softlab.model.scene.words import suggestion
+from softlab.model.tables.kinds import KINDS, REMOVED, SEVERAL, SHEETS
+from softlab.model.tables.method import FIELDS_OF_SOLVER, Method
+from softlab.model.tables.motion import RELEASE, Release
+from softlab.model.tables.parts import CAMERA, CameraPart
+from softlab.model.tables.tank import TANK, Tank
 
 OWN_NAMES = KINDS | {TANK: Tank, CAMERA: CameraPart}  # names of tables that need no `kind`
 

@@ -13,11 +13,17 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from softlab.model.core.errors import InputError, SceneError
-from softlab.model.fluid.fluid_set import FluidSet, make_fluid_set
-from softlab.model.scene.attachment import Attachment, motion_with, pins
-from softlab.model.scene.bodies import BODY_KINDS, Placed
-from softlab.model.scene.cloth import (
+from softlab.model.base.errors import InputError, SceneError
+from softlab.model.base.table import Part
+from softlab.model.base.words import scene_error, suggestion
+from softlab.model.particles.body_set import BodySet, Copy, make_body_set
+from softlab.model.particles.fluid_set import FluidSet, make_fluid_set
+from softlab.model.particles.tetrahedra_set import TetrahedraSet, make_tetrahedra_set
+from softlab.model.particles.world_set import WorldSet, make_world_set
+from softlab.model.scene.members import member_tables, members_of
+from softlab.model.tables.attachment import Attachment, motion_with, pins
+from softlab.model.tables.bodies import BODY_KINDS, Placed
+from softlab.model.tables.cloth import (
     COLLIDER_KINDS,
     CONSTRAINT_KINDS,
     SPRING_KINDS,
@@ -27,15 +33,14 @@ from softlab.model.scene.cloth import (
     Fold,
     Wind,
 )
-from softlab.model.scene.flow import Emitter, Sink
-from softlab.model.scene.fluid import Domain, Fluid, Foam
-from softlab.model.scene.kinds import KINDS, REMOVED
-from softlab.model.scene.members import member_tables, members_of
-from softlab.model.scene.mesh import Mesh
-from softlab.model.scene.method import Method
-from softlab.model.scene.motion import Motion
-from softlab.model.scene.particle_contact import Contact
-from softlab.model.scene.parts import (
+from softlab.model.tables.flow import Emitter, Sink
+from softlab.model.tables.fluid import Domain, Fluid, Foam
+from softlab.model.tables.kinds import KINDS, REMOVED
+from softlab.model.tables.mesh import Mesh
+from softlab.model.tables.method import Method
+from softlab.model.tables.motion import Motion
+from softlab.model.tables.particle_contact import Contact
+from softlab.model.tables.parts import (
     CAMERA,
     CameraPart,
     Damping,
@@ -43,19 +48,14 @@ from softlab.model.scene.parts import (
     External,
     Gravity,
     Grid,
-    Part,
     Perturbation,
     Springs,
 )
-from softlab.model.scene.regions import Region
-from softlab.model.scene.self_collision import SelfCollision
-from softlab.model.scene.tank import TANK, Tank
-from softlab.model.scene.tetrahedra import TETRAHEDRAL_KINDS, Material, TetrahedralBody
-from softlab.model.scene.words import scene_error, suggestion
-from softlab.model.scene.xpbd import Attachments, Load
-from softlab.model.shape_matching.body_set import BodySet, make_body_set
-from softlab.model.tetrahedra.body_set import TetrahedraSet, make_tetrahedra_set
-from softlab.model.world.world_set import WorldSet, make_world_set
+from softlab.model.tables.regions import Region
+from softlab.model.tables.self_collision import SelfCollision
+from softlab.model.tables.tank import TANK, Tank
+from softlab.model.tables.tetrahedra import TETRAHEDRAL_KINDS, Material, TetrahedralBody
+from softlab.model.tables.xpbd import Attachments, Load
 
 
 def _build_part(name: str, made: Any, fields: dict[str, Any]) -> Any:
@@ -181,6 +181,13 @@ class SceneParts:
         return bool(members_of(self.kinds))
 
     @cached_property
+    def content(self) -> str:
+        """What the scene's particles are: `world`, or by the only family of particles `fluids`, `tetrahedra` (and a cloth
+        beside them), `bodies` or `sheet`."""
+        own = {"world": self.is_world, "fluids": self.fluids, "tetrahedra": self.tetrahedra, "bodies": self.bodies}
+        return next((name for name, particles in own.items() if particles), "sheet")
+
+    @cached_property
     def members(self) -> dict[str, Any]:
         """Scenes of each family's parts in a world, by the names in model/scene/members.py, in the order of its
         particles; empty for any other scene. Raises SceneError."""
@@ -212,6 +219,18 @@ class SceneParts:
         return make_body_set(self.bodies)
 
     @property
+    def copies(self) -> tuple[Copy, ...]:
+        """All copies of the scene's bodies; none where it has no bodies."""
+        return self.body_set.copies if self.bodies else ()
+
+    @property
+    def cluster_count(self) -> int:
+        """Number of clusters of the scene's bodies, or of those in a world."""
+        if self.bodies:
+            return self.body_set.clusters.count
+        return sum(member.cluster_count for member in self.members.values())
+
+    @property
     def tetrahedra(self) -> dict[str, TetrahedralBody]:
         """The scene's tetrahedral bodies, by the part's name."""
         return self.own(*TETRAHEDRAL_KINDS)
@@ -236,6 +255,11 @@ class SceneParts:
     def sinks(self) -> dict[str, Sink]:
         """The scene's sinks, by the part's name."""
         return self.all_of("sink")
+
+    @property
+    def flows(self) -> bool:
+        """True if emitters or sinks add and remove particles."""
+        return bool(self.emitters or self.sinks)
 
     @cached_property
     def fluid_set(self) -> FluidSet:

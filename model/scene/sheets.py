@@ -1,4 +1,4 @@
-"""The triangles and normals of a scene's sheet for drawing, and a run's lines on its mesh."""
+"""A run's lines on a scene's sheet: its mesh, and its springs at rest."""
 
 from __future__ import annotations
 
@@ -7,24 +7,11 @@ from pathlib import Path
 import numpy as np
 
 from softlab.model.geometry.colouring import RINGS
-from softlab.model.geometry.normals import mesh_normals, vertex_normals
-from softlab.model.geometry.sheets import sheet_triangles
 from softlab.model.geometry.topology import mesh_of, pinned_vertices
 from softlab.model.scene.scene import Scene
 
 FEW_PINS = 3  # a cloth held at fewer vertices swings about them
 MANY_EDGES = 256  # at a vertex: each costs a barrier of threads or a launch per sweep
-
-
-def triangles_of(scene: Scene) -> np.ndarray:
-    """Return the triangles, (triangles, 3) uint32, of a cloth, a mesh or tetrahedral bodies, counter-clockwise from
-    outside or from the front."""
-    if scene.tetrahedra:
-        return scene.tetrahedra_set.surface.astype(np.uint32)
-    part = scene.mesh
-    if part is None:
-        return sheet_triangles(scene.grid.rows, scene.grid.columns)
-    return mesh_of(part).triangles.astype(np.uint32)
 
 
 def mesh_lines(scene: Scene) -> list[str]:
@@ -63,10 +50,3 @@ def rest_lines(scene: Scene) -> list[str]:
         f"springs begin at {spacing / springs.rest_length:.3g} of their rest length (grid.spacing = {spacing:g} m, "
         f"springs.rest_length = {springs.rest_length:g} m)"
     ]
-
-
-def scene_normals(scene: Scene, position: np.ndarray) -> np.ndarray:
-    """Return the vertex normals of the scene's cloth, mesh or tetrahedral bodies, (particles, 3) float64."""
-    if scene.mesh or scene.tetrahedra:
-        return mesh_normals(position, triangles_of(scene))
-    return vertex_normals(position, scene.grid.rows, scene.grid.columns)

@@ -11,9 +11,9 @@ from softlab.model.assets.clusters import Clusters
 from softlab.model.assets.lattice import LatticeCopies
 from softlab.model.core.sharing.bodies import Apart, require_apart
 from softlab.model.geometry.lists import offsets_of, ranges
+from softlab.model.particles.body_set import BodySet, Copy
+from softlab.model.particles.links import Links
 from softlab.model.scene.scene import Scene
-from softlab.model.shape_matching.body_set import BodySet, Copy
-from softlab.model.shape_matching.links import Links
 
 
 def bodies_apart(scene: Scene) -> Apart:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from softlab.model.core.errors import InputError
+from softlab.model.base.errors import InputError
 from softlab.model.core.family import Output, StateArray, on_host
 from softlab.model.geometry.arithmetic.ordered import determinant, dot
 from softlab.model.scene.scene import Scene

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from softlab.model.particles.tetrahedra_set import TetrahedraSet
 from softlab.model.tetrahedra.block_rows import BlockRows
-from softlab.model.tetrahedra.body_set import TetrahedraSet
 
 FEWEST = 10  # particles of a group: enough for six rigid motions, and still a coarser mesh
 MOST = 48  # groups of a body: 288 unknowns, whose factorisation takes less than a tenth of a solve

@@ -7,12 +7,12 @@ from typing import NoReturn
 
 import numpy as np
 
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.core.sharing.bodies import Apart, require_apart
-from softlab.model.scene.attachment import pins
+from softlab.model.particles.tetrahedra.topology import bodies_of_particles
+from softlab.model.particles.tetrahedra_set import TetrahedraSet
 from softlab.model.scene.scene import Scene
-from softlab.model.tetrahedra.body_set import TetrahedraSet
-from softlab.model.tetrahedra.topology import bodies_of_particles
+from softlab.model.tables.attachment import pins
 
 
 def tetrahedra_apart(scene: Scene) -> Apart:

@@ -8,19 +8,19 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from softlab.model.core.constraints import ConstraintSet, Projection
+from softlab.model.contact.attachments import attachment_parts, attachment_projections, attachment_sets
 from softlab.model.core.plan import Node, Plan, Stage
 from softlab.model.formulas.constraints import attachment, tetrahedron, voxel_volume
 from softlab.model.formulas.elastic import sleep
 from softlab.model.geometry.colouring import colour
+from softlab.model.particles.constraints import ConstraintSet, Projection
+from softlab.model.particles.tetrahedra_set import TetrahedraSet
+from softlab.model.position_based import mesh_constraints as of_cloths
+from softlab.model.position_based.mesh_plan import BODY_DAMPING, constrained_plan, model_parts, with_friction_in_place
+from softlab.model.position_based.plan import xpbd_parts
 from softlab.model.scene.scene import Scene
-from softlab.model.tetrahedra.attachments import attachment_parts, attachment_projections, attachment_sets
-from softlab.model.tetrahedra.body_set import TetrahedraSet
 from softlab.model.tetrahedra.material import constraint_values, material_of, voxel_values
 from softlab.model.tetrahedra.voxel_order import voxel_order
-from softlab.model.xpbd import mesh_constraints as of_cloths
-from softlab.model.xpbd.mesh_plan import BODY_DAMPING, constrained_plan, model_parts, with_friction_in_place
-from softlab.model.xpbd.plan import xpbd_parts
 
 CONSTANTS = ("elastic_compliance", "elastic_damping", "elastic_stiffening")  # of the record: m / h^2, 1 / h, 1
 SLEEPING, SLEEP = "sleeping-vertices", "keep places"  # a part of a plan, a stage
@@ -37,7 +37,7 @@ _known: WeakKeyDictionary[TetrahedraSet, Sets] = WeakKeyDictionary()  # cached, 
 
 
 def tetrahedra_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset[str]:
-    """Return the parts that need code: a sheet's (model/xpbd/plan.py), the materials, dampers, blocks, kept
+    """Return the parts that need code: a sheet's (model/position_based/plan.py), the materials, dampers, blocks, kept
     multipliers, a cloth's models.
 
     Every mass has its own weight (`load`).
@@ -195,7 +195,7 @@ def operations_of(projection: Projection) -> int:
 
 
 def tetrahedra_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
-    """Return the plan: substeps and iterations as in model/xpbd/plan.py; an iteration has the tetrahedra of each
+    """Return the plan: substeps and iterations as in model/position_based/plan.py; an iteration has the tetrahedra of each
     material, colour by colour."""
     sets = constraint_sets(scene)
     kinds = {SHAPES, *KINDS.values()}

@@ -11,14 +11,14 @@ from softlab.model.core.plan import Node, Plan, Stage
 from softlab.model.formulas.constraints.tetrahedron import MATERIALS
 from softlab.model.formulas.elastic import chebyshev, descent
 from softlab.model.geometry.lists import grouped, offsets_of
-from softlab.model.scene.cloth import COLLIDER_KINDS
+from softlab.model.particles.tetrahedra.topology import neighbours
+from softlab.model.particles.tetrahedra_set import TetrahedraSet
+from softlab.model.position_based.mesh_plan import PROJECT_CONTACTS, constrained_plan
 from softlab.model.scene.scene import Scene
-from softlab.model.tetrahedra.body_set import TetrahedraSet
+from softlab.model.tables.cloth import COLLIDER_KINDS
 from softlab.model.tetrahedra.constraints import DAMPED, tetrahedra_parts
 from softlab.model.tetrahedra.material import material_of, stiffnesses
 from softlab.model.tetrahedra.springs import PARTS, held_bodies, springs
-from softlab.model.tetrahedra.topology import neighbours
-from softlab.model.xpbd.mesh_plan import PROJECT_CONTACTS, constrained_plan
 
 CORNERS = 4
 CHEBYSHEV, ACCELERATE = "chebyshev", "accelerate"  # a part of a plan, a stage
@@ -160,7 +160,7 @@ def stage_name(work: str, material: str, colour: int | None = None) -> str:
 
 
 def vbd_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
-    """Return the plan: substeps and iterations as in model/xpbd/plan.py.
+    """Return the plan: substeps and iterations as in model/position_based/plan.py.
 
     A substep has the prediction, the initial strains for dampers and the starting points of vertices; an iteration the
     vertices of each material, colour by colour.

@@ -6,21 +6,21 @@ from typing import Any
 
 import numpy as np
 
+from softlab.model.base.clock import START, Clock
+from softlab.model.contact.attachments import KIND, stored
 from softlab.model.contact.substep_parameters import XPBD_FIELDS, xpbd_values
-from softlab.model.core.clock import START, Clock
 from softlab.model.core.family import Arrays, SolverFamily
 from softlab.model.core.parameters import rounded_record
 from softlab.model.core.stability.projection import projection_limit, projection_note
 from softlab.model.geometry.measures import edge_lengths
-from softlab.model.scene.cloth import COLLIDER_KINDS, CONSTRAINT_KINDS
-from softlab.model.scene.motion import RELEASE
+from softlab.model.position_based.mesh_constraints import mesh_energy
 from softlab.model.scene.scene import Scene
+from softlab.model.tables.cloth import COLLIDER_KINDS, CONSTRAINT_KINDS
+from softlab.model.tables.motion import RELEASE
 from softlab.model.tetrahedra.apart import tetrahedra_apart
-from softlab.model.tetrahedra.attachments import KIND, stored
 from softlab.model.tetrahedra.constraints import CONSTANTS, constraint_sets, tetrahedra_plan, through_note
 from softlab.model.tetrahedra.material import energies
 from softlab.model.tetrahedra.partitions import tetrahedra_partitions
-from softlab.model.xpbd.mesh_constraints import mesh_energy
 
 
 def tetrahedra_record(
@@ -78,6 +78,7 @@ TETRAHEDRA = SolverFamily(
     solvers={backend: f"softlab.{backend}_backend.tetrahedra.solver:Tetrahedra" for backend in ("cpu", "gpu")},
     passes={"cpu": "softlab.app.plan.mesh:mesh_on_cpu", "gpu": "softlab.app.plan.mesh:tetrahedra_on_gpu"},
     reference="softlab.bench.reference.tetrahedra",
+    presentation="softlab.app.families.tetrahedra:TETRAHEDRA",
     apart=tetrahedra_apart,
     partitions=tetrahedra_partitions,
     unknown="tetrahedra have no converged reference; softlab tetrahedra measures how far a bar is from rest",

@@ -18,7 +18,7 @@ import numpy as np
 from softlab.model.formulas.constraints.tetrahedron import COUNT, MATERIALS
 from softlab.model.formulas.constraints.voxel_volume import COUNT as VOXEL_COUNT
 from softlab.model.geometry.arithmetic.ordered import norm
-from softlab.model.tetrahedra.body_set import TetrahedraSet
+from softlab.model.particles.tetrahedra_set import TetrahedraSet
 
 LEAST_RATIO = 0.05  # of volumes: smallest divisor of a stress, which would be unbounded at 0
 LEAST_PRESSURE = 1e-12  # of the stiffness against shape changes: a Poisson ratio of 0 would need an infinite compliance

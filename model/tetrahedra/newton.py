@@ -16,9 +16,9 @@ from typing import Any
 
 import numpy as np
 
+from softlab.model.base.clock import START, Clock
+from softlab.model.base.errors import SceneError
 from softlab.model.contact.substep_parameters import XPBD_FIELDS, xpbd_values
-from softlab.model.core.clock import START, Clock
-from softlab.model.core.errors import SceneError
 from softlab.model.core.own_forces import own_forces
 from softlab.model.core.parameters import rounded_record
 from softlab.model.core.plan import Node, Plan, Stage
@@ -27,14 +27,14 @@ from softlab.model.formulas import colliders, distance
 from softlab.model.formulas.constraints.tetrahedron import MATERIALS
 from softlab.model.formulas.elastic import deformation, stages, tangent
 from softlab.model.geometry.arithmetic.ordered import total
+from softlab.model.particles.tetrahedra_set import TetrahedraSet
+from softlab.model.position_based.mesh_plan import PINS, with_friction_in_place
 from softlab.model.scene.checks.tetrahedra import NOT_SMOOTH
 from softlab.model.scene.scene import Scene
 from softlab.model.tetrahedra.apart import none_apart
-from softlab.model.tetrahedra.body_set import TetrahedraSet
 from softlab.model.tetrahedra.constraints import tetrahedra_parts, through_note
 from softlab.model.tetrahedra.family import TETRAHEDRA
 from softlab.model.tetrahedra.material import rest_ratio
-from softlab.model.xpbd.mesh_plan import PINS, with_friction_in_place
 
 CONSTANTS = ("newton_inertia", "newton_rate")  # of the record: the mean mass over h^2 [kg/s^2], 1 / h [1/s]
 VALUES = 14  # of a tetrahedron: 9 of B [1/m], V [m^3], mu, lambda [Pa], alpha of the neo-Hookean material, tau [s]

@@ -13,11 +13,11 @@ from collections.abc import Callable
 import numpy as np
 
 from softlab.model.core.sharing.partitions import SharedMesh, Window
+from softlab.model.particles.tetrahedra.topology import bodies_of_particles, neighbours
+from softlab.model.particles.tetrahedra_set import TetrahedraSet
 from softlab.model.scene.scene import Scene
 from softlab.model.tetrahedra.apart import some_tetrahedra, tetrahedra_apart
-from softlab.model.tetrahedra.body_set import TetrahedraSet
 from softlab.model.tetrahedra.constraints import SLEEPING, constraint_sets, tetrahedra_of_sets, tetrahedra_parts
-from softlab.model.tetrahedra.topology import bodies_of_particles, neighbours
 
 ALIKE = 1e-6  # of a mean edge: vertices this near to each other along a body are in one layer
 

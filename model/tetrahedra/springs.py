@@ -10,13 +10,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from softlab.model.contact.attachments import attachment_sets, part_of
 from softlab.model.formulas.elastic.spring import AT_POINT, AT_STIFFNESS, CORNERS, COUNT
 from softlab.model.geometry.arithmetic.ordered import total
 from softlab.model.geometry.lists import grouped
-from softlab.model.tetrahedra.attachments import attachment_sets, part_of
-from softlab.model.tetrahedra.body_set import TetrahedraSet
+from softlab.model.particles.tetrahedra.topology import bodies_of_particles
+from softlab.model.particles.tetrahedra_set import TetrahedraSet
 from softlab.model.tetrahedra.newton import holding
-from softlab.model.tetrahedra.topology import bodies_of_particles
 
 HARD = {"vbd": 10.0, "newton": 100.0}  # by solver
 PARTS = frozenset({part_of("world"), part_of("bodies")})  # parts of a plan with springs

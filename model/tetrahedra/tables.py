@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from softlab.model.tetrahedra.body_set import TetrahedraSet
+from softlab.model.particles.tetrahedra_set import TetrahedraSet
 
 
 def surface_lists(found: TetrahedraSet, wanted: bool = True) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

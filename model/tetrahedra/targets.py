@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from softlab.model.base.errors import SceneError
 from softlab.model.contact.cloth_parameters import (
     M_DURATION,
     M_START,
@@ -26,7 +27,6 @@ from softlab.model.contact.cloth_parameters import (
     pin_rows,
 )
 from softlab.model.core.build import Body
-from softlab.model.core.errors import SceneError
 from softlab.model.core.simulation import Simulation
 from softlab.model.core.state import State
 from softlab.model.scene.scene import Scene

@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
+from softlab.model.base.clock import START, Clock
 from softlab.model.contact.substep_parameters import XPBD_FIELDS, xpbd_values
-from softlab.model.core.clock import START, Clock
 from softlab.model.core.parameters import rounded_record
 from softlab.model.core.stability.projection import with_limit
 from softlab.model.scene.scene import Scene

@@ -12,9 +12,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from softlab.model.core.errors import InputError
+from softlab.model.base.errors import InputError
 from softlab.model.geometry.lists import offsets_of
-from softlab.model.tetrahedra.body_set import TetrahedraSet
+from softlab.model.particles.tetrahedra_set import TetrahedraSet
 
 REMEDY = "its file is no good; cook it again"
 FIVE = 5  # of a voxel; the large one, which touches all others, comes first in a mesh

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from softlab.model.core.clock import START, Clock
-from softlab.model.core.family import Arrays, SolverFamily, of_springs
+from softlab.model.base.clock import START, Clock
+from softlab.model.core.family import Arrays, SolverFamily, contacts_lost, of_springs
 from softlab.model.core.parameters import rounded_record
 from softlab.model.core.plan import Plan
 from softlab.model.fluid.family import FLUID, fluid_note
@@ -80,6 +80,16 @@ def _strain(scene: Scene, position: np.ndarray, kind: str, arrays: Arrays) -> np
     return np.concatenate(found)
 
 
+def _lost(simulation: Any) -> dict[str, int]:
+    """Return the sums over contacts between members and those of each member."""
+    found = contacts_lost(simulation)
+    members = _members(simulation.scene)
+    for name, member in getattr(simulation, "members", {}).items():
+        for what, count in members[name][0].lost(member).items():
+            found[what] = found.get(what, 0) + count
+    return found
+
+
 WORLD = SolverFamily(
     name="world",
     knows=frozenset[str]().union(
@@ -97,6 +107,8 @@ WORLD = SolverFamily(
     solvers={"cpu": "softlab.cpu_backend.world.solver:World", "gpu": "softlab.gpu_backend.world.solver:World"},
     passes={"cpu": "softlab.app.plan.world:world_on_cpu", "gpu": "softlab.app.plan.world:world_on_gpu"},
     reference="softlab.bench.reference.world",
+    presentation="softlab.app.families.world:WORLD",
+    lost=_lost,
     outputs=lambda scene: of_bodies(scene) if scene.bodies else of_springs(scene),
     unknown="a world of several families has no converged reference",
 )

@@ -24,9 +24,8 @@ from softlab.model.contact.surface_parameters import (
 )
 from softlab.model.core.build import rest_positions
 from softlab.model.geometry.lists import Lists
+from softlab.model.particles.world_set import WorldSet
 from softlab.model.scene.scene import Scene
-from softlab.model.scene.sheets import triangles_of
-from softlab.model.world.world_set import WorldSet
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +70,7 @@ def _of_member(name: str, scene: Scene) -> CrossSurface | None:
         count = scene.grid.particle_count
         position, none = rest_positions(scene.grid), np.zeros(count, bool)
         body = np.zeros(count, np.int32)
-        surface = surface_of(triangles_of(scene).astype(np.int32), position, body, np.ones(1, bool), none)
+        surface = surface_of(scene.grid.triangles().astype(np.int32), position, body, np.ones(1, bool), none)
     else:
         return None
     return _compact(surface)

@@ -12,8 +12,8 @@ from dataclasses import replace
 
 from softlab.model.core.plan import Node, Plan, Stage
 from softlab.model.formulas import contact
+from softlab.model.position_based.plan import LOOKED_AT
 from softlab.model.scene.scene import Scene
-from softlab.model.xpbd.plan import LOOKED_AT
 
 BEGIN, TAKE, GIVE = (
     "take predictions",

@@ -8,8 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from softlab.model.core.clock import Clock
-from softlab.model.core.errors import InputError
+from softlab.model.base.clock import Clock
+from softlab.model.base.errors import InputError
 from softlab.model.core.family import StateArray
 from softlab.model.core.plan import StageRun
 from softlab.model.core.simulation import Options, Simulation

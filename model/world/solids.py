@@ -10,7 +10,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from scipy.spatial import cKDTree
 
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.fluid.samples import (
     CLOSE,
     LEAST,
@@ -23,8 +23,8 @@ from softlab.model.fluid.samples import (
 )
 from softlab.model.geometry.arithmetic.ordered import applied, combined, inverse, norm
 from softlab.model.geometry.topology import mesh_of
+from softlab.model.particles.world_set import WorldSet
 from softlab.model.scene.scene import Scene
-from softlab.model.world.world_set import WorldSet
 
 COARSEST = 1.25  # rest distances between particles of a body, at most: with more, a fluid flows through between them
 THIN = 2.0  # factor of the volumes of a cloth's samples: nothing behind it stops water

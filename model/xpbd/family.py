@@ -11,11 +11,11 @@ from softlab.model.core.family import ANY_SHEET, Arrays, SolverFamily
 from softlab.model.core.sharing.decomposition import Reach, require_local
 from softlab.model.core.stability.projection import projection_limit, projection_note
 from softlab.model.core.stability.springs import sheet_spring_count, sheet_strain, stored_in_springs
-from softlab.model.scene.cloth import COLLIDER_KINDS, CONSTRAINT_KINDS, SPRING_KINDS
+from softlab.model.position_based.mesh_constraints import constraint_sets, edge_strain, mesh_energy
+from softlab.model.position_based.mesh_plan import xpbd_mesh_plan
+from softlab.model.position_based.plan import xpbd_parts, xpbd_plan
 from softlab.model.scene.scene import Scene
-from softlab.model.xpbd.mesh_constraints import constraint_sets, edge_strain, mesh_energy
-from softlab.model.xpbd.mesh_plan import xpbd_mesh_plan
-from softlab.model.xpbd.plan import xpbd_parts, xpbd_plan
+from softlab.model.tables.cloth import COLLIDER_KINDS, CONSTRAINT_KINDS, SPRING_KINDS
 from softlab.model.xpbd.reach import period, substep_rows
 
 
@@ -73,7 +73,7 @@ MESH = replace(
     stored=_stored_in_mesh,
     strain=lambda scene, position, kind, arrays: edge_strain(scene, position, kind),
     spring_count=lambda scene: sum(len(found.corners) for found in constraint_sets(scene)),
-    solvers={backend: f"softlab.{backend}_backend.xpbd.mesh:MeshPositionBased" for backend in ("cpu", "gpu")},
+    solvers={backend: f"softlab.{backend}_backend.position_based.mesh:MeshPositionBased" for backend in ("cpu", "gpu")},
     passes={"cpu": "softlab.app.plan.mesh:mesh_on_cpu", "gpu": "softlab.app.plan.mesh:mesh_on_gpu"},
     reference="softlab.bench.reference.xpbd_mesh",
     reach=None,

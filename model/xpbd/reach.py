@@ -10,7 +10,7 @@ from __future__ import annotations
 from functools import cache
 from itertools import pairwise
 
-from softlab.model.xpbd.plan import Family, colour_order, families
+from softlab.model.position_based.plan import Family, colour_order, families
 
 PERIOD = 4  # colours repeat after this number of masses along either axis
 

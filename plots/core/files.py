@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from softlab.model.core.files import replacing
+from softlab.model.base.files import replacing
 from softlab.plots.core import kept
 from softlab.plots.core.style import FOOTER_SIZE, Drawing
 

@@ -17,10 +17,10 @@ from typing import Any
 
 import numpy as np
 
-from softlab.model.core.digest import source_digest
-from softlab.model.core.disk_cache import user_cache
-from softlab.model.core.errors import InputError
-from softlab.model.core.files import replacing
+from softlab.model.base.digest import source_digest
+from softlab.model.base.disk_cache import user_cache
+from softlab.model.base.errors import InputError
+from softlab.model.base.files import replacing
 
 MAX_FILES = 400  # six sets of figures; the least recently used ones are removed
 

@@ -12,9 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
+from softlab.model.base.errors import InputError, SceneError
+from softlab.model.base.files import read_archive
 from softlab.model.core.energy import energies, keeps
-from softlab.model.core.errors import InputError, SceneError
-from softlab.model.core.files import read_archive
 from softlab.model.scene.scene import Scene
 from softlab.plots.core.colours import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE
 from softlab.plots.core.files import save

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from softlab.bench.store.results import Timing
-from softlab.model.core.errors import SoftlabError
+from softlab.model.base.errors import SoftlabError
 from softlab.model.core.families import scene_plan
 from softlab.model.scene.scene import Scene
 from softlab.plots.core.backends import sources_of

@@ -16,7 +16,7 @@ from softlab.app.render import colours
 from softlab.app.render.collider_shapes import grounds, shadow_matrix
 from softlab.app.render.particle_colours import COLOURINGS, cluster_colours, nearest_clusters, particle_colours
 from softlab.app.render.scenery import KEY
-from softlab.model.core.errors import InputError
+from softlab.model.base.errors import InputError
 from softlab.model.scene.scene import Scene
 
 SCENE = beams_and_torus()

@@ -16,7 +16,7 @@ from softlab.app.output import bar
 from softlab.app.output.offscreen import OffscreenRenderer
 from softlab.app.output.video import Picture
 from softlab.app.render.views import camera_of
-from softlab.model.core.errors import InputError, SceneError
+from softlab.model.base.errors import InputError, SceneError
 from softlab.model.scene.scene import Scene, load_scene
 
 FALLING = SCENE.replace({"grid.pinned": "none", "method.dt": 0.01})

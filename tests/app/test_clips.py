@@ -14,8 +14,8 @@ from softlab.app.driver import open_simulation
 from softlab.app.output.offscreen import render_frame
 from softlab.app.output.pictures import write_png
 from softlab.app.output.video import Picture, VideoWriter, ffmpeg_path, reason, render, render_clip, true_rate
-from softlab.model.core.errors import BackendUnavailable, Diverged, InputError
-from softlab.model.core.files import replacing
+from softlab.model.base.errors import BackendUnavailable, Diverged, InputError
+from softlab.model.base.files import replacing
 
 
 def test_a_frame_becomes_a_png_and_nothing_else(tmp_path: Path) -> None:

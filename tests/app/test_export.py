@@ -19,10 +19,9 @@ from softlab.app.output.export import Exporter, check_export, linear, write_piec
 from softlab.app.output.pieces import collider_pieces, pieces_of, skinned
 from softlab.app.render import colours
 from softlab.app.render.bodies.skinning import ClusterFrames
+from softlab.model.base.errors import InputError
 from softlab.model.core.build import rest_positions
-from softlab.model.core.errors import InputError
 from softlab.model.scene.scene import Scene
-from softlab.model.scene.sheets import scene_normals
 
 BALL = {"kind": "sphere", "center": [0.0, 0.2, 0.0], "radius": 0.2, "velocity": [0.5, 0.0, 0.0]}
 SCENE = beams_and_torus(**PLANE, ball=BALL)
@@ -146,7 +145,7 @@ def test_a_cloth_is_its_triangles(tmp_path: Path) -> None:
     mesh = read(write_pieces(tmp_path / "cloth.ply", pieces_of(CLOTH, position)))
     assert len(mesh.faces) == 2 * 4 * 3
     np.testing.assert_allclose(mesh.vertices, position, atol=ROUNDING)
-    np.testing.assert_allclose(mesh.vertex_normals, scene_normals(CLOTH, position), atol=ROUNDING)
+    np.testing.assert_allclose(mesh.vertex_normals, CLOTH.grid.normals(position), atol=ROUNDING)
 
 
 def test_a_grid_is_lines_in_a_glb_and_points_in_a_ply(tmp_path: Path) -> None:

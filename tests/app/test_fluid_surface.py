@@ -17,7 +17,7 @@ from softlab.app.render.fluid.surface import FILTERS, STEPS, FluidSurface
 from softlab.app.render.opengl import open_window
 from softlab.app.render.smooth_target import SmoothTarget
 from softlab.app.render.vertex_arrays import static_buffer
-from softlab.model.core.errors import InputError
+from softlab.model.base.errors import InputError
 from softlab.model.geometry.anisotropy import FLATTEST, ellipsoids
 
 SIDE = 320  # pixels

@@ -17,11 +17,11 @@ from softlab.app.render.framing import seen_points
 from softlab.app.render.particle_colours import of_numbers
 from softlab.app.render.views import check_view_options
 from softlab.app.window.keys import FLUID_KEYS, keys_text
-from softlab.model.core.errors import InputError
+from softlab.model.base.errors import InputError
 from softlab.model.fluid.foam import FOAM, FoamPoints
 from softlab.model.fluid.measure import density_errors
-from softlab.model.scene.fluid import Foam
 from softlab.model.scene.scene import Scene
+from softlab.model.tables.fluid import Foam
 
 pytestmark = pytest.mark.usefixtures("drawing")
 METHOD = {"solver": "pbf", "dt": 0.01, "substeps": 2, "iterations": 2}

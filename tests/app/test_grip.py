@@ -13,7 +13,7 @@ from fake_cloth import FakeCloth
 from softlab.app.window.demo import Demo
 from softlab.app.window.live import live_parts
 from softlab.app.window.mouse_constraint import CALMING, GIVE, HAND, SLOWING, STEADY, MouseConstraint
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.core.simulation import Options
 from softlab.model.scene.scene import Scene
 from softlab.model.shape_matching.cluster_tables import matching_factors

@@ -12,8 +12,8 @@ import pytest
 
 from softlab.app.output.offscreen import OffscreenRenderer, opengl_available
 from softlab.app.render import colours, opengl
+from softlab.model.base.errors import BackendUnavailable, InputError
 from softlab.model.core.build import rest_positions
-from softlab.model.core.errors import BackendUnavailable, InputError
 from softlab.model.scene.scene import Scene
 
 SCENE = Scene({"grid": {"rows": 9, "columns": 9, "pinned": "top-corners"}, "springs": {}, "gravity": {}})
@@ -187,7 +187,7 @@ class Missing(importlib.abc.MetaPathFinder):
             raise ImportError({words!r})
 sys.meta_path.insert(0, Missing())
 from softlab.app.output.offscreen import OffscreenRenderer
-from softlab.model.core.errors import BackendUnavailable
+from softlab.model.base.errors import BackendUnavailable
 from softlab.model.scene.scene import Scene
 said = []
 for _ in range(2):

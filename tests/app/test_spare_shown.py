@@ -16,7 +16,7 @@ from fake_cloth import FakeCloth, open_fake
 from real_window import StillWindow, display, needs_display  # noqa: F401
 from test_view3d import drawing, looks_like, near  # noqa: F401  # a fixture among them
 
-from softlab.app.command.run_parts import bodies_report
+from softlab.app.families.bodies import bodies_report
 from softlab.app.output.export import Exporter, check_export
 from softlab.app.output.offscreen import OffscreenRenderer, render_frame
 from softlab.app.output.pieces import pieces_of
@@ -27,8 +27,8 @@ from softlab.app.window.demo import Demo
 from softlab.app.window.demo_report import demo_state, masses_text
 from softlab.app.window.mouse import Mouse
 from softlab.model.core.energy import energies
+from softlab.model.core.spare import Counts, absent, counts, present
 from softlab.model.scene.scene import Scene, load_scene
-from softlab.model.shape_matching.spare import Counts, absent, counts, present
 
 SPARE = beams_and_torus(torus=TORUS | {"spare": 2})
 ALONE = beams_and_torus()

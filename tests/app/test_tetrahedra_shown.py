@@ -18,9 +18,9 @@ from softlab.app.render.tetrahedra_view import COLOURINGS, outer_faces
 from softlab.app.window.demo import Demo
 from softlab.app.window.keys import SPACE_KEYS, TETRAHEDRA_KEYS, keys_text
 from softlab.app.window.materials import FIRST_DAMPING, material_changes, material_text
-from softlab.model.core.errors import InputError
+from softlab.model.base.errors import InputError
 from softlab.model.scene.scene import Scene
-from softlab.model.scene.tetrahedra import LARGEST_RATIO
+from softlab.model.tables.tetrahedra import LARGEST_RATIO
 from softlab.model.tetrahedra.material import at_particles, largest_strain, von_mises
 
 BODY = {"kind": "tetrahedral_body", "shape": {"name": "box", "sides": [0.2, 0.1, 0.1]}, "edge": 0.1, "poisson_ratio": 0.3,

@@ -17,8 +17,8 @@ from softlab.app.render import colours
 from softlab.app.render.collider_shapes import grounds, shadow_matrix
 from softlab.app.render.scenery import KEY
 from softlab.app.render.sheet_view import heavy_masses
+from softlab.model.base.errors import InputError
 from softlab.model.core.build import rest_positions
-from softlab.model.core.errors import InputError
 from softlab.model.scene.scene import Scene, load_scene
 
 HANGING: dict[str, Any] = {

@@ -14,7 +14,7 @@ from softlab.app.driver import open_simulation
 from softlab.app.render.camera import Camera2D, finite_bounds, pick
 from softlab.app.render.colours import STOPS, strain_colours, strain_range
 from softlab.app.window.demo import Demo
-from softlab.model.core.errors import BackendUnavailable
+from softlab.model.base.errors import BackendUnavailable
 from softlab.model.scene.scene import Scene
 
 GRID = {"rows": 8, "columns": 8, "pinned": "top-corners"}

@@ -180,7 +180,7 @@ def test_window_closes_on_escape(display: str, tmp_path: Path) -> None:  # noqa:
 def test_no_display_is_an_error_with_a_remedy() -> None:
     code = (
         "from softlab.app.window.viewer import run_demo\nfrom softlab.model.scene.scene import load_scene\n"
-        "from softlab.model.core.errors import BackendUnavailable\n"
+        "from softlab.model.base.errors import BackendUnavailable\n"
         "try: run_demo(load_scene('lab-grid'), frames=1)\n"
         "except BackendUnavailable as error: print(error)"
     )

@@ -13,8 +13,8 @@ from softlab.model.assets import cooked as room
 from softlab.model.assets import tetrahedral_body
 from softlab.model.assets.cooked import cooked, load, save
 from softlab.model.assets.tetrahedral_body import CookedBody
-from softlab.model.core.errors import InputError, SceneError
-from softlab.model.core.waiting import waiting_watched
+from softlab.model.base.errors import InputError, SceneError
+from softlab.model.base.waiting import waiting_watched
 from softlab.model.geometry.shapes import Shape
 from softlab.model.geometry.tetrahedra.files import write_arrays
 from softlab.model.geometry.tetrahedra.mesh import TetrahedralMesh

@@ -20,7 +20,7 @@ from softlab.model.assets.clustering import (
     undetermined,
 )
 from softlab.model.assets.soft_body import DENSITY, RigidBody, SoftBody
-from softlab.model.core.errors import SceneError, SoftlabError
+from softlab.model.base.errors import SceneError, SoftlabError
 from softlab.model.geometry.shapes import Shape
 from softlab.model.geometry.solid import solid
 

@@ -61,7 +61,7 @@ from softlab.bench.experiments.body_laws import (
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import measures
 from softlab.model.assets.clusters import matching_share
-from softlab.model.core.errors import Diverged
+from softlab.model.base.errors import Diverged
 
 FEW = 8  # links
 

@@ -16,7 +16,7 @@ from softlab.bench.experiments.stability.experiment import QUICK, cases
 from softlab.bench.measure import compile_ahead as ahead
 from softlab.bench.measure.experiment import Summary, resume
 from softlab.bench.store.database import Store
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.scene.scene import Scene, load_scene
 
 

@@ -32,7 +32,7 @@ from softlab.bench.measure.timing import Sample, Subject
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import measures
 from softlab.labbook.claims.costs import CLAIMS
-from softlab.model.core.errors import SceneError, SoftlabError
+from softlab.model.base.errors import SceneError, SoftlabError
 from softlab.model.core.simulation import State
 from softlab.model.core.stability import divergence
 from softlab.model.core.stability.divergence import check_interval

@@ -16,8 +16,8 @@ from softlab.bench.experiments.growth import LOOKS, Growth, disturbance, growth_
 from softlab.bench.reference.cache import Converged
 from softlab.bench.reference.mass_spring import start
 from softlab.bench.store.results import Measure, configuration
+from softlab.model.base.errors import Diverged
 from softlab.model.core.build import build
-from softlab.model.core.errors import Diverged
 from softlab.model.core.families import stability_limit
 from softlab.model.core.simulation import State
 from softlab.model.scene.scene import Scene, load_scene

@@ -19,7 +19,7 @@ from softlab.bench.measure.tables import print_fastest, print_kernels
 from softlab.bench.measure.timing import Subject
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import measures, timings
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.scene.scene import load_scene
 
 RECORD: dict[str, Any] = {"cpu": "Some CPU", "cores": 2, "arithmetic": {}, "region_policies": {}}

@@ -16,8 +16,8 @@ from softlab.bench.peers.registry import OURS, PEERS
 from softlab.bench.peers.scenes import SCENES
 from softlab.bench.peers.warp_grid import WarpGrid
 from softlab.bench.reference.mass_spring import simulate
+from softlab.model.base.errors import SceneError
 from softlab.model.core.build import build
-from softlab.model.core.errors import SceneError
 from softlab.model.scene.scene import load_scene
 
 STEPS = 60

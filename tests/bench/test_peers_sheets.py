@@ -18,7 +18,7 @@ from softlab.bench.peers.warp_cloth import WarpCloth
 from softlab.bench.peers.warp_xpbd import WarpXpbd
 from softlab.bench.reference import xpbd
 from softlab.bench.reference.mass_spring import simulate
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.scene.scene import Scene, load_scene
 
 STEPS = 60

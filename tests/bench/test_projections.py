@@ -27,8 +27,8 @@ from softlab.bench.store.database import Store
 from softlab.bench.store.published import PUBLISHED
 from softlab.bench.store.results import measures
 from softlab.labbook.claims.cloth import CLAIMS
-from softlab.model.core.errors import SceneError
-from softlab.model.xpbd.plan import constraint_count
+from softlab.model.base.errors import SceneError
+from softlab.model.position_based.plan import constraint_count
 from softlab.plots.core.read import load
 from softlab.plots.core.style import settings
 from softlab.plots.figures import projections

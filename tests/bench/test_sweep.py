@@ -18,7 +18,7 @@ from softlab.bench.experiments.sweep import backends_here, run_sweep, shapes, so
 from softlab.bench.measure import experiment
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import measures, timings
-from softlab.model.core.errors import InputError, SceneError
+from softlab.model.base.errors import InputError, SceneError
 
 RECORD: dict[str, Any] = {"cpu": "Some CPU", "cores": 2}
 SMALL: dict[str, Any] = {

@@ -27,7 +27,7 @@ from softlab.bench.measure.case_timing import make_case
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import measures
 from softlab.labbook.claims.throughput import CLAIMS
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.plots.core.read import load
 from softlab.plots.core.style import settings
 from softlab.plots.figures import throughput as figure

@@ -22,7 +22,7 @@ from softlab.bench.cluster.worker import code_digests, main
 from softlab.bench.measure.experiment import Summary, Tell, backends_here, resume
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import configuration
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.scene.scene import load_scene
 
 SOURCES, REPEATS = "s", 3

@@ -22,7 +22,7 @@ from softlab.bench.cluster import dask_pool
 from softlab.bench.cluster.pools import Where, where_of
 from softlab.bench.cluster.start import FOLDER, on_cluster, pool_of
 from softlab.bench.store.database import Store
-from softlab.model.core.errors import BackendUnavailable, SceneError
+from softlab.model.base.errors import BackendUnavailable, SceneError
 
 ROOT = Path(__file__).parents[2]
 GROUPS = [[2], [3], [4]]

@@ -23,7 +23,7 @@ from softlab.bench.cluster.pools import Where
 from softlab.bench.cluster.start import FOLDER, on_cluster
 from softlab.bench.cluster.summary import ClusterSummary
 from softlab.bench.store.database import Store
-from softlab.model.core.errors import BackendUnavailable, InputError
+from softlab.model.base.errors import BackendUnavailable, InputError
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="workers are forked here")
 

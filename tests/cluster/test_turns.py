@@ -10,7 +10,7 @@ import pytest
 
 from softlab.bench.cluster import turns
 from softlab.bench.cluster.turns import Turn, locked, try_lock
-from softlab.model.core.errors import InputError
+from softlab.model.base.errors import InputError
 
 HOLD = """
 import sys

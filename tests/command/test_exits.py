@@ -15,7 +15,7 @@ import pytest
 from softlab import cli
 from softlab.bench.experiments.advise.advice import Advice
 from softlab.bench.stress.results import HardRow, HardSummary
-from softlab.model.core.errors import BackendUnavailable, Diverged, Incomplete, InputError, SceneError
+from softlab.model.base.errors import BackendUnavailable, Diverged, Incomplete, InputError, SceneError
 from softlab.model.scene.scene import load_scene
 
 SCENE = load_scene("lab-grid")

@@ -22,8 +22,8 @@ from softlab.app.window.demo_report import numbers_text
 from softlab.bench.experiments.throughput import RATES, heap, points
 from softlab.bench.measure.timing import Neighbours, Subject, incomplete
 from softlab.bench.store.marks import is_wrong
+from softlab.model.base.errors import Diverged
 from softlab.model.contact.shortfalls import FAULTS, Elements, can_fall_short, caught_in, inverted
-from softlab.model.core.errors import Diverged
 from softlab.model.core.simulation import State
 from softlab.model.core.stepping import lost
 from softlab.model.scene.scene import Scene, load_scene

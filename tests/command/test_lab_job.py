@@ -14,8 +14,8 @@ from rich.console import Console
 from softlab.bench.measure import progress
 from softlab.bench.measure.progress import Whole, keep_seconds, last_seconds, progress_bar
 from softlab.labbook import jobs
-from softlab.model.core import kernel_cache
-from softlab.model.core.errors import BackendUnavailable, InputError
+from softlab.model.base import kernel_cache
+from softlab.model.base.errors import BackendUnavailable, InputError
 
 RUNS = {
     "softlab.bench.experiments.sweep.run_sweep": "sweep",

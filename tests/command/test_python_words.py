@@ -9,7 +9,7 @@ import pytest
 
 from softlab import cli
 from softlab.app.driver import open_simulation
-from softlab.model.core.errors import SceneError, SoftlabError, in_python, on_command_line
+from softlab.model.base.errors import SceneError, SoftlabError, in_python, on_command_line
 
 
 @pytest.mark.parametrize(

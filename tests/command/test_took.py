@@ -11,7 +11,7 @@ from softlab.app.command.command_line import StorePath
 from softlab.bench.measure import took
 from softlab.bench.measure.took import Timed, keep_time, look
 from softlab.bench.store.database import Store
-from softlab.model.core.errors import InputError
+from softlab.model.base.errors import InputError
 
 
 @pytest.fixture(autouse=True)

@@ -14,7 +14,7 @@ from rich.progress import Progress
 from softlab.app.command import run, waiting
 from softlab.app.command.waiting import waiting_shown
 from softlab.app.driver import open_simulation
-from softlab.model.core.waiting import report, waiting_watched, work
+from softlab.model.base.waiting import report, waiting_watched, work
 from softlab.model.scene.scene import Scene
 
 

@@ -12,8 +12,8 @@ from softlab.bench.reference import cloth as judge
 from softlab.bench.reference import mass_spring as reference
 from softlab.model.core.energy import energies
 from softlab.model.formulas import colliders as formulas
-from softlab.model.scene.cloth import Box, Capsule, Plane, Sphere
 from softlab.model.scene.scene import Scene
+from softlab.model.tables.cloth import Box, Capsule, Plane, Sphere
 
 POINTS = 40_000  # of a surface
 

@@ -16,11 +16,11 @@ from meeting_bodies import meeting
 from softlab.bench.reference import shape_matching as reference
 from softlab.bench.reference.contact import particle_contacts as judge
 from softlab.cpu_backend.contact.particles import ParticleContacts
+from softlab.model.base.errors import SceneError
 from softlab.model.contact.particle_parameters import H_RESTITUTION, H_SETTLING, particle_contact_record
-from softlab.model.core.errors import SceneError
 from softlab.model.formulas import particle_contact as formulas
 from softlab.model.scene.scene import Scene
-from softlab.model.xpbd.plan import xpbd_parts, xpbd_plan
+from softlab.model.shape_matching.plan import body_parts, body_plan
 
 STEPS = 8
 
@@ -59,7 +59,7 @@ def test_velocities_are_the_references_and_keep_momenta() -> None:
     checked.weight = random.uniform(0.1, 3.0, len(place))
     planes = [np.ascontiguousarray(array.T).reshape(-1) for array in (place, old, velocity)]
     for bands in (1, 3):
-        parts, particles = xpbd_parts(scene), len(place)
+        parts, particles = body_parts(scene), len(place)
         contacts = ParticleContacts(scene, np.float64, "exact", parts, np.arange(particles), particles, bands)
         contacts.find(planes[0], checked.weight)
         contacts.old[:], found = planes[1], planes[2].copy()
@@ -172,10 +172,10 @@ def test_a_scene_without_it_is_as_before() -> None:
     plain, bounces = meeting(), meeting(restitution=0.5)
     for none in (plain, meeting(restitution=0.0)):
         assert "restitution" not in none.as_dict()["contact"] and Scene(none.as_dict()).contact == plain.contact
-        assert xpbd_parts(none) == xpbd_parts(bounces) >= {"contact-restitution", "rigid-bounce"}
+        assert body_parts(none) == body_parts(bounces) >= {"contact-restitution", "rigid-bounce"}
         soft = Scene({name: table for name, table in none.as_dict().items() if name != "brick"})
-        assert not {"contact-restitution", "rigid-bounce"} & xpbd_parts(soft) and not xpbd_plan(soft).has("bounce")
-    assert Scene(bounces.as_dict()).contact == bounces.contact and xpbd_plan(bounces).has("bounce")
+        assert not {"contact-restitution", "rigid-bounce"} & body_parts(soft) and not body_plan(soft).has("bounce")
+    assert Scene(bounces.as_dict()).contact == bounces.contact and body_plan(bounces).has("bounce")
 
 
 @pytest.mark.parametrize("value", [-0.1, 1.1, float("nan"), True, "high"])

@@ -7,9 +7,9 @@ import pytest
 
 from softlab.app.driver import open_simulation
 from softlab.bench.reference import mass_spring
+from softlab.model.base.errors import SceneError
 from softlab.model.contact.penetration import measure
 from softlab.model.core.build import build
-from softlab.model.core.errors import SceneError
 from softlab.model.scene.scene import load_scene
 
 NAMES = ("cloth-self", "hard/b18", "hard/b19")

@@ -11,8 +11,8 @@ from contact_scenes import folded
 from softlab.app.driver import open_simulation
 from softlab.bench.reference import mass_spring
 from softlab.bench.reference.contact import self_contacts as reference
+from softlab.model.base.errors import SceneError
 from softlab.model.contact.self_contact_parameters import MAX_CONTACTS
-from softlab.model.core.errors import SceneError
 from softlab.model.core.simulation import State
 from softlab.model.scene.scene import Scene
 

@@ -18,8 +18,8 @@ from softlab.bench.reference import cloth as judge
 from softlab.model.formulas import triangle_tree as formulas
 from softlab.model.formulas.triangle_tree import CORNERS, NODE, SETTLED
 from softlab.model.geometry.triangle_tree import order_of, parts_of, tree_numbers
-from softlab.model.scene.cloth import Sphere
-from softlab.model.scene.colliders.mesh_collider import MeshCollider
+from softlab.model.tables.cloth import Sphere
+from softlab.model.tables.colliders.mesh_collider import MeshCollider
 
 TERRAIN = {"name": "terrain", "resolution": 2}
 each_precision = pytest.mark.parametrize("real", [np.float32, np.float64])

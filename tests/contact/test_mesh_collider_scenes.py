@@ -11,11 +11,11 @@ from cloth_solve import cloth
 from test_mesh_collider import FLOOR, TERRAIN, written
 
 from softlab.bench.reference.contact.mesh_collider import nearest_point
+from softlab.model.base.errors import InputError, SceneError
 from softlab.model.contact.cloth_parameters import B_TREE, COLLIDER_FIELDS, collider_numbers, collider_rows
-from softlab.model.core.errors import InputError, SceneError
 from softlab.model.formulas.triangle_tree import SETTLED
-from softlab.model.scene.colliders.mesh_collider import MeshCollider
 from softlab.model.scene.scene import Scene, load_scene
+from softlab.model.tables.colliders.mesh_collider import MeshCollider
 
 # ---------------------------------------------------------------------- scenes
 

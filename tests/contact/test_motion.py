@@ -15,9 +15,9 @@ from cloth_solve import cloth
 from softlab.app.driver import open_simulation
 from softlab.bench.reference import cloth as reference_cloth
 from softlab.bench.reference import mass_spring as reference
+from softlab.model.base.clock import START
+from softlab.model.base.errors import Diverged
 from softlab.model.core.build import build
-from softlab.model.core.clock import START
-from softlab.model.core.errors import Diverged
 from softlab.model.core.integrators import INTEGRATORS
 from softlab.model.core.simulation import State
 from softlab.model.formulas import motion

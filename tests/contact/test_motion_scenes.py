@@ -14,11 +14,11 @@ from test_motion import ends
 
 from softlab.app.driver import open_simulation
 from softlab.bench.reference import cloth as reference_cloth
+from softlab.model.base.errors import SceneError
+from softlab.model.base.pins import PIN_WORDS, pin_indices
 from softlab.model.contact.cloth_parameters import body_rows
 from softlab.model.core.build import build
 from softlab.model.core.energy import spring_strain
-from softlab.model.core.errors import SceneError
-from softlab.model.core.pins import PIN_WORDS, pin_indices
 from softlab.model.mass_spring.cloth_plan import cloth_plan
 from softlab.model.scene.scene import Scene, load_scene
 

@@ -16,15 +16,15 @@ from meeting_bodies import meeting, neighbours
 from softlab.bench.reference import shape_matching as reference
 from softlab.bench.reference.contact.particle_contacts import Contacts
 from softlab.cpu_backend.contact.particles import ParticleContacts
+from softlab.model.base.errors import Diverged, SceneError
 from softlab.model.contact.particle_parameters import (
     H_INVERSE_CELL,
     MAX_NEIGHBOURS,
     kinds_of_particles,
     particle_contact_record,
 )
-from softlab.model.core.errors import Diverged, SceneError
 from softlab.model.scene.scene import Scene, load_scene
-from softlab.model.xpbd.plan import xpbd_parts
+from softlab.model.shape_matching.plan import body_parts
 
 FREE = {"gravity": 0.0, "contact": {"maximum_speed": 1e3, "sleeping_speed": 1e-30}}
 BAR = {"kind": "soft_body", "particle_spacing": 0.16, "adhesion": 1e-30, **SAMPLED}  # 24 particles, 3 clusters
@@ -34,7 +34,7 @@ STEPS = 8
 
 def contacts_of(scene: Scene, real: Any, bands: int = 1) -> ParticleContacts:
     particles = scene.body_set.particle_count
-    return ParticleContacts(scene, real, "exact", xpbd_parts(scene), np.arange(particles), particles, bands)
+    return ParticleContacts(scene, real, "exact", body_parts(scene), np.arange(particles), particles, bands)
 
 
 def planes(position: np.ndarray, real: Any) -> np.ndarray:

@@ -112,7 +112,7 @@ def test_fast_math_is_near_exact() -> None:
 
 def test_a_state_without_numbers_is_told() -> None:
     """And does not let all particles meet in one cell."""
-    from softlab.model.core.errors import Diverged
+    from softlab.model.base.errors import Diverged
 
     scene = crowded().replace({"contact.maximum_speed": None})
     state: State = end_state(scene, "gpu", steps=1)

@@ -14,11 +14,11 @@ from cloth_solve import cloth, each_solver, solve
 
 from softlab.bench.reference import cloth as judge
 from softlab.bench.reference import mass_spring as reference
+from softlab.model.base.errors import SceneError
 from softlab.model.contact.sheet_plan import cloth_parts
-from softlab.model.core.errors import SceneError
 from softlab.model.formulas import colliders as formulas
-from softlab.model.scene.cloth import Plane
 from softlab.model.scene.scene import Scene
+from softlab.model.tables.cloth import Plane
 
 G, ROUNDING = 9.81, 1e-9  # m/s^2; m, of 3000 steps: 3000^2 x 2^-53 of 1 m
 FLOOR = {"point": [0.0, 0.0, 0.0], "normal": [0.0, 1.0, 0.0], "thickness": 0.0}

@@ -13,10 +13,10 @@ from softlab.app.driver import open_simulation
 from softlab.bench.reference.contact import self_contacts as projected
 from softlab.bench.reference.contact import surface_contacts as reference
 from softlab.cpu_backend.contact.surfaces import SurfaceContacts
+from softlab.model.base.errors import SceneError
 from softlab.model.contact.self_contact_parameters import MAX_CONTACTS
 from softlab.model.contact.surface_parameters import contact_distance, contact_surface
 from softlab.model.core.build import build
-from softlab.model.core.errors import SceneError
 from softlab.model.core.simulation import State
 from softlab.model.formulas.contact import FACE
 from softlab.model.scene.scene import Scene

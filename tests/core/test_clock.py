@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from softlab.app.output.files import read_state, write_state
+from softlab.model.base.clock import START, Clock, clock_of
+from softlab.model.base.errors import InputError
 from softlab.model.contact.cloth_parameters import cloth_record
 from softlab.model.contact.substep_parameters import xpbd_record
 from softlab.model.core.build import build
-from softlab.model.core.clock import START, Clock, clock_of
-from softlab.model.core.errors import InputError
 from softlab.model.core.parameters import parameter_record
 from softlab.model.core.state import State
 from softlab.model.formulas import cloth, motion, wind

@@ -108,7 +108,7 @@ def test_the_seed_and_the_step_make_the_force():
 
 def test_thread_words():
     from softlab.cpu_backend.core.threads import core_count
-    from softlab.model.core.errors import SceneError
+    from softlab.model.base.errors import SceneError
 
     assert [thread_count(word) for word in ("1x", "2x", "4x")] == [core_count() * k for k in (1, 2, 4)]
     for bad in ("3x", "0", "-1", "many", "1.5", "", 0, 10**6):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from softlab.model.core.errors import Diverged
+from softlab.model.base.errors import Diverged
 from softlab.model.core.families import stability_limit
 from softlab.model.core.integrators import INTEGRATORS, damping_rate, frequency_bound
 from softlab.model.core.stability.diagnosis import diagnose, refusal

@@ -11,8 +11,8 @@ import numba
 import numpy as np
 import pytest
 
-from softlab.model.core import digest
-from softlab.model.core.digest import ROOT, backend_sources, content_digest, source_digest
+from softlab.model.base import digest
+from softlab.model.base.digest import ROOT, backend_sources, content_digest, source_digest
 
 SCALE = 3.0
 
@@ -96,7 +96,7 @@ def test_a_digest_is_the_same_in_every_process():
 def test_every_part_of_a_kernel_is_known(monkeypatch):
     """No kernel refers to an object of which the digest knows nothing (it would be compiled in every process anew)."""
     from softlab.app.driver import open_simulation
-    from softlab.gpu_backend.xpbd.stages import make_xpbd_stages
+    from softlab.gpu_backend.position_based.stages import make_xpbd_stages
 
     def unknown(self: Any, value: Any) -> Any:
         for piece in known(self, value):

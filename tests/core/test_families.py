@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import pytest
 
-from softlab.model.core.components import named
-from softlab.model.core.errors import SceneError
+from softlab.app.presentation import Presentation
+from softlab.model.base.components import named
+from softlab.model.base.errors import SceneError
 from softlab.model.core.families import families, family_of, scene_plan, stability_limit
 from softlab.model.core.family import SolverFamily
 from softlab.model.mass_spring.plan import mass_spring_plan
-from softlab.model.scene.kinds import KINDS
 from softlab.model.scene.reader import catalogue
 from softlab.model.scene.scene import load_scene
+from softlab.model.tables.kinds import KINDS
 
 ONES = {family.name: family for family in families()}
 
@@ -25,6 +26,7 @@ def test_each_scene_of_the_catalogue_has_one_family_and_each_family_a_scene() ->
 @pytest.mark.parametrize("family", families(), ids=ONES)
 def test_what_an_entry_names_is_there(family: SolverFamily) -> None:
     assert callable(named(f"{family.reference}:simulate"))
+    assert isinstance(named(family.presentation), Presentation)
     assert set(family.solvers) == set(family.passes)
     assert set(family.solvers) == {"cpu", "gpu"} or family.name == "fluid"  # whose kernels for a GPU are to come
     for backend in family.solvers:
@@ -32,6 +34,7 @@ def test_what_an_entry_names_is_there(family: SolverFamily) -> None:
             pytest.importorskip("numba_cuda", reason="needs numba-cuda")
         assert named(family.solvers[backend]).backend == backend
         assert callable(named(family.passes[backend]))
+        assert callable(named(family.clusters.get(backend, family.solvers[backend])))
 
 
 def test_the_scenes_plan_and_limit_are_the_familys() -> None:

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from softlab.model.core.errors import LONGEST, InputError, SceneError, SoftlabError
-from softlab.model.core.files import OLD_SECONDS, check_source, check_target, read_archive, read_text, replacing
+from softlab.model.base.errors import LONGEST, InputError, SceneError, SoftlabError
+from softlab.model.base.files import OLD_SECONDS, check_source, check_target, read_archive, read_text, replacing
 from softlab.model.scene.reader import parse_settings, tables_of
 from softlab.model.scene.scene import load_scene
 
@@ -43,7 +43,7 @@ def test_what_has_no_end_is_not_read(tmp_path: Path, read) -> None:
 
 
 def test_a_text_has_an_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("softlab.model.core.files.LONGEST_TEXT", 10)
+    monkeypatch.setattr("softlab.model.base.files.LONGEST_TEXT", 10)
     file = tmp_path / "some.toml"
     file.write_text("a" * 10)
     assert read_text(file, "a text") == "a" * 10

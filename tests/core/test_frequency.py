@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from softlab.model.base.errors import SceneError
 from softlab.model.core.build import pinned_indices
-from softlab.model.core.errors import SceneError
 from softlab.model.core.integrators import frequency_bound
 from softlab.model.core.stability.limit import (
     MAX_MASSES,

@@ -1,7 +1,6 @@
 """Imports point one way, and nothing heavy is imported before it is used.
 
-The packages and top-level files of a layer have an order, too. What breaks it stands in `import_exceptions.txt`, which only
-shrinks: an entry that is no longer needed fails as a new violation does.
+The packages and top-level files of a layer have an order, too, and families of solvers do not import each other.
 """
 
 import ast
@@ -26,15 +25,19 @@ LEVELS = {  # an import may only go to a lower level, or stay inside its own lay
 }
 
 
-EXCEPTIONS = Path(__file__).with_name("import_exceptions.txt")
 FAMILIES = "mass_spring xpbd shape_matching tetrahedra fluid"
-BACKEND = ("core", "contact", FAMILIES, "world domains")
+BACKEND = ("core", "contact", "position_based", FAMILIES, "world domains")
 # Lowest first. Units of one line do not import each other.
 ORDER = {
-    "model": ("formulas", "base", "tables", "geometry", "assets", "scene", "core", "contact", FAMILIES, "world domains"),
+    "model": (
+        "formulas", "base", "geometry", "assets", "tables", "particles", "scene", "core", "contact",
+        "position_based", FAMILIES, "world domains",
+    ),
     "cpu_backend": BACKEND,
     "gpu_backend": BACKEND,
-    "app": ("auto_threads outcome shared", "driver", "render", "output", "command", "plan", "window"),
+    "app": (
+        "auto_threads outcome presentation shared", "driver", "render", "output", "command", "families", "plan", "window",
+    ),
     "bench": (
         "store", "keys", "measure", "reference", "experiments", "stress", "peers cluster", "options",
         "advice_commands commands scale_commands sweep_commands",
@@ -44,12 +47,6 @@ ORDER = {
         "words", "listings machines tables", "claims answer grid_tables", "facts rungs", "build", "film", "jobs", "commands",
     ),
 }  # fmt: skip
-APART = {  # files that rank below the rest of their package: unit -> package, files
-    "model": {
-        "base": ("core", "clock components digest disk_cache errors files kernel_cache memory pins tuples waiting"),
-        "tables": ("scene", "parts words"),
-    }
-}
 
 
 def imported(file: Path) -> set[str]:
@@ -83,14 +80,6 @@ def test_every_package_is_in_the_order():
     """A new package has to be given its place."""
     found = {folder.name for folder in ROOT.iterdir() if (folder / "__init__.py").exists()} - {"tests"}
     assert found <= set(LEVELS)
-
-
-def unit_of(layer: str, parts: tuple[str, ...]) -> str:
-    """The unit that a file or module belongs to; `parts` without the layer."""
-    for unit, (package, files) in APART.get(layer, {}).items():
-        if parts[0] == package and len(parts) > 1 and parts[1] in files.split():
-            return unit
-    return parts[0]
 
 
 def ranks_of(layer: str) -> dict[str, int]:
@@ -129,38 +118,23 @@ def violations(layer: str) -> set[str]:
         parts = file.relative_to(ROOT).with_suffix("").parts
         if parts[0] != layer or parts[1] == "__init__":
             continue
-        here = unit_of(layer, parts[1:])
+        here = parts[1]
         for module in imports_of(file):
-            there = unit_of(layer, tuple(module.split(".")[1:]))
+            there = module.split(".")[1]
             if here != there and ranks[there] >= ranks[here]:
                 found.add(f"{'.'.join(parts)} -> {module}")
     return found
 
 
-def exceptions() -> set[str]:
-    lines = EXCEPTIONS.read_text(encoding="utf-8").splitlines()
-    return {line for line in lines if line and not line.startswith("#")}
-
-
 @pytest.mark.parametrize("layer", ORDER)
 def test_every_unit_has_a_rank(layer):
     """Each package and top-level file stands in the order, and the order names nothing that is gone."""
-    parts = [tuple(name.split(".")[1:]) for name in modules() if name.startswith(f"{layer}.")]
-    assert {unit_of(layer, one) for one in parts} == set(ranks_of(layer))
+    assert {name.split(".")[1] for name in modules() if name.startswith(f"{layer}.")} == set(ranks_of(layer))
 
 
 @pytest.mark.parametrize("layer", ORDER)
 def test_imports_go_down_the_order(layer):
-    known = {line for line in exceptions() if line.startswith(f"{layer}.")}
-    found = violations(layer)
-    assert sorted(found - known) == [], "new imports against the order: move what both need down"
-    assert sorted(known - found) == [], f"no longer needed: remove from {EXCEPTIONS.name}"
-
-
-def test_the_exceptions_are_sorted_and_of_known_layers():
-    lines = [line for line in EXCEPTIONS.read_text(encoding="utf-8").splitlines() if line and not line.startswith("#")]
-    assert lines == sorted(set(lines))
-    assert {line.partition(".")[0] for line in lines} <= set(ORDER)
+    assert sorted(violations(layer)) == [], "imports against the order: move what both need down"
 
 
 def test_there_is_no_circle():

@@ -12,8 +12,8 @@ import pytest
 from numba import prange
 
 from softlab.cpu_backend.core.compile import Compiler
-from softlab.model.core import kernel_cache
-from softlab.model.core.kernel_cache import KernelCacheWarning, watched
+from softlab.model.base import kernel_cache
+from softlab.model.base.kernel_cache import KernelCacheWarning, watched
 
 
 @pytest.fixture(autouse=True)

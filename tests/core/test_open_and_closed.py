@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from softlab.app.driver import open_simulation
-from softlab.model.core.errors import InputError
+from softlab.model.base.errors import InputError
 from softlab.model.core.simulation import Simulation
 from softlab.model.core.state import State
 from softlab.model.scene.scene import Scene, load_scene

@@ -15,7 +15,7 @@ from softlab.app.driver import open_simulation
 from softlab.app.plan.report import PlanReport, flatten, plan_report
 from softlab.app.plan.table import overhead_lines, tile_description
 from softlab.gpu_backend.core.tiling import Tile
-from softlab.model.core.errors import BackendUnavailable, SceneError
+from softlab.model.base.errors import BackendUnavailable, SceneError
 from softlab.model.core.plan import Executor, Node, Plan, Stage
 from softlab.model.mass_spring.plan import mass_spring_plan
 from softlab.model.scene.scene import load_scene

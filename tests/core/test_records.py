@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from softlab.model.core.clock import START
+from softlab.model.base.clock import START
 from softlab.model.core.families import family_of
 from softlab.model.scene.scene import load_scene
 

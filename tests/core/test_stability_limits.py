@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from softlab.app.driver import open_simulation
 from softlab.bench.reference import mass_spring as reference
-from softlab.model.core.errors import SceneError, UnstableTimeStep
+from softlab.model.base.errors import SceneError, UnstableTimeStep
 from softlab.model.core.families import stability_limit
 from softlab.model.core.integrators import INTEGRATORS, amplification_matrix, frequency_bound
 from softlab.model.core.stability.limit import scene_frequency

@@ -15,7 +15,7 @@ from softlab.app.auto_threads import AUTO, decide, open_quickest, step_seconds
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.progress import new_team, shares
 from softlab.cpu_backend.core.threads import BRIEF, POLICY, SPIN_COUNT, policy_of, wait_briefly
-from softlab.model.core.errors import Diverged
+from softlab.model.base.errors import Diverged
 
 PARTS, PHASES = 4, 200
 

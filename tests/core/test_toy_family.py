@@ -15,8 +15,8 @@ import pytest
 from softlab.app.driver import open_simulation
 from softlab.app.plan.passes import BackendPlan, merged_pass
 from softlab.app.plan.report import plan_report
+from softlab.model.base.errors import Diverged, SceneError
 from softlab.model.core import families
-from softlab.model.core.errors import Diverged, SceneError
 from softlab.model.core.family import SolverFamily
 from softlab.model.core.plan import Executor, Moment, Node, Plan, Stage
 from softlab.model.core.simulation import Options, Simulation

@@ -14,7 +14,7 @@ from test_shared_tetrahedra import METHOD as SHARED
 from softlab.app.driver import open_simulation
 from softlab.cpu_backend.domains.in_threads import run_in_threads
 from softlab.cpu_backend.domains.ranks import RankPartitions, on_ranks
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.core.families import family_of
 from softlab.model.core.options import Options
 from softlab.model.core.sharing.partitions import SharedMesh, Window, partition

@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from softlab.model.core.errors import BackendUnavailable, SceneError
+from softlab.model.base.errors import BackendUnavailable, SceneError
 from softlab.model.domains import processes
 from softlab.model.domains.launched import SIZES
 

@@ -7,7 +7,7 @@ import pytest
 from softlab.app.driver import open_simulation
 from softlab.cpu_backend.domains.in_threads import Meeting, ThreadRanks, run_in_threads
 from softlab.cpu_backend.domains.ranks import RankSimulation, on_ranks, shared_threads
-from softlab.model.core.errors import BackendUnavailable, Diverged, SceneError
+from softlab.model.base.errors import BackendUnavailable, Diverged, SceneError
 from softlab.model.core.options import Options
 from softlab.model.core.simulation import State
 from softlab.model.domains.simulation import cut

@@ -14,7 +14,7 @@ from softlab.bench.experiments.scaling.model import (
     window_seconds,
 )
 from softlab.bench.experiments.scaling.told import counts, print_checked, print_predicted, table
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.domains.link import Link
 
 FAST = Link("none", 1e-30, 1e30, "a test")

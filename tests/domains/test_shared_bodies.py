@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from softlab.app.driver import open_simulation
 from softlab.cpu_backend.domains.in_threads import run_in_threads
 from softlab.cpu_backend.domains.ranks import RankBodies, on_ranks
-from softlab.model.core.errors import Diverged, SceneError
+from softlab.model.base.errors import Diverged, SceneError
 from softlab.model.core.options import Options
 from softlab.model.core.sharing.bodies import Apart, divide
 from softlab.model.core.simulation import State

@@ -11,7 +11,7 @@ from softlab.app.driver import open_simulation
 from softlab.cpu_backend.domains import fluid
 from softlab.cpu_backend.domains.in_threads import run_in_threads
 from softlab.cpu_backend.domains.ranks import on_ranks
-from softlab.model.core.errors import Diverged, SceneError
+from softlab.model.base.errors import Diverged, SceneError
 from softlab.model.core.options import Options
 from softlab.model.core.simulation import State
 from softlab.model.domains import shared_fluid

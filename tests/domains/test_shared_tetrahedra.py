@@ -9,7 +9,7 @@ import pytest
 from softlab.app.driver import open_simulation
 from softlab.cpu_backend.domains.in_threads import run_in_threads
 from softlab.cpu_backend.domains.ranks import on_ranks
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.core.options import Options
 from softlab.model.core.state import State
 from softlab.model.scene.scene import Scene

@@ -7,7 +7,7 @@ import pytest
 from softlab.app.command import doctor_shared
 from softlab.app.command.findings import Finding
 from softlab.app.plan.shared import shared_plan
-from softlab.model.core.errors import BackendUnavailable, SceneError
+from softlab.model.base.errors import BackendUnavailable, SceneError
 from softlab.model.domains.link import NVLINK, Link
 from softlab.model.scene.scene import load_scene
 

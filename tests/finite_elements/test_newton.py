@@ -13,8 +13,8 @@ import pytest
 
 from softlab.app.driver import open_simulation
 from softlab.bench.reference import tetrahedra_newton as reference
+from softlab.model.base.errors import SceneError
 from softlab.model.core.energy import energies
-from softlab.model.core.errors import SceneError
 from softlab.model.core.simulation import Simulation, State
 from softlab.model.scene.scene import Scene, load_scene
 from softlab.model.tetrahedra.block_rows import block_rows

@@ -14,7 +14,7 @@ from tetrahedra_scenes import BODY
 from softlab.app.driver import open_simulation
 from softlab.bench.experiments.tetrahedral.meshes import decay, law, swinging
 from softlab.bench.reference import tetrahedra_newton as reference
-from softlab.model.core.errors import SceneError, UnstableTimeStep
+from softlab.model.base.errors import SceneError, UnstableTimeStep
 from softlab.model.core.simulation import State
 from softlab.model.formulas.elastic.stages import STAGE
 from softlab.model.scene.scene import Scene, load_scene

@@ -12,9 +12,9 @@ from kernel_text import entry_of
 from softlab.model.contact.sheet_plan import FRICTION_IN_PLACE
 from softlab.model.contact.substep_parameters import XPBD_PARAMETERS
 from softlab.model.core.parameters import record_type
+from softlab.model.position_based.mesh_plan import BODY_DAMPING
 from softlab.model.tetrahedra.newton import CONSTANTS, DAMPED, STAGED
 from softlab.model.tetrahedra.springs import PARTS
-from softlab.model.xpbd.mesh_plan import BODY_DAMPING
 
 pytestmark = pytest.mark.usefixtures("ptx_compiler")
 

@@ -7,7 +7,7 @@ import pytest
 from test_fluid_physics import FRONT, HOW, G, column_at_rest, dam, viscosity_of
 
 from softlab.app.driver import open_simulation
-from softlab.model.fluid.fluid_set import vortices
+from softlab.model.particles.fluid_set import vortices
 from softlab.model.scene.scene import Scene, load_scene
 
 FREE = {"method.scheme": "divergence-free"}

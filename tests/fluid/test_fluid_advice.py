@@ -30,7 +30,7 @@ from softlab.bench.experiments.fluid_truth.scenes import SCHEMES
 from softlab.bench.measure.costs_timing import Effort
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import measures
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.scene.scene import Scene
 
 HOW: dict[str, Any] = {"backends": ["cpu"], "progress": False}

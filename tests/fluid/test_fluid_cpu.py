@@ -10,7 +10,7 @@ from fluid_scenes import SCENES, D, column_scene, ends, shaken
 
 from softlab.app.driver import open_simulation
 from softlab.bench.reference.fluid import run, simulate
-from softlab.model.core.errors import Diverged, SceneError
+from softlab.model.base.errors import Diverged, SceneError
 from softlab.model.fluid.measure import differences
 from softlab.model.fluid.parameters import MAX_NEIGHBOURS
 from softlab.model.scene.scene import Scene

@@ -11,7 +11,7 @@ from fluid_scenes import D, column_scene, ends, free, shaken
 
 from softlab.bench.reference.fluid import _Pairs, _places, _World
 from softlab.bench.reference.fluid_divergence import DivergenceFree
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.core.families import family_of
 from softlab.model.formulas.fluid import divergence
 from softlab.model.scene.scene import Scene

@@ -15,7 +15,7 @@ from fluid_scenes import METHOD, D
 from softlab.app.driver import open_simulation
 from softlab.app.output.files import read_state, write_state
 from softlab.bench.reference.fluid import simulate
-from softlab.model.core.errors import InputError, SceneError
+from softlab.model.base.errors import InputError, SceneError
 from softlab.model.core.state import State
 from softlab.model.fluid.flow import rates
 from softlab.model.geometry.particle_row import PARKED

@@ -9,9 +9,9 @@ import pytest
 from fluid_scenes import D, column_scene
 
 from softlab.bench.reference.fluid import run
-from softlab.model.fluid.lattice import lattice_of, poly6, spiky_slope
 from softlab.model.fluid.parameters import fluid_record
 from softlab.model.formulas.fluid import density
+from softlab.model.particles.fluid_lattice import lattice_of, poly6, spiky_slope
 
 SHELL = {2: lambda r: 2 * pi * r, 3: lambda r: 4 * pi * r * r}  # of all points r away
 

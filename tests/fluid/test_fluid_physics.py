@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from softlab.app.driver import open_simulation
-from softlab.model.fluid.fluid_set import vortices
 from softlab.model.fluid.measure import differences
 from softlab.model.fluid.parameters import MAX_NEIGHBOURS
+from softlab.model.particles.fluid_set import vortices
 from softlab.model.scene.scene import Scene, load_scene
 
 G, RHO, HEIGHT, D = 9.81, 1000.0, 1.0, 0.05

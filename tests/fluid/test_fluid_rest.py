@@ -30,7 +30,7 @@ from softlab.bench.experiments.fluid_rest import (
 from softlab.bench.experiments.fluids import FRAME
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import measures
-from softlab.model.core.errors import BackendUnavailable
+from softlab.model.base.errors import BackendUnavailable
 
 UNIT = GRAVITY * DEPTH
 

@@ -10,8 +10,8 @@ from fluid_scenes import FLOOR, METHOD, column_scene, flat, two_fluids
 
 from softlab.app.plan.fluid import fluid_lines
 from softlab.app.plan.report import plan_report
+from softlab.model.base.errors import SceneError
 from softlab.model.core.build import build
-from softlab.model.core.errors import SceneError
 from softlab.model.core.families import family_of
 from softlab.model.fluid.measure import compression, density_errors, height
 from softlab.model.scene.scene import Scene, load_scene

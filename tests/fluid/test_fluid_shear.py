@@ -10,8 +10,8 @@ import pytest
 
 from softlab.app.driver import open_simulation
 from softlab.model.fluid.shear import FLOWS, shear_lines, shear_over_pressure
-from softlab.model.scene.fluid import AMONG_BODIES, SUPPORT
 from softlab.model.scene.scene import Scene, load_scene
+from softlab.model.tables.fluid import AMONG_BODIES, SUPPORT
 
 D, ROWS, ACROSS = 0.05, 5, 10  # m; layers of each fluid, particles along a side
 

@@ -14,8 +14,8 @@ from test_cli import command  # noqa: F401  # a fixture
 
 from softlab.app.command.scene_file import scene_toml
 from softlab.app.driver import open_simulation
+from softlab.app.families import fluid
 from softlab.app.output.files import read_state
-from softlab.app.window import measures
 from softlab.app.window.demo_report import strain_text
 from softlab.app.window.measures import Statistics, measure
 from softlab.model.fluid.measure import compression
@@ -44,7 +44,7 @@ def test_the_window_tells_the_largest_density_error(monkeypatch: pytest.MonkeyPa
         demo: Any = SimpleNamespace(statistics=found, world=simulation)
         assert found.worst_strain == compression(scene, place)[1] > 0
         assert strain_text(demo).startswith(f"largest density error {found.worst_strain:+.2%}, fastest ")
-        monkeypatch.setattr(measures, "ASKED", len(place) - 1)
+        monkeypatch.setattr(fluid, "ASKED", len(place) - 1)
         demo.statistics = measure([simulation], 0, [place], Statistics())
         fastest = np.linalg.norm(simulation.state().velocity, axis=1).max()
         assert strain_text(demo) == f"fastest {fastest:.3g} m/s"

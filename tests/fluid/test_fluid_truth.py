@@ -31,8 +31,8 @@ from softlab.bench.peers.fluids.splishsplash import SplishSplash, scale_of, scen
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import measures
 from softlab.model.core.build import build
-from softlab.model.fluid.fluid_set import vortices
 from softlab.model.fluid.measure import compression
+from softlab.model.particles.fluid_set import vortices
 from softlab.model.scene.scene import Scene, load_scene
 
 G = 9.81

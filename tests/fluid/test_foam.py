@@ -9,13 +9,13 @@ import pytest
 
 from softlab.app.driver import open_simulation
 from softlab.bench.reference.contact.mesh_collider import first_crossing
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.fluid.foam import BUBBLE, FOAM, RISING, SPRAY, YOUNGEST, FoamPoints
 from softlab.model.fluid.foam_sources import CREST, FAST, SURFACE, TRAPPED, WEIGHT, foaming_speed, full_count, sources
 from softlab.model.fluid.foam_walls import GAP, kept_out, outward
-from softlab.model.scene.colliders.mesh_collider import MeshCollider
-from softlab.model.scene.fluid import Foam
 from softlab.model.scene.scene import Scene
+from softlab.model.tables.colliders.mesh_collider import MeshCollider
+from softlab.model.tables.fluid import Foam
 
 METHOD = {"solver": "pbf", "dt": 0.01, "substeps": 2, "iterations": 2}
 DT, SIDE = 0.01, 0.1

@@ -24,7 +24,7 @@ from softlab.model.formulas.distance_field import SETTLED
 from softlab.model.geometry import signed_distance
 from softlab.model.geometry.signed_distance import sampled, signed_distances
 from softlab.model.geometry.voxels import winding_numbers
-from softlab.model.scene.colliders.distance_field import DistanceField, Field
+from softlab.model.tables.colliders.distance_field import DistanceField, Field
 
 each_precision = pytest.mark.parametrize("real", [np.float32, np.float64])
 
@@ -149,7 +149,7 @@ def test_a_block_is_exact_over_its_sides_and_off_by_a_cell_at_its_edges() -> Non
 
 
 def judge_box() -> Any:
-    from softlab.model.scene.cloth import Box
+    from softlab.model.tables.cloth import Box
 
     return Box(half_size=(0.5, 0.5, 0.5))
 

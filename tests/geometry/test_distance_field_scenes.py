@@ -16,12 +16,12 @@ from test_mesh_collider import written
 
 from softlab.app.driver import open_simulation
 from softlab.app.render.collider_shapes import collider_mesh, grounds
+from softlab.model.base.errors import InputError, SceneError
 from softlab.model.contact.cloth_parameters import B_TREE, COLLIDER_FIELDS, collider_numbers
 from softlab.model.contact.overlaps import overlap_lines
-from softlab.model.core.errors import InputError, SceneError
 from softlab.model.formulas.distance_field import SETTLED
-from softlab.model.scene.colliders.distance_field import DistanceField
 from softlab.model.scene.scene import Scene, load_scene
+from softlab.model.tables.colliders.distance_field import DistanceField
 
 # ---------------------------------------------------------------------- cloths and bodies
 

@@ -8,11 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from meshes import sheet
 
+from softlab.model.base.errors import SceneError
 from softlab.model.core.build import pinned_indices, rest_positions
-from softlab.model.core.errors import SceneError
 from softlab.model.geometry.edges import mesh_edges
 from softlab.model.geometry.geodesic import KEY_BITS, mesh_attachments, sheet_attachments
-from softlab.model.scene.cloth import Cloth
+from softlab.model.tables.cloth import Cloth
 
 
 def check_sheet(rest: np.ndarray, pinned: np.ndarray, count: int) -> None:

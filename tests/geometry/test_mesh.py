@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from meshes import octahedron, sheet
 
-from softlab.model.core.errors import InputError, SceneError, SoftlabError
+from softlab.model.base.errors import InputError, SceneError, SoftlabError
 from softlab.model.geometry.mesh import TriangleMesh, read_mesh
 
 NAN, INF = float("nan"), float("inf")

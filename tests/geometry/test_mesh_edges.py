@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from meshes import octahedron, sheet, strip
 
-from softlab.model.core.errors import InputError
+from softlab.model.base.errors import InputError
 from softlab.model.core.stability.springs import spring_ends
 from softlab.model.geometry.edges import components, mesh_edges
 from softlab.model.geometry.lists import grouped

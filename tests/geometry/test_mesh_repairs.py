@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from meshes import octahedron, sheet, strip
 from test_mesh import INF, NAN, check_sound, refused
 
-from softlab.model.core.errors import InputError
+from softlab.model.base.errors import InputError
 from softlab.model.geometry.formats.polygons import FLAT
 from softlab.model.geometry.mending.welding import NEAR
 from softlab.model.geometry.mesh import TriangleMesh, triangle_mesh

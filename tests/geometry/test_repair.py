@@ -7,7 +7,7 @@ import pytest
 
 from softlab.app.command.cook import cook_body
 from softlab.model.assets.cooked import cooked
-from softlab.model.core.errors import BackendUnavailable, InputError, SceneError
+from softlab.model.base.errors import BackendUnavailable, InputError, SceneError
 from softlab.model.geometry import repair
 from softlab.model.geometry.mesh import TriangleMesh
 from softlab.model.geometry.repair import simplified, united

@@ -6,7 +6,7 @@ from closed_meshes import area_of, volume_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from softlab.model.core.errors import SoftlabError
+from softlab.model.base.errors import SoftlabError
 from softlab.model.geometry.mesh import triangle_mesh
 from softlab.model.geometry.shapes import BEAM, COARSEST, FINEST, LETTER_DEPTH, STAR_DEPTH, TORUS, Shape
 from softlab.model.geometry.solid import solid

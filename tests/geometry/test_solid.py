@@ -9,7 +9,7 @@ from meshes import sheet, strip
 from test_mesh import binary_stl, obj, write
 
 from softlab.model.assets.soft_body import RigidBody, SoftBody
-from softlab.model.core.errors import InputError, SceneError
+from softlab.model.base.errors import InputError, SceneError
 from softlab.model.geometry.mesh import read_mesh, triangle_mesh
 from softlab.model.geometry.solid import solid
 

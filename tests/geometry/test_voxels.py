@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from meshes import octahedron
 
 from softlab.model.assets.sampling import CLOSEST, MAX_PARTICLES, REACH, sample
-from softlab.model.core.errors import InputError, SceneError
+from softlab.model.base.errors import InputError, SceneError
 from softlab.model.geometry.mesh import triangle_mesh
 from softlab.model.geometry.neighbours import TooMany, close_pairs, nearest, pairs_within, spread
 from softlab.model.geometry.shapes import Shape

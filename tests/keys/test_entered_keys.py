@@ -22,7 +22,7 @@ from softlab.bench.store import versions
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import configuration, measures
 from softlab.bench.store.versions import digest_of
-from softlab.model.core.digest import ROOT
+from softlab.model.base.digest import ROOT
 from softlab.model.scene.scene import load_scene
 from softlab.plots.core.older import without_older
 from softlab.plots.core.read import load

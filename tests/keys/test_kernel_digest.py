@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from softlab.bench.keys.kernel_digest import KernelDigests, SourceUnknown
-from softlab.model.core.digest import ROOT
+from softlab.model.base.digest import ROOT
 
 KERNEL = '''
 SCALE = 3.0

@@ -12,7 +12,7 @@ import pytest
 
 from softlab.bench.keys.ask import keys_at
 from softlab.bench.store.results import configuration
-from softlab.model.core.digest import ROOT
+from softlab.model.base.digest import ROOT
 from softlab.model.scene.scene import load_scene
 
 SCENES = {

@@ -11,7 +11,7 @@ from softlab.bench.keys.ask import keys_at
 from softlab.bench.keys.carry import by_machine_code, groups_of
 from softlab.bench.keys.machine_code import without_names
 from softlab.bench.store.results import configuration
-from softlab.model.core.digest import ROOT
+from softlab.model.base.digest import ROOT
 from softlab.model.scene.scene import load_scene
 
 LLVM = """define double @f(double %x) {

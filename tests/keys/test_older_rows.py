@@ -15,8 +15,8 @@ from softlab.bench.store.database import Store
 from softlab.bench.store.transfer import export, load_text
 from softlab.bench.store.versions import digest_of, refuse_changed_files
 from softlab.labbook.build import CLAIMS, OLDER, marked_claim, notices
-from softlab.model.core.digest import ROOT
-from softlab.model.core.errors import InputError
+from softlab.model.base.digest import ROOT
+from softlab.model.base.errors import InputError
 from softlab.plots.core.older import without_older
 from softlab.plots.core.read import load
 

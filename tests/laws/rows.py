@@ -13,11 +13,11 @@ from typing import Any, get_args
 
 from softlab.model.core.families import family_of
 from softlab.model.core.integrators import IMPLICIT, INTEGRATORS
-from softlab.model.scene.bodies import BODY_KINDS
-from softlab.model.scene.cloth import COLLIDER_KINDS, Bending
-from softlab.model.scene.method import OrderingName, RowsName, SchemeName
 from softlab.model.scene.scene import Scene
-from softlab.model.scene.tetrahedra import MaterialName
+from softlab.model.tables.bodies import BODY_KINDS
+from softlab.model.tables.cloth import COLLIDER_KINDS, Bending
+from softlab.model.tables.method import OrderingName, RowsName, SchemeName
+from softlab.model.tables.tetrahedra import MaterialName
 
 Tables = dict[str, Any]
 MATERIALS: tuple[str, ...] = get_args(MaterialName)

@@ -17,16 +17,16 @@ from slices import asked, by_default
 
 from softlab.app.command.run import Request, run_scene
 from softlab.bench.experiments.fluid_rest import TANK, still_tank
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.core.families import families
 from softlab.model.core.integrators import IMPLICIT, INTEGRATORS
 from softlab.model.core.stability.laws import LIMITS, limit_notes
 from softlab.model.fluid.family import FLUID, comes_to_rest
 from softlab.model.mass_spring.family import CLOTH, GRID
-from softlab.model.scene.method import FIELDS_OF_SOLVER, Method
 from softlab.model.scene.scene import Scene
 from softlab.model.shape_matching.family import BODIES as BODIES_FAMILY
 from softlab.model.shape_matching.family import WINDOWS
+from softlab.model.tables.method import FIELDS_OF_SOLVER, Method
 from softlab.model.tetrahedra.family import TETRAHEDRA
 from softlab.model.tetrahedra.newton import TETRAHEDRA_NEWTON
 from softlab.model.tetrahedra.vbd import TETRAHEDRA_VBD

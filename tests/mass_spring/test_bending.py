@@ -11,8 +11,13 @@ from softlab.bench.reference import xpbd_mesh as reference
 from softlab.model.core.build import rest_positions
 from softlab.model.formulas import bending
 from softlab.model.geometry.mesh import triangle_mesh
+from softlab.model.position_based.mesh_constraints import (
+    dihedral_values,
+    isometric_values,
+    mesh_energy,
+    quarter_tangents,
+)
 from softlab.model.scene.scene import Scene
-from softlab.model.xpbd.mesh_constraints import dihedral_values, isometric_values, mesh_energy, quarter_tangents
 
 FORMULAS = bending.make_dihedral(np.float64)
 SINGLE = bending.make_dihedral(np.float32)

@@ -7,8 +7,8 @@ from cloth_scenes import BODIES, POKE, cloth_scene
 
 from softlab.app.driver import open_simulation
 from softlab.bench.reference import mass_spring as reference
+from softlab.model.base.errors import SceneError
 from softlab.model.core.build import build
-from softlab.model.core.errors import SceneError
 from softlab.model.core.integrators import INTEGRATORS
 from softlab.model.core.simulation import State
 from softlab.model.geometry.normals import vertex_normals

@@ -13,8 +13,8 @@ from softlab.bench.experiments.accuracy.judge import judge_run
 from softlab.bench.experiments.growth import growth_along, measure_growth
 from softlab.bench.reference import cache
 from softlab.bench.reference import mass_spring as reference
+from softlab.model.base.errors import Diverged, SceneError
 from softlab.model.core.build import build
-from softlab.model.core.errors import Diverged, SceneError
 from softlab.model.core.families import stability_limit
 from softlab.model.core.integrators import frequency_bound
 from softlab.model.core.simulation import State

@@ -8,7 +8,7 @@ from cloth_scenes import PARTS, cloth_scene
 from test_cloth_gpu import STEPS, assert_same, end_state, scene_of
 
 from softlab.app.driver import open_simulation
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.scene.scene import Scene, load_scene
 
 pytestmark = pytest.mark.gpu

@@ -17,7 +17,7 @@ from softlab.cpu_backend.core import layout
 from softlab.cpu_backend.mass_spring.grid import choice
 from softlab.cpu_backend.mass_spring.grid import tiled as tiled_kernel
 from softlab.cpu_backend.mass_spring.grid.choice import LEVELS, choose_kernel, tiling
-from softlab.model.core.errors import Diverged, SceneError
+from softlab.model.base.errors import Diverged, SceneError
 from softlab.model.scene.scene import load_scene
 
 MOST = numba.config.NUMBA_NUM_THREADS

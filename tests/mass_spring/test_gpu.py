@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from softlab.app.driver import open_simulation
-from softlab.model.core.errors import Diverged, SceneError
+from softlab.model.base.errors import Diverged, SceneError
 from softlab.model.core.integrators import INTEGRATORS
 from softlab.model.core.simulation import State
 from softlab.model.scene.scene import Scene, load_scene

@@ -13,8 +13,8 @@ from cloth_solve import cloth
 
 from softlab.app.driver import open_simulation
 from softlab.bench.reference import mass_spring
+from softlab.model.base.errors import SceneError
 from softlab.model.core.build import build
-from softlab.model.core.errors import SceneError
 from softlab.model.core.families import stability_limit
 from softlab.model.core.integrators import IMPLICIT, INTEGRATORS, amplification_matrix, integrators_for
 from softlab.model.core.simulation import State

@@ -118,12 +118,12 @@ BODIES: tuple[Mistake, ...] = (
         {"a cloth is not moved by what is attached to it": ("moved(q, -wq, change), moved(r, -wr, change),\n        )", "moved(q, wq, change), moved(r, wr, change),\n        )")},
     ),
     *in_file(
-        "model/tetrahedra/attachments.py",
+        "model/contact/attachments.py",
         "test_cloth_beside.py::test_attachments_hold_both_ways_and_contacts_leave_them_alone",
         {"contacts push at what is attached to a cloth": ('if one.model != "world":\n            free', 'if one.model == "bodies":\n            free')},
     ),
     *in_file(
-        "model/tetrahedra/masses.py",
+        "model/particles/tetrahedra/masses.py",
         "test_matter.py::test_a_limit_of_masses_keeps_the_total",
         {"a limit of masses is one of their logarithms": ("asked = found[near.indices] / ratio", "asked = found[near.indices] / ratio**2")},
     ),

@@ -204,7 +204,7 @@ GPU: tuple[Mistake, ...] = (
         },
     ),
     *in_file(
-        "gpu_backend/xpbd/kernels.py",
+        "gpu_backend/position_based/kernels.py",
         SIMULATED_XPBD,
         {
             "a colour projects the other colour's rows (gpu)": ("i % down + down * colour)", "i % down + down * (np.int32(1) - colour))"),

@@ -180,7 +180,7 @@ EXITS: tuple[Mistake, ...] = (
         {"Ctrl-C is what typer makes of it": ("except (KeyboardInterrupt, BrokenPipeError) as error:", "except ZeroDivisionError as error:")},
     ),
     *in_file(
-        "model/core/errors.py", "test_exits.py",
+        "model/base/errors.py", "test_exits.py",
         {"a backend that is not there is bad input": ("exit_status = 3", "exit_status = 2")},
     ),
     *in_file(

@@ -10,7 +10,7 @@ import pytest
 from softlab.app.command.dear_imgui import REMEDY
 from softlab.app.window.panel.scene_list import matching, scene_entries
 from softlab.app.window.panes import check_alike, view_kind
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.scene.reader import catalogue
 from softlab.model.scene.scene import Scene, load_scene
 

@@ -11,8 +11,8 @@ import pytest
 
 from softlab.app.driver import open_simulation
 from softlab.bench.reference import mass_spring as reference
+from softlab.model.base.errors import SceneError, UnstableTimeStep
 from softlab.model.core.energy import energies
-from softlab.model.core.errors import SceneError, UnstableTimeStep
 from softlab.model.core.families import stability_limit
 from softlab.model.core.integrators import INTEGRATORS, amplification_matrix, damping_rate, frequency_bound
 from softlab.model.core.stability.limit import MAX_MASSES, largest_frequency, scene_frequency, scene_net

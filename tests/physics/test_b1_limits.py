@@ -11,7 +11,7 @@ from softlab.bench.reference import mass_spring as reference
 from softlab.bench.stress.cases import CASES
 from softlab.bench.stress.experiment import case_scene
 from softlab.bench.stress.laws import hanging
-from softlab.model.core.errors import Diverged
+from softlab.model.base.errors import Diverged
 from softlab.model.core.families import stability_limit
 from softlab.model.core.integrators import INTEGRATORS
 from softlab.model.core.stability.diagnosis import CAUSES, Diagnosis, diagnose, refusal

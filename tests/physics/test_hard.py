@@ -23,7 +23,7 @@ from softlab.bench.stress.told import print_hard
 from softlab.bench.stress.trial import Check, SilentNaN, Trial
 from softlab.labbook.claims import hard as hard_claims
 from softlab.labbook.claims.claim import Claim
-from softlab.model.core.errors import Diverged, InputError, SceneError
+from softlab.model.base.errors import Diverged, InputError, SceneError
 from softlab.model.core.families import stability_limit
 from softlab.model.core.simulation import State
 from softlab.model.scene.scene import load_scene

@@ -17,7 +17,7 @@ from softlab.bench.stress.tetrahedra import MOMENTUM, RATIO, SPIN, STORED, STRET
 from softlab.bench.stress.tetrahedral_cases import SWEPT, TETRAHEDRAL_CASES
 from softlab.bench.stress.trial import Trial
 from softlab.labbook.claims import hard_tetrahedra
-from softlab.model.core.errors import BackendUnavailable
+from softlab.model.base.errors import BackendUnavailable
 from softlab.model.core.simulation import State
 from softlab.plots.core.read import load
 

@@ -5,8 +5,8 @@ import pytest
 from fake_cloth import FakeCloth
 
 from softlab.bench.reference import mass_spring as reference
+from softlab.model.base.errors import Diverged
 from softlab.model.core.build import build
-from softlab.model.core.errors import Diverged
 from softlab.model.core.stability.divergence import MAX_INTERVAL, MIN_INTERVAL, check_interval
 from softlab.model.scene.scene import Scene, load_scene
 

@@ -9,8 +9,8 @@ import pytest
 from softlab.bench.reference import cache
 from softlab.bench.reference import mass_spring as reference
 from softlab.bench.reference.philox import philox4x32, random_directions
+from softlab.model.base.errors import SceneError
 from softlab.model.core.energy import energies
-from softlab.model.core.errors import SceneError
 from softlab.model.scene.scene import Scene, load_scene
 
 # Gauss-Seidel is judged in the same order: which edges and hinges a mesh has, at which lengths, and their greedy colours have
@@ -19,33 +19,31 @@ from softlab.model.scene.scene import Scene, load_scene
 # Of a mesh collider the triangles are shared, not their tree; of a distance field the samples, not what lies between them.
 SHARED = {
     "xpbd_mesh.py": {
-        "softlab.model.xpbd.mesh_constraints",
+        "softlab.model.position_based.mesh_constraints",
         "softlab.model.geometry.topology",
         "softlab.model.core.build",
-        "softlab.model.scene.sheets",
     },
-    "tetrahedra_newton.py": {"softlab.model.tetrahedra.body_set"},
-    "self_contacts.py": {"softlab.model.scene.self_collision"},
+    "tetrahedra_newton.py": {"softlab.model.particles.tetrahedra_set"},
+    "self_contacts.py": {"softlab.model.tables.self_collision"},
     "shape_matching.py": {"softlab.model.assets.clusters", "softlab.model.shape_matching.matching"},
     "cluster_material.py": {"softlab.model.assets.clusters"},
-    "cloth.py": {"softlab.model.scene.colliders.mesh_collider", "softlab.model.scene.colliders.distance_field"},
-    "mesh_collider.py": {"softlab.model.scene.colliders.mesh_collider"},
-    "distance_field.py": {"softlab.model.scene.colliders.distance_field"},
-    "surface_contacts.py": {"softlab.model.tetrahedra.attachments"},  # who is tied to whom
+    "cloth.py": {"softlab.model.tables.colliders.mesh_collider", "softlab.model.tables.colliders.distance_field"},
+    "mesh_collider.py": {"softlab.model.tables.colliders.mesh_collider"},
+    "distance_field.py": {"softlab.model.tables.colliders.distance_field"},
+    "surface_contacts.py": {"softlab.model.contact.attachments"},  # who is tied to whom
     "tetrahedra_cloth.py": {
-        "softlab.model.tetrahedra.attachments",
+        "softlab.model.contact.attachments",
         "softlab.model.tetrahedra.constraints",
     },  # and in which order of colours
     "fluid.py": {"softlab.model.fluid.measure"},  # who is near to whom, by a k-d tree, which no solver asks
     "fluid_world.py": {
         "softlab.model.geometry.particle_row",
-        "softlab.model.scene.colliders.mesh_collider",
-        "softlab.model.scene.colliders.distance_field",
+        "softlab.model.tables.colliders.mesh_collider",
+        "softlab.model.tables.colliders.distance_field",
     },
     "fluid_solids.py": {"softlab.model.fluid.samples"},  # where they lie
     "world.py": {  # triangles, who is tied to whom, who meets whom, what is sampled
-        "softlab.model.scene.sheets",
-        "softlab.model.tetrahedra.attachments",
+        "softlab.model.contact.attachments",
         "softlab.model.world.plan",
         "softlab.model.world.solids",
     },
@@ -63,8 +61,8 @@ def test_independent_of_what_it_judges():
                 if name.split(".")[0] == "softlab":
                     allowed = {
                         "softlab.model.scene.scene",
-                        "softlab.model.core.errors",
-                        "softlab.model.core.disk_cache",
+                        "softlab.model.base.errors",
+                        "softlab.model.base.disk_cache",
                         *SHARED.get(file.name, ()),
                     }
                     assert name.startswith("softlab.bench.reference") or name in allowed, (file, name)

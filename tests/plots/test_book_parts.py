@@ -15,7 +15,7 @@ from softlab.labbook import grid_tables, listings
 from softlab.labbook.build import FOLDER, NOT_PRINTED, PICTURES
 from softlab.labbook.claims.comparison import crossing_drawing
 from softlab.labbook.facts import facts
-from softlab.model.core.digest import ROOT
+from softlab.model.base.digest import ROOT
 from softlab.plots.core.colours import METHODS
 from softlab.plots.core.data import Results
 from softlab.plots.core.read import load

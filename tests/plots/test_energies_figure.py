@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from softlab.model.base.errors import InputError
 from softlab.model.core.energy import energies
-from softlab.model.core.errors import InputError
 from softlab.model.scene.scene import load_scene
 from softlab.plots.figures.energies import draw_energies, read_energies
 

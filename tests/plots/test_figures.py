@@ -14,7 +14,7 @@ from synthetic_store import CPU_RECORD, GPU_RECORD, STEPS, Maker, cpu_store, gpu
 
 from softlab.bench.store.database import Store
 from softlab.bench.store.transfer import export
-from softlab.model.core.errors import InputError
+from softlab.model.base.errors import InputError
 from softlab.plots.core import bandwidth, pairs
 from softlab.plots.core.accuracy_points import observed_order, order_points, points, reaching
 from softlab.plots.core.colours import BLACK, GREY

@@ -36,7 +36,7 @@ from softlab.labbook.film.timeline import (
     subtitles,
     timeline,
 )
-from softlab.model.core.errors import InputError
+from softlab.model.base.errors import InputError
 from softlab.model.scene.scene import load_scene
 from softlab.plots.core.data import Results
 from softlab.plots.core.read import load

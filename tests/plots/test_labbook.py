@@ -36,7 +36,7 @@ from softlab.labbook.claims import accuracy as accuracy_claims
 from softlab.labbook.claims import claim as claims
 from softlab.labbook.claims import comparison as comparison_claims
 from softlab.labbook.facts import constant, facts
-from softlab.model.core.errors import InputError
+from softlab.model.base.errors import InputError
 from softlab.plots.core.data import Results
 from softlab.plots.core.read import load
 
@@ -342,7 +342,7 @@ def test_an_earlier_book_survives_a_failure(folder: Path, tmp_path: Path, monkey
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("softlab.model.core.files.os.replace", full)
+    monkeypatch.setattr("softlab.model.base.files.os.replace", full)
     monkeypatch.setattr("softlab.labbook.build.draw_figures", lambda *_, **__: [])
     monkeypatch.setattr(
         "softlab.labbook.build.write_sources", lambda _, folder, *__: (folder / "labbook.typ").write_text("short")

@@ -14,8 +14,8 @@ from softlab.bench.experiments.scaling import experiment as scaling
 from softlab.bench.experiments.stability import points as stability_points
 from softlab.bench.experiments.throughput import bodies, cube, heap, jelly
 from softlab.labbook.build import book_data, committed_data
+from softlab.model.particles import body_set
 from softlab.model.scene.scene import Scene, load_scene
-from softlab.model.shape_matching import body_set
 from softlab.plots.core import accuracy_points
 from softlab.plots.core.data import Results
 from softlab.plots.core.read import load

@@ -16,7 +16,7 @@ from softlab.bench.store.results import Timing, configuration, machines, measure
 from softlab.bench.store.schema import TABLES, canonical, configuration_hash
 from softlab.bench.store.text import flatten, unflatten
 from softlab.bench.store.transfer import export, load_text, merge
-from softlab.model.core.errors import InputError
+from softlab.model.base.errors import InputError
 from softlab.model.scene.scene import Scene, load_scene
 
 RECORD = {"cpu": "Some CPU", "cores": 2, "caches": {"L2": 1 << 20}, "gpu": None, "copy_bandwidth": 2.0e10 / 3}

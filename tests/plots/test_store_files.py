@@ -13,7 +13,7 @@ from softlab.bench.store.database import Store
 from softlab.bench.store.results import open_readonly, timings
 from softlab.bench.store.schema import SCHEMA_VERSION
 from softlab.bench.store.transfer import export, merge
-from softlab.model.core.errors import InputError
+from softlab.model.base.errors import InputError
 
 # ---------------------------------------------------------------------- what may be wrong with a file
 

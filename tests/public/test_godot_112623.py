@@ -12,7 +12,7 @@ import pytest
 
 from softlab.app.command.run import Request, run_scene
 from softlab.app.driver import open_simulation
-from softlab.model.core.errors import Diverged
+from softlab.model.base.errors import Diverged
 from softlab.model.core.simulation import State
 from softlab.model.core.stability.resolution import resolution_line
 from softlab.model.scene.reader import catalogue

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from softlab.app.driver import open_simulation
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.geometry import colouring
 from softlab.model.geometry.colouring import MAX_COLOURS, RINGS
 from softlab.model.scene.scene import Scene

@@ -15,8 +15,8 @@ from test_mesh import binary_stl, obj, write
 from softlab.app.command.waiting import waiting_shown
 from softlab.model.assets.inspection import BODIES, SURFACE_ROLES, guessed_unit, inspected
 from softlab.model.assets.soft_body import RigidBody
-from softlab.model.core.errors import InputError
-from softlab.model.core.waiting import steps, waiting_watched
+from softlab.model.base.errors import InputError
+from softlab.model.base.waiting import steps, waiting_watched
 from softlab.model.geometry.mesh import read_mesh
 from softlab.model.geometry.signed_distance import squared_distances
 from softlab.model.geometry.tetrahedra.voxels import voxel_mesh
@@ -191,7 +191,7 @@ def test_long_work_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     with waiting_watched(lambda label, fraction: seen.append((label, fraction))):
         assert list(steps(range(3), 3, "quick")) == [0, 1, 2]
         assert not seen
-        monkeypatch.setattr("softlab.model.core.waiting.INTERVAL", -1.0)
+        monkeypatch.setattr("softlab.model.base.waiting.INTERVAL", -1.0)
         assert list(steps("abcd", 4, "slow")) == list("abcd")
         assert [fraction for _, fraction in seen] == [0.25, 0.5, 0.75, 1.0, 1.0] and seen[0][0] == "slow"
         seen.clear()
@@ -202,7 +202,7 @@ def test_long_work_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_ctrl_c_ends_long_work(monkeypatch: pytest.MonkeyPatch) -> None:
     """As the signal does it, between two batches; the bar is gone then."""
-    monkeypatch.setattr("softlab.model.core.waiting.INTERVAL", -1.0)
+    monkeypatch.setattr("softlab.model.base.waiting.INTERVAL", -1.0)
     position, triangles = ball()
 
     def stop(_label: str, _fraction: float) -> None:

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from closed_meshes import area_of, ball, box, volume_of
 
-from softlab.model.core import waiting
+from softlab.model.base import waiting
+from softlab.model.base.errors import InputError, SceneError
 from softlab.model.core.build import masses
-from softlab.model.core.errors import InputError, SceneError
 from softlab.model.geometry.formats import source
 from softlab.model.geometry.formats.polygons import ears, triangulated
 from softlab.model.geometry.measures import triangle_areas

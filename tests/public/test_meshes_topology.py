@@ -14,18 +14,18 @@ from test_mesh import binary_stl, check_sound, obj, write
 
 from softlab.model.assets.cooked import cooked
 from softlab.model.assets.soft_body import RigidBody, SoftBody
-from softlab.model.core.errors import InputError, SceneError
+from softlab.model.base.errors import InputError, SceneError
 from softlab.model.geometry import neighbours
 from softlab.model.geometry.edges import NonManifold, edge_uses
 from softlab.model.geometry.mending.hull import bounding
 from softlab.model.geometry.mesh import read_mesh, triangle_mesh
 from softlab.model.geometry.solid import filled, solid
 from softlab.model.geometry.voxels import winding_numbers
-from softlab.model.scene.bodies import RigidBodyPart
-from softlab.model.scene.colliders.distance_field import DistanceField
-from softlab.model.scene.regions import Region
 from softlab.model.scene.scene import Scene
-from softlab.model.scene.tetrahedra import TetrahedralBody
+from softlab.model.tables.bodies import RigidBodyPart
+from softlab.model.tables.colliders.distance_field import DistanceField
+from softlab.model.tables.regions import Region
+from softlab.model.tables.tetrahedra import TetrahedralBody
 
 # ---------------------------------------------------------------------- seams
 

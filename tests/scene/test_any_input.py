@@ -37,7 +37,7 @@ def test_the_answers_are_looked_at(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     from any_input import Case
 
     from softlab import cli
-    from softlab.model.core.errors import SceneError
+    from softlab.model.base.errors import SceneError
 
     def told(action) -> str:
         monkeypatch.setattr(cli, "app", lambda **_: action())

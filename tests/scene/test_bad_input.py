@@ -8,11 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from softlab.app.driver import open_simulation
+from softlab.model.base.errors import InputError, SceneError, SoftlabError
 from softlab.model.core.build import build
-from softlab.model.core.errors import InputError, SceneError, SoftlabError
-from softlab.model.scene.kinds import KINDS
 from softlab.model.scene.reader import parse_settings
 from softlab.model.scene.scene import Scene, load_scene
+from softlab.model.tables.kinds import KINDS
 
 NAN, INF = float("nan"), float("inf")
 

@@ -15,14 +15,14 @@ import pytest
 
 from softlab import cli
 from softlab.model.assets.soft_body import SoftBody
+from softlab.model.base import memory
+from softlab.model.base.errors import InputError, SceneError
 from softlab.model.core import build as build_module
-from softlab.model.core import memory
 from softlab.model.core.build import build
-from softlab.model.core.errors import InputError, SceneError
 from softlab.model.geometry.shapes import Shape
-from softlab.model.scene.particle_contact import Contact
 from softlab.model.scene.scene import Scene, load_scene
-from softlab.model.scene.self_collision import CONTACT_BYTES, SelfCollision
+from softlab.model.tables.particle_contact import Contact
+from softlab.model.tables.self_collision import CONTACT_BYTES, SelfCollision
 
 STAR = Shape(name="star").mesh()
 BOX = Shape(name="box").mesh()
@@ -100,7 +100,7 @@ def test_what_contacts_take_is_what_is_looked_for(real: type, monkeypatch: pytes
 
 
 def test_bodies_beyond_the_memory(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("softlab.model.shape_matching.body_set.available_bytes", lambda: 2**30)
+    monkeypatch.setattr("softlab.model.particles.body_set.available_bytes", lambda: 2**30)
     body = {"kind": "soft_body", "shape": {"name": "box"}, "particle_spacing": 0.5, "copies": [100, 100, 100]}
     with pytest.raises(SceneError, match=r"copies = 8000000: needs .*iB of main memory"):
         Scene({"b": body}).body_set  # noqa: B018

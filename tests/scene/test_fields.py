@@ -13,14 +13,14 @@ from rich.console import Console
 
 from softlab.app.command.tables import print_fields
 from softlab.app.driver import open_simulation
-from softlab.model.core.errors import SceneError
-from softlab.model.core.pins import PIN_WORDS
+from softlab.model.base.errors import SceneError
+from softlab.model.base.pins import PIN_WORDS
 from softlab.model.geometry.strokes import letters
 from softlab.model.scene.fields import REQUIRED, about, document, rows_of
-from softlab.model.scene.kinds import KINDS
-from softlab.model.scene.parts import CAMERA
 from softlab.model.scene.scene import Scene
-from softlab.model.scene.tank import TANK
+from softlab.model.tables.kinds import KINDS
+from softlab.model.tables.parts import CAMERA
+from softlab.model.tables.tank import TANK
 
 PAGE = Path(__file__).parents[2] / "docs" / "scene.md"
 

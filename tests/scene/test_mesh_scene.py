@@ -12,15 +12,15 @@ from mesh_scenes import PARTS, SHEET, mesh_scene
 from softlab.app.render.drawn_springs import drawn_lines
 from softlab.bench.reference import xpbd as sheets
 from softlab.bench.reference import xpbd_mesh as reference
+from softlab.model.base.errors import InputError, SceneError
 from softlab.model.core.build import build, masses, pinned_indices, rest_positions
 from softlab.model.core.energy import energies, spring_strain
-from softlab.model.core.errors import InputError, SceneError
 from softlab.model.core.families import scene_plan
 from softlab.model.geometry.normals import vertex_normals
 from softlab.model.geometry.topology import mesh_of
+from softlab.model.position_based.mesh_constraints import constraint_sets
 from softlab.model.scene.scene import Scene, load_scene
-from softlab.model.scene.sheets import mesh_lines, scene_normals, triangles_of
-from softlab.model.xpbd.mesh_constraints import constraint_sets
+from softlab.model.scene.sheets import mesh_lines
 
 GARMENT = {"mesh": {"file": "garment.obj", "pinned": "top"}, "structural": {}, "method": {"solver": "xpbd"}}
 
@@ -154,9 +154,9 @@ def test_one_diagonal_is_the_clothes_surface() -> None:
     shape = {"rows": 5, "columns": 4, "spacing": 0.1}
     cloth = Scene({"cloth": shape, "structural": {"stiffness": 100.0}, "shear": {"stiffness": 100.0}})
     assert np.array_equal(rest_positions(mesh.grid), rest_positions(cloth.grid))
-    assert {tuple(t) for t in np.sort(triangles_of(mesh))} == {tuple(t) for t in np.sort(triangles_of(cloth))}
+    assert {tuple(t) for t in np.sort(mesh.grid.triangles())} == {tuple(t) for t in np.sort(cloth.grid.triangles())}
     position = build(mesh).position
-    np.testing.assert_allclose(scene_normals(mesh, position), vertex_normals(position, 5, 4), atol=1e-14)
+    np.testing.assert_allclose(mesh.grid.normals(position), vertex_normals(position, 5, 4), atol=1e-14)
     way = sheets.Way
     closed = sheets.sheet(5, 4, {(1, 0): way(0.1, 0.01), (0, 1): way(0.1, 0.01), (1, 1): way(0.1 * np.sqrt(2), 0.01)})
     wanted = {(int(a), int(b)): r for a, b, r in zip(closed.first, closed.second, closed.rest_length, strict=True)}

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from softlab.app.driver import open_simulation
+from softlab.model.base.errors import InputError, SceneError
 from softlab.model.core.build import build
-from softlab.model.core.errors import InputError, SceneError
 from softlab.model.core.families import family_of, stability_limit
 from softlab.model.core.stability.diagnosis import diagnose, refusal
 from softlab.model.geometry.measures import turned_about

@@ -8,7 +8,7 @@ import pytest
 
 from softlab.bench.store.database import Store
 from softlab.bench.store.transfer import export, merge
-from softlab.model.core.errors import InputError
+from softlab.model.base.errors import InputError
 
 # ---------------------------------------------------------------------- stores
 

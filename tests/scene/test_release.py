@@ -14,8 +14,8 @@ from softlab.app.output.files import read_state, write_state
 from softlab.app.shared import check_cut
 from softlab.bench.experiments.accuracy.judge import judge_run
 from softlab.bench.reference import mass_spring, xpbd_mesh
+from softlab.model.base.errors import InputError, SceneError, UnstableTimeStep
 from softlab.model.core.build import build, masses
-from softlab.model.core.errors import InputError, SceneError, UnstableTimeStep
 from softlab.model.core.families import stability_limit
 from softlab.model.scene.scene import Scene, load_scene
 

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from softlab.bench.reference import mass_spring as reference
+from softlab.model.base.errors import SceneError
 from softlab.model.contact.sheet_plan import present_parts
 from softlab.model.core.build import build, pinned_indices
-from softlab.model.core.errors import SceneError
-from softlab.model.scene.kinds import REMOVED
 from softlab.model.scene.reader import catalogue, parse_settings, parse_value
 from softlab.model.scene.scene import Scene, load_scene
 from softlab.model.scene.sheets import rest_lines
+from softlab.model.tables.kinds import REMOVED
 
 MINIMAL = {"grid": {"rows": 3, "columns": 4}}
 SETTABLE = [

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from softlab.app.command.scene_file import write_scene
-from softlab.model.core.errors import InputError
+from softlab.model.base.errors import InputError
 from softlab.model.geometry.topology import mesh_path
 from softlab.model.scene.scene import Scene, load_scene
 

@@ -20,7 +20,7 @@ from softlab.app.window.demo_report import numbers_text, title_text
 from softlab.app.window.keys import WORLDS_KEY, hint, keys_text
 from softlab.app.window.panes import GAP, MAX_WORLDS, check_alike, panes, titles_of
 from softlab.app.window.worlds import STEPS_PER_FRAME
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.scene.scene import Scene, load_scene
 
 MOON = 1.62  # m/s^2

@@ -10,7 +10,7 @@ import pytest
 from bodies_scenes import BAR, BRICK, bodies_scene, end_state, method, opened, same
 
 from softlab.app.output.files import read_state, write_state
-from softlab.model.core.errors import InputError, SceneError
+from softlab.model.base.errors import InputError, SceneError
 from softlab.model.scene.scene import Scene
 
 CONTACT: dict[str, Any] = {"contact": {}}

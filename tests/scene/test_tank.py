@@ -10,7 +10,7 @@ import pytest
 
 from softlab.app.command.scene_file import scene_toml
 from softlab.app.driver import open_simulation
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.scene.reader import tables_of
 from softlab.model.scene.scene import Scene, load_scene
 

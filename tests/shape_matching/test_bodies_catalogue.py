@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from softlab.app.driver import open_simulation
+from softlab.model.core.spare import present
 from softlab.model.scene.scene import Scene, load_scene
-from softlab.model.shape_matching.spare import present
 
 SMALL = {
     "soft-rain": {"drop.copies": [2, 2, 1]},

@@ -35,7 +35,7 @@ from softlab.model.assets.clusters import Clusters, matching_share
 from softlab.model.assets.material import Material, even
 from softlab.model.assets.skin import make_skin
 from softlab.model.assets.soft_body import MATERIAL, RigidBody, SoftBody
-from softlab.model.core.errors import InputError, SceneError
+from softlab.model.base.errors import InputError, SceneError
 from softlab.model.formulas.shape_matching import deformation, pace
 from softlab.model.geometry.normals import mesh_normals
 from softlab.model.geometry.shapes import Shape

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from kernel_text import kernel_text
 
-from softlab.model.shape_matching.links import LINKS
+from softlab.model.particles.links import LINKS
 
 PARTS = frozenset({"gravity", "poke", "damping", "load", "plane", "friction"})
 LETTERS = {  # of each kernel's arguments, see kernel_text.py

@@ -19,9 +19,9 @@ from softlab.app.command.scene_file import scene_toml
 from softlab.app.command.tables import number, print_scenes
 from softlab.app.plan.report import plan_report
 from softlab.app.plan.table import print_plan
+from softlab.model.base.errors import SoftlabError
 from softlab.model.core.build import masses
 from softlab.model.core.energy import energies, spring_strain
-from softlab.model.core.errors import SoftlabError
 from softlab.model.formulas.shape_matching import cluster
 from softlab.model.scene.reader import catalogue
 from softlab.model.scene.scene import Scene, load_scene

@@ -30,7 +30,7 @@ from softlab.app.output.files import read_state, write_state
 from softlab.bench.reference import shape_matching as reference
 from softlab.bench.stress.rotations import matrices_of
 from softlab.model.assets.clusters import matching_share
-from softlab.model.core.errors import Diverged, InputError, SceneError
+from softlab.model.base.errors import Diverged, InputError, SceneError
 from softlab.model.shape_matching.cluster_tables import matching_factors
 
 CORNERS = np.array([(x, y, z) for x in (-1.0, 1.0) for y in (-0.5, 0.5) for z in (-0.3, 0.3)])

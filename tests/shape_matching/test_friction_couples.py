@@ -17,7 +17,7 @@ from softlab.bench.reference import shape_matching as reference
 from softlab.bench.reference.contact.particle_contacts import Contacts
 from softlab.model.formulas.shape_matching import couple
 from softlab.model.scene.scene import Scene
-from softlab.model.xpbd.plan import xpbd_parts, xpbd_plan
+from softlab.model.shape_matching.plan import body_parts, body_plan
 
 CUBE: dict[str, Any] = {
     "shape": {"name": "box", "resolution": 4, "sides": [0.4] * 3},
@@ -174,8 +174,8 @@ def test_what_is_squashed_hardly_turns(size: float) -> None:
 def test_who_has_couples() -> None:
     """Where there is friction, and a cluster of several particles that is no window of a lattice."""
     with_them, smooth = impact("soft", 0.5), impact("soft", 0.0)
-    assert "couples" in xpbd_parts(with_them) and xpbd_plan(with_them).has("turn by friction")
-    assert "couples" not in xpbd_parts(smooth) and not xpbd_plan(smooth).has("turn by friction")
-    assert "couples" not in xpbd_parts(lone_points([[0.0, 0.0, 0.0]], [[0.0, 0.0, 0.0]]))
-    assert "couples" not in xpbd_parts(bodies_scene(one=block(), other=block(), contact={}))
-    assert "couples" not in xpbd_parts(bodies_scene(one=CUBE | KINDS["rigid"]))
+    assert "couples" in body_parts(with_them) and body_plan(with_them).has("turn by friction")
+    assert "couples" not in body_parts(smooth) and not body_plan(smooth).has("turn by friction")
+    assert "couples" not in body_parts(lone_points([[0.0, 0.0, 0.0]], [[0.0, 0.0, 0.0]]))
+    assert "couples" not in body_parts(bodies_scene(one=block(), other=block(), contact={}))
+    assert "couples" not in body_parts(bodies_scene(one=CUBE | KINDS["rigid"]))

@@ -29,9 +29,9 @@ from softlab.bench.reference import shape_matching as reference
 from softlab.model.assets.baked import baked
 from softlab.model.assets.lattice import Lattice
 from softlab.model.assets.soft_lattice import SoftLattice
-from softlab.model.core.errors import InputError, SceneError
+from softlab.model.base.errors import InputError, SceneError
 from softlab.model.geometry.shapes import Shape
-from softlab.model.shape_matching import body_set
+from softlab.model.particles import body_set
 
 KERNELS = [("stages", 1), ("stages", 3), ("fused", 1), ("fused", 2), ("fused", 5)]
 SHAPES = [((5, 4, 3), 2), ((1, 1, 1), 1), ((7, 1, 2), 1), ((3, 9, 2), 3), ((2, 2, 2), 5), ((1, 6, 13), 2)]

@@ -24,11 +24,11 @@ from bodies_scenes import (
 
 from softlab.bench.reference import shape_matching as reference
 from softlab.model.assets.soft_sheet import SoftSheet
-from softlab.model.core.errors import InputError, SceneError
+from softlab.model.base.errors import InputError, SceneError
 from softlab.model.geometry.shapes import Shape
+from softlab.model.particles.links import LinkedCopies, make_links
 from softlab.model.scene.scene import Scene
-from softlab.model.shape_matching.links import LinkedCopies, make_links
-from softlab.model.xpbd.plan import xpbd_plan
+from softlab.model.shape_matching.plan import body_plan
 
 SHEET: dict[str, Any] = {"kind": "soft_sheet", "shape": {"name": "sheet", "resolution": 6}, "particle_spacing": 1 / 6}
 
@@ -90,12 +90,12 @@ def test_colours_share_no_particle_and_copies_are_coloured_alike() -> None:
 
 def test_a_linked_body_runs_and_its_plan_says_so() -> None:
     scene = bodies_scene(bar=BAR | {"link_radius": 0.2, "link_stiffness": 9.0})
-    plan = xpbd_plan(scene, frozenset(LIVE))
+    plan = body_plan(scene, frozenset(LIVE))
     assert (
         "links" in plan.parts
         and sum("links" in stage.name for stage in plan.root.stages()) == scene.body_set.links.colours
     )
-    assert "links" not in xpbd_plan(bodies_scene(bar=BAR), frozenset(LIVE)).parts
+    assert "links" not in body_plan(bodies_scene(bar=BAR), frozenset(LIVE)).parts
     assert np.isfinite(end_state(scene, steps=3).position).all()
 
 

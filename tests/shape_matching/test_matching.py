@@ -11,7 +11,7 @@ from softlab.app.driver import open_simulation
 from softlab.bench.reference import shape_matching as reference
 from softlab.model.assets.clusters import Clusters, matching_share, stiffness_of_coefficient
 from softlab.model.assets.lattice import matching_axis
-from softlab.model.core.errors import InputError, SceneError
+from softlab.model.base.errors import InputError, SceneError
 from softlab.model.core.simulation import State
 from softlab.model.core.stability.springs import matching_stiffness
 from softlab.model.scene.scene import Scene, load_scene

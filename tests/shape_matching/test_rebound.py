@@ -16,8 +16,8 @@ from rebound_scenes import BRICK, FLOOR, among_soft_ones, dropped
 from softlab.bench.reference import shape_matching as reference
 from softlab.model.assets.clusters import whole_clusters
 from softlab.model.scene.scene import Scene
+from softlab.model.shape_matching.plan import body_parts, body_plan
 from softlab.model.shape_matching.rigid_rebound import rebound_limits
-from softlab.model.xpbd.plan import xpbd_parts, xpbd_plan
 
 G = 9.81
 CORNERS = np.array([[x, y, z] for x in (-0.1, 0.1) for y in (-0.1, 0.1) for z in (-0.1, 0.1)])
@@ -184,9 +184,9 @@ def test_bodies_that_meet_anyhow_gain_no_energy() -> None:
 def test_only_rigid_bodies_that_something_stops_need_it() -> None:
     """Whatever is given back: without it particles alone are stopped, and their bodies come back."""
     for scene in (dropped(0.5), dropped(0.0)):
-        assert {"rigid-rebound", "rigid-motion"} <= xpbd_parts(scene) and xpbd_plan(scene).has("rebound")
+        assert {"rigid-rebound", "rigid-motion"} <= body_parts(scene) and body_plan(scene).has("rebound")
     alone = Scene({name: table for name, table in dropped(0.5).as_dict().items() if name != "plane"})
-    assert "rigid-motion" in xpbd_parts(alone) and xpbd_plan(alone).has("keep momenta")
+    assert "rigid-motion" in body_parts(alone) and body_plan(alone).has("keep momenta")
     for none in (alone, bodies_scene(bar=BAR, plane=FLOOR | {"restitution": 0.5})):
-        assert "rigid-rebound" not in xpbd_parts(none) and not xpbd_plan(none).has("rebound")
-    assert "rigid-motion" not in xpbd_parts(none) and not xpbd_plan(none).has("keep momenta")
+        assert "rigid-rebound" not in body_parts(none) and not body_plan(none).has("rebound")
+    assert "rigid-motion" not in body_parts(none) and not body_plan(none).has("keep momenta")

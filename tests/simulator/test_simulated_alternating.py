@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from softlab.app.driver import open_simulation
-from softlab.model.core.errors import Diverged, SceneError
+from softlab.model.base.errors import Diverged, SceneError
 from softlab.model.scene.scene import Scene, load_scene
 
 CHANGES = {

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from bodies_scenes import by_hand, degenerate, end_state, everything, hung, opened, same, start
 
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 
 
 @pytest.mark.parametrize("precision", ["float32", "float64"])

@@ -11,7 +11,7 @@ from cloth_scenes import BODIES, PARTS, POKE, cloth_scene
 
 from softlab.app.driver import open_simulation
 from softlab.bench.reference import mass_spring as reference
-from softlab.model.core.errors import Diverged, SceneError
+from softlab.model.base.errors import Diverged, SceneError
 from softlab.model.core.integrators import INTEGRATORS
 from softlab.model.core.simulation import State
 from softlab.model.scene.scene import Scene

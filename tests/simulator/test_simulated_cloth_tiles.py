@@ -13,7 +13,7 @@ from cloth_scenes import PARTS, POKE, cloth_scene
 from test_simulated_tiles import assert_same, blocks_together  # noqa: F401  # a fixture
 
 from softlab.app.driver import open_simulation
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.core.simulation import State
 from softlab.model.scene.scene import Scene
 

@@ -11,7 +11,7 @@ from softlab.app.driver import open_simulation
 from softlab.bench.reference import mass_spring as reference
 from softlab.gpu_backend.core.sheet import BLOCK
 from softlab.gpu_backend.mass_spring.grid.kernels import make_tools
-from softlab.model.core.errors import Diverged, SceneError
+from softlab.model.base.errors import Diverged, SceneError
 from softlab.model.core.integrators import INTEGRATORS
 from softlab.model.core.simulation import State
 from softlab.model.scene.scene import load_scene

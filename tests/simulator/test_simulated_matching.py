@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from test_matching import STEPS, end_state, everything, jelly
 
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 
 
 @pytest.mark.parametrize("region,substeps,iterations", [(1, 1, 1), (2, 1, 2), (1, 2, 3)])

@@ -16,7 +16,6 @@ from softlab.model.core.simulation import State
 from softlab.model.geometry.tables import wind_lists
 from softlab.model.geometry.topology import mesh_of, vertex_masses
 from softlab.model.scene.scene import Scene
-from softlab.model.scene.sheets import scene_normals
 
 STEPS = 2
 
@@ -61,7 +60,7 @@ def test_normals_are_those_of_the_triangles() -> None:
     with open_simulation(scene, "gpu", precision="float64") as simulation:
         simulation.advance(1)
         np.testing.assert_allclose(
-            simulation.read("normal"), scene_normals(scene, simulation.read("position")), atol=1e-12
+            simulation.read("normal"), scene.grid.normals(simulation.read("position")), atol=1e-12
         )  # fmt: skip
     assert scene.mesh is not None
     assert len(wind_lists(mesh_of(scene.mesh))[0]) == 5 * 4 + 1

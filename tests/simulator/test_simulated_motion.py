@@ -11,9 +11,9 @@ from cloth_scenes import POKE, cloth_scene
 
 from softlab.app.driver import open_simulation
 from softlab.gpu_backend.contact.pins import STILL, pin_marks
+from softlab.model.base.errors import SceneError
 from softlab.model.contact.cloth_parameters import P_MOTION, body_rows
 from softlab.model.core.build import build
-from softlab.model.core.errors import SceneError
 from softlab.model.core.simulation import State
 from softlab.model.scene.scene import Scene
 

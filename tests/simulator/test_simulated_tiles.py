@@ -22,7 +22,7 @@ from softlab.app.driver import open_simulation
 from softlab.gpu_backend.core.tiling import owned, tile_count
 from softlab.gpu_backend.mass_spring.grid.choice import parsed_tile
 from softlab.gpu_backend.mass_spring.grid.tiles import make_tile_parts
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.core.simulation import State
 from softlab.model.scene.scene import load_scene
 

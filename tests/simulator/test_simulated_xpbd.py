@@ -12,8 +12,8 @@ from xpbd_scenes import PARTS, poke_of, xpbd_scene
 from softlab.app.driver import open_simulation
 from softlab.bench.reference import xpbd as reference
 from softlab.gpu_backend.core.sheet import BLOCK
+from softlab.model.base.errors import Diverged, SceneError
 from softlab.model.core.build import build, rest_positions
-from softlab.model.core.errors import Diverged, SceneError
 from softlab.model.core.simulation import State
 from softlab.model.scene.scene import Scene
 

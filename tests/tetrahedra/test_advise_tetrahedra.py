@@ -22,7 +22,7 @@ from softlab.bench.measure.experiment import described
 from softlab.bench.reference.finite_elements import modes
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import measures
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.scene.scene import Scene, load_scene
 
 JUDGE = 1e-3  # of the way: what the bar's judge in motion, linear vibrations, is itself off by

@@ -11,10 +11,10 @@ from kinematic_scenes import BAR, CUBE, HOOK, LOOSE, SOLVERS, kinematic_scene, r
 from vbd_scenes import elastic_force
 
 from softlab.app.driver import open_simulation
+from softlab.model.base.errors import InputError, SceneError
+from softlab.model.contact.attachments import attachment_sets, contact_free
 from softlab.model.contact.surface_parameters import contact_surface
-from softlab.model.core.errors import InputError, SceneError
 from softlab.model.scene.scene import Scene
-from softlab.model.tetrahedra.attachments import attachment_sets, contact_free
 from softlab.model.tetrahedra.springs import springs
 
 DT = 0.01

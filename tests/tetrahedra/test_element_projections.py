@@ -25,7 +25,7 @@ from softlab.bench.experiments.element_projections import (
 )
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import measures
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 
 
 @pytest.mark.parametrize("count", [400, 3200])

@@ -11,9 +11,9 @@ from kinematic_scenes import BAR, ENDS, SOLVERS, kinematic_scene, run
 from vbd_scenes import elastic_force
 
 from softlab.app.driver import open_simulation
-from softlab.model.core.errors import InputError, SceneError, UnstableTimeStep
-from softlab.model.scene.regions import Region
+from softlab.model.base.errors import InputError, SceneError, UnstableTimeStep
 from softlab.model.scene.scene import Scene
+from softlab.model.tables.regions import Region
 
 DT = 0.01
 EXACT: dict[str, Any] = {"precision": "float64", "math": "exact", "threads": 1}

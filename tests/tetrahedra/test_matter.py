@@ -9,10 +9,10 @@ import pytest
 from kinematic_scenes import BAR, kinematic_scene, run
 from vbd_scenes import deformation, elastic_force
 
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
+from softlab.model.particles.tetrahedra.topology import neighbours
+from softlab.model.particles.tetrahedra_set import TetrahedraSet
 from softlab.model.scene.scene import Scene
-from softlab.model.tetrahedra.body_set import TetrahedraSet
-from softlab.model.tetrahedra.topology import neighbours
 
 EXACT: dict[str, Any] = {"precision": "float64", "math": "exact", "threads": 1}
 LONG = BAR | {"shape": {"name": "box", "sides": [0.4, 0.1, 0.1]}, "poisson_ratio": 0.0, "damping": 0.02}

@@ -20,7 +20,7 @@ from softlab.gpu_backend.tetrahedra.slabs import (
     STARTS,
     Slabs,
 )
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.scene.scene import Scene
 from softlab.model.tetrahedra.constraints import constraint_sets
 

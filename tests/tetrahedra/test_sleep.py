@@ -10,7 +10,7 @@ import pytest
 from kinematic_scenes import BAR, ENDS, LOOSE, kinematic_scene, run
 
 from softlab.app.driver import open_simulation
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.formulas.elastic.sleep import SHARE
 from softlab.model.scene.scene import Scene, load_scene
 

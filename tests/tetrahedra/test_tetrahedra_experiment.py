@@ -45,8 +45,8 @@ from softlab.bench.measure.machine import enter_machine
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import measures
 from softlab.labbook.claims.tetrahedra import CLAIMS
-from softlab.model.core.disk_cache import cache_folder
-from softlab.model.core.errors import SceneError, UnstableTimeStep
+from softlab.model.base.disk_cache import cache_folder
+from softlab.model.base.errors import SceneError, UnstableTimeStep
 from softlab.plots.core.read import load
 from softlab.plots.core.style import settings as drawing_settings
 from softlab.plots.figures import tetrahedra as figure

@@ -34,7 +34,7 @@ from softlab.bench.experiments.tetrahedral.meshes import (
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import measures
 from softlab.labbook.claims.tetrahedra import CLAIMS
-from softlab.model.core.errors import BackendUnavailable
+from softlab.model.base.errors import BackendUnavailable
 from softlab.plots.core.read import load
 from softlab.plots.core.style import settings
 from softlab.plots.figures import tetrahedra_mesh

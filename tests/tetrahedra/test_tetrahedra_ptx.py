@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from kernel_text import entry_of, record_of
 
-from softlab.model.core.constraints import Projection
 from softlab.model.formulas.constraints.tetrahedron import MATERIALS
+from softlab.model.particles.constraints import Projection
 from softlab.model.tetrahedra.constraints import BLOCKS, DAMPED, ITERATED, part_of_run, projections_of
 
 pytestmark = pytest.mark.usefixtures("ptx_compiler")
@@ -123,7 +123,7 @@ def test_pins_that_move_compile_likewise(real: Any, math: str) -> None:
 def test_bodies_that_are_slowed_compile_likewise(real: Any, math: str) -> None:
     from numba import types
 
-    from softlab.gpu_backend.xpbd.mesh_kernels import make_slow
+    from softlab.gpu_backend.position_based.mesh_kernels import make_slow
 
     reals = (types.float32 if real is np.float32 else types.float64)[::1]
     body = entry_of(make_slow(real, math).py_func, (reals, reals, record_of(real, "tetrahedra")), math)

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from tetrahedra_scenes import BODY, tetrahedra_scene
 
-from softlab.model.core.constraints import ConstraintSet
-from softlab.model.core.errors import InputError
+from softlab.model.base.errors import InputError
+from softlab.model.particles.constraints import ConstraintSet
+from softlab.model.particles.tetrahedra_set import TetrahedraSet
 from softlab.model.scene.scene import Scene
-from softlab.model.tetrahedra.body_set import TetrahedraSet
 from softlab.model.tetrahedra.constraints import constraint_sets, tetrahedra_of_sets
 from softlab.model.tetrahedra.voxel_order import voxel_order
 

@@ -11,7 +11,7 @@ from tetrahedra_scenes import BODY, FREE, moving, tetrahedra_scene
 from softlab.app.driver import open_simulation
 from softlab.bench.reference import tetrahedra_voxels as reference
 from softlab.bench.reference.finite_elements import Body
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.scene.scene import Scene
 from softlab.model.tetrahedra.constraints import SHAPES, VOLUMES, constraint_sets, tetrahedra_of_sets
 from softlab.model.tetrahedra.material import energies

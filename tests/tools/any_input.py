@@ -42,8 +42,8 @@ from odd_values import (
 
 from softlab.bench.store.database import Store
 from softlab.bench.store.transfer import export
-from softlab.model.scene.kinds import KINDS
 from softlab.model.scene.reader import catalogue
+from softlab.model.tables.kinds import KINDS
 
 FIELDS = [(kind, name) for kind, part in KINDS.items() for name in part.model_fields]
 

@@ -18,8 +18,8 @@ from softlab.bench.experiments.clusters_by_hand import by_hand, clusters_of, deg
 from softlab.bench.stress.laws import Law
 from softlab.bench.stress.trial import Check, Trial
 from softlab.model.core.simulation import State
+from softlab.model.particles.body_set import Copy
 from softlab.model.scene.scene import Scene
-from softlab.model.shape_matching.body_set import Copy
 
 __all__ = [
     "AWAY",

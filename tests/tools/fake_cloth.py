@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.core.families import scene_plan
 from softlab.model.core.plan import Plan
 from softlab.model.core.simulation import Options, Simulation

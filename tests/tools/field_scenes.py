@@ -8,8 +8,8 @@ from bodies_scenes import BAR, bodies_scene, method
 from cloth_solve import cloth
 from mesh_scenes import METHOD
 
-from softlab.model.scene.colliders.distance_field import DistanceField
 from softlab.model.scene.scene import Scene
+from softlab.model.tables.colliders.distance_field import DistanceField
 
 BLOCK: dict[str, Any] = {"name": "box", "resolution": 1}  # a cube of a metre
 TORUS: dict[str, Any] = {"name": "torus", "resolution": 8}

@@ -64,6 +64,6 @@ def kernel_text(kernel: Any, letters: str, real: Any, math: str) -> str:
 
 def collide_text(real: Any, math: str, parts: frozenset[str]) -> str:
     """Of the kernel in which the masses of a position-based solver meet the colliders among `parts`."""
-    from softlab.gpu_backend.xpbd.stages import make_xpbd_stages
+    from softlab.gpu_backend.position_based.stages import make_xpbd_stages
 
     return kernel_text(make_xpbd_stages(real, math, parts, 3).collide, "RRRPRUl", real, math)

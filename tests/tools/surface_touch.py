@@ -10,8 +10,8 @@ from cloth_solve import solve
 
 from softlab.bench.reference import cloth as judge
 from softlab.model.contact.cloth_parameters import B_TREE, COLLIDER_FIELDS, collider_numbers
-from softlab.model.scene.colliders.surface_collider import SurfaceCollider
 from softlab.model.scene.scene import Scene
+from softlab.model.tables.colliders.surface_collider import SurfaceCollider
 
 
 def touch_by(

@@ -14,8 +14,8 @@ from world_scenes import moving
 from softlab.app.command.run import Request, run_scene
 from softlab.app.output.files import write_state
 from softlab.bench.reference import world as reference
+from softlab.model.base.errors import SceneError
 from softlab.model.contact.self_contact_parameters import MAX_CONTACTS
-from softlab.model.core.errors import SceneError
 from softlab.model.world.solids import solids_of
 
 

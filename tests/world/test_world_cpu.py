@@ -10,8 +10,8 @@ from world_scenes import BLOCK, BY_VERTICES, JELLY, METHOD, PARTS, SHEET, moving
 
 from softlab.app.driver import open_simulation
 from softlab.bench.reference import world as reference
+from softlab.model.base.errors import SceneError
 from softlab.model.contact.self_contact_parameters import MAX_CONTACTS
-from softlab.model.core.errors import SceneError
 from softlab.model.core.simulation import State
 from softlab.model.scene.scene import Scene
 

@@ -13,9 +13,9 @@ from softlab.app.output.export import Exporter, check_export
 from softlab.app.plan.report import plan_report
 from softlab.app.plan.table import amounts
 from softlab.app.render.drawn_springs import drawn_strain
+from softlab.model.base.errors import SceneError
 from softlab.model.contact.shortfalls import shortfalls
 from softlab.model.core.build import build, masses
-from softlab.model.core.errors import SceneError
 from softlab.model.core.families import family_of, scene_plan
 from softlab.model.scene.scene import Scene, load_scene
 from softlab.model.world.meeting import MEMBERS_MEET, cross_surface, distances_of_groups

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from softlab.model.core.build import build
+from softlab.model.position_based.attachments import sheet_reaches
 from softlab.model.scene.scene import Scene
-from softlab.model.xpbd.attachments import sheet_reaches
 
 STIFFNESS, STRETCH = 40.0, 9.81 * 0.01 / 40.0  # N/m, m: of one spring by the weight of one mass
 

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from meshes import octahedron, sheet
 
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.core.stability.springs import spring_ends
 from softlab.model.geometry.colouring import MAX_COLOURS, Colouring, colour
 from softlab.model.geometry.edges import mesh_edges

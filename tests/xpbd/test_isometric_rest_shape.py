@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from softlab.app.driver import open_simulation
+from softlab.model.base.errors import SceneError
 from softlab.model.core.build import build
-from softlab.model.core.errors import SceneError
 from softlab.model.core.simulation import State
 from softlab.model.scene.scene import Scene
 

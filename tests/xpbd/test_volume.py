@@ -8,14 +8,14 @@ from mesh_scenes import mesh_scene
 
 from softlab.app.driver import open_simulation
 from softlab.bench.reference import xpbd_mesh as reference
+from softlab.model.base.errors import InputError, SceneError
 from softlab.model.core.build import build
 from softlab.model.core.energy import energies
-from softlab.model.core.errors import InputError, SceneError
 from softlab.model.formulas.constraints import volume
 from softlab.model.geometry.mesh import triangle_mesh
 from softlab.model.geometry.topology import mesh_of
+from softlab.model.position_based.mesh_constraints import constraint_sets, sixfold_volumes, tetrahedra_within
 from softlab.model.scene.scene import Scene
-from softlab.model.xpbd.mesh_constraints import constraint_sets, sixfold_volumes, tetrahedra_within
 
 PROJECT = volume.make(np.float64).project
 REST = np.array([[0.0, 0.0, 0.0], [0.3, 0.02, 0.0], [0.05, 0.25, 0.01], [0.1, 0.08, 0.2]])

@@ -9,8 +9,8 @@ from xpbd_solve import STEPS, end_state, same
 
 from softlab.app.driver import open_simulation
 from softlab.bench.reference import xpbd as reference
+from softlab.model.base.errors import SceneError
 from softlab.model.core.build import build, rest_positions
-from softlab.model.core.errors import SceneError
 from softlab.model.core.simulation import State
 from softlab.model.geometry.normals import vertex_normals
 from softlab.model.scene.scene import Scene

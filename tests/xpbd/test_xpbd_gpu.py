@@ -10,7 +10,7 @@ import pytest
 from xpbd_scenes import poke_of, xpbd_scene
 
 from softlab.app.driver import open_simulation
-from softlab.model.core.errors import Diverged, SceneError
+from softlab.model.base.errors import Diverged, SceneError
 from softlab.model.core.simulation import State
 from softlab.model.scene.scene import Scene
 

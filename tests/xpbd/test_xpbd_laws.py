@@ -16,8 +16,8 @@ from softlab.bench.reference import mass_spring
 from softlab.model.core.build import build
 from softlab.model.core.energy import spring_strain
 from softlab.model.core.simulation import State
+from softlab.model.position_based.plan import xpbd_parts
 from softlab.model.scene.scene import Scene, load_scene
-from softlab.model.xpbd.plan import xpbd_parts
 
 G = 9.81
 FRAME = 1 / 60

@@ -112,7 +112,7 @@ def test_pins_inside_a_collider_stay_and_nothing_breaks() -> None:
 
 def test_attachments_hold() -> None:
     """No vertex is farther from its anchor than the way along edges, times 1 + slack, whatever the springs do."""
-    from softlab.model.xpbd.attachments import vertex_attachments
+    from softlab.model.position_based.attachments import vertex_attachments
 
     soft = {"structural": {"stiffness": 0.1}, "method": {"solver": "xpbd", "dt": 0.01, "substeps": 2}}
     scene = Scene({k: HELD[k] for k in ("mesh", "gravity")} | soft | {"attachments": {"slack": 0.001}})

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from kernel_text import entry_of, record_of
 
-from softlab.model.xpbd.mesh_constraints import projection_of
+from softlab.model.position_based.mesh_constraints import projection_of
 
 AIR = frozenset({"wind", "gust", "external", "gravity", "poke", "damping", "pins", "load", "gauss-seidel"})
 SOFT = frozenset({"structural-compliance", "bending-compliance"})
@@ -72,7 +72,7 @@ def test_multipliers_are_only_there_for_what_gives() -> None:
 @pytest.mark.parametrize("math", ["fast", "exact"])
 def test_the_prediction_and_normals_compile(math: str) -> None:
     from softlab.gpu_backend.core.sheet import make_mesh_tools
-    from softlab.gpu_backend.xpbd.mesh_kernels import make_mesh_begin
+    from softlab.gpu_backend.position_based.mesh_kernels import make_mesh_begin
 
     text = ptx(make_mesh_begin(np.float32, math, AIR), np.float32, math, "RRRIIIPULlll")
     assert ".f64" not in text and ".local" not in text

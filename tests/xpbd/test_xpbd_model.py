@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 
 from softlab.bench.reference import xpbd
+from softlab.model.base.errors import SceneError
 from softlab.model.contact.substep_parameters import (
     constants_of,
     xpbd_record,
 )
 from softlab.model.core.build import build
 from softlab.model.core.energy import energies
-from softlab.model.core.errors import SceneError
 from softlab.model.core.families import scene_plan, stability_limit
 from softlab.model.core.parameters import parameter_record
+from softlab.model.position_based.plan import FAMILIES, colour_order, constraint_count, families, xpbd_parts
 from softlab.model.scene.scene import Scene, load_scene
-from softlab.model.xpbd.plan import FAMILIES, colour_order, constraint_count, families, xpbd_parts
 
 XPBD = {"method.solver": "xpbd"}
 CLOTH = {

@@ -78,8 +78,8 @@ def test_tiles_of_many_parts(ordering: str, parts: frozenset[str]) -> None:
 
 def test_a_grid_is_projected_in_two_dimensions() -> None:
     """The third axis leaves no arithmetic: of a constraint two differences, a fused and a plain square and the four ends."""
-    from softlab.gpu_backend.xpbd.kernels import make_colour
-    from softlab.model.xpbd.plan import colour_order
+    from softlab.gpu_backend.position_based.kernels import make_colour
+    from softlab.model.position_based.plan import colour_order
 
     (family, colour), *_ = colour_order(GRID | {"gauss-seidel"})
     flat = frozenset({"structural", "gauss-seidel"})
@@ -93,7 +93,7 @@ def test_a_grid_is_projected_in_two_dimensions() -> None:
 
 @pytest.mark.parametrize("real", [np.float32, np.float64])
 def test_passes_hold_no_double_and_no_local_memory(real: Any) -> None:
-    from softlab.gpu_backend.xpbd.kernels import (
+    from softlab.gpu_backend.position_based.kernels import (
         make_attach,
         make_begin,
         make_colour,
@@ -101,7 +101,7 @@ def test_passes_hold_no_double_and_no_local_memory(real: Any) -> None:
         make_jacobi,
         make_plane_tools,
     )
-    from softlab.model.xpbd.plan import colour_order
+    from softlab.model.position_based.plan import colour_order
 
     parts = (EVERYTHING if real is np.float32 else SOFT) | {"gauss-seidel"}
     rising = next(entry for entry in colour_order(parts) if entry[0].name == "rising")
@@ -125,7 +125,7 @@ def test_passes_hold_no_double_and_no_local_memory(real: Any) -> None:
 
 def test_stages_hold_no_double() -> None:
     from softlab.gpu_backend.core.forces import make_force_stages
-    from softlab.gpu_backend.xpbd.stages import make_xpbd_stages
+    from softlab.gpu_backend.position_based.stages import make_xpbd_stages
 
     stage = make_xpbd_stages(np.float32, "fast", EVERYTHING | {"jacobi"}, 3)
     own = make_force_stages(np.float32, "fast", EVERYTHING | {"load"})

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from softlab.bench.reference import xpbd
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.scene.scene import load_scene
 
 G = 9.81

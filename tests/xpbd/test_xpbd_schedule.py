@@ -11,8 +11,8 @@ from softlab.cpu_backend.xpbd import schedule as plan
 from softlab.cpu_backend.xpbd.tables import Tables
 from softlab.model.contact.substep_parameters import xpbd_record
 from softlab.model.core.build import build
+from softlab.model.position_based.plan import FAMILIES, families, xpbd_parts
 from softlab.model.scene.scene import Scene
-from softlab.model.xpbd.plan import FAMILIES, families, xpbd_parts
 
 ROWS = (1, 2, 3, 4, 5, 7, 8, 9, 13, 16, 31)
 

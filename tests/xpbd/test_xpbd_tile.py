@@ -14,9 +14,9 @@ from softlab.gpu_backend.xpbd.choice import (
     xpbd_kernel,
 )
 from softlab.gpu_backend.xpbd.tile import SheetTile, dependencies, span
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
+from softlab.model.position_based.plan import colour_order, families, xpbd_parts
 from softlab.model.scene.scene import Scene
-from softlab.model.xpbd.plan import colour_order, families, xpbd_parts
 
 KINDS = ("structural", "shear", "bending")
 H200 = (132, 227 << 10)

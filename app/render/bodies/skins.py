@@ -9,7 +9,7 @@ import numpy as np
 
 from softlab.app.render.bodies.shaders import ACROSS
 from softlab.app.render.vertex_arrays import NORMAL, POSITION, delete_all, static_buffer, vertex_array
-from softlab.model.shape_matching.body_set import Copy
+from softlab.model.particles.body_set import Copy
 
 CLUSTER, WEIGHT = 2, 3  # where the shaders of app/render/bodies/shaders.py look for them
 

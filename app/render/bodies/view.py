@@ -30,8 +30,8 @@ from softlab.app.render.vertex_arrays import (
 )
 from softlab.app.render.view import View
 from softlab.model.core.simulation import Simulation
+from softlab.model.core.spare import copies_there
 from softlab.model.scene.scene import Scene
-from softlab.model.shape_matching.spare import copies_there
 
 PARTICLE_RADIUS = 0.5  # of the particle spacing
 SKIN_COVER = 0.22  # of the particles behind it, where both are shown
@@ -45,6 +45,7 @@ class BodiesView(View):
     particles, of COLOURINGS."""
 
     subject, colourings = "bodies", COLOURINGS
+    options = ("particles", "skin", "clusters", "links", "lines")
 
     def __init__(self, scene: Scene, detail: Detail = FINE):
         super().__init__(scene, detail)

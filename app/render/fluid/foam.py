@@ -12,8 +12,8 @@ from softlab.app.render.opengl import shader_program
 from softlab.app.render.vertex_arrays import delete_all, point_array, static_buffer, uniform_matrix
 from softlab.app.render.vertices import HostVertices
 from softlab.model.fluid.foam import NAMES, FoamPoints
-from softlab.model.scene.fluid import Foam
 from softlab.model.scene.scene import Scene
+from softlab.model.tables.fluid import Foam
 
 APPEARANCES = np.array(
     [[0.62, 0.76, 0.88, 0.85], [0.98, 0.99, 1.0, 0.9], [0.78, 0.90, 0.97, 0.6]], np.float32

@@ -8,8 +8,8 @@ import numpy as np
 
 from softlab.app.render.fluid.outlines import outlines
 from softlab.model.fluid.foam import in_reach
-from softlab.model.scene.cloth import Plane
 from softlab.model.scene.scene import Scene
+from softlab.model.tables.cloth import Plane
 
 FEW = 0.005  # of the particles, at each end of an axis, that may be out of sight
 BESIDE = 0.5  # of the others' extent: what is farther from them than this is

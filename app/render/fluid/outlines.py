@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from softlab.model.scene.cloth import Box, Capsule, Plane, Sphere
 from softlab.model.scene.scene import Scene
+from softlab.model.tables.cloth import Box, Capsule, Plane, Sphere
 
 SIDES = 96  # of a circle
 FAR = 40.0  # times the scene's size: how long the line of a half-plane is

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from softlab.model.core.errors import BackendUnavailable
+from softlab.model.base.errors import BackendUnavailable
 
 DEPTH, OTHER_DEPTH, THICKNESS, NORMALS, OUTLINE, BEHIND, BEHIND_DEPTH = range(7)
 FRAMES = BEHIND_DEPTH  # each picture but this one has a frame buffer

@@ -32,7 +32,7 @@ from softlab.app.render.fluid.pictures import (
 from softlab.app.render.opengl import shader_program
 from softlab.app.render.scenery import KEY
 from softlab.app.render.vertex_arrays import APPEARANCE, POSITION, uniform_matrix
-from softlab.model.core.errors import InputError
+from softlab.model.base.errors import InputError
 
 FILTERS = ("narrow-range", "curvature-flow", "none")
 BACK = 5  # where shaders look for the first row of an ellipsoid's inverse

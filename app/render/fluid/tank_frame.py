@@ -10,8 +10,8 @@ from softlab.app.render.collider_shapes import Mesh, box_mesh
 from softlab.app.render.fluid.framing import with_fluids
 from softlab.model.core.build import build
 from softlab.model.fluid.foam import in_reach
-from softlab.model.scene.cloth import Plane
 from softlab.model.scene.scene import Scene
+from softlab.model.tables.cloth import Plane
 
 BAR = 0.004  # of the tank's longest side: half a bar's width
 OVER = 0.25  # of the fluid's first height: how far the bars of walls without an end rise over it

@@ -23,12 +23,12 @@ from softlab.app.render.vertex_arrays import (
     vertex_array,
 )
 from softlab.app.render.view import View
-from softlab.model.core.errors import InputError
+from softlab.model.base.errors import InputError
 from softlab.model.core.simulation import Simulation
-from softlab.model.fluid.fluid_set import FluidSet
 from softlab.model.fluid.foam import FoamPoints
 from softlab.model.fluid.measure import density_errors
 from softlab.model.geometry.anisotropy import ellipsoids
+from softlab.model.particles.fluid_set import FluidSet
 from softlab.model.scene.scene import Scene
 
 COLOURINGS = ("fluid", "speed", "density")  # the first is how fluids are shown at first
@@ -66,6 +66,7 @@ class FluidView(View):
     which takes the host a tenth of a second for 10 000 particles, else balls."""
 
     subject, colourings = "fluid", COLOURINGS
+    options = ("lines", "foam")
 
     def __init__(self, scene: Scene, detail: Detail = FINE, shaped: bool = False):
         super().__init__(scene, detail)

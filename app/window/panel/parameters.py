@@ -13,10 +13,10 @@ from typing import Any, Literal, get_args, get_origin
 from annotated_types import Ge, Gt, Le
 from pydantic.fields import FieldInfo
 
+from softlab.model.base.words import notes_of
 from softlab.model.core.options import LIVE_PATHS
-from softlab.model.scene.parts import Elastic
 from softlab.model.scene.scene import Scene
-from softlab.model.scene.words import notes_of
+from softlab.model.tables.parts import Elastic
 
 UNIT = re.compile(r"(?:m/s\^2|m/s|kg/m\^[23]|kg|N s/m|N m|N/m|Pa|rad/s|rad|m/N|1/s\^2|1/s|mm|m|s|N|J)(?![\w/^])")
 DECADES = 100.0  # a factor to either side of a positive value

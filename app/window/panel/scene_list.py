@@ -8,11 +8,11 @@ from functools import cache
 from pathlib import Path
 
 from softlab.app.window.panes import kind_of_tables
-from softlab.model.core.errors import SoftlabError
-from softlab.model.scene.bodies import BODY_KINDS
-from softlab.model.scene.kinds import SHEETS
+from softlab.model.base.errors import SoftlabError
 from softlab.model.scene.reader import catalogue, scene_tables
-from softlab.model.scene.tetrahedra import TETRAHEDRAL_KINDS
+from softlab.model.tables.bodies import BODY_KINDS
+from softlab.model.tables.kinds import SHEETS
+from softlab.model.tables.tetrahedra import TETRAHEDRAL_KINDS
 
 MAX_FILES = 200  # of the working folder
 WITH_PARTICLES = {

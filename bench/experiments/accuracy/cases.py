@@ -21,7 +21,7 @@ from softlab.bench.measure import case_timing
 from softlab.bench.measure.experiment import host_of, source_hash
 from softlab.bench.reference import cache
 from softlab.bench.store.results import configuration
-from softlab.model.core.digest import source_digest
+from softlab.model.base.digest import source_digest
 from softlab.model.core.integrators import INTEGRATORS
 from softlab.model.core.simulation import PRECISIONS, Simulation
 from softlab.model.scene.scene import Scene, load_scene

@@ -56,7 +56,7 @@ from softlab.bench.reference import cache
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import by_configuration, measures_of, timings
 from softlab.bench.store.schema import configuration_hash
-from softlab.model.core.errors import Diverged
+from softlab.model.base.errors import Diverged
 from softlab.model.core.simulation import PRECISIONS, Simulation
 
 HALF_ACCELERATION = 2.0  # inertia factor of the equation that the hand-out's step converges to

@@ -6,7 +6,7 @@ import numpy as np
 
 from softlab.bench.experiments.accuracy.methods import why_unknown
 from softlab.bench.reference.mass_spring import converged, smooth
-from softlab.model.core.errors import Diverged
+from softlab.model.base.errors import Diverged
 from softlab.model.core.integrators import fastest_damping, frequency_bound, spring_damping_bound
 from softlab.model.core.simulation import State
 from softlab.model.scene.scene import Scene
@@ -71,8 +71,7 @@ def judge_run(scene: Scene, state: State, diverged: Diverged | None = None) -> t
 
 def fastest_rate(scene: Scene) -> float:
     """Upper bound [1/s] of all rates in the scene: the largest frequency, plus what the dampers add."""
-    along = spring_damping_bound(scene) if scene.cloth else 0.0
-    return frequency_bound(scene) + fastest_damping(scene) + along
+    return frequency_bound(scene) + fastest_damping(scene) + spring_damping_bound(scene)
 
 
 def evaluation_seconds(scene: Scene) -> float:

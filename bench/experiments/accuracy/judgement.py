@@ -14,9 +14,9 @@ import numpy as np
 from softlab.bench.experiments.accuracy.judge import distance
 from softlab.bench.experiments.growth import DISTURBANCE, Growth
 from softlab.bench.reference.cache import Converged
+from softlab.model.base.errors import Diverged
 from softlab.model.core.build import masses
 from softlab.model.core.energy import energies, spring_strain
-from softlab.model.core.errors import Diverged
 from softlab.model.core.simulation import State
 from softlab.model.scene.scene import Scene
 

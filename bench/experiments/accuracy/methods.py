@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.core.families import family_of
 from softlab.model.core.integrators import IMPLICIT, INTEGRATORS
 from softlab.model.scene.scene import Scene

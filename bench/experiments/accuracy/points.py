@@ -15,7 +15,7 @@ from softlab.bench.measure.experiment import Summary
 from softlab.bench.store.method_name import name_of
 from softlab.bench.store.results import Timing
 from softlab.bench.store.schema import tables_by_kind
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 
 SCENES = {"S1": "lab-curtain", "S2": "lab-hammock"}
 SIZES = {"S1-16": ("S1", 16), "S1-64": ("S1", 64)}  # the same scene with other numbers of rows and columns

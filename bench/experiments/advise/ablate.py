@@ -58,8 +58,8 @@ from softlab.bench.reference.cache import Converged
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import measures_of
 from softlab.bench.store.schema import configuration_hash
+from softlab.model.base.errors import Diverged, SceneError
 from softlab.model.core.build import pinned_indices
-from softlab.model.core.errors import Diverged, SceneError
 from softlab.model.core.families import stability_limit
 from softlab.model.core.simulation import State
 from softlab.model.scene.scene import Scene

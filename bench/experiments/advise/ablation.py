@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.core.families import scene_plan
 from softlab.model.core.integrators import INTEGRATORS
 from softlab.model.scene.scene import Scene

@@ -15,7 +15,7 @@ from softlab.bench.experiments.advise.fluids_advice import FluidAdvice
 from softlab.bench.experiments.advise.tetrahedra import advise_tetrahedra
 from softlab.bench.experiments.advise.tetrahedra_advice import TetrahedraAdvice
 from softlab.bench.store.database import Store
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.scene.scene import Scene
 
 

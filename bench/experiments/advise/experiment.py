@@ -35,8 +35,8 @@ from softlab.bench.measure.progress import progress_bar
 from softlab.bench.reference import cache
 from softlab.bench.store.database import Store
 from softlab.bench.store.versions import code_version
+from softlab.model.base.errors import SceneError
 from softlab.model.core.build import pinned_indices
-from softlab.model.core.errors import SceneError
 from softlab.model.core.simulation import PRECISIONS
 from softlab.model.scene.scene import Scene
 

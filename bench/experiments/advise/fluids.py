@@ -32,7 +32,7 @@ from softlab.bench.measure.timing import Subject, incomplete, prepare
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import measures
 from softlab.bench.store.versions import code_version
-from softlab.model.core.errors import Diverged, SceneError, SoftlabError
+from softlab.model.base.errors import Diverged, SceneError, SoftlabError
 from softlab.model.core.simulation import PRECISIONS
 from softlab.model.fluid.family import comes_to_rest, springs_back
 from softlab.model.fluid.measure import compression

@@ -27,7 +27,7 @@ from softlab.bench.measure.progress import progress_bar
 from softlab.bench.measure.tables import columns, print_table
 from softlab.bench.measure.timing import Subject, prepare
 from softlab.bench.store.database import Store
-from softlab.model.core.errors import Diverged, SceneError
+from softlab.model.base.errors import Diverged, SceneError
 from softlab.model.core.simulation import Simulation
 from softlab.model.fluid.measure import compression, height
 from softlab.model.scene.scene import Scene

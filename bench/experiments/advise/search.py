@@ -27,7 +27,7 @@ from softlab.bench.reference.mass_spring import start
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import Timing, measures, timings
 from softlab.bench.store.schema import configuration_hash
-from softlab.model.core.errors import Diverged, SoftlabError
+from softlab.model.base.errors import Diverged, SoftlabError
 from softlab.model.core.families import stability_limit
 from softlab.model.core.simulation import Simulation, State
 from softlab.model.scene.scene import Scene

@@ -44,7 +44,7 @@ from softlab.bench.store.database import Store
 from softlab.bench.store.marks import is_wrong
 from softlab.bench.store.results import measures
 from softlab.bench.store.versions import code_version
-from softlab.model.core.errors import SceneError, SoftlabError
+from softlab.model.base.errors import SceneError, SoftlabError
 from softlab.model.core.simulation import PRECISIONS
 from softlab.model.scene.checks.tetrahedra import NOT_SMOOTH, unsteady
 from softlab.model.scene.scene import Scene

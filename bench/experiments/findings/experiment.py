@@ -29,9 +29,9 @@ from softlab.bench.measure.items import Experiment, Item, Items
 from softlab.bench.reference import cache
 from softlab.bench.reference import mass_spring as reference
 from softlab.bench.store.database import Store
+from softlab.model.base.digest import source_digest
+from softlab.model.base.errors import Diverged
 from softlab.model.core.build import build
-from softlab.model.core.digest import source_digest
-from softlab.model.core.errors import Diverged
 from softlab.model.core.integrators import INTEGRATORS
 from softlab.model.core.simulation import PRECISIONS, State
 from softlab.model.scene.scene import Scene, load_scene

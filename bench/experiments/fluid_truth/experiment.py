@@ -23,9 +23,9 @@ from softlab.bench.measure.items import Group, Items, cost_sources
 from softlab.bench.measure.timing import Subject, prepare
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import configuration
+from softlab.model.base.components import component
+from softlab.model.base.errors import SoftlabError
 from softlab.model.core.build import build
-from softlab.model.core.components import component
-from softlab.model.core.errors import SoftlabError
 from softlab.model.core.simulation import State
 from softlab.model.scene.scene import Scene
 

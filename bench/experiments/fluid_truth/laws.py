@@ -26,9 +26,9 @@ import numpy as np
 
 from softlab.bench.experiments.fluid_truth.scenes import COLUMN, DAM, DROP, TANK, TENSION, TWO, VORTICES, WIDTH
 from softlab.bench.measure.costs_timing import Measures
-from softlab.model.core.errors import SoftlabError
-from softlab.model.fluid.fluid_set import vortices
+from softlab.model.base.errors import SoftlabError
 from softlab.model.fluid.measure import compression, height
+from softlab.model.particles.fluid_set import vortices
 from softlab.model.scene.scene import Scene
 
 HEIGHT, MEAN, LARGEST = "fluid_height_off", "fluid_density_mean", "fluid_density_largest"

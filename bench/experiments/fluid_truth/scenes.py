@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from typing import Any, get_args
 
 from softlab.bench.experiments.fluids import FRAME, pool
-from softlab.model.scene.method import SchemeName
 from softlab.model.scene.scene import Scene, load_scene
+from softlab.model.tables.method import SchemeName
 
 COLUMN, TANK, DAM, VORTICES, DROP, TWO = "column", "tank", "dam", "vortices", "drop", "two fluids"
 TENSION = "surface tension"

@@ -25,8 +25,8 @@ from softlab.bench.measure.tables import print_table
 from softlab.bench.measure.timing import Subject
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import Measure, configuration, measures
-from softlab.model.core.components import component
-from softlab.model.core.errors import SceneError
+from softlab.model.base.components import component
+from softlab.model.base.errors import SceneError
 from softlab.model.core.sharing.decomposition import Reach, decompose
 from softlab.model.core.simulation import Simulation
 from softlab.model.scene.scene import Scene, load_scene

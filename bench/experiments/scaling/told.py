@@ -19,7 +19,7 @@ from softlab.bench.experiments.scaling.model import (
 )
 from softlab.bench.measure.tables import print_table
 from softlab.bench.store.results import measures, open_readonly
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 
 HEADS = "GPUs", "rows each", "every", "step / us", "exchange", "waiting", "T masses / s", "x one", "of ideal"
 MOST = 16_384  # GPUs: with more, each line takes seconds

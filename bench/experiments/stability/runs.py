@@ -21,8 +21,8 @@ from math import ceil, inf, isfinite, sqrt
 
 import numpy as np
 
+from softlab.model.base.errors import Diverged, SceneError
 from softlab.model.core.build import pinned_indices, wave
-from softlab.model.core.errors import Diverged, SceneError
 from softlab.model.core.integrators import damping_rate
 from softlab.model.core.simulation import Simulation, State
 from softlab.model.core.stability.limit import MAX_MASSES, scene_frequency

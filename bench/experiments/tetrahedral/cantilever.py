@@ -19,7 +19,7 @@ import numpy as np
 from softlab.bench.reference.cache import kept_arrays, sources
 from softlab.bench.reference.finite_elements import mode_shapes
 from softlab.bench.reference.finite_elements_newton import nonlinear_static
-from softlab.model.core.disk_cache import cache_folder, write_arrays
+from softlab.model.base.disk_cache import cache_folder, write_arrays
 from softlab.model.scene.scene import Scene
 
 LENGTH, SIDE, DENSITY, POISSON = 1.0, 0.1, 1000.0, 0.3  # m, m, kg/m^3

@@ -36,8 +36,8 @@ from softlab.bench.reference.finite_elements import linear_static, mode_shapes, 
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import Measure, by_configuration, measures
 from softlab.bench.store.schema import tables_by_kind
+from softlab.model.base.digest import source_digest
 from softlab.model.core.build import build
-from softlab.model.core.digest import source_digest
 from softlab.model.core.simulation import State
 from softlab.model.formulas.elastic.stages import STAGE
 from softlab.model.scene.scene import Scene

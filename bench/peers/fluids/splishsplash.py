@@ -23,8 +23,8 @@ import numpy as np
 
 from softlab.bench.peers.base import Opened, Peer, PeerError
 from softlab.model.core.build import build
-from softlab.model.scene.cloth import Plane
 from softlab.model.scene.scene import Scene
+from softlab.model.tables.cloth import Plane
 
 REMEDY = "pip install 'soft-body-lab[peers]'"
 PACKAGE, PROCESS = "pysplishsplash", Path(__file__).with_name("splishsplash_process.py")

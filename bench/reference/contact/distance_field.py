@@ -1,6 +1,6 @@
 """Sampled signed distance as a collider, in slow, plain NumPy float64: weights of eight samples, mass by mass.
 
-From the description in model/scene/colliders/distance_field.py, without model/formulas. In the body's frame a path that
+From the description in model/tables/colliders/distance_field.py, without model/formulas. In the body's frame a path that
 enters the body ends there; then a mass nearer than the thickness is pushed along the gradient by what is missing, at
 most four times.
 """
@@ -12,7 +12,7 @@ from itertools import product
 
 import numpy as np
 
-from softlab.model.scene.colliders.distance_field import DistanceField, Field
+from softlab.model.tables.colliders.distance_field import DistanceField, Field
 
 ROUNDS, STEPS = 4, 64
 SETTLED = 1 - 1 / 64  # of the thickness: a mass that was moved and is farther away than this stays

@@ -1,7 +1,7 @@
 """Mesh as a collider, in slow, plain NumPy float64: all triangles for each mass, without a tree.
 
-From the description in model/scene/colliders/mesh_collider.py, without model/formulas. In the mesh's frame the first triangle
-between the previous and the new place of a mass puts it at the thickness on the side it came from; otherwise the
+From the description in model/tables/colliders/mesh_collider.py, without model/formulas. In the mesh's frame the first
+triangle between the previous and the new place of a mass puts it at the thickness on the side it came from; otherwise the
 nearest point pushes it out to there. At most four times; a mass whose path still crosses a triangle then stays where it
 was.
 """
@@ -12,7 +12,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from softlab.model.scene.colliders.mesh_collider import MeshCollider
+from softlab.model.tables.colliders.mesh_collider import MeshCollider
 
 ROUNDS = 4
 SETTLED = 1 - 1 / 64  # of the thickness: a mass that was moved and is farther away than this stays

@@ -1,6 +1,6 @@
 """Contacts between particles in NumPy, float64, all pairs by brute force, without the lab's formulas or records.
 
-model/scene/particle_contact.py describes them, model/formulas/particle_contact.py has the sources.
+model/tables/particle_contact.py describes them, model/formulas/particle_contact.py has the sources.
 """
 
 from __future__ import annotations

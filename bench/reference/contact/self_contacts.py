@@ -17,9 +17,9 @@ import numpy as np
 
 from softlab.bench.reference import cloth, xpbd
 from softlab.bench.reference.steps import pinned_mask
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.scene.scene import Scene
-from softlab.model.scene.self_collision import SelfCollision
+from softlab.model.tables.self_collision import SelfCollision
 
 # of the thickness: margin of the contact search beyond the predicted motion; distance below which the triangle's normal
 # replaces the vector from the nearest point; height over the plane below which a mass is on neither side

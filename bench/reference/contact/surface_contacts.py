@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 
 from softlab.bench.reference.contact.self_contacts import FLAT, MARGIN, Found, nearest_weights
+from softlab.model.contact.attachments import attachment_sets
 from softlab.model.scene.scene import Scene
-from softlab.model.tetrahedra.attachments import attachment_sets
 
 BEHIND = 0.25
 SHARE = 0.25  # added to a corner's weight when its particle's mass is split, so that levers act where the weight is 0

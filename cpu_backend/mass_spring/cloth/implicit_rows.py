@@ -19,7 +19,7 @@ from softlab.cpu_backend.mass_spring.cloth.kernels import make_settle
 from softlab.cpu_backend.mass_spring.cloth.rows import make_cloth_forces, make_reach, make_sums
 from softlab.cpu_backend.mass_spring.cloth.sums import make_sums_over_masses
 from softlab.model.formulas import implicit
-from softlab.model.scene.cloth import SPRING_KINDS
+from softlab.model.tables.cloth import SPRING_KINDS
 
 # First planes of the vectors: position without the velocity at the step's end, current estimates of position and
 # velocity there, residual, solution of the Newton step, direction and A direction, A residual, velocity without

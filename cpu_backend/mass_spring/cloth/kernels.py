@@ -27,7 +27,7 @@ from softlab.model.contact.cloth_parameters import (
 )
 from softlab.model.formulas import cloth, springs
 from softlab.model.mass_spring.cloth_plan import kicks_meet
-from softlab.model.scene.cloth import COLLIDER_KINDS
+from softlab.model.tables.cloth import COLLIDER_KINDS
 
 PLANES = 2 * AXES  # x, y, z, vx, vy, vz
 PIN_ROWS = 3  # index in the integers: where the rows of pins begin among those of colliders and motions

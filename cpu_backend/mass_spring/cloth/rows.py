@@ -24,7 +24,7 @@ from softlab.model.contact.cloth_parameters import (
 )
 from softlab.model.core.own_forces import own_changes, own_forces
 from softlab.model.formulas import springs
-from softlab.model.scene.cloth import SPRING_KINDS
+from softlab.model.tables.cloth import SPRING_KINDS
 
 
 def make_accelerations(compiler: Compiler, real: Any, parts: frozenset[str], kind: str, place: Any) -> Any:

@@ -17,8 +17,8 @@ from softlab.cpu_backend.mass_spring.cloth.kernels import PIN_ROWS, PLANES, make
 from softlab.cpu_backend.mass_spring.cloth.rk4 import make_cloth_rk4
 from softlab.cpu_backend.mass_spring.cloth.stages import bind_cloth_stages
 from softlab.cpu_backend.mass_spring.grid.row_step import CLOSING, MIDDLE, OPENING
+from softlab.model.base.errors import SceneError
 from softlab.model.contact.cloth_parameters import body_rows, pin_velocity
-from softlab.model.core.errors import SceneError
 from softlab.model.core.integrators import IMPLICIT
 from softlab.model.core.plan import Executor
 from softlab.model.core.simulation import Options

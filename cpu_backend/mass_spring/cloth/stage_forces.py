@@ -14,7 +14,7 @@ from numba import prange
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.model.contact.cloth_parameters import spring_constants
 from softlab.model.formulas import springs
-from softlab.model.scene.cloth import SPRING_KINDS
+from softlab.model.tables.cloth import SPRING_KINDS
 
 
 def make_pull(compiler: Compiler, real: Any, kind: str, has_damper: bool) -> Any:

@@ -28,7 +28,7 @@ from softlab.model.contact.cloth_parameters import (
 )
 from softlab.model.core.plan import Moment, StageRun
 from softlab.model.formulas import cloth, motion
-from softlab.model.scene.cloth import COLLIDER_KINDS, SPRING_KINDS
+from softlab.model.tables.cloth import COLLIDER_KINDS, SPRING_KINDS
 
 
 def make_pin_stage(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:

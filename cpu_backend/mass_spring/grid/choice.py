@@ -29,8 +29,8 @@ import numpy as np
 from softlab.cpu_backend.core.layout import block_of, padded
 from softlab.cpu_backend.core.threads import threading_layer
 from softlab.cpu_backend.mass_spring.grid.tiled import halo, tile_buffer
-from softlab.model.core.errors import SceneError
-from softlab.model.core.memory import readable
+from softlab.model.base.errors import SceneError
+from softlab.model.base.memory import readable
 from softlab.model.core.options import unknown_kernel
 from softlab.model.scene.scene import Scene
 

@@ -16,7 +16,7 @@ from softlab.gpu_backend.core.tiling import Tile
 from softlab.gpu_backend.mass_spring.cloth.block import MAX_THREADS, block_bytes
 from softlab.gpu_backend.mass_spring.cloth.launch import cloth_blocks, why_no_cloth_tile
 from softlab.gpu_backend.mass_spring.grid.choice import parsed_tile
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.core.options import unknown_kernel
 from softlab.model.mass_spring.cloth_plan import kicks_meet
 from softlab.model.scene.scene import Scene

@@ -23,7 +23,7 @@ from softlab.gpu_backend.core.meeting import make_meet
 from softlab.gpu_backend.core.world import Cell, World
 from softlab.gpu_backend.mass_spring.cloth.implicit_point import make_implicit_point
 from softlab.gpu_backend.mass_spring.cloth.point import make_cloth_forces
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.formulas import implicit
 from softlab.model.formulas.implicit import FINISH, MOVE, PRODUCT, RESIDUAL, RETREAT, START, UPDATE
 from softlab.model.mass_spring.implicit_parameters import (

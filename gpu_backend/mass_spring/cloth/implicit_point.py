@@ -18,7 +18,7 @@ from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.quads import load_quad, store_quad
 from softlab.gpu_backend.mass_spring.cloth.point import make_cloth_forces, make_cloth_springs
 from softlab.model.formulas import implicit
-from softlab.model.scene.cloth import SPRING_KINDS
+from softlab.model.tables.cloth import SPRING_KINDS
 
 
 def _make_vectors(real: Any, math: str) -> SimpleNamespace:

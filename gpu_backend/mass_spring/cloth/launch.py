@@ -15,7 +15,7 @@ from softlab.gpu_backend.mass_spring.cloth.resident import make_cloth_resident
 from softlab.gpu_backend.mass_spring.cloth.tiles import cloth_blocks_together
 from softlab.gpu_backend.mass_spring.cloth.tiling import fields, most_to_fetch, overlap_of, tile_bytes
 from softlab.gpu_backend.mass_spring.passes import TileLaunches
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 
 MAX_THREADS = 1024  # per block
 MAX_EACH = 31  # masses that a thread fetches: bits of an integer

@@ -26,7 +26,7 @@ from softlab.model.contact.cloth_parameters import (
     spring_constants,
 )
 from softlab.model.formulas import implicit, springs
-from softlab.model.scene.cloth import SPRING_KINDS
+from softlab.model.tables.cloth import SPRING_KINDS
 
 
 @cache

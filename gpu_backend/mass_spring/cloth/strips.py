@@ -30,8 +30,8 @@ from softlab.gpu_backend.core.wind import make_wind
 from softlab.gpu_backend.mass_spring.cloth.moves import make_cloth_kicks
 from softlab.gpu_backend.mass_spring.cloth.point import make_accelerations
 from softlab.gpu_backend.mass_spring.cloth.tiling import fields, needs_velocities, plane_shape, reach_of
+from softlab.model.base.tuples import reader
 from softlab.model.contact.cloth_parameters import CLOTH_PARAMETERS
-from softlab.model.core.tuples import reader
 
 WEST, EAST, NORTH, SOUTH, WEST_2, EAST_2, NORTH_2, SOUTH_2 = (1 << n for n in range(8))  # where the sheet continues
 

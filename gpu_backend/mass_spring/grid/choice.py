@@ -17,7 +17,7 @@ from softlab.gpu_backend.core.launch import can_capture
 from softlab.gpu_backend.core.tiling import Tile
 from softlab.gpu_backend.mass_spring.grid.strips import shared_bytes
 from softlab.gpu_backend.mass_spring.grid.tile_launch import blocks_of, fits_resident
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.scene.scene import Scene
 
 # us per step of `resident` on a tile, by the blocks that share a multiprocessor; all run at once, so the grid's size

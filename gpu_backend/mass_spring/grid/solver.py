@@ -20,7 +20,7 @@ from softlab.gpu_backend.mass_spring.grid.kernels import make_passes, make_rk4_s
 from softlab.gpu_backend.mass_spring.grid.stages import bind_stages
 from softlab.gpu_backend.mass_spring.grid.tile_launch import TileLauncher
 from softlab.gpu_backend.mass_spring.passes import SheetPasses
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.core.options import unknown_kernel
 from softlab.model.core.own_forces import EXTERNAL_SEED, FIRST, in_window, own_changes
 from softlab.model.core.plan import Executor

@@ -20,8 +20,8 @@ from softlab.gpu_backend.core.compile import inlined
 from softlab.gpu_backend.core.device import simulated
 from softlab.gpu_backend.core.pairs import load_pair, store_pair
 from softlab.gpu_backend.core.tiling import Tile
+from softlab.model.base.tuples import reader
 from softlab.model.core.parameters import PARAMETERS
-from softlab.model.core.tuples import reader
 
 ON_TILES = PARAMETERS[
     : PARAMETERS.index("stiff")

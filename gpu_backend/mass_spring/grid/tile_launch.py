@@ -15,7 +15,7 @@ from softlab.gpu_backend.mass_spring.grid.resident import FLAG_STRIDE, make_resi
 from softlab.gpu_backend.mass_spring.grid.strips import shared_bytes
 from softlab.gpu_backend.mass_spring.grid.tiles import blocks_together, make_tile_pass
 from softlab.gpu_backend.mass_spring.passes import TileLaunches
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 
 
 def blocks_of(rows: int, columns: int, tile: Tile) -> tuple[int, int]:

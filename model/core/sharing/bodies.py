@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 
 Window = tuple[np.ndarray, np.ndarray]  # particles, elements, both ascending int64: global numbers
 

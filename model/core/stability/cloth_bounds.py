@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from softlab.model.scene.cloth import SPRING_KINDS
 from softlab.model.scene.scene import Scene
+from softlab.model.tables.cloth import SPRING_KINDS
 
 
 def cloth_eigenvalue(structural: float, shear: float, bending: float) -> float:

@@ -13,10 +13,10 @@ from math import ceil, floor, isfinite, log10, sqrt
 
 import numpy as np
 
-from softlab.model.core.errors import SceneError, UnstableTimeStep
+from softlab.model.base.errors import SceneError, UnstableTimeStep
+from softlab.model.base.table import Part
 from softlab.model.core.families import stability_limit
 from softlab.model.core.integrators import INTEGRATORS
-from softlab.model.scene.parts import Part
 from softlab.model.scene.scene import Scene
 
 FAST = 0.5  # spacings per step: a faster mass passes its neighbours before their springs can deflect it

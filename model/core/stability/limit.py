@@ -19,13 +19,13 @@ from math import cos, inf, isfinite, pi, sin, sqrt
 
 import numpy as np
 
+from softlab.model.base.errors import SceneError
 from softlab.model.core.build import build, pinned_indices, sheet_name
-from softlab.model.core.errors import SceneError
 from softlab.model.core.families import family_of, stability_limit
 from softlab.model.core.integrators import frequency_bound, lightest_mass
 from softlab.model.core.stability.springs import spring_ends, spring_stiffness
-from softlab.model.scene.parts import Grid
 from softlab.model.scene.scene import Scene
+from softlab.model.tables.parts import Grid
 
 TOLERANCE = 1e-6  # of the residual |A x - lambda x| over lambda: at most half of it in the frequency
 MAX_ITERATIONS = 5000

@@ -41,9 +41,8 @@ def spring_count(rows: int, columns: int, kind: str = "structural") -> int:
 
 def sheet_spring_count(scene: Scene) -> int:
     """Return the number of springs of a grid or of a cloth of rows and columns, of every kind."""
-    if scene.cloth:
-        return sum(spring_count(scene.grid.rows, scene.grid.columns, kind) for kind in scene.cloth_springs)
-    return scene.grid.spring_count if scene.springs else 0
+    of_grid = scene.grid.spring_count if scene.springs else 0
+    return of_grid + sum(spring_count(scene.grid.rows, scene.grid.columns, kind) for kind in scene.cloth_springs)
 
 
 def spring_stiffness(scene: Scene) -> tuple[np.ndarray, np.ndarray]:

@@ -5,6 +5,6 @@ multipliers, constants)` -> (points, multipliers). `points`: the constraint's co
 `before`: the same corners when the substep began (read only by a damper). `weights`: the corners' weights. `values`:
 the numbers of this one constraint. `multipliers`: its multipliers [m] so far in this substep. `constants`: what all
 constraints of its kind share (compliance, damping, stiffening), see model/formulas/distance.py. How many of each there
-are: model/core/constraints.py, and MODELS in model/xpbd/mesh_constraints.py. M. Macklin et al., "XPBD", MIG 2016,
-algorithm 1, lines 7 to 9.
+are: model/particles/constraints.py, and MODELS in model/position_based/mesh_constraints.py. M. Macklin et al., "XPBD", MIG
+2016, algorithm 1, lines 7 to 9.
 """

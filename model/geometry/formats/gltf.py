@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from softlab.model.core.errors import InputError
+from softlab.model.base.errors import InputError
 from softlab.model.geometry.arithmetic.ordered import applied, determinant
 from softlab.model.geometry.formats.faces import Faces, uniform
 

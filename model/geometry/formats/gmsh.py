@@ -9,7 +9,7 @@ import re
 
 import numpy as np
 
-from softlab.model.core.errors import InputError
+from softlab.model.base.errors import InputError
 from softlab.model.geometry.formats.elements import Elements
 from softlab.model.geometry.formats.source import NotANumber, plain, wholes
 from softlab.model.geometry.formats.words import Words

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from softlab.model.core.errors import InputError
+from softlab.model.base.errors import InputError
 from softlab.model.geometry.formats.elements import Elements
 from softlab.model.geometry.formats.source import plain, without_comments
 from softlab.model.geometry.formats.words import Words

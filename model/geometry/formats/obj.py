@@ -8,7 +8,7 @@ from itertools import chain
 
 import numpy as np
 
-from softlab.model.core.errors import InputError
+from softlab.model.base.errors import InputError
 from softlab.model.geometry.formats.faces import Faces
 from softlab.model.geometry.formats.source import (
     NotANumber,

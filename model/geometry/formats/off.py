@@ -6,8 +6,8 @@ import re
 
 import numpy as np
 
-from softlab.model.core.errors import InputError
-from softlab.model.core.waiting import steps
+from softlab.model.base.errors import InputError
+from softlab.model.base.waiting import steps
 from softlab.model.geometry.formats.faces import Faces
 from softlab.model.geometry.formats.source import (
     READING,

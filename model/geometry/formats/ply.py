@@ -9,8 +9,8 @@ import re
 
 import numpy as np
 
-from softlab.model.core.errors import InputError
-from softlab.model.core.waiting import steps
+from softlab.model.base.errors import InputError
+from softlab.model.base.waiting import steps
 from softlab.model.geometry.formats.faces import Faces
 from softlab.model.geometry.formats.ply_header import Element, coordinates, header_of, list_of, refused
 from softlab.model.geometry.formats.source import READING, NotANumber, plain, polygon_table, reals, table, wholes

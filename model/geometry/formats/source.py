@@ -9,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
-from softlab.model.core.errors import InputError, shortened
-from softlab.model.core.files import SAMPLE, check_pointer, check_source
-from softlab.model.core.memory import available_bytes, readable
-from softlab.model.core.waiting import steps
+from softlab.model.base.errors import InputError, shortened
+from softlab.model.base.files import SAMPLE, check_pointer, check_source
+from softlab.model.base.memory import available_bytes, readable
+from softlab.model.base.waiting import steps
 
 BYTES_PER_FILE_BYTE = 25  # of memory while a file is read and mended: 8 to 18 measured with a million vertices
 READING = "reading the mesh"  # shown while it takes long

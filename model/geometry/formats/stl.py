@@ -6,7 +6,7 @@ import re
 
 import numpy as np
 
-from softlab.model.core.errors import InputError
+from softlab.model.base.errors import InputError
 from softlab.model.geometry.formats.faces import Faces, uniform
 from softlab.model.geometry.formats.source import NotANumber, line_of, plain, reals, table
 

@@ -11,7 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from softlab.model.core.waiting import steps
+from softlab.model.base.waiting import steps
 from softlab.model.geometry.arithmetic.ordered import dot, norm
 from softlab.model.geometry.edges import components, edge_uses, mesh_edges
 from softlab.model.geometry.measures import triangle_areas

@@ -16,8 +16,8 @@ from pathlib import Path
 
 import numpy as np
 
-from softlab.model.core.disk_cache import read_arrays
-from softlab.model.core.errors import BackendUnavailable, InputError, SceneError
+from softlab.model.base.disk_cache import read_arrays
+from softlab.model.base.errors import BackendUnavailable, InputError, SceneError
 from softlab.model.geometry.arithmetic.ordered import norm
 from softlab.model.geometry.mending.welding import without_flat
 from softlab.model.geometry.mesh_files import check_vertices

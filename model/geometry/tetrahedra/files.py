@@ -13,8 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
-from softlab.model.core.errors import InputError, SceneError
-from softlab.model.core.files import read_archive, replacing
+from softlab.model.base.errors import InputError, SceneError
+from softlab.model.base.files import read_archive, replacing
 from softlab.model.geometry.formats.elements import Elements
 from softlab.model.geometry.formats.gmsh import read_gmsh
 from softlab.model.geometry.formats.medit import read_medit

@@ -8,7 +8,7 @@ from math import isfinite
 
 import numpy as np
 
-from softlab.model.core.errors import InputError, SceneError
+from softlab.model.base.errors import InputError, SceneError
 from softlab.model.geometry.arithmetic.ordered import dot
 from softlab.model.geometry.edges import components
 from softlab.model.geometry.mesh_files import LARGEST

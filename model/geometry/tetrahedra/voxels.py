@@ -16,8 +16,8 @@ from typing import Literal
 
 import numpy as np
 
-from softlab.model.core.errors import SceneError
-from softlab.model.core.memory import available_bytes, readable
+from softlab.model.base.errors import SceneError
+from softlab.model.base.memory import available_bytes, readable
 from softlab.model.geometry.arithmetic.ordered import applied, determinant, dot
 from softlab.model.geometry.edges import components
 from softlab.model.geometry.mesh import TriangleMesh

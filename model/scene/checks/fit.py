@@ -4,41 +4,36 @@ from __future__ import annotations
 
 from typing import Any
 
-from softlab.model.core.errors import SceneError
-from softlab.model.scene.bodies import BODY_KINDS
+from softlab.model.base.errors import SceneError
 from softlab.model.scene.checks.flow import check_flow
 from softlab.model.scene.checks.fluids import check_among_solids, check_fluids
 from softlab.model.scene.checks.solver import OF_MESHES
 from softlab.model.scene.checks.tetrahedra import check_tetrahedra
-from softlab.model.scene.cloth import CLOTH_KINDS, COLLIDER_KINDS, SPRING_KINDS
-from softlab.model.scene.kinds import KINDS
 from softlab.model.scene.members import members_of
-from softlab.model.scene.method import OF_FLUIDS, OF_WORLDS, Method
-from softlab.model.scene.particle_contact import MAX_KINDS
 from softlab.model.scene.resting import take_resting_defaults
 from softlab.model.scene.scene_parts import SceneParts
+from softlab.model.tables.bodies import BODY_KINDS
+from softlab.model.tables.cloth import CLOTH_KINDS, COLLIDER_KINDS, SPRING_KINDS
+from softlab.model.tables.kinds import KINDS
+from softlab.model.tables.method import OF_FLUIDS, OF_WORLDS, Method
+from softlab.model.tables.particle_contact import MAX_KINDS
 
 GRID_ONLY = ("springs",)
+FLUIDS_ONLY = ("domain", "emitter", "sink", "foam")
+NO_FLUID = "applies to fluids; leave it out"
 WITH_FLUIDS = ("fluid", "emitter", "sink", "domain", "foam", "gravity", "external", "method", *COLLIDER_KINDS)
 OF_A_FLUID: dict[str, Any] = {"solver": OF_FLUIDS, "dt": 1 / 60, "substeps": 4, "iterations": 10}  # defaults
 OF_BODIES = (*BODY_KINDS, "contact", "damping", "gravity", "method", *COLLIDER_KINDS)  # supported together with bodies
 
 
 def check_fit(scene: SceneParts) -> None:
-    """Raise SceneError for a part that the scene's kind of sheet or bodies does not support."""
-    if scene.is_world:
-        _check_world(scene)
-        return
-    if scene.fluids:
-        _check_fluids(scene)
-        return
-    scene.refuse(("domain", "emitter", "sink", "foam"), "applies to fluids; leave it out")
-    if scene.tetrahedra:
-        check_tetrahedra(scene)
-        return
-    if scene.bodies:
-        _check_bodies(scene)
-        return
+    """Raise SceneError for a part that the scene's kind of particles does not support."""
+    CHECKS[scene.content](scene)
+
+
+def _check_sheet(scene: SceneParts) -> None:
+    """Raise SceneError for a part that a grid, or a cloth, does not support."""
+    scene.refuse(FLUIDS_ONLY, NO_FLUID)
     scene.refuse(("region", "attachment", "material"), "applies to tetrahedral bodies; leave it out")
     of_cloth = {*CLOTH_KINDS, *COLLIDER_KINDS, "self_collision"} - {"cloth", *OF_MESHES}
     scene.refuse(
@@ -46,6 +41,11 @@ def check_fit(scene: SceneParts) -> None:
         f"belongs to a {'grid' if scene.cloth else 'cloth'}; a cloth has {', '.join(SPRING_KINDS)}, wind and colliders, a "
         f"grid has {', '.join(GRID_ONLY)}",
     )
+
+
+def _check_tetrahedra(scene: SceneParts) -> None:
+    scene.refuse(FLUIDS_ONLY, NO_FLUID)
+    check_tetrahedra(scene)
 
 
 def _check_world(scene: SceneParts) -> None:
@@ -97,6 +97,7 @@ def _take_untold(scene: SceneParts, method: Method) -> None:
 
 def _check_bodies(scene: SceneParts) -> None:
     """Raise SceneError for a part that is not supported together with bodies."""
+    scene.refuse(FLUIDS_ONLY, NO_FLUID)
     scene.refuse(KINDS.keys() - OF_BODIES, f"is not supported together with bodies, which take {', '.join(OF_BODIES)}")
     _check_contact(scene)
     method = scene.one("method")
@@ -119,3 +120,12 @@ def _check_contact(scene: SceneParts) -> None:
             for field in ("group", "avoids", "adhesion", "self_collision", "radius"):
                 if field in body.model_fields_set and getattr(body, field) not in (None, 0, ()):
                     raise SceneError(f"{name}.{field}", getattr(body, field), "needs contacts: add a table [contact]")
+
+
+CHECKS = {
+    "world": _check_world,
+    "fluids": _check_fluids,
+    "tetrahedra": _check_tetrahedra,
+    "bodies": _check_bodies,
+    "sheet": _check_sheet,
+}

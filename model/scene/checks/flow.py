@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.geometry.arithmetic.ordered import dot, norm
-from softlab.model.scene.cloth import COLLIDER_KINDS
-from softlab.model.scene.flow import Emitter
+from softlab.model.tables.cloth import COLLIDER_KINDS
+from softlab.model.tables.flow import Emitter
 
 
 def fluid_of(scene: Any, name: str) -> int:

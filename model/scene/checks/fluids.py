@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from softlab.model.core.errors import SceneError
-from softlab.model.core.memory import MAX_PARTICLES, available_bytes, require
-from softlab.model.scene.fluid import REPEATED, WIDER, Domain, Fluid
+from softlab.model.base.errors import SceneError
+from softlab.model.base.memory import MAX_PARTICLES, available_bytes, require
+from softlab.model.tables.fluid import REPEATED, WIDER, Domain, Fluid
 
 PARTICLE_BYTES = 700  # on the host: state, sorted copies, a list of 64 neighbours
 OF_ALL = ("dimensions", "rest_distance", "support_radius")  # fields in which fluids of a scene must agree

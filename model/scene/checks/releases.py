@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from softlab.model.core.errors import SceneError
-from softlab.model.core.pins import PIN_WORDS, pin_indices
-from softlab.model.scene.attachment import pins as is_pinning
-from softlab.model.scene.kinds import SHEETS
-from softlab.model.scene.motion import ALL, RELEASE, Release, masses_of
+from softlab.model.base.errors import SceneError
+from softlab.model.base.pins import PIN_WORDS, pin_indices
+from softlab.model.base.words import suggestion
 from softlab.model.scene.scene_parts import SceneParts
-from softlab.model.scene.tetrahedra import TETRAHEDRAL_KINDS
-from softlab.model.scene.words import suggestion
+from softlab.model.tables.attachment import pins as is_pinning
+from softlab.model.tables.kinds import SHEETS
+from softlab.model.tables.motion import ALL, RELEASE, Release, masses_of
+from softlab.model.tables.tetrahedra import TETRAHEDRAL_KINDS
 
 Table = dict[str, Any]
 

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from softlab.model.core.errors import SceneError
-from softlab.model.scene.cloth import CONSTRAINT_KINDS, SPRING_KINDS
-from softlab.model.scene.kinds import KINDS
-from softlab.model.scene.method import OF_FLUIDS, OF_WORLDS
-from softlab.model.scene.method import OF_TETRAHEDRA as TETRAHEDRAL_SOLVERS
-from softlab.model.scene.motion import RELEASE, check_inside, motions_of_pins
-from softlab.model.scene.parts import Elastic
+from softlab.model.base.errors import SceneError
 from softlab.model.scene.scene_parts import SceneParts
-from softlab.model.scene.xpbd import XPBD_KINDS
+from softlab.model.tables.cloth import CONSTRAINT_KINDS, SPRING_KINDS
+from softlab.model.tables.kinds import KINDS
+from softlab.model.tables.method import OF_FLUIDS, OF_WORLDS
+from softlab.model.tables.method import OF_TETRAHEDRA as TETRAHEDRAL_SOLVERS
+from softlab.model.tables.motion import RELEASE, check_inside, motions_of_pins
+from softlab.model.tables.parts import Elastic
+from softlab.model.tables.xpbd import XPBD_KINDS
 
 OF_MESHES = tuple(kind for kind in CONSTRAINT_KINDS if kind not in SPRING_KINDS)
 NOT_OF_MESHES = ("shear", "fold", "motion", "load", "self_collision")
+TETRAHEDRAL_FIELDS = {"sleeping_speed": 0.0, "rows": "scalar"}  # of the method, with the values that have no effect
+SOLVES = {  # solver -> (Scene.content that it is for, in words)
+    OF_FLUIDS: ("fluids", "fluids")
+} | {solver: ("tetrahedra", "tetrahedral bodies") for solver in TETRAHEDRAL_SOLVERS}
 MATCHED = (  # supported by clusters
     "grid", "springs", "damping", "gravity", "external", "perturbation", "method", RELEASE,
 )  # fmt: skip
@@ -22,23 +26,18 @@ MATCHED = (  # supported by clusters
 def check_solver(scene: SceneParts) -> None:
     """Raise SceneError for a part that the scene's solver does not support."""
     solver, integrator = scene.method.solver, scene.method.integrator
-    if scene.is_world:  # its members are checked as scenes of their own
+    if scene.content == "world":  # its members are checked as scenes of their own
         return
     if solver == OF_WORLDS:
         told = "applies to parts of several families, such as bodies beside tetrahedral ones"
         raise SceneError("method.solver", solver, told)
-    if scene.method.sleeping_speed > 0 and not scene.tetrahedra:
-        raise SceneError(
-            "method.sleeping_speed", scene.method.sleeping_speed, "applies to tetrahedral bodies; leave it out"
-        )
-    if scene.method.rows == "blocks" and not scene.tetrahedra:
-        raise SceneError("method.rows", "blocks", "applies to tetrahedral bodies; leave it out")
-    if solver == OF_FLUIDS and not scene.fluids:
-        raise SceneError("method.solver", solver, "applies to fluids; use mass-spring, xpbd, pbd or shape-matching")
-    if solver in TETRAHEDRAL_SOLVERS and not scene.tetrahedra:
-        raise SceneError(
-            "method.solver", solver, "applies to tetrahedral bodies; use mass-spring, xpbd, pbd or shape-matching"
-        )
+    for field, idle in TETRAHEDRAL_FIELDS.items():
+        value = getattr(scene.method, field)
+        if value != idle and scene.content != "tetrahedra":
+            raise SceneError(f"method.{field}", value, "applies to tetrahedral bodies; leave it out")
+    content, what = SOLVES.get(solver, (scene.content, ""))
+    if content != scene.content:
+        raise SceneError("method.solver", solver, f"applies to {what}; use mass-spring, xpbd, pbd or shape-matching")
     if not scene.cloth and not scene.method.position_based and integrator.startswith("implicit-euler"):
         raise SceneError(
             "method.integrator", integrator, "applies to a cloth; a grid takes velocity-verlet, rk4 and other explicit ones"
@@ -60,15 +59,13 @@ def check_solver(scene: SceneParts) -> None:
         motions_of_pins(scene.grid, scene.motions)  # refuses motions of masses that are not pinned
     for name, load in scene.loads.items():
         check_inside([load.at], scene.grid, f"{name}.at")
-
-    _check_self_collision(scene)
-    _check_matching(scene)
-    _check_mesh(scene)
+    for check in CHECKS.get(scene.content, ()):
+        check(scene)
 
 
 def _check_matching(scene: SceneParts) -> None:
     """Raise SceneError for a part that the solver shape-matching does not support."""
-    if not scene.method.matches_shapes or scene.bodies:
+    if not scene.method.matches_shapes:
         return
     if scene.cloth:
         raise SceneError(
@@ -91,24 +88,35 @@ def _check_matching(scene: SceneParts) -> None:
 
 def _check_mesh(scene: SceneParts) -> None:
     """Raise SceneError for a part that a mesh does not support, and for one that only a mesh supports."""
-    bending = scene.name_of("bending", default="bending")
-    model = getattr(scene.cloth_springs.get("bending"), "model", "distance")
     if scene.mesh is None:
         scene.refuse(OF_MESHES, "applies to a mesh; a cloth and a grid are none, so leave it out")
+        name, model = _bending(scene)
         if model != "distance":
-            raise SceneError(f"{bending}.model", model, "applies to a mesh; a cloth's bending is one of distances")
+            raise SceneError(f"{name}.model", model, "applies to a mesh; a cloth's bending is one of distances")
         return
     if not scene.method.position_based:
         raise SceneError("method.solver", scene.method.solver, "must be xpbd or pbd for a mesh")
     if scene.method.ordering != "gauss-seidel":
         raise SceneError("method.ordering", scene.method.ordering, "must be gauss-seidel for a mesh")
     for name, kind in scene.kinds.items():
-        if kind in NOT_OF_MESHES and not (kind == "motion" and scene.tetrahedra):
+        if kind in NOT_OF_MESHES:
             why = "a mesh's diagonals are edges, structural ones" if kind == "shear" else "a rectangular cloth has it"
             raise SceneError(f"{name}.kind", kind, f"is not supported for a mesh: {why}; leave it out")
+    _check_bending(scene)
+
+
+def _bending(scene: SceneParts) -> tuple[str, str]:
+    """Return (name, model) of the bending of a cloth."""
+    model = getattr(scene.cloth_springs.get("bending"), "model", "distance")
+    return scene.name_of("bending", default="bending"), model
+
+
+def _check_bending(scene: SceneParts) -> None:
+    """Raise SceneError for a damper of a model of bending that has none."""
+    name, model = _bending(scene)
     if model != "distance" and scene.cloth_springs["bending"].damping > 0:
         raise SceneError(
-            f"{bending}.damping", scene.cloth_springs["bending"].damping, f"must be 0 for the model {model}"
+            f"{name}.damping", scene.cloth_springs["bending"].damping, f"must be 0 for the model {model}"
         )  # fmt: skip
 
 
@@ -121,3 +129,9 @@ def _check_self_collision(scene: SceneParts) -> None:
             f"must be at most cloth.spacing, {scene.grid.spacing:g}: neighbours of the sheet are nearer to each other than "
             "that, and would be driven apart for ever",
         )  # fmt: skip
+
+
+CHECKS = {  # by Scene.content
+    "sheet": (_check_self_collision, _check_matching, _check_mesh),
+    "tetrahedra": (_check_bending,),
+}

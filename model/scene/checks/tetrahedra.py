@@ -5,20 +5,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from softlab.model.core.errors import SceneError
-from softlab.model.scene.attachment import check_attachment
-from softlab.model.scene.checks.selection import check_word
-from softlab.model.scene.cloth import COLLIDER_KINDS, CONSTRAINT_KINDS
-from softlab.model.scene.kinds import KINDS
+from softlab.model.base.errors import SceneError
+from softlab.model.base.words import suggestion
 from softlab.model.scene.members import OF_PARTICLES
-from softlab.model.scene.method import OF_TETRAHEDRA as TETRAHEDRAL_SOLVERS
-from softlab.model.scene.method import Method
-from softlab.model.scene.motion import RELEASE
-from softlab.model.scene.particle_contact import MAX_KINDS
-from softlab.model.scene.regions import Region
 from softlab.model.scene.scene_parts import SceneParts
-from softlab.model.scene.tetrahedra import TETRAHEDRAL_KINDS, Material, TetrahedralBody
-from softlab.model.scene.words import suggestion
+from softlab.model.tables.attachment import check_attachment
+from softlab.model.tables.cloth import COLLIDER_KINDS, CONSTRAINT_KINDS
+from softlab.model.tables.kinds import KINDS
+from softlab.model.tables.method import OF_TETRAHEDRA as TETRAHEDRAL_SOLVERS
+from softlab.model.tables.method import Method
+from softlab.model.tables.motion import RELEASE
+from softlab.model.tables.particle_contact import MAX_KINDS
+from softlab.model.tables.regions import Region
+from softlab.model.tables.selection import check_word
+from softlab.model.tables.tetrahedra import TETRAHEDRAL_KINDS, Material, TetrahedralBody
 
 SOLVERS_OF_TETRAHEDRA = ("xpbd", *TETRAHEDRAL_SOLVERS)
 OF_TETRAHEDRA = (

@@ -16,8 +16,8 @@ from softlab.bench.experiments.accuracy.references import LEFT, converged_for, g
 from softlab.bench.experiments.growth import measure_growth
 from softlab.bench.reference import cloth, implicit, mass_spring, rope, steps
 from softlab.bench.store.database import Store
+from softlab.model.base.errors import SceneError
 from softlab.model.core.energy import energies
-from softlab.model.core.errors import SceneError
 from softlab.model.core.integrators import IMPLICIT, INTEGRATORS
 from softlab.model.scene.scene import Scene, load_scene
 from softlab.plots.core.accuracy_points import points

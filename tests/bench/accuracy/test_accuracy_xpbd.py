@@ -19,8 +19,8 @@ from softlab.bench.reference import cache, xpbd
 from softlab.bench.store.database import Store
 from softlab.bench.store.method_name import name_of
 from softlab.bench.store.results import configuration
+from softlab.model.base.errors import SceneError
 from softlab.model.core.build import build
-from softlab.model.core.errors import SceneError
 from softlab.model.core.integrators import INTEGRATORS
 from softlab.model.core.simulation import State
 from softlab.model.scene.scene import Scene, load_scene

@@ -20,7 +20,7 @@ from softlab.bench.measure.timing import Sample
 from softlab.bench.reference import cache
 from softlab.bench.store.database import Store
 from softlab.labbook.claims.ablation import CLAIMS
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.core.families import stability_limit
 from softlab.model.core.integrators import INTEGRATORS
 from softlab.model.scene.scene import Scene, load_scene

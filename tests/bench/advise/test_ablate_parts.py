@@ -14,7 +14,7 @@ from softlab.bench.experiments.advise.ablation_results import GAINS, NEEDED, NOT
 from softlab.bench.experiments.growth import MAX_GROWTH
 from softlab.bench.reference import cache
 from softlab.bench.reference.philox import random_directions
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.core.integrators import INTEGRATORS
 from softlab.model.scene.scene import Scene, load_scene
 

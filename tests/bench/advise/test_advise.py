@@ -30,7 +30,7 @@ from softlab.bench.measure import samples, timing
 from softlab.bench.measure.timing import Sample
 from softlab.bench.reference import cache
 from softlab.bench.store.database import Store
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.core.integrators import INTEGRATORS
 from softlab.model.scene.scene import Scene, load_scene
 

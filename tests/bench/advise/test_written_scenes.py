@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from test_advise import small
 
 from softlab.app.command.scene_file import scene_toml, write_scene
-from softlab.model.core.errors import InputError
+from softlab.model.base.errors import InputError
 from softlab.model.scene.reader import catalogue
 from softlab.model.scene.scene import Scene, load_scene
 

@@ -10,7 +10,7 @@ import pytest
 from closed_meshes import ball, both, box, without_some
 
 from softlab.model.assets.cooked import cooked
-from softlab.model.core.errors import BackendUnavailable, InputError, SceneError
+from softlab.model.base.errors import BackendUnavailable, InputError, SceneError
 from softlab.model.geometry.tetrahedra.conforming import conforming_mesh
 from softlab.model.geometry.tetrahedra.voxels import voxel_mesh
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from closed_meshes import box
 
-from softlab.model.core.errors import InputError, SceneError
+from softlab.model.base.errors import InputError, SceneError
 from softlab.model.geometry.tetrahedra.files import read_tetrahedra, write_arrays
 from softlab.model.geometry.tetrahedra.voxels import voxel_mesh
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from closed_meshes import ball, both, box, volume_of
 
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.geometry.tetrahedra.embedding import Embedding, carriers, weights_of
 from softlab.model.geometry.tetrahedra.mesh import TetrahedralMesh
 from softlab.model.geometry.tetrahedra.report import report_of

@@ -13,7 +13,7 @@ from closed_meshes import ball, both, box, rotation, turned_over
 
 from softlab.model.assets.cooked import cooked
 from softlab.model.assets.tetrahedral_body import CookedBody
-from softlab.model.core.errors import InputError, SoftlabError
+from softlab.model.base.errors import InputError, SoftlabError
 from softlab.model.geometry.tetrahedra.voxels import voxel_mesh
 
 SEED, FEW, MANY = 16, 200, 2_000

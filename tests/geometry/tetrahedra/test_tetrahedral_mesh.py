@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from closed_meshes import ball, box, rotation, volume_of
 
-from softlab.model.core.errors import InputError, SceneError
+from softlab.model.base.errors import InputError, SceneError
 from softlab.model.geometry.tetrahedra.mesh import TetrahedralMesh, rest_inverse, signed_volumes
 from softlab.model.geometry.tetrahedra.voxels import voxel_mesh
 

@@ -6,7 +6,7 @@ from closed_meshes import ball, blocks, both, box, rotation, turned_over, withou
 from scipy.sparse import coo_array
 from scipy.sparse.linalg import spsolve
 
-from softlab.model.core.errors import InputError, SceneError
+from softlab.model.base.errors import InputError, SceneError
 from softlab.model.geometry.shapes import Shape
 from softlab.model.geometry.tetrahedra.mesh import rest_inverse
 from softlab.model.geometry.tetrahedra.voxels import CUTS, voxel_mesh

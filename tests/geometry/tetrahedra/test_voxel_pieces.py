@@ -9,7 +9,7 @@ import pytest
 from closed_meshes import blocks
 from scipy import ndimage
 
-from softlab.model.core.errors import InputError
+from softlab.model.base.errors import InputError
 from softlab.model.geometry.mesh import triangle_mesh
 from softlab.model.geometry.solid import solid
 from softlab.model.geometry.tetrahedra.meeting import Cells

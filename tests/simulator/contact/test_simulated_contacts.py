@@ -15,9 +15,9 @@ from softlab.bench.reference import mass_spring
 from softlab.bench.reference.contact import self_contacts as reference
 from softlab.gpu_backend.contact.self_contact import Contacts
 from softlab.gpu_backend.core.scan import CHUNK, Scan
+from softlab.model.base.errors import SceneError
 from softlab.model.contact.self_contact_parameters import MAX_CONTACTS
 from softlab.model.core.build import build
-from softlab.model.core.errors import SceneError
 from softlab.model.scene.scene import Scene
 
 

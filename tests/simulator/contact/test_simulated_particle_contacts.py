@@ -14,8 +14,8 @@ from numba import cuda
 from softlab.bench.reference.contact import particle_contacts as reference
 from softlab.gpu_backend.contact.particles import ParticleContacts
 from softlab.gpu_backend.core.scan import CHUNK, Scan
+from softlab.model.base.errors import Diverged
 from softlab.model.contact.particle_parameters import H_INVERSE_CELL, MAX_NEIGHBOURS, particle_contact_record
-from softlab.model.core.errors import Diverged
 from softlab.model.scene.scene import Scene
 
 STEPS = 2

@@ -10,7 +10,7 @@ import pytest
 from softlab.app.driver import open_simulation
 from softlab.gpu_backend.domains import devices, kernels
 from softlab.gpu_backend.domains.flags import FlagSimulation
-from softlab.model.core.errors import BackendUnavailable, SceneError
+from softlab.model.base.errors import BackendUnavailable, SceneError
 from softlab.model.core.options import Options
 from softlab.model.core.simulation import State
 from softlab.model.scene.scene import Scene, load_scene

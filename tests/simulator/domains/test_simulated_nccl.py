@@ -12,7 +12,7 @@ import pytest
 
 from softlab.app.driver import open_simulation
 from softlab.gpu_backend.domains import nccl
-from softlab.model.core.errors import BackendUnavailable
+from softlab.model.base.errors import BackendUnavailable
 from softlab.model.core.simulation import State
 from softlab.model.scene.scene import Scene, load_scene
 

@@ -12,7 +12,7 @@ from softlab.bench.experiments.scaling.experiment import points, print_scaling, 
 from softlab.bench.measure import case_timing
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import measures, timings
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 
 
 def test_a_sweep_over_gpus_is_stored_checked_and_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

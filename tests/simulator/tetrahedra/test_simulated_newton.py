@@ -12,7 +12,7 @@ from newton_scenes import end_state, groups_and_bodies, newton_scene
 from tetrahedra_scenes import BODY
 
 from softlab.app.driver import open_simulation
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.core.simulation import State
 from softlab.model.scene.scene import Scene
 

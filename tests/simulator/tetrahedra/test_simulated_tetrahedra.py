@@ -14,7 +14,6 @@ from softlab.model.core.simulation import State
 from softlab.model.formulas import plain
 from softlab.model.formulas.elastic import deformation
 from softlab.model.scene.scene import Scene
-from softlab.model.scene.sheets import scene_normals
 
 
 def end_state(scene: Scene, backend: str, **options: Any) -> State:
@@ -53,7 +52,7 @@ def test_normals_are_those_of_the_surface() -> None:
     found = scene.tetrahedra_set
     with open_simulation(scene, "gpu", precision="float64", math="exact") as simulation:
         normal = simulation.read("normal")
-        expected = scene_normals(scene, simulation.read("position"))
+        expected = scene.grid.normals(simulation.read("position"))
     at_surface = np.unique(found.surface)
     np.testing.assert_allclose(normal[at_surface], expected[at_surface], atol=1e-6)
 

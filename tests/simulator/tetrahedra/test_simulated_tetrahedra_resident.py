@@ -10,7 +10,7 @@ from test_simulated_tiles import assert_same, blocks_together  # noqa: F401  # a
 from tetrahedra_scenes import BODY, METHOD, moving, tetrahedra_scene
 
 from softlab.app.driver import open_simulation
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.core.simulation import State
 from softlab.model.scene.scene import Scene
 

@@ -13,13 +13,13 @@ from softlab.app.driver import open_simulation
 from softlab.app.output.pieces import pieces_of
 from softlab.app.plan.report import plan_report
 from softlab.bench.reference import tetrahedra_cloth as reference
+from softlab.model.base.errors import InputError, SceneError
+from softlab.model.contact.attachments import attachment_sets, contact_free
 from softlab.model.contact.self_contact_parameters import MAX_CONTACTS
 from softlab.model.contact.surface_parameters import contact_surface
-from softlab.model.core.errors import InputError, SceneError
 from softlab.model.core.simulation import State
+from softlab.model.position_based.mesh_constraints import constraint_sets, mesh_energy
 from softlab.model.scene.scene import Scene
-from softlab.model.tetrahedra.attachments import attachment_sets, contact_free
-from softlab.model.xpbd.mesh_constraints import constraint_sets, mesh_energy
 
 EXACT: dict[str, Any] = {"precision": "float64", "math": "exact", "threads": 1}
 GRAVITY, STIFFNESS = 9.81, 1000.0  # m/s^2, N/m of the cloth's edges

@@ -7,7 +7,7 @@ import pytest
 from vbd_scenes import BODY, EVERYTHING, FREE, vbd_scene
 
 from softlab.app.driver import open_simulation
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.core.families import family_of, scene_plan
 from softlab.model.scene.scene import Scene
 from softlab.model.tetrahedra.descent import descents, neighbours, vertex_colours

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from vbd_scenes import BODY, EVERYTHING, METHOD, end_state, moving, step_slope, vbd_scene
 
-from softlab.model.core.errors import SceneError
+from softlab.model.base.errors import SceneError
 from softlab.model.formulas.elastic.chebyshev import weights
 from softlab.model.scene.scene import Scene
 

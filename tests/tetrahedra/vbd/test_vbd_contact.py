@@ -10,8 +10,8 @@ import pytest
 from vbd_scenes import end_state
 
 from softlab.app.driver import open_simulation
+from softlab.model.base.errors import SceneError
 from softlab.model.core.build import build
-from softlab.model.core.errors import SceneError
 from softlab.model.core.simulation import State
 from softlab.model.scene.scene import Scene
 

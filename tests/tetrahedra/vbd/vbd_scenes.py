@@ -11,8 +11,8 @@ from tetrahedra_scenes import moving
 
 from softlab.app.driver import open_simulation
 from softlab.model.core.simulation import State
+from softlab.model.particles.tetrahedra_set import TetrahedraSet
 from softlab.model.scene.scene import Scene
-from softlab.model.tetrahedra.body_set import TetrahedraSet
 from softlab.model.tetrahedra.material import deformation, energies, rest_ratio
 
 METHOD = {"solver": "vbd", "dt": 0.01, "substeps": 1, "iterations": 2}

@@ -38,7 +38,7 @@ def layers(frame: PanelFrame) -> None:
         for name, word in INSIDE:
             if rows.check(word, getattr(first, name)):
                 view_options.toggle(name)
-    elif scene.tetrahedra:
+    elif first.subject == "tetrahedra":
         names = ("Skins", "Tetrahedra", "Edges")
         now = names[2] if first.lines else names[0] if first.skin else names[1]
         pressed = rows.buttons(names, now)

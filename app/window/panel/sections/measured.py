@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from softlab.app.presentation import presentation_of
 from softlab.app.window.demo_report import counts_of, rates_text, strain_text
 from softlab.app.window.panel import graphs
 from softlab.app.window.panel.sections.frame import PanelFrame
-from softlab.model.core.errors import SoftlabError
+from softlab.model.base.errors import SoftlabError
 
 BUTTON = "Measure the error now"
 SIGNS = {"total": "accent", "kinetic": "second"}
@@ -25,7 +26,7 @@ def measured(frame: PanelFrame) -> None:
     graphs.curves(imgui, style, "momentum", "kg·m/s", time, [("", "accent", history.column("momentum"))])
     rows.gap(2)
     rows.value("Speed", rates_text(demo, frame.viewer.frame_seconds).replace("   ", ", "))
-    rows.value("Fluid" if demo.world.scene.fluids else "Strain", strain_text(demo))
+    rows.value(presentation_of(demo.world.scene).quantity, strain_text(demo))
     counts = frame.state.cached("counts", (demo.world, demo.world.body), lambda: counts_of(demo.world))
     for name, number in counts.items():
         rows.value(name, f"{number:,}".replace(",", " "))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from softlab.app.window.panel.scene_list import Entry, scene_entries
 from softlab.app.window.panel.sections.frame import PanelFrame
 from softlab.app.window.panes import MAX_WORLDS, view_kind
-from softlab.model.core.errors import SoftlabError
+from softlab.model.base.errors import SoftlabError
 from softlab.model.scene.scene import Scene, load_scene
 
 ALL, DUPLICATE, ONLY = "all scenes", "Duplicate to compare", "Keep only this scene"

@@ -1,0 +1,105 @@
+"""How bodies of clusters are drawn, exported and described."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from softlab.app.output.pieces import Piece, skinned
+from softlab.app.presentation import Presentation
+from softlab.app.render import colours
+from softlab.model.core.energy import spring_strain
+from softlab.model.core.spare import Counts, copies_there, counts
+from softlab.model.particles.body_set import Copy
+from softlab.model.scene.scene import Scene
+
+
+def _view(scene: Scene, detail: Any, quick: bool, first_colour: int) -> Any:
+    from softlab.app.render.bodies.view import BodiesView
+
+    return BodiesView(scene, detail)
+
+
+def _pieces(
+    scene: Scene, position: np.ndarray, matrices: np.ndarray | None, inverse_mass: np.ndarray | None
+) -> list[Piece]:
+    """Return the active copies."""
+    assert matrices is not None
+    there = copies_there(scene, inverse_mass)
+    return [_body(scene, copy, position, matrices) for copy in scene.copies if there[copy.number]]
+
+
+def _body(scene: Scene, copy: Copy, position: np.ndarray, matrices: np.ndarray) -> Piece:
+    """Return a copy of a body: its skin deformed by its clusters (linear blend skinning, model/assets/skin.py), or else
+    its particles."""
+    colour, baked = colours.BODIES[copy.number % len(colours.BODIES)], copy.baked
+    several = scene.bodies[copy.name].count + scene.bodies[copy.name].spare > 1
+    first = next(one.number for one in scene.copies if one.name == copy.name) if several else 0
+    name = f"{copy.name}-{copy.number - first + 1}" if several else copy.name
+    skin = baked.skin
+    if skin is None or not len(skin.triangles):
+        own = slice(copy.first_particle, copy.first_particle + len(baked.position))
+        return Piece(name, position[own], colour)
+    own = slice(copy.first_cluster, copy.first_cluster + baked.clusters.count)
+    vertices, normals = skinned(skin.position, skin.normal, skin.clusters, skin.weights, matrices[own])
+    return Piece(name, vertices, colour, skin.triangles, normals)
+
+
+def _counts(scene: Scene) -> dict[str, Any]:
+    clusters = scene.body_set.clusters
+    return {"bodies": len(scene.copies), "clusters": clusters.count, "entries": len(clusters.indices)}
+
+
+def bodies_report(simulation: Any) -> dict[str, Any]:
+    """Return the numbers of active bodies and their clusters, and of inactive bodies and their particles.
+
+    Their `max_strain` is the distance of a particle from its goal in one of its clusters, over the particle spacing.
+    """
+    told = counts(simulation.scene, simulation.body.inverse_mass)
+    return {
+        "bodies": told.bodies,
+        "waiting": told.waiting,
+        "waiting_particles": told.waiting_particles,
+        "clusters": told.clusters,
+    }
+
+
+def _amounts(scene: Scene, told: Counts) -> str:
+    from softlab.app.command.tables import number
+
+    body_set = scene.body_set
+    waiting = (
+        f" ({number(told.waiting)} inactive, of {number(told.waiting_particles)} particles)" if told.waiting else ""
+    )
+    bodies = "1 body" if len(scene.copies) == 1 else f"{number(len(scene.copies))} bodies"
+    entries = len(body_set.clusters.indices) / body_set.particle_count
+    return (
+        f"{number(body_set.particle_count)} particles of {bodies}{waiting}, "
+        f"{number(body_set.clusters.count)} clusters, {entries:.2f} per particle"
+    )
+
+
+def _brief(scene: Scene, told: Counts) -> str:
+    found = f"{told.particles} particles in {told.clusters} clusters of {told.bodies} bodies"
+    return found + (f" + {told.waiting} inactive" if told.waiting else "")
+
+
+def _particle_name(scene: Scene, particle: int) -> str:
+    """Return the particle's number, and whose it is."""
+    return f"{particle} of {scene.copies[scene.body_set.body[particle]].name}"
+
+
+BODIES = Presentation(
+    view=_view,
+    strain=spring_strain,
+    pieces=_pieces,
+    counts=_counts,
+    report=lambda simulation, state: bodies_report(simulation),
+    amounts=_amounts,
+    brief=_brief,
+    particle="particle",
+    particle_name=_particle_name,
+    grips=True,
+    worst_text=lambda worst, fastest: f"largest distance from goal {worst:.3g} spacings",
+)

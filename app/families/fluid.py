@@ -1,0 +1,93 @@
+"""How fluids are drawn, exported and described."""
+
+from __future__ import annotations
+
+from math import isnan
+from typing import Any
+
+import numpy as np
+
+from softlab.app.output.pieces import Piece
+from softlab.app.presentation import Presentation
+from softlab.app.render import colours
+from softlab.model.core.state import State
+from softlab.model.fluid.measure import compression, height
+from softlab.model.fluid.parameters import speed_limit
+from softlab.model.scene.scene import Scene
+
+ASKED = 30_000  # particles whose densities are computed in passing: a tenth of a second
+
+
+def _view(scene: Scene, detail: Any, quick: bool, first_colour: int) -> Any:
+    from softlab.app.render.fluid.view import FluidView
+
+    return FluidView(scene, detail, shaped=not quick)
+
+
+def _view_options() -> tuple[str, ...]:
+    from softlab.app.render.fluid.view import VIEW_OPTIONS
+
+    return VIEW_OPTIONS
+
+
+def _pieces(
+    scene: Scene, position: np.ndarray, matrices: np.ndarray | None, inverse_mass: np.ndarray | None
+) -> list[Piece]:
+    """Return the particles of each fluid."""
+    fluid, flat = scene.fluid_set.fluid, position if position.shape[1] == 3 else np.pad(position, ((0, 0), (0, 1)))
+    return [
+        Piece(name, np.ascontiguousarray(flat[fluid == number]), colours.BODIES[(number + 1) % len(colours.BODIES)])
+        for number, name in enumerate(scene.fluids)
+    ]
+
+
+def _worst(scene: Scene, position: np.ndarray, strain: np.ndarray) -> float:
+    """Return the largest density error; NaN where it is not computed."""
+    known = len(position) <= ASKED and bool(np.isfinite(position).all())
+    return compression(scene, position)[1] if known else np.nan
+
+
+def _worst_text(worst: float, fastest: float) -> str:
+    speed = f"fastest {fastest:.3g} m/s"
+    return speed if isnan(worst) else f"largest density error {worst:+.2%}, {speed}"
+
+
+def speed_report(simulation: Any) -> dict[str, Any]:
+    """Return `speed_limit` [m/s], the smallest of all, and `speed_limited`: number of times that it slowed
+    a particle in a substep."""
+    scene = simulation.scene
+    limits = [speed_limit(scene, part) for part in scene.fluids.values()]
+    return {"speed_limit": min(limits), "speed_limited": simulation.speed_limited}
+
+
+def fluid_report(simulation: Any, state: State) -> dict[str, Any]:
+    """Return how much densities exceed that at rest, the `height` of the highest 1 % of particles above
+    the floor of the lowest one at the start, and the particles that did not fit the capacity; the limits of
+    speeds."""
+    scene, speeds = simulation.scene, speed_report(simulation)
+    if not np.isfinite(state.position).all():
+        return speeds
+    mean, largest = compression(scene, state.position)
+    return {
+        "mean_compression": mean,
+        "largest_compression": largest,
+        "height": height(scene, state.position),
+        **({"not_emitted": simulation.not_emitted} if scene.emitters else {}),
+    } | speeds
+
+
+FLUID = Presentation(
+    view=_view,
+    view_options=_view_options,
+    strain=lambda scene, position: np.zeros(0),
+    pieces=_pieces,
+    counts=lambda scene: {"fluids": len(scene.fluids)},
+    report=fluid_report,
+    amounts=lambda scene, told: str(scene.fluid_set),
+    brief=lambda scene, told: str(scene.fluid_set),
+    worst=_worst,
+    worst_text=_worst_text,
+    quantity="Fluid",
+    fastest=True,
+    levels=True,
+)

@@ -1,0 +1,76 @@
+"""How grids, cloths and meshes are drawn, exported and described."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from softlab.app.output.pieces import Piece
+from softlab.app.presentation import Presentation
+from softlab.app.render import colours
+from softlab.app.render.drawn_springs import alike, drawn_kinds
+from softlab.model.contact.cloth_parameters import REACH
+from softlab.model.core.energy import spring_strain
+from softlab.model.core.families import family_of
+from softlab.model.core.spare import Counts
+from softlab.model.core.stability.springs import spring_ends
+from softlab.model.position_based.mesh_constraints import edges_of
+from softlab.model.scene.scene import Scene
+
+
+def _view(scene: Scene, detail: Any, quick: bool, first_colour: int) -> Any:
+    from softlab.app.render.sheet_view import SheetView
+
+    return SheetView(scene, detail)
+
+
+def _lines(scene: Scene) -> list[tuple[np.ndarray, float]]:
+    """Return the springs of a grid, or those of a cloth that are drawn, kind by kind; of a mesh by classes of rest
+    lengths."""
+    grid = scene.grid
+    if scene.dimensions == 2:
+        return [(spring_ends(grid.rows, grid.columns), scene.springs.rest_length)] if scene.springs else []
+    if not scene.mesh:
+        return [(spring_ends(grid.rows, grid.columns, k), REACH[k] * grid.spacing) for k in drawn_kinds(scene)]
+    return [one for kind in drawn_kinds(scene) for one in alike(*edges_of(scene, kind))]
+
+
+def _strain(scene: Scene, position: np.ndarray) -> np.ndarray:
+    if not scene.cloth:
+        return spring_strain(scene, position) if scene.springs else np.zeros(0)
+    with np.errstate(over="ignore", invalid="ignore"):
+        strains = [spring_strain(scene, position, kind) for kind in drawn_kinds(scene)]
+    return np.concatenate([np.zeros(0), *strains])
+
+
+def _pieces(
+    scene: Scene, position: np.ndarray, matrices: np.ndarray | None, inverse_mass: np.ndarray | None
+) -> list[Piece]:
+    """Return the sheet: its triangles, or else its lines; one without springs is its masses."""
+    name = next((name for name, part in scene.parts.items() if part is scene.grid), "grid")
+    triangles = scene.grid.triangles() if scene.cloth else np.zeros((0, 3), np.int32)
+    if len(triangles):
+        return [Piece(name, position, colours.CLOTH_FRONT, triangles, scene.grid.normals(position))]
+    flat = position if position.shape[1] == 3 else np.pad(position, ((0, 0), (0, 1)))
+    index = np.arange(len(position)).reshape(scene.grid.rows, scene.grid.columns)
+    held = bool(scene.springs or scene.cloth_springs)
+    lines = tuple(line for line in (*index, *index.T) if len(line) > 1) if held else ()
+    return [Piece(name, flat, colours.INK, lines=lines)]
+
+
+def _amounts(scene: Scene, told: Counts) -> str:
+    from softlab.app.command.tables import number
+
+    return f"{number(scene.grid.particle_count)} masses, {number(family_of(scene).spring_count(scene))} springs"
+
+
+SHEET = Presentation(
+    view=_view,
+    lines=_lines,
+    strain=_strain,
+    pieces=_pieces,
+    amounts=_amounts,
+    brief=lambda scene, told: f"{scene.grid.rows} x {scene.grid.columns} masses",
+    steps_per_frame=10,
+)

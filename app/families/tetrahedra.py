@@ -1,0 +1,72 @@
+"""How tetrahedral bodies, and a cloth beside them, are drawn, exported and described."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from softlab.app.output.pieces import Piece
+from softlab.app.presentation import Presentation
+from softlab.app.render import colours
+from softlab.app.render.drawn_springs import alike
+from softlab.model.core.energy import spring_strain
+from softlab.model.geometry.normals import mesh_normals
+from softlab.model.scene.scene import Scene
+
+
+def _view(scene: Scene, detail: Any, quick: bool, first_colour: int) -> Any:
+    from softlab.app.render.tetrahedra_view import TetrahedraView
+
+    return TetrahedraView(scene, detail, first_colour)
+
+
+def _view_options() -> tuple[str, ...]:
+    from softlab.app.render.tetrahedra_view import VIEW_OPTIONS
+
+    return VIEW_OPTIONS
+
+
+def _pieces(
+    scene: Scene, position: np.ndarray, matrices: np.ndarray | None, inverse_mass: np.ndarray | None
+) -> list[Piece]:
+    """Return the skins of tetrahedral bodies, deformed with their tetrahedra, and of a cloth beside them."""
+    skin = scene.tetrahedra_set.skin
+    points = skin.points(position)
+    normals = mesh_normals(points, skin.faces)
+    found = []
+    for number, (name, triangles) in enumerate(zip(scene.holdable, skin.triangles, strict=True)):
+        low, high = int(triangles.min()), int(triangles.max()) + 1
+        colour = colours.BODIES[number % len(colours.BODIES)]
+        found.append(Piece(name, points[low:high], colour, triangles - low, normals[low:high]))
+    return found
+
+
+def _counts(scene: Scene) -> dict[str, Any]:
+    found = scene.tetrahedra_set
+    counts = {"bodies": len(found.parts), "tetrahedra": len(found.tetrahedra)}
+    return counts | ({"triangles": len(found.sheet.mesh.triangles)} if found.sheet else {})
+
+
+def newton_report(simulation: Any) -> dict[str, Any]:
+    """Return, for implicit tetrahedral bodies, per solve (a substep is one, of second order two): matrices, Newton's
+    steps, and products with the matrix."""
+    if not hasattr(simulation, "done"):
+        return {}
+    solves, _, matrices, products, steps = (int(one) for one in simulation.done)
+    each = max(solves, 1)
+    return {"matrices": matrices / each, "newton_steps": steps / each, "matrix_products": products / each}
+
+
+TETRAHEDRA = Presentation(
+    view=_view,
+    view_options=_view_options,
+    lines=lambda scene: alike(*scene.tetrahedra_set.edges),
+    strain=spring_strain,
+    pieces=_pieces,
+    counts=_counts,
+    report=lambda simulation, state: newton_report(simulation),
+    amounts=lambda scene, told: str(scene.tetrahedra_set),
+    brief=lambda scene, told: str(scene.tetrahedra_set),
+    levels=True,
+)

@@ -1,0 +1,62 @@
+"""How worlds are drawn and described: member by member."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from softlab.app.families.fluid import speed_report
+from softlab.app.families.sheets import SHEET
+from softlab.app.presentation import presentation_of
+from softlab.model.core.spare import Counts, counts
+from softlab.model.core.state import State
+from softlab.model.scene.scene import Scene
+
+
+def _view(scene: Scene, detail: Any, quick: bool, first_colour: int) -> Any:
+    from softlab.app.render.world_view import WorldView
+
+    def make(member: Scene, of_member: Any, colour: int = 0) -> Any:
+        return presentation_of(member).view(member, of_member, quick, colour)
+
+    return WorldView(scene, make, detail)
+
+
+def _strain(scene: Scene, position: np.ndarray) -> np.ndarray:
+    places = scene.world_set.slices()
+    return np.concatenate(
+        [presentation_of(one).strain(one, position[places[name]]) for name, one in scene.members.items()]
+    )
+
+
+def _counts(scene: Scene) -> dict[str, Any]:
+    members = scene.members.items()
+    return {
+        "members": {
+            name: {"particles": one.grid.particle_count} | presentation_of(one).counts(one) for name, one in members
+        }
+    }
+
+
+def _amounts(scene: Scene, told: Counts) -> str:
+    members = scene.members.items()
+    return "; ".join(f"{name}: {presentation_of(one).amounts(one, counts(one))}" for name, one in members)
+
+
+def _particle_name(scene: Scene, particle: int) -> str:
+    """Return the particle's number in its member."""
+    places = scene.world_set.slices().items()
+    return next(f"{particle - own.start} of {name}" for name, own in places if particle < own.stop)
+
+
+def _report(simulation: Any, state: State) -> dict[str, Any]:
+    fluid = simulation.members.get("fluid")
+    return speed_report(fluid) if fluid else {}
+
+
+WORLD = replace(
+    SHEET, view=_view, lines=lambda scene: [], strain=_strain, pieces=None, counts=_counts, amounts=_amounts, report=_report,
+    steps_per_frame=None, particle="particle", particle_name=_particle_name,
+)  # fmt: skip

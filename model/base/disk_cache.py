@@ -1,0 +1,81 @@
+"""Arrays that are expensive to compute, cached in files. A failure to read or write costs only the time to compute them
+again."""
+
+from __future__ import annotations
+
+import atexit
+import os
+import shutil
+import tempfile
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+
+from softlab.model.base.errors import InputError
+from softlab.model.base.files import replacing
+
+Kept = TypeVar("Kept")
+
+
+def user_cache(name: str) -> Path | None:
+    """Return a folder of the user's cache, created if missing; None where it cannot be written."""
+    base = os.environ.get("XDG_CACHE_HOME")
+    try:
+        folder = (Path(base) if base else Path.home() / ".cache") / "softlab" / name
+        folder.mkdir(parents=True, exist_ok=True)
+        return folder if os.access(folder, os.W_OK) else None
+    except (OSError, RuntimeError):
+        return None
+
+
+@cache
+def cache_folder(name: str) -> Path:
+    """Return a folder of the user's cache, or a new private one for this process where that cannot be written.
+
+    It is never a shared folder under a name that another user could guess and fill.
+    """
+    folder = user_cache(name)
+    if folder is not None:
+        return folder
+    private = tempfile.mkdtemp(prefix=f"softlab-{name}-")
+    atexit.register(shutil.rmtree, private, ignore_errors=True)
+    return Path(private)
+
+
+def read_arrays(file: Path) -> dict[str, np.ndarray] | None:
+    """Return the arrays of an .npz file by name; None where it is missing, truncated or damaged."""
+    try:
+        with np.load(file) as held:
+            return dict(held)
+    except Exception:  # a damaged archive can fail anywhere in its parser
+        return None
+
+
+def write_arrays(file: Path, **arrays: np.ndarray | float) -> None:
+    """Write the arrays to an .npz file, under another name first, so that a killed process leaves no partial file.
+    Failures are ignored."""
+    with suppress(OSError, InputError):
+        file.parent.mkdir(exist_ok=True)
+        with replacing(file) as temporary, open(temporary, "wb") as opened:
+            np.savez(opened, **arrays)  # type: ignore[arg-type]
+
+
+def kept(
+    file: Path,
+    key: str,
+    unpacked: Callable[[dict[str, np.ndarray]], Kept | None],
+    make: Callable[[], Kept],
+    packed: Callable[[Kept], Mapping[str, np.ndarray | float]],
+) -> Kept:
+    """Return the object in `file` if its arrays are complete and have the `key`; otherwise make it and write it
+    there."""
+    held = read_arrays(file)
+    found = unpacked(held) if held and str(held.get("key")) == key else None
+    if found is None:
+        found = make()
+        write_arrays(file, key=np.array(key), **packed(found))
+    return found

@@ -1,0 +1,216 @@
+"""All bodies of a scene as one set of particles: the initial state of a solver of clusters."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from itertools import groupby
+
+import numpy as np
+
+from softlab.model.assets.baked_body import BakedBody
+from softlab.model.assets.clusters import Clusters
+from softlab.model.assets.lattice import LatticeCopies
+from softlab.model.assets.material import joined
+from softlab.model.base.errors import InputError, SceneError
+from softlab.model.base.memory import MAX_PARTICLES, available_bytes, require
+from softlab.model.geometry.arithmetic.ordered import applied, mean, total
+from softlab.model.geometry.lists import offsets_of
+from softlab.model.geometry.particle_row import ParticleRow
+from softlab.model.particles.links import LinkedCopies, Links, make_links
+from softlab.model.tables.bodies import Placed
+
+
+@dataclass(frozen=True)
+class Copy:
+    """A copy of a body: its part's `name`, its baked body, its first particle and first cluster, its number among all
+    copies.
+
+    `waits`: True for a spare copy, which is inactive at the start.
+    """
+
+    name: str
+    baked: BakedBody = field(repr=False)
+    number: int
+    first_particle: int
+    first_cluster: int
+    waits: bool = False
+
+    @property
+    def particles(self) -> slice:
+        """Slice of its particles in the set."""
+        return slice(self.first_particle, self.first_particle + len(self.baked.position))
+
+
+@dataclass(frozen=True, eq=False)
+class BodySet(ParticleRow):
+    """The particles of all copies, one after the other, in the order of the file.
+
+    `position` (particles, 3) float64 [m] and `velocity` [m/s]: initial ones; `body` (particles,) int32: the copy of
+    each; `clusters`: with the initial positions as rest positions, those of `lattices` last; `links`; `copies`. It has
+    the attributes of a row of masses: `rows` 1, `columns` the number of particles, `spacing` [m], the mean one, and
+    `mass` [kg], see `unit_of`. `whole`: the set of which this is a block (model/shape_matching/apart.py), or None.
+    """
+
+    position: np.ndarray
+    velocity: np.ndarray
+    body: np.ndarray
+    clusters: Clusters
+    links: Links
+    copies: tuple[Copy, ...]
+    spacing: float
+    mass: float
+    lattices: tuple[LatticeCopies, ...] = ()
+    pinned: str = "none"
+    whole: BodySet | None = None
+
+    @cached_property
+    def loose(self) -> Clusters:
+        """The clusters that are not windows of a lattice; they come first."""
+        if not self.lattices:
+            return self.clusters
+        whole, count = self.clusters, min(lattice.first_cluster for lattice in self.lattices)
+        last = whole.offsets[count]
+        return replace(
+            whole, offsets=whole.offsets[: count + 1], indices=whole.indices[:last], coefficients=whole.coefficients[:last],
+            stiffness=whole.stiffness[:count], material=whole.material and whole.material.first(count),
+        )  # fmt: skip
+
+    @property
+    def in_cluster_order(self) -> list[Copy]:
+        """The copies, in the order of their clusters."""
+        return _by_cluster(self.copies)
+
+    @property
+    def alike(self) -> BodySet:
+        """The set that decides which code its loose clusters need: the whole one, so that every block runs the same."""
+        return self.whole if self.whole and self.loose.count else self
+
+    @property
+    def waiting(self) -> np.ndarray:
+        """Particles of spare copies, (particles,) bool, at the position of their body's first copy."""
+        return np.array([copy.waits for copy in self.copies])[self.body]
+
+    @property
+    def masses(self) -> np.ndarray:
+        """Mass of each particle, (particles,) float64 [kg]."""
+        return self.clusters.mass
+
+    @property
+    def lightest(self) -> float:
+        """Smallest mass of a particle [kg]."""
+        return float(self.masses.min())
+
+    @property
+    def pinned_vertices(self) -> np.ndarray:
+        """Particles that do not move at the start, ascending: inactive ones."""
+        return np.flatnonzero(self.waiting)
+
+    @property
+    def extent(self) -> float:
+        """Longest side [m]."""
+        return float(np.ptp(self.position, axis=0).max(initial=self.spacing))
+
+
+def make_body_set(parts: Mapping[str, Placed]) -> BodySet:
+    """Return the body set of a scene's bodies, by name. Raises SceneError where it has too many particles."""
+    for name, part in parts.items():
+        try:
+            part.baked  # noqa: B018 - made here, so that its errors name the part
+        except SceneError as error:
+            raise SceneError(f"{name}.{error.field}", error.value, error.allowed) from None
+        except InputError as error:
+            raise InputError(f"{name}: {error}") from None
+    particles = sum(len(part.baked.position) * (part.count + part.spare) for part in parts.values())
+    if particles > MAX_PARTICLES:
+        raise SceneError("copies", particles, f"at most {MAX_PARTICLES} particles (32-bit indices)")
+    needed = sum((part.count + part.spare) * _bytes_of(part.baked) for part in parts.values())
+    require(needed, available_bytes(), "copies", particles, "main memory")
+    copies: list[Copy] = []
+    positions, velocities = [], []
+    lattices, particle = [], 0
+    first_clusters = _first_clusters(parts)
+    for name, part in parts.items():
+        made, turn, cluster = part.baked, part.turn(), first_clusters[name]
+        here = applied(turn, made.position)
+        centre = total(made.mass[:, None] * here) / total(made.mass)
+        moving = np.asarray(part.velocity) + np.cross(np.asarray(part.spin), here - centre)
+        places = part.places()
+        if made.lattice and is_summed(made):
+            stiffness = float(made.clusters.stiffness[0])
+            lattices.append(LatticeCopies(made.lattice, particle, cluster, part.count + part.spare, stiffness, turn))
+        for number, place in enumerate([*places, *places[:1].repeat(part.spare, axis=0)]):
+            waits = number >= part.count
+            copies.append(Copy(name, made, len(copies), particle, cluster, waits))
+            positions.append(here + place)
+            velocities.append(0 * moving if waits else moving)
+            particle, cluster = particle + len(here), cluster + made.clusters.count
+    position, mass = np.concatenate(positions), np.concatenate([copy.baked.mass for copy in copies])
+    in_order = _by_cluster(copies)
+    made_of = [copy.baked.clusters for copy in in_order]
+    clusters = Clusters(
+        offsets_of(np.concatenate([np.diff(one.offsets) for one in made_of])),
+        np.concatenate([copy.baked.clusters.indices + copy.first_particle for copy in in_order]).astype(np.int32),
+        np.concatenate([one.coefficients for one in made_of]),
+        np.concatenate([one.stiffness for one in made_of]),
+        mass,
+        position,
+        joined([one.material for one in made_of], [one.count for one in made_of]),
+    )
+    spacing = mean(np.array([copy.baked.spacing for copy in copies]))
+    return BodySet(
+        position,
+        np.concatenate(velocities),
+        np.repeat(np.arange(len(copies), dtype=np.int32), [len(one) for one in positions]),
+        clusters,
+        make_links(_linked(copies)),
+        tuple(copies),
+        spacing,
+        unit_of(mass),
+        tuple(lattices),
+    )
+
+
+def unit_of(masses: np.ndarray) -> float:
+    """Return the unit of the solvers' masses [kg]: the power of two nearest to the mean of `masses` (particles,) [kg].
+
+    Division by it is exact, and added bodies leave the others' bits unchanged.
+    """
+    return float(2.0 ** round(math.log2(mean(masses))))
+
+
+def _bytes_of(body: BakedBody) -> int:
+    """Return the bytes of a copy's particles, clusters and links during assembly."""
+    return 160 * len(body.position) + 40 * len(body.clusters.indices) + 60 * len(body.links)
+
+
+def _by_cluster(copies: Sequence[Copy]) -> list[Copy]:
+    return sorted(copies, key=lambda copy: copy.first_cluster)
+
+
+def is_summed(body: BakedBody) -> bool:
+    """Return True if a body's clusters are windows that only rotate, which passes along the axes can sum."""
+    return body.lattice is not None and not body.clusters.parts
+
+
+def _first_clusters(parts: Mapping[str, Placed]) -> dict[str, int]:
+    """Return the first cluster of each part: those of lattices come last."""
+    found, cluster = {}, 0
+    for summed in (False, True):
+        for name, part in parts.items():
+            if is_summed(part.baked) == summed:
+                found[name] = cluster
+                cluster += (part.count + part.spare) * part.baked.clusters.count
+    return found
+
+
+def _linked(copies: list[Copy]) -> list[LinkedCopies]:
+    """Return the links of each part with its copies."""
+    found = []
+    for _, group in groupby(copies, key=lambda copy: copy.name):
+        same = list(group)
+        made, firsts = same[0].baked, np.array([copy.first_particle for copy in same])
+        found.append(LinkedCopies(made.links, made.rest_length, made.link_stiffness, firsts, len(made.position)))
+    return found
