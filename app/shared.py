@@ -136,7 +136,7 @@ def shares(simulation: Simulation) -> dict[str, Any]:
         found = simulation.division
         return {
             name: found.count,
-            "bodies_each": [share.end - share.first for share in found.shares],
+            "bodies_each": [share.end - share.first for share in found.blocks],
             "balance": found.balance,
         }
     if isinstance(simulation, SharedFluid):

@@ -91,7 +91,7 @@ class SharedPlan:
     def lines(self) -> list[str]:
         """Return the lines for a person."""
         found = self.decomposition
-        lines = [f"shared by {found.count} GPUs, by rows; halos of {found.halo} rows, exchanged {found.told}"]
+        lines = [f"shared by {found.count} GPUs, by rows; halos of {found.halo} rows, exchanged {found.schedule}"]
         for domain in found.domains[:LINES]:
             state = readable(domain.window_rows * found.columns * self.mass_bytes)
             held = f"stores {domain.window_first} to {domain.window_end - 1} ({state} per state)"
@@ -123,7 +123,7 @@ class BodiesPlan:
                     "first_body": s.first, "end_body": s.end, "parts": list(s.parts),
                     "particles": s.end_particle - s.first_particle, found.counted: s.weight,
                 }
-                for s in found.shares
+                for s in found.blocks
             ],
             "bytes_per_step": 0,
         }  # fmt: skip
@@ -134,7 +134,7 @@ class BodiesPlan:
         lines = [
             f"shared by {found.count} GPUs, body by body, balanced by {found.counted}; no data is exchanged during a step"
         ]
-        for share in found.shares[:LINES]:
+        for share in found.blocks[:LINES]:
             bodies = (
                 f"body {share.first}" if share.end == share.first + 1 else f"bodies {share.first} to {share.end - 1}"
             )

@@ -28,7 +28,7 @@ def iterate(
     with np.errstate(divide="ignore"):
         share = 1 - (1 / (1 + clusters.stiffness * h**2)) ** (1 / iterations)
     ways = clusters.goals(position, plastic) - position[clusters.indices]
-    ways *= (clusters.shares * share[clusters.owner])[:, None]
+    ways *= (clusters.weights * share[clusters.owner])[:, None]
     moved = position.copy()
     np.add.at(moved, clusters.indices, ways)
     return moved

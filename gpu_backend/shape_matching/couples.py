@@ -123,7 +123,7 @@ class Couples:
         self._flat = max(1, -(-particles // THREADS)), THREADS, stream
         arrays = np.zeros(SIZE * particles, real), np.zeros(QUADS * SIZE * clusters.count, real)
         self.sums, self._spins, self._shares = (
-            cuda.to_device(array, stream=stream) for array in (*arrays, clusters.shares[own].astype(real))
+            cuda.to_device(array, stream=stream) for array in (*arrays, clusters.weights[own].astype(real))
         )
         self._kernels = make_couples(real, math, "rigid-motion" in parts)
 

@@ -24,7 +24,7 @@ from softlab.model.assets.tetrahedral_body import (
     scaled,
 )
 from softlab.model.core.digest import ROOT, source_digest
-from softlab.model.core.disk_cache import cache_folder, kept
+from softlab.model.core.disk_cache import cache_folder, load_or_make
 from softlab.model.core.errors import InputError, SceneError, SoftlabError
 from softlab.model.core.files import check_source, is_there, read_archive
 from softlab.model.core.waiting import work
@@ -47,9 +47,7 @@ WHAT = (
     "a body comes from a .obj, .stl or .ply mesh (or .off, .glb, .gltf, .mesh, .msh), a file of tetrahedra (.msh, .mesh, "
     ".vtk, .ele, .node, .npz), or is one of "
 )
-_held: WeakValueDictionary[tuple[str, float], CookedBody] = (
-    WeakValueDictionary()
-)  # of the user's cache, in use somewhere
+_in_use: WeakValueDictionary[tuple[str, float], CookedBody] = WeakValueDictionary()  # of the user's cache
 
 Source = Shape | str | Path | TriangleMesh | tuple[np.ndarray, np.ndarray]
 
@@ -66,19 +64,19 @@ def cooked(
     scale: float = 1.0,
     density: float = DENSITY,
     folder: Path | None = None,
-    keep: bool = True,
+    use_cache: bool = True,
 ) -> CookedBody:
-    """The tetrahedral body of a closed mesh (`voxel_mesh` tells `edge`, `voxels`, `per_voxel`; "conforming": tetrahedra of
-    that edge which follow the surface, closed or not, by `conforming_mesh`): one of the lab's shapes, by name or as a Shape,
-    a file, or the mesh itself; or of a file of tetrahedra, as they are. `fill_holes`: of the surface; `unite`: pieces that
-    overlap become one first;
-    `simplify`: then no more than so many triangles are left (geometry/repair.py). Coordinates of files, and shapes, times
-    `scale`. From
-    `folder` (the user's cache) where it was made before, else made and put there: the same bits (which of "conforming" ones
-    nobody makes twice).
+    """Return the tetrahedral body of `source`, from the cache `folder` (the user's by default) if it is there.
 
-    `keep` False: neither read nor written. Raises SceneError (a parameter)
-    and InputError (the mesh, the file), each with what would do.
+    `source`: a closed mesh (a built-in shape, by name or as a Shape, a file, or the mesh itself), or a file of
+    tetrahedra, which is taken as it is. `edge`, `voxels`, `per_voxel`: see `voxel_mesh`; "conforming": tetrahedra of
+    that edge which follow the surface, closed or not, by `conforming_mesh`. `unite`: pieces that overlap become one
+    first; `simplify`: then at most so many triangles are left (geometry/repair.py); `fill_holes`: of the surface.
+    Coordinates of files and shapes are multiplied by `scale`. The bits are the same with and without the cache, but for
+    "conforming" bodies, which differ each time.
+
+    `use_cache` False: neither read nor written. Raises SceneError (a parameter) and InputError (the mesh, the file),
+    each with a remedy.
     """
     check_density(density)
     source = _named(source, scale)
@@ -110,18 +108,18 @@ def cooked(
         except InputError as error:
             raise InputError(f"{source}: {error}" if isinstance(source, str | Path) else str(error)) from None
 
-    if not keep:
+    if not use_cache:
         return make().with_density(density)
     cut = f"{edge!r} {voxels!r} {per_voxel!r}" + (f" {unite!r} {simplify!r}" if prepared else "")
     cut += " filled" if fill_holes else ""
     key = body_key(source, scale, "as it is" if settled else cut)
-    held = _held.get((key, density)) if folder is None else None
-    if held is not None:
-        return held
+    loaded = _in_use.get((key, density)) if folder is None else None
+    if loaded is not None:
+        return loaded
     file = (folder or cache_folder("tetrahedra")) / f"body-{key}.npz"
-    body = kept(file, key, _unpacked, make, _packed).with_density(density)
+    body = load_or_make(file, key, _unpacked, make, _packed).with_density(density)
     if folder is None:
-        _held[key, density] = body
+        _in_use[key, density] = body
     return body
 
 
@@ -143,8 +141,8 @@ def body_key(source: Source, scale: float, parameters: str) -> str:
         digest.update(b"shape " + source.model_dump_json().encode())
     elif isinstance(source, str | Path):
         for file in files_of(Path(source)):
-            held = _bytes(file)
-            digest.update(f"file {file.suffix.lower()} {len(held)} ".encode() + held)
+            content = _bytes(file)
+            digest.update(f"file {file.suffix.lower()} {len(content)} ".encode() + content)
     else:
         digest.update(mesh_bytes(source))
     return digest.hexdigest()[:32]
@@ -194,25 +192,26 @@ def _triangles(source: Source, scale: float, raw: bool) -> TriangleMesh | tuple[
     return source
 
 
-def _prepared(given: TriangleMesh | tuple[np.ndarray, np.ndarray], unite: bool, simplify: int | None) -> TriangleMesh:
+def _prepared(source: TriangleMesh | tuple[np.ndarray, np.ndarray], unite: bool, simplify: int | None) -> TriangleMesh:
     """The mesh united, then simplified, as wanted."""
-    position, triangles = given if isinstance(given, tuple) else (given.position, given.triangles)
+    position, triangles = source if isinstance(source, tuple) else (source.position, source.triangles)
     if unite:
         mesh = united(np.asarray(position, dtype=np.float64), np.asarray(triangles, dtype=np.int64))
     else:
-        mesh = triangle_mesh(position, triangles) if isinstance(given, tuple) else given
+        mesh = triangle_mesh(position, triangles) if isinstance(source, tuple) else source
     return mesh if simplify is None else simplified(mesh, simplify)
 
 
 def _body_of_file(path: Path, scale: float) -> CookedBody:
-    """Of tetrahedra as they are, which carry their own surface; of a body that `save` wrote, all of it. Raises InputError."""
+    """Return the body of a file of tetrahedra, which carry their own surface, or of one that `save` wrote. Raises
+    InputError."""
     if path.suffix.lower() == ".npz":
-        held = read_archive(path, "a body is a .npz file by softlab cook")
-        if "report" in held:
-            found = _unpacked(held)
-            if found is None:
+        arrays = read_archive(path, "a body is a .npz file by softlab cook")
+        if "report" in arrays:
+            body = _unpacked(arrays)
+            if body is None:
                 raise InputError(f"{path} is no whole body, or of another version of the lab; cook it again")
-            return scaled(found, scale)
+            return scaled(body, scale)
     return body_of_tetrahedra(*read_tetrahedra(path, scale))
 
 
@@ -234,18 +233,20 @@ def _packed(body: CookedBody) -> dict[str, np.ndarray]:
     }
 
 
-def _unpacked(held: dict[str, np.ndarray]) -> CookedBody | None:
-    """The body of a file's arrays; None where they are none, or those of another version."""
+def _unpacked(arrays: dict[str, np.ndarray]) -> CookedBody | None:
+    """Return the body of a file's arrays; None if they are incomplete or of another version."""
     try:
-        if int(held["version"]) != VERSION:
+        if int(arrays["version"]) != VERSION:
             return None
-        told = json.loads(str(held["report"]))
-        fields: dict[str, Any] = {name: tuple(one) if isinstance(one, list) else one for name, one in told.items()}
+        report_fields = json.loads(str(arrays["report"]))
+        fields: dict[str, Any] = {
+            name: tuple(one) if isinstance(one, list) else one for name, one in report_fields.items()
+        }
         report = Report(**fields)
-        mesh = TetrahedralMesh(held["position"], held["tetrahedra"])
-        embedding = Embedding(held["embedding_tetrahedron"], held["embedding_weights"])
-        voxel, colour, starts = held["voxel"], held["colour"], held["starts"]
-        hull, triangles, fractions = held["hull_position"], held["hull_triangles"], held["fractions"]
+        mesh = TetrahedralMesh(arrays["position"], arrays["tetrahedra"])
+        embedding = Embedding(arrays["embedding_tetrahedron"], arrays["embedding_weights"])
+        voxel, colour, starts = arrays["voxel"], arrays["colour"], arrays["starts"]
+        hull, triangles, fractions = arrays["hull_position"], arrays["hull_triangles"], arrays["fractions"]
         count, points = len(mesh.tetrahedra), len(hull)
         cells = count if report.voxels else 0
         whole = (

@@ -1,4 +1,5 @@
-"""What clusters do beside turning: they stretch and shear, keep what they were bent into, and lose their inner motion.
+"""Material of clusters: linear deformation, plasticity and damping of inner motion, besides the rotation of shape
+matching.
 
 M. Mueller et al., "Meshless Deformations Based on Shape Matching", SIGGRAPH 2005, 4.3 (linear deformations) and 4.5
 (plasticity); M. Mueller et al., "Position Based Dynamics", J. Vis. Commun. Image R. 18, 2007, 3.5 (damping).
@@ -41,18 +42,18 @@ class Material:
 
     @property
     def parts(self) -> frozenset[str]:
-        """What there is to compile: `linear`, `plastic`, `cluster_damping`."""
-        found = {"linear": self.linear, "plastic": self.creep, "cluster_damping": self.damping}
-        return frozenset(name for name, values in found.items() if (values > 0).any())
+        """Features to compile: `linear`, `plastic`, `cluster_damping`."""
+        features = {"linear": self.linear, "plastic": self.creep, "cluster_damping": self.damping}
+        return frozenset(name for name, values in features.items() if (values > 0).any())
 
     def some(self, chosen: np.ndarray | slice) -> Material:
         """Of the `chosen` clusters."""
         return Material(**{field.name: getattr(self, field.name)[chosen] for field in fields(Material)})
 
     def first(self, count: int) -> Material | None:
-        """Of the first `count` clusters; None where they only turn."""
-        found = self.some(slice(count))
-        return found if found.parts else None
+        """Return the material of the first `count` clusters; None if they only rotate."""
+        material = self.some(slice(count))
+        return material if material.parts else None
 
 
 def even(count: int, **values: float) -> Material:

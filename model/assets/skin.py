@@ -97,16 +97,16 @@ def _nearest(points: np.ndarray, centres: np.ndarray, count: int) -> tuple[np.nd
         some = slice(begin, begin + step)
         # one axis after the other: a third of the memory, and of the time
         square = sum(np.square(points[some, None, axis] - centres[None, :, axis]) for axis in range(3))
-        found = np.argpartition(square, count - 1, axis=1)[:, :count] if count < len(centres) else None
-        if found is None:
-            found = np.broadcast_to(np.arange(len(centres)), square.shape)
-        held = np.take_along_axis(square, found, axis=1)
+        candidates = np.argpartition(square, count - 1, axis=1)[:, :count] if count < len(centres) else None
+        if candidates is None:
+            candidates = np.broadcast_to(np.arange(len(centres)), square.shape)
+        squares = np.take_along_axis(square, candidates, axis=1)
         # a partition chooses among equally far ones by the processor's own order: there by their numbers
-        tied = np.flatnonzero((square <= held.max(axis=1, keepdims=True)).sum(axis=1) > count)
+        tied = np.flatnonzero((square <= squares.max(axis=1, keepdims=True)).sum(axis=1) > count)
         if len(tied):
-            found[tied] = np.argsort(square[tied], axis=1, kind="stable")[:, :count]
-            held[tied] = np.take_along_axis(square[tied], found[tied], axis=1)
-        order = np.lexsort((found, held), axis=1)
-        index[some] = np.take_along_axis(found, order, axis=1)
-        away[some] = np.sqrt(np.take_along_axis(held, order, axis=1))
+            candidates[tied] = np.argsort(square[tied], axis=1, kind="stable")[:, :count]
+            squares[tied] = np.take_along_axis(square[tied], candidates[tied], axis=1)
+        order = np.lexsort((candidates, squares), axis=1)
+        index[some] = np.take_along_axis(candidates, order, axis=1)
+        away[some] = np.sqrt(np.take_along_axis(squares, order, axis=1))
     return index, away

@@ -14,9 +14,9 @@ from softlab.model.core.build import Body
 from softlab.model.core.clock import START, Clock
 from softlab.model.core.errors import SceneError
 from softlab.model.core.integrators import damping_rate
-from softlab.model.core.own_forces import own_fields, own_names, own_values
+from softlab.model.core.own_forces import force_fields, force_names, force_values
 from softlab.model.core.parameters import PARAMETERS as GRID_PARAMETERS
-from softlab.model.core.parameters import require_held, rounded_record
+from softlab.model.core.parameters import require_representable, rounded_record
 from softlab.model.formulas import cloth, motion
 from softlab.model.geometry.arithmetic.ordered import norm
 from softlab.model.scene.cloth import COLLIDER_KINDS, SURFACE_KINDS
@@ -29,7 +29,7 @@ CLOTH_PARAMETERS = (
     "damping",  # of the mass, 1/s
     "inverse_damping",  # 1 / (1 + dt rate / 2)
     "gravity",  # m/s^2, along +y (so negative)
-    *own_names(3),  # of forces on a mass alone, over mass, m/s^2
+    *force_names(3),  # of forces on a mass alone, over mass, m/s^2
     "structural",  # spring stiffness over mass, 1/s^2
     "structural_rest",  # times the rest length, m/s^2
     "structural_damping",  # of the spring, coefficient over mass, 1/s
@@ -52,7 +52,7 @@ FIELDS = {
     "half_dt_squared": "method.dt",
     "damping": "damping.coefficient",
     "gravity": "gravity.acceleration",
-    **own_fields(),
+    **force_fields(),
     **{kind: f"{kind}.stiffness" for kind in ("structural", "shear", "bending")},
     **{f"{kind}_rest": f"{kind}.stiffness" for kind in ("structural", "shear", "bending")},
     **{f"{kind}_damping": f"{kind}.damping" for kind in ("structural", "shear", "bending")},
@@ -141,7 +141,7 @@ def cloth_values(scene: Scene, substeps: int, poke: tuple[float, ...], clock: Cl
         "damping": rate,
         "inverse_damping": 1 / (1 + dt * rate / 2),
         "gravity": -scene.gravity.acceleration if scene.gravity and scene.gravity.enabled else 0.0,
-        **own_values(scene, poke, 3),
+        **force_values(scene, poke, 3),
     }
     for kind, reach in REACH.items():
         springs = scene.cloth_springs.get(kind)
@@ -168,7 +168,7 @@ def collider_rows(scene: Scene, real: type) -> np.ndarray:
     """
     for name, kind in scene.kinds.items():
         if kind in COLLIDER_KINDS:
-            require_held(name, scene.parts[name], real)
+            require_representable(name, scene.parts[name], real)
     rows = np.zeros((len(scene.colliders), COLLIDER_FIELDS))
     for row, (kind, collider) in zip(rows, scene.colliders, strict=True):
         part = collider.model_dump()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from softlab.model.core.own_forces import own_forces, own_parts
+from softlab.model.core.own_forces import force_features, own_forces
 from softlab.model.core.plan import Stage
 from softlab.model.formulas import wind
 from softlab.model.scene.motion import motions_of_pins
@@ -22,7 +22,7 @@ def sheet_parts(scene: Scene, live: frozenset[str] = frozenset()) -> set[str]:
         "gravity": (gravity and gravity.enabled and gravity.acceleration > 0) or "gravity" in live,
         "pins": scene.grid.pinned not in ("none", []),
     }
-    return {name for name, does in needed.items() if does} | own_parts(scene, live)
+    return {name for name, does in needed.items() if does} | force_features(scene, live)
 
 
 def present_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset[str]:

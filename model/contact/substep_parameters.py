@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from softlab.model.assets.clusters import matching_share
+from softlab.model.assets.clusters import matching_factor
 from softlab.model.contact.cloth_parameters import CLOTH_PARAMETERS, FIELDS, REACH, cloth_values
 from softlab.model.core.clock import START, Clock
 from softlab.model.core.integrators import damping_rate
@@ -100,7 +100,7 @@ def xpbd_values(scene: Scene, poke: tuple[float, ...], clock: Clock) -> dict[str
         values |= {f"constraint_{kind}_{name}": value for name, value in zip(CONSTANTS, constants, strict=True)}
     method, matching = scene.method, 0.0
     if method.matches_shapes:
-        matching = matching_share(matching_stiffness(scene), h, method.iterations)
+        matching = matching_factor(matching_stiffness(scene), h, method.iterations)
     rest = scene.springs.rest_length if scene.springs else scene.grid.spacing
     values |= {"matching": matching, "matching_rest": rest}
     values |= cloth_values(scene, scene.method.substeps, (*poke, 0.0)[:3], clock)

@@ -111,10 +111,10 @@ class _Walk:
         names = sorted(_names(function.__code__))
         for name in names:
             if name in function.__globals__:
-                found = function.__globals__[name]
-                yield name.encode() + b"=" + self.digest(found)
-                if isinstance(found, types.ModuleType) and _package(found.__name__) not in FOREIGN:
-                    yield from (self.digest(vars(found)[inner]) for inner in names if inner in vars(found))
+                value = function.__globals__[name]
+                yield name.encode() + b"=" + self.digest(value)
+                if isinstance(value, types.ModuleType) and _package(value.__name__) not in FOREIGN:
+                    yield from (self.digest(vars(value)[inner]) for inner in names if inner in vars(value))
 
     def _of_code(self, code: types.CodeType, docstring: str | None = None) -> Iterator[bytes]:
         known = _codes.get((id(code), docstring))

@@ -11,7 +11,7 @@ import numpy as np
 from softlab.model.core.clock import Clock
 from softlab.model.core.plan import Plan
 from softlab.model.core.sharing.bodies import Apart
-from softlab.model.core.sharing.decomposition import Reach
+from softlab.model.core.sharing.decomposition import Stencil
 from softlab.model.core.sharing.partitions import SharedMesh
 from softlab.model.scene.motion import RELEASE
 from softlab.model.scene.scene import Scene
@@ -88,7 +88,7 @@ class SolverFamily:
       `module:name`, since both are in layers above the model.
     - `reference`: the module in bench/reference/ whose `simulate` computes its reference.
     - `unknown`: why no converged reference of the motion is known, and what to use instead; None: one is known.
-    - `reach(scene)`: how far a step reads along the rows of its sheet, for sharing by rows (model/domains).
+    - `stencil(scene)`: how far a step reads along the rows of its sheet, for sharing by rows (model/domains).
     - `apart(scene)`: the bodies of a scene in which none acts on another, for sharing by bodies
       (model/core/sharing/bodies.py).
     - `halo(scene)`: how far a substep reads [m], for sharing by slabs of space (model/domains/slabs.py).
@@ -114,7 +114,7 @@ class SolverFamily:
     outputs: Callable[[Scene], tuple[Output, ...]] = of_springs
     scheme_note: Callable[[Scene], str] = lambda scene: ""
     unknown: str | None = None
-    reach: Callable[[Scene], Reach] | None = None
+    stencil: Callable[[Scene], Stencil] | None = None
     apart: Callable[[Scene], Apart] | None = None
     halo: Callable[[Scene], float] | None = None
     partitions: Callable[[Scene], SharedMesh] | None = None

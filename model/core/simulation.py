@@ -67,9 +67,9 @@ class Simulation(Stepping):
         self._poke_force = (0.0,) * scene.dimensions
         self._clock = START
         self._record = self._make_record(scene, self._poke_force, self._clock)
-        self._kept_step, self._kept_time = 0, 0.0
-        self.kept = 0
-        self._taps = taps_at_start(scene)
+        self._snapshot_step, self._snapshot_time = 0, 0.0
+        self.snapshots = 0
+        self._emitter_state = taps_at_start(scene)
 
     @cached_property
     def outputs(self) -> Mapping[str, Output]:
@@ -128,8 +128,8 @@ class Simulation(Stepping):
         self._note_waiting(position)
         inverse_mass = self.body.inverse_mass.copy()
         bodies = self._download_rotation(), every_plastic(self._download_plastic(), self._cluster_count())
-        taps = self._taps.copy() if len(self._taps) else None
-        return State(position, velocity, inverse_mass, self.time, self.step, *bodies, self._clock, taps)
+        emitter_state = self._emitter_state.copy() if len(self._emitter_state) else None
+        return State(position, velocity, inverse_mass, self.time, self.step, *bodies, self._clock, emitter_state)
 
     def load(self, state: State) -> None:
         """Continue from a state: bit for bit, if it is of this scene in the same precision and `exact` math.
@@ -160,7 +160,7 @@ class Simulation(Stepping):
         if len(self.body.pinned):
             arrays["velocity"] = arrays["velocity"].copy()  # the array may be the caller's
             arrays["velocity"][self.body.pinned] = self._pin_velocity(int(state.step))
-        self._take_taps(state.taps)
+        self._set_emitter_state(state.taps)
         self._upload(arrays["position"], arrays["velocity"])
         self._upload_plastic(None if plastic is None else plastic[: self.scene.body_set.loose.count])
         self._upload_rotation(rotation)
@@ -197,16 +197,18 @@ class Simulation(Stepping):
     def _note_waiting(self, position: np.ndarray) -> None:
         """Set the inverse masses of `body` from the positions of a fluid, which mark inactive particles."""
         if self._flows:
-            found = self.scene.fluid_set
-            self.body = replace(self.body, inverse_mass=np.where(found.there(position), 1 / found.masses, 0.0))
+            fluids = self.scene.fluid_set
+            self.body = replace(self.body, inverse_mass=np.where(fluids.there(position), 1 / fluids.masses, 0.0))
 
-    def _take_taps(self, taps: np.ndarray | None) -> None:
+    def _set_emitter_state(self, emitter_state: np.ndarray | None) -> None:
         """Set the emitter states; None: those of the scene's start. Raises InputError for arrays of another shape."""
-        found = taps_at_start(self.scene) if taps is None else np.array(taps, np.float64)
-        if found.shape != self._taps.shape or not np.isfinite(found).all():
-            raise InputError(f"taps has shape {found.shape}, this scene needs {self._taps.shape}, of finite numbers")
-        if not np.array_equal(found, self._taps):
-            self._taps = found
+        new = taps_at_start(self.scene) if emitter_state is None else np.array(emitter_state, np.float64)
+        if new.shape != self._emitter_state.shape or not np.isfinite(new).all():
+            raise InputError(
+                f"taps has shape {new.shape}, this scene needs {self._emitter_state.shape}, of finite numbers"
+            )
+        if not np.array_equal(new, self._emitter_state):
+            self._emitter_state = new
             self._parameters_changed()
 
     def _cluster_count(self) -> int:
@@ -242,9 +244,9 @@ class Simulation(Stepping):
         SceneError
             There is no such body, or no spare copy is left.
         """
-        found, state = spare.added(self.scene, self.state(), name, origin, velocity)
+        number, state = spare.added(self.scene, self.state(), name, origin, velocity)
         self.load(state)
-        return found
+        return number
 
     def remove_body(self, number: int) -> None:
         """Deactivate a copy of a body, which is a spare one from now on.
@@ -333,10 +335,10 @@ class Simulation(Stepping):
         record = self._make_record(scene, self._poke_force, clock)
         self.check()  # so that a replay never spans a change
         if self._flows:
-            self._taps = turned(self.scene, self._taps, self.time)
+            self._emitter_state = turned(self.scene, self._emitter_state, self.time)
         self.scene, self._record, self._clock = scene, record, clock
         self.limit = stability_limit(scene)
-        self._kept_step, self._kept_time = self.step, self.time
+        self._snapshot_step, self._snapshot_time = self.step, self.time
         self._parameters_changed()
 
     def poke(self, particle: int | None, force: Sequence[float] = ()) -> None:

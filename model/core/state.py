@@ -81,22 +81,22 @@ def checked_arrays(state: State, shape: tuple[int, ...], precision: str) -> tupl
 
 
 def _checked(
-    name: str, given: np.ndarray, shape: tuple[int, ...], real: type, size: Callable, told: tuple[str, str]
+    name: str, values: np.ndarray, shape: tuple[int, ...], real: type, size: Callable, nouns: tuple[str, str]
 ) -> np.ndarray:
     """Return an array with an entry for each cluster, `shape` in all, in the arithmetic `real`, unchanged.
 
-    `size`: of the arrays in float64, which must be 1. `told`: names of an entry and of its size. Raises InputError.
+    `size`: of the arrays in float64, which must be 1. `nouns`: names of an entry and of its size. Raises InputError.
     """
-    array = np.asarray(given)
+    array = np.asarray(values)
     if array.shape != shape:
-        raise InputError(f"{name} has shape {array.shape}, this scene needs {shape}: a {told[0]} for each cluster")
+        raise InputError(f"{name} has shape {array.shape}, this scene needs {shape}: a {nouns[0]} for each cluster")
     if not np.issubdtype(array.dtype, np.floating):
         raise InputError(f"{name} holds {array.dtype}, this needs real numbers")
     with np.errstate(invalid="ignore"):
-        found = size(array)
-    if not (np.abs(found - 1) <= UNIT).all():  # false for NaN
-        worst = int(np.argmax(np.where(np.isfinite(found), np.abs(found - 1), np.inf)))
-        raise InputError(f"{name} of cluster {worst} has the {told[1]} {found[worst]:g}; it must be 1")
+        sizes = size(array)
+    if not (np.abs(sizes - 1) <= UNIT).all():  # false for NaN
+        worst = int(np.argmax(np.where(np.isfinite(sizes), np.abs(sizes - 1), np.inf)))
+        raise InputError(f"{name} of cluster {worst} has the {nouns[1]} {sizes[worst]:g}; it must be 1")
     return np.ascontiguousarray(array, dtype=real)
 
 

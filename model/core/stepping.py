@@ -35,7 +35,7 @@ class Releasing(Backend):
     threads: int
     threads_reason: str | None
     body: Body
-    kept: int
+    snapshots: int
     lost_when_opened: Mapping[str, int]
     step: int
     time: float  # s
@@ -87,7 +87,7 @@ class Releasing(Backend):
             return
         self.require_open()
 
-        poke, count, before = (self._poke_particle, self._poke_force), self.kept, lost(self)
+        poke, count, before = (self._poke_particle, self._poke_force), self.snapshots, lost(self)
         options, reason = self.options, self.threads_reason
         threads = (self.threads,) if self.backend == "cpu" else ()
         self.close()
@@ -100,7 +100,7 @@ class Releasing(Backend):
             raise
         finally:
             self._entering = False
-        self.kept, self.threads_reason = count, reason
+        self.snapshots, self.threads_reason = count, reason
         self._apply_poke(*poke)
         self.lost_when_opened = {name: now - before.get(name, 0) for name, now in lost_so_far(self).items()}
 
@@ -111,8 +111,8 @@ class Stepping(Releasing):
 
     limit: float  # s, the largest stable dt
     check_interval: int  # steps
-    _kept_step: int
-    _kept_time: float
+    _snapshot_step: int
+    _snapshot_time: float
     _clock: Clock
 
     def advance(self, steps: int) -> None:
@@ -138,19 +138,19 @@ class Stepping(Releasing):
         if not isinstance(steps, Integral) or steps < 0:
             raise SceneError("steps", steps, "must be a whole number of at least 0")
         while steps > 0:
-            batch = min(steps, self.check_interval - (self.step - self._kept_step), self._steps_to_release())
+            batch = min(steps, self.check_interval - (self.step - self._snapshot_step), self._steps_to_release())
             self._run(batch)
             self._count(batch)
             steps -= batch
             self._let_go()
-            if self.step - self._kept_step >= self.check_interval:
+            if self.step - self._snapshot_step >= self.check_interval:
                 self.check()
 
     def _count(self, steps: int) -> None:
         self.step += steps
         self.time = self._clock.at(self.step, self.scene.method.dt)
 
-    def check(self, keep: bool = True) -> None:
+    def check(self, snapshot: bool = True) -> None:
         """Check the state now.
 
         Parameters
@@ -163,10 +163,10 @@ class Stepping(Releasing):
         Diverged
             The state is bad.
         """
-        if self.step == self._kept_step:
+        if self.step == self._snapshot_step:
             return
         if self._first_diverged() < 0:
-            if keep:
+            if snapshot:
                 self._put_aside()
             return
         last = self.step
@@ -179,8 +179,8 @@ class Stepping(Releasing):
         _, bad = self._replay(last, 1)
         step = self.step
         self.rewind()
-        found = diagnose(self.scene, self.limit, self._download()[1])
-        raise Diverged(step, bad, self.scene.method.dt, self.limit, found.cause, found.remedy)
+        diagnosis = diagnose(self.scene, self.limit, self._download()[1])
+        raise Diverged(step, bad, self.scene.method.dt, self.limit, diagnosis.cause, diagnosis.remedy)
 
     def _replay(self, last: int, interval: int) -> tuple[int, int]:
         """Advance to `last` or to the first failed check. Returns (step of the last good check, first bad particle or
@@ -195,9 +195,9 @@ class Stepping(Releasing):
         return begin, bad
 
     def _put_aside(self) -> None:
-        self._keep()
-        self._kept_step, self._kept_time = self.step, self.time
-        self.kept += 1
+        self._store_snapshot()
+        self._snapshot_step, self._snapshot_time = self.step, self.time
+        self.snapshots += 1
 
     def rewind(self) -> None:
         """Return to the last snapshot, without a copy through the host.
@@ -206,7 +206,7 @@ class Stepping(Releasing):
         `check_interval` steps) stores a newer one.
         """
         self._restore()
-        self.step, self.time = self._kept_step, self._kept_time
+        self.step, self.time = self._snapshot_step, self._snapshot_time
 
 
 def lost(simulation: Any) -> dict[str, int]:
@@ -223,11 +223,11 @@ def lost_so_far(simulation: Any) -> dict[str, int]:
     place."""
     scene, contacts = simulation.scene, getattr(simulation, "contacts", None)
     if scene.is_world:
-        found = {"contacts_lost": _beyond(contacts)} if scene.contact is not None else {}
+        counts = {"contacts_lost": _beyond(contacts)} if scene.contact is not None else {}
         for member in getattr(simulation, "members", {}).values():
             for name, count in lost_so_far(member).items():
-                found[name] = found.get(name, 0) + count
-        return found
+                counts[name] = counts.get(name, 0) + count
+        return counts
     if scene.fluids:
         return {"neighbours_lost": int(simulation.contacts_lost)}
     if scene.bodies:

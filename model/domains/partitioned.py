@@ -65,7 +65,7 @@ class PartitionedBodies(WindowedSimulation):
     def _window_scene(self, scene: Scene, some: Any) -> Scene:
         """Return the `scene` with `some` in place of all its bodies, whose step is a substep of it."""
         found = scene.stepped(dt=scene.method.dt / scene.method.substeps, substeps=1)
-        vars(found).update({"grid": some, self.partitions.mesh.held: some})
+        vars(found).update({"grid": some, self.partitions.mesh.attribute: some})
         return found
 
     # ------------------------------------------------------------------ methods of Simulation

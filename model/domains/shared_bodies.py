@@ -12,7 +12,7 @@ from softlab.model.core.build import some_of
 from softlab.model.core.errors import SceneError
 from softlab.model.core.families import family_of, scene_plan
 from softlab.model.core.options import Options
-from softlab.model.core.sharing.bodies import Apart, Division, Share, divide
+from softlab.model.core.sharing.bodies import Apart, Block, Division, divide
 from softlab.model.domains.windows import WindowedSimulation, refuse_targets
 from softlab.model.scene.scene import Scene
 
@@ -55,11 +55,11 @@ class SharedBodies(WindowedSimulation):
     def __init__(self, scene: Scene, options: Options, division: Division, mine: Sequence[int]):
         refuse_targets(options)
         super().__init__(scene, options)
-        self.division, self.mine = division, [division.shares[k] for k in mine]
+        self.division, self.mine = division, [division.blocks[k] for k in mine]
         self.plan, self._apart = scene_plan(scene, options.live), bodies_of(scene)
         self.firsts = [share.first_particle for share in self.mine]
         self._sent = scene
-        of_each = [self._apart.clusters(share.first, share.end) for share in division.shares]
+        of_each = [self._apart.clusters(block.first, block.end) for block in division.blocks]
         self._clusters, self._of_mine = np.concatenate(of_each), [of_each[k] for k in mine]
         parts = []
         for share in self.mine:
@@ -91,7 +91,7 @@ class SharedBodies(WindowedSimulation):
     def _parameters_changed(self) -> None:
         changed, self._sent = self.scene is not self._sent, self.scene
 
-        def send(window: Any, share: Share) -> None:
+        def send(window: Any, share: Block) -> None:
             if changed:
                 window.scene = self._apart.scene(self.scene, window.scene.grid)
             here = share.first_particle <= self._poke_particle < share.end_particle
@@ -100,7 +100,7 @@ class SharedBodies(WindowedSimulation):
         self._each(send, self.mine)
 
     def _weights_changed(self) -> None:
-        def send(window: Any, share: Share) -> None:
+        def send(window: Any, share: Block) -> None:
             window.body = some_of(self.body, share.particles)
             window._weights_changed()
 
@@ -111,7 +111,7 @@ class SharedBodies(WindowedSimulation):
         return self._gathered([one for one, _ in both]), self._gathered([one for _, one in both])
 
     def _upload(self, position: np.ndarray, velocity: np.ndarray) -> None:
-        def send(window: Any, share: Share) -> None:
+        def send(window: Any, share: Block) -> None:
             held = share.particles
             window._upload(np.ascontiguousarray(position[held]), np.ascontiguousarray(velocity[held]))
 
@@ -151,7 +151,7 @@ class SharedBodies(WindowedSimulation):
         """Return the velocity of the pins in this process's blocks; other processes compute those of theirs."""
         found = np.zeros((len(self.body.pinned), 3), self.real)
 
-        def fill(window: Any, share: Share) -> None:
+        def fill(window: Any, share: Block) -> None:
             first, end = np.searchsorted(self.body.pinned, (share.first_particle, share.end_particle))
             found[first:end] = window._pin_velocity(step)
 

@@ -135,8 +135,8 @@ class SharedFluid(WindowedSimulation):
         if halo != self.slabs.halo:  # the step size has changed
             self._send(replace(self.slabs, halo=halo))
 
-    def _keep(self) -> None:
-        super()._keep()
+    def _store_snapshot(self) -> None:
+        super()._store_snapshot()
         self._kept_slabs = self.slabs
 
     def _restore(self) -> None:

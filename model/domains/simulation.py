@@ -12,8 +12,8 @@ from softlab.model.core.build import some_of
 from softlab.model.core.errors import SceneError
 from softlab.model.core.families import family_of, scene_plan
 from softlab.model.core.options import Options
-from softlab.model.core.own_forces import own_parts
-from softlab.model.core.sharing.decomposition import Decomposition, Domain, Reach, decompose
+from softlab.model.core.own_forces import force_features
+from softlab.model.core.sharing.decomposition import Decomposition, Domain, Stencil, decompose
 from softlab.model.domains.windows import WindowedSimulation
 from softlab.model.scene.scene import Scene
 
@@ -24,13 +24,13 @@ def cut(scene: Scene, count: int, steps: int | None, option: str) -> Decompositi
     return decompose(scene.grid.rows, scene.grid.columns, count, reach_of(scene, count, option), steps, option)
 
 
-def reach_of(scene: Scene, count: int, option: str) -> Reach:
+def reach_of(scene: Scene, count: int, option: str) -> Stencil:
     """Return how far a step reads along the rows of the scene's sheet. Raises SceneError where it cannot be shared
     yet."""
     family = family_of(scene)
-    if family.reach is None:
+    if family.stencil is None:
         raise SceneError(option, count, f"a {family.name} is not shared among processes or GPUs; leave {option} out")
-    return family.reach(scene)
+    return family.stencil(scene)
 
 
 def window_scene(scene: Scene, pinned: np.ndarray, domain: Domain, divided: int = 1) -> Scene:
@@ -58,8 +58,8 @@ class DecomposedSimulation(WindowedSimulation):
 
     def __init__(self, scene: Scene, options: Options, cut: Decomposition, mine: Sequence[int]):
         super().__init__(scene, options)
-        reach = family_of(scene).reach
-        if reach is not None and not reach(scene).numbered and own_parts(scene, options.live):
+        reach = family_of(scene).stencil
+        if reach is not None and not reach(scene).numbered and force_features(scene, options.live):
             raise SceneError("live", "poke", "pulls a mass of the whole sheet: run it as one, not shared")
         self.decomposition, self.mine = cut, [cut.domains[k] for k in mine]
         self.plan = scene_plan(scene, options.live)

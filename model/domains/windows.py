@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from typing import Any
 
-from softlab.model.core.build import Body, given
+from softlab.model.core.build import Body, use_body
 from softlab.model.core.errors import SceneError
 from softlab.model.core.options import Options
 from softlab.model.core.simulation import Simulation
@@ -40,7 +40,7 @@ class WindowedSimulation(Simulation):
         self.windows = []
         try:
             for place, (scene, options, body) in enumerate(parts):
-                with self._at(place), given(body):
+                with self._at(place), use_body(body):
                     window = self._open(place, scene, options)
                     window._bound, window._centre = self._bound, self._centre
                     self.windows.append(window)
@@ -96,8 +96,8 @@ class WindowedSimulation(Simulation):
 
     # ------------------------------------------------------------------ methods of Simulation
 
-    def _keep(self) -> None:
-        self._each(lambda window: window._keep())
+    def _store_snapshot(self) -> None:
+        self._each(lambda window: window._store_snapshot())
 
     def _restore(self) -> None:
         self._each(lambda window: window._restore())

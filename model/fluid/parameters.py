@@ -7,7 +7,7 @@ from math import floor, prod
 import numpy as np
 
 from softlab.model.core.clock import START, Clock
-from softlab.model.core.own_forces import own_fields, own_names, own_values
+from softlab.model.core.own_forces import force_fields, force_names, force_values
 from softlab.model.core.parameters import rounded_record
 from softlab.model.fluid.fluid_set import FluidSet
 from softlab.model.scene.fluid import REPEATED, WIDER, Fluid
@@ -42,7 +42,7 @@ FLUID_PARAMETERS = (
     "sampled",  # index of the fluid of solids' samples: the number of fluids
     *(f"{what}_{axis}" for axis in AXES for what in BOX),  # of an axis that repeats, else 0
 )
-FIELDS = {"dt": "method.dt", "gravity": "gravity.acceleration", **own_fields()}
+FIELDS = {"dt": "method.dt", "gravity": "gravity.acceleration", **force_fields()}
 
 # Row of a fluid:
 FLUID_FIELDS = 10
@@ -112,12 +112,12 @@ def fluid_record(
     }
     assert tuple(values) == FLUID_PARAMETERS, f"{set(values) ^ set(FLUID_PARAMETERS)} or their order differ"
     axes = scene.dimensions
-    return rounded_record(scene, own_values(scene, poke[:axes], axes) | values, FIELDS, real)
+    return rounded_record(scene, force_values(scene, poke[:axes], axes) | values, FIELDS, real)
 
 
 def record_names(axes: int) -> tuple[str, ...]:
     """Return the names of a record's constants, in their order."""
-    return (*own_names(axes), *FLUID_PARAMETERS)
+    return (*force_names(axes), *FLUID_PARAMETERS)
 
 
 def _box(scene: Scene) -> dict[str, float]:

@@ -83,7 +83,7 @@ from __future__ import annotations
 
 from math import pi
 
-from softlab.model.core.own_forces import own_forces, own_parts
+from softlab.model.core.own_forces import force_features, own_forces
 from softlab.model.core.plan import Node, Plan, Stage
 from softlab.model.fluid.divergence_plan import divergence_stages
 from softlab.model.formulas import colliders
@@ -112,7 +112,7 @@ def fluid_parts(scene: Scene, live: frozenset[str] = frozenset(), solids: bool =
     `moving` walls), `tensile`, `walls`, `emitter`, `sink`, `swept`, kinds of colliders with `friction` and
     `restitution`, `gravity`, `drag`, `held-back`, those of OF_FLUIDS, own forces.
     """
-    parts, fluids = own_parts(scene, live), scene.fluids.values()
+    parts, fluids = force_features(scene, live), scene.fluids.values()
     parts |= {kind for kind, _ in scene.colliders}
     wanted = {
         "flat": scene.dimensions == 2,

@@ -37,8 +37,8 @@ def rotation_matrix(axis: np.ndarray, angle: float) -> np.ndarray:
     return matrix
 
 
-def turned_about(axis: Sequence[float], degrees: float) -> np.ndarray:
-    """(3, 3) float64: the rotation about an `axis` of any length; by 0 degrees where it has none."""
+def rotation_about(axis: Sequence[float], degrees: float) -> np.ndarray:
+    """Return (3, 3) float64: the rotation about an `axis` of any length; the identity for a zero axis."""
     along = np.asarray(axis, dtype=np.float64)
     return rotation_matrix(along / (float(norm(along)) or 1.0), np.radians(fmod(degrees, 360.0)))
 
@@ -69,12 +69,15 @@ def nearest_weights(p: np.ndarray, q: np.ndarray) -> np.ndarray:
 
 
 def nearest_of(points: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(number (points,), weights (points, 3), distance (points,) [m]): of `points` (n, 3) the nearest of triangles (m, 3, 3),
-    the first of those that are as near, and its nearest point. Every triangle is looked at for every point."""
+    """Return the nearest of the triangles `corners` (m, 3, 3) to each of `points` (n, 3), by testing every pair.
+
+    Returns (number (points,), the first of equally near ones; weights (points, 3) of its nearest point; distance (points,)
+    [m]).
+    """
     number, weights, away = np.zeros(len(points), np.int64), np.zeros((len(points), 3)), np.zeros(len(points))
     for place, point in enumerate(points):
-        own = nearest_weights(np.broadcast_to(point, (len(corners), 3)), corners)
-        off = norm(combined(own, corners) - point)
+        nearest_on_each = nearest_weights(np.broadcast_to(point, (len(corners), 3)), corners)
+        off = norm(combined(nearest_on_each, corners) - point)
         number[place] = off.argmin()
-        weights[place], away[place] = own[number[place]], off[number[place]]
+        weights[place], away[place] = nearest_on_each[number[place]], off[number[place]]
     return number, weights, away

@@ -32,8 +32,8 @@ def pairs_within(queries: np.ndarray, points: np.ndarray, radius: float) -> tupl
     asked, tree = _tree(queries), _tree(points)
     if asked.count_neighbors(tree, radius) > MAX_PAIRS:
         raise TooMany(f"more than {MAX_PAIRS} pairs of particles lie within {radius:g} m; use a smaller radius")
-    found = asked.sparse_distance_matrix(tree, radius * SLACK, output_type="ndarray")
-    query, point = found["i"].astype(np.int64), found["j"].astype(np.int64)
+    pairs = asked.sparse_distance_matrix(tree, radius * SLACK, output_type="ndarray")
+    query, point = pairs["i"].astype(np.int64), pairs["j"].astype(np.int64)
     distance = norm(queries[query] - points[point])
     near = distance <= radius
     query, point, distance = query[near], point[near], distance[near]
@@ -60,10 +60,10 @@ def nearest(queries: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.nda
     if len(queries) == 0:
         return np.zeros(0, np.int64), np.zeros(0)
     tree = _tree(points)
-    found, place = tree.query(queries, k=[1, 2])  # without a second point: infinitely far
+    distances, place = tree.query(queries, k=[1, 2])  # without a second point: infinitely far
     index = place[:, 0].astype(np.int64)
-    for query in np.flatnonzero(found[:, 1] <= found[:, 0] * SLACK):  # two or more that may be equally near
-        near = np.sort(np.array(tree.query_ball_point(queries[query], found[query, 0] * SLACK), dtype=np.int64))
+    for query in np.flatnonzero(distances[:, 1] <= distances[:, 0] * SLACK):  # two or more that may be equally near
+        near = np.sort(np.array(tree.query_ball_point(queries[query], distances[query, 0] * SLACK), dtype=np.int64))
         index[query] = near[np.argmin(norm(queries[query] - points[near]))]
     return index, norm(queries - points[index])
 

@@ -31,9 +31,9 @@ def united(position: np.ndarray, triangles: np.ndarray) -> TriangleMesh:
     import manifold3d
 
     pieces: list[manifold3d.Manifold] = []
-    told: list[str] = []
+    notes: list[str] = []
     for k, piece in enumerate(_pieces(position, triangles), 1):
-        told += piece.repairs
+        notes += piece.repairs
         if piece.boundary_loops:
             raise InputError(
                 f"piece {k} has {_holes(piece)}, and pieces are united only where each is closed; close it "
@@ -42,16 +42,16 @@ def united(position: np.ndarray, triangles: np.ndarray) -> TriangleMesh:
         corners = (piece.position - mean(piece.position))[piece.triangles]
         outward = dot(corners[:, 0], np.cross(corners[:, 1], corners[:, 2])).sum() > 0
         faces = piece.triangles if outward else piece.triangles[:, [0, 2, 1]]
-        made = manifold3d.Manifold(manifold3d.Mesh64(piece.position, np.ascontiguousarray(faces, np.uint64)))
-        if made.status() != manifold3d.Error.NoError:
-            raise InputError(f"piece {k} bounds no volume ({made.status().name})")
-        pieces.append(made)
+        manifold = manifold3d.Manifold(manifold3d.Mesh64(piece.position, np.ascontiguousarray(faces, np.uint64)))
+        if manifold.status() != manifold3d.Error.NoError:
+            raise InputError(f"piece {k} bounds no volume ({manifold.status().name})")
+        pieces.append(manifold)
     one = manifold3d.Manifold.batch_boolean(pieces, manifold3d.OpType.Add).to_mesh64()
     if not len(one.tri_verts):
         raise InputError("its pieces enclose nothing")
     if len(pieces) > 1:
-        told.append(f"{len(pieces)} pieces were united: {len(triangles)} triangles became {len(one.tri_verts)}")
-    return triangle_mesh(one.vert_properties[:, :3], one.tri_verts.astype(np.int64), list(dict.fromkeys(told)))
+        notes.append(f"{len(pieces)} pieces were united: {len(triangles)} triangles became {len(one.tri_verts)}")
+    return triangle_mesh(one.vert_properties[:, :3], one.tri_verts.astype(np.int64), list(dict.fromkeys(notes)))
 
 
 def _holes(piece: TriangleMesh) -> str:
@@ -87,8 +87,8 @@ def simplified(mesh: TriangleMesh, most: int) -> TriangleMesh:
     )[:2]
     if not len(triangles):
         raise InputError(f"nothing is left of it with {most} triangles; allow more")
-    told = f"{len(mesh.triangles)} triangles were simplified to {len(triangles)}"
-    return triangle_mesh(position, triangles, [*mesh.repairs, told])
+    note = f"{len(mesh.triangles)} triangles were simplified to {len(triangles)}"
+    return triangle_mesh(position, triangles, [*mesh.repairs, note])
 
 
 def _require(module: str, name: str | None = None) -> None:

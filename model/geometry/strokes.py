@@ -17,10 +17,10 @@ from softlab.model.geometry.surfaces.surface_nets import Field
 
 def _segments(points: np.ndarray, nodes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(distance, place along in [0, 1]) (n, segments) of `points` (n, d) from the segments between `nodes` (k, d)."""
-    start, way = nodes[:-1], np.diff(nodes, axis=0).T
-    away = [points[:, axis, None] - start[:, axis] for axis in range(len(way))]
-    along = np.clip(_dot(away, way) / _dot(way, way), 0, 1)
-    left = [(one - along * step) ** 2 for one, step in zip(away, way, strict=True)]
+    start, span = nodes[:-1], np.diff(nodes, axis=0).T
+    away = [points[:, axis, None] - start[:, axis] for axis in range(len(span))]
+    along = np.clip(_dot(away, span) / _dot(span, span), 0, 1)
+    left = [(one - along * step) ** 2 for one, step in zip(away, span, strict=True)]
     return np.sqrt(sum(left[1:], start=left[0])), along
 
 
@@ -114,7 +114,7 @@ def _arc(x: float, y: float, wide: float, high: float, first: float, last: float
 def letters() -> dict[str, list[np.ndarray]]:
     """The middle lines of letters: strokes (k, 2) [m], from -0.39 to 0.39 along y, so that a stroke 0.22 wide ends at 1 m."""
     top, low = 0.39, -0.39
-    found: dict[str, list[Sequence[tuple[float, float]] | np.ndarray]] = {
+    glyphs: dict[str, list[Sequence[tuple[float, float]] | np.ndarray]] = {
         "A": [[(-0.36, low), (0, top), (0.36, low)], [(-0.26, -0.18), (0.26, -0.18)]],
         "B": [
             [(-0.22, low), (-0.22, top), (0.03, top)],
@@ -132,4 +132,4 @@ def letters() -> dict[str, list[np.ndarray]]:
         "T": [[(-0.3, top), (0.3, top)], [(0, top), (0, low)]],
         "Y": [[(-0.28, top), (0, 0.02), (0.28, top)], [(0, 0.02), (0, low)]],
     }
-    return {name: [np.asarray(stroke, dtype=float) for stroke in strokes] for name, strokes in found.items()}
+    return {name: [np.asarray(stroke, dtype=float) for stroke in strokes] for name, strokes in glyphs.items()}

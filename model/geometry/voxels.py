@@ -159,5 +159,5 @@ def winding_numbers(points: np.ndarray, position: np.ndarray, triangles: np.ndar
 
 
 def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    found: np.ndarray = a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-    return found
+    total: np.ndarray = a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+    return total

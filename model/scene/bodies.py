@@ -14,7 +14,7 @@ from softlab.model.assets.baked_body import BakedBody
 from softlab.model.assets.soft_body import MATERIAL, RigidBody, SoftBody
 from softlab.model.assets.soft_lattice import SoftLattice
 from softlab.model.assets.soft_sheet import SoftSheet
-from softlab.model.geometry.measures import turned_about
+from softlab.model.geometry.measures import rotation_about
 from softlab.model.geometry.topology import mesh_path
 from softlab.model.scene.mesh_source import MeshSource
 from softlab.model.scene.parts import ZERO, Count, NotNegative, Part, Positive, Vector
@@ -89,7 +89,7 @@ class Placed(MeshSource):
 
     def turn(self) -> np.ndarray:
         """Return the initial rotation, (3, 3) float64."""
-        return turned_about(self.axis, self.angle)
+        return rotation_about(self.axis, self.angle)
 
     def _idle_fields(self) -> set[str]:
         made: Any = self  # a RigidBody, too

@@ -14,7 +14,7 @@ from typing import Any
 from softlab.model.core.errors import InputError, SceneError, shown
 from softlab.model.core.files import is_there, read_text
 from softlab.model.geometry.mesh_files import FORMATS
-from softlab.model.geometry.topology import is_file, own_meshes
+from softlab.model.geometry.topology import bundled_meshes, is_file
 from softlab.model.scene.bodies import BODY_KINDS
 from softlab.model.scene.cloth import SURFACE_KINDS
 from softlab.model.scene.tetrahedra import TETRAHEDRAL_KINDS
@@ -85,7 +85,7 @@ def with_meshes(tables: Mapping[str, Any], folder: Path) -> dict[str, Any]:
 
 
 def _found(field: str, file: str, folder: Path) -> str:
-    beside, here, own = (folder / file).absolute(), Path(file).absolute(), own_meshes()
+    beside, here, own = (folder / file).absolute(), Path(file).absolute(), bundled_meshes()
     if is_file(beside):
         return str(beside)
     if file in own:

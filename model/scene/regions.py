@@ -12,7 +12,7 @@ from pydantic import model_validator
 
 from softlab.model.core.errors import InputError
 from softlab.model.geometry.arithmetic.ordered import applied, dot, norm
-from softlab.model.geometry.measures import turned_about
+from softlab.model.geometry.measures import rotation_about
 from softlab.model.geometry.mesh import TriangleMesh, read_mesh
 from softlab.model.geometry.shapes import Shape
 from softlab.model.geometry.solid import solid
@@ -117,4 +117,4 @@ class Region(Part):
             found = solid(mesh, 0.0, "a box, a ball or a capsule", self.fill_holes)
         except InputError as error:
             raise InputError(f"{self.file or 'shape'}: {error}") from None
-        return applied(turned_about(self.axis, self.angle), found.position) + self.origin, found.triangles
+        return applied(rotation_about(self.axis, self.angle), found.position) + self.origin, found.triangles

@@ -22,7 +22,7 @@ def window_energy(scene: Scene, position: np.ndarray) -> float:
     rest = scene.springs.rest_length if scene.springs else grid.spacing
     here = np.asarray(position, dtype=np.float64).reshape(grid.rows, grid.columns, 2).transpose(2, 0, 1)
     placed = np.pad(here, ((0, 0), (n, n), (n, n)))
-    weight = np.pad(grid.mass * down.share[:, None] * across.share, n)  # nothing outside has mass
+    weight = np.pad(grid.mass * down.weight[:, None] * across.weight, n)  # nothing outside has mass
 
     def members() -> Iterator[tuple[np.ndarray, ...]]:
         """Yield (mass, x and y from the window's middle, rest offset along x and y) of a member of every window."""

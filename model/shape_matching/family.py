@@ -38,7 +38,7 @@ WINDOWS = replace(
         backend: f"softlab.{backend}_backend.shape_matching.grid_solver:ShapeMatching" for backend in ("cpu", "gpu")
     },
     reference="softlab.bench.reference.shape_matching",
-    reach=None,
+    stencil=None,
     unknown="clusters are another material than springs and have no converged reference; --set method.solver=mass-spring "
     "solves the springs, softlab bar compares the two",
 )
@@ -55,7 +55,7 @@ BODIES = replace(
     solvers={backend: f"softlab.{backend}_backend.shape_matching.solver:Bodies" for backend in ("cpu", "gpu")},
     passes={"cpu": "softlab.app.plan.xpbd:bodies_on_cpu", "gpu": "softlab.app.plan.xpbd:bodies_on_gpu"},
     reference="softlab.bench.reference.shape_matching",
-    reach=None,
+    stencil=None,
     outputs=of_bodies,
     apart=bodies_apart,
     unknown="shape-matching bodies have no converged reference: clusters are their material; softlab bar compares it with "

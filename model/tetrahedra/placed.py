@@ -10,7 +10,7 @@ import numpy as np
 from softlab.model.assets.tetrahedral_body import CookedBody
 from softlab.model.core.errors import InputError, SceneError
 from softlab.model.geometry.arithmetic.ordered import applied, total
-from softlab.model.geometry.measures import turned_about
+from softlab.model.geometry.measures import rotation_about
 from softlab.model.geometry.tetrahedra.mesh import TetrahedralMesh
 from softlab.model.scene.checks.selection import vertices_of
 from softlab.model.scene.regions import Region
@@ -63,7 +63,7 @@ def placed_body(
         if part.volume == "voxels" and not body.per_voxel:
             raise SceneError("volume", part.volume, "is of bodies cut into voxels; this file has tetrahedra alone")
         mesh = TetrahedralMesh(
-            applied(turned_about(part.axis, part.angle), body.mesh.position) + part.origin, body.mesh.tetrahedra
+            applied(rotation_about(part.axis, part.angle), body.mesh.position) + part.origin, body.mesh.tetrahedra
         )
         matter = matter_of(name, part, mesh, materials, regions)
         words = (*part.pinned, *attached)

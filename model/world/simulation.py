@@ -61,9 +61,9 @@ class WorldSimulation(Simulation):
     def _run(self, steps: int) -> None:
         self._executor.run(self.step, steps)
 
-    def _keep(self) -> None:
+    def _store_snapshot(self) -> None:
         for member in self.members.values():
-            member._keep()
+            member._store_snapshot()
 
     def _restore(self) -> None:
         for member in self.members.values():

@@ -15,10 +15,10 @@ SWEEPS = (
 def dot(a: Any, b: Any) -> Any:
     """(...,): the sum over the last, short axis of a b, from the first product to the last."""
     a, b = np.asarray(a), np.asarray(b)
-    found = a[..., 0] * b[..., 0]
+    partial_sum = a[..., 0] * b[..., 0]
     for k in range(1, a.shape[-1]):
-        found = found + a[..., k] * b[..., k]
-    return found
+        partial_sum = partial_sum + a[..., k] * b[..., k]
+    return partial_sum
 
 
 def norm(vectors: Any) -> Any:
@@ -29,10 +29,10 @@ def norm(vectors: Any) -> Any:
 def product(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """(..., n, m): the products of matrices a (..., n, k) and b (..., k, m), k being small."""
     a, b = np.asarray(a), np.asarray(b)
-    found = a[..., :, 0, None] * b[..., None, 0, :]
+    partial_sum = a[..., :, 0, None] * b[..., None, 0, :]
     for k in range(1, a.shape[-1]):
-        found = found + a[..., :, k, None] * b[..., None, k, :]
-    return np.asarray(found)
+        partial_sum = partial_sum + a[..., :, k, None] * b[..., None, k, :]
+    return np.asarray(partial_sum)
 
 
 def applied(matrix: np.ndarray, vectors: np.ndarray) -> np.ndarray:
@@ -42,10 +42,10 @@ def applied(matrix: np.ndarray, vectors: np.ndarray) -> np.ndarray:
 
 def combined(weights: np.ndarray, vectors: np.ndarray) -> np.ndarray:
     """(..., d): the sum over k of weights (..., k) times vectors (..., k, d), k being small."""
-    found = weights[..., 0, None] * vectors[..., 0, :]
+    partial_sum = weights[..., 0, None] * vectors[..., 0, :]
     for k in range(1, weights.shape[-1]):
-        found = found + weights[..., k, None] * vectors[..., k, :]
-    return np.asarray(found)
+        partial_sum = partial_sum + weights[..., k, None] * vectors[..., k, :]
+    return np.asarray(partial_sum)
 
 
 def total(values: np.ndarray) -> Any:

@@ -23,20 +23,23 @@ class Embedding:
 
     def points(self, position: np.ndarray, tetrahedra: np.ndarray) -> np.ndarray:
         """(points, 3) float64 [m]: where the points are while the vertices are at `position` (vertices, 3) [m]."""
-        found: np.ndarray = combined(self.weights, position[tetrahedra[self.tetrahedron]])
-        return found
+        points: np.ndarray = combined(self.weights, position[tetrahedra[self.tetrahedron]])
+        return points
 
     def beyond(self, position: np.ndarray, tetrahedra: np.ndarray) -> np.ndarray:
-        """(points,) float64 [m]: how far each point lies beyond the plane of the face of its tetrahedron that it is farthest
-        beyond; 0 inside. A weight is the height above the face opposite in heights of the corner."""
+        """Return (points,) float64 [m]: the distance of each point beyond the farthest face plane of its tetrahedron, 0
+        inside.
+
+        A weight is the height above the opposite face as a fraction of the height of the corner.
+        """
         corners = position[tetrahedra[self.tetrahedron]]
         a, b, c = (np.take(corners, FACES[:, k], axis=1) for k in range(3))  # (points, 4 faces, 3)
         area = norm(np.cross(b - a, c - a))  # twice
         edges = corners[:, 1:] - corners[:, :1]
         volume = np.abs(dot(edges[:, 0], np.cross(edges[:, 1], edges[:, 2])))  # six times
         away = np.where(self.weights < -OUTSIDE, -self.weights, 0.0) * volume[:, None]
-        found: np.ndarray = np.divide(away, area, out=np.zeros_like(away), where=area > 0).max(axis=1)
-        return found
+        distance: np.ndarray = np.divide(away, area, out=np.zeros_like(away), where=area > 0).max(axis=1)
+        return distance
 
 
 def weights_of(points: np.ndarray, position: np.ndarray, tetrahedra: np.ndarray) -> np.ndarray:
@@ -47,8 +50,9 @@ def weights_of(points: np.ndarray, position: np.ndarray, tetrahedra: np.ndarray)
 
 
 def carriers(mesh: TetrahedralMesh, points: np.ndarray) -> Embedding:
-    """What carries `points` (n, 3) [m]: of the tetrahedra whose middles are nearest the one that each lies in, or is least
-    outside of."""
+    """Return the embedding of `points` (n, 3) [m]: each in the tetrahedron that it lies in, or is least outside of, of those
+    whose middles are nearest.
+    """
     from scipy.spatial import cKDTree
 
     count = min(NEAREST, len(mesh.tetrahedra))
@@ -56,5 +60,5 @@ def carriers(mesh: TetrahedralMesh, points: np.ndarray) -> Embedding:
     weights = weights_of(np.repeat(points, count, axis=0), mesh.position, mesh.tetrahedra[near.ravel()])
     weights = weights.reshape(-1, count, 4)
     best = weights.min(axis=2).argmax(axis=1)[:, None]
-    found = np.take_along_axis(weights, best[..., None], axis=1)[:, 0]
-    return Embedding(np.take_along_axis(near, best, axis=1)[:, 0].astype(np.int32), found)
+    best_weights = np.take_along_axis(weights, best[..., None], axis=1)[:, 0]
+    return Embedding(np.take_along_axis(near, best, axis=1)[:, 0].astype(np.int32), best_weights)

@@ -140,8 +140,8 @@ def _lattice(
     size = edge_of(hull.position, edge, voxels)
     largest = float(np.abs(hull.position).max())
     if size < COARSEST * largest:
-        told = f"makes voxels of {size:.3g} m at coordinates of {largest:.3g} m, below what these can tell apart"
-        raise SceneError(*field, f"{told}; move the mesh to the origin, or {advice}")
+        reason = f"makes voxels of {size:.3g} m at coordinates of {largest:.3g} m, below what these can tell apart"
+        raise SceneError(*field, f"{reason}; move the mesh to the origin, or {advice}")
     wide = (high - low) / size
     if wide.max() > MOST_VOXELS:
         raise SceneError(*field, f"makes {wide.max():.3g} voxels along an axis; at most {MOST_VOXELS}: {advice}")
@@ -187,9 +187,9 @@ def _cut(
     every = cells.index[pieces.voxel]
     position = origin + (every[node // 8] + EIGHT[node % 8]) * size
     same = _copies(pieces.voxel, vertex)
-    kept = np.flatnonzero(same == np.arange(len(same)))
-    piece = np.searchsorted(kept, same[piece])
-    numbers, vertex, index = pieces.voxel[kept], vertex[kept], every[kept]
+    unique = np.flatnonzero(same == np.arange(len(same)))
+    piece = np.searchsorted(unique, same[piece])
+    numbers, vertex, index = pieces.voxel[unique], vertex[unique], every[unique]
     colour = dot(index % 2, np.array([4, 2, 1]))
     order = np.lexsort((numbers, colour))
     parity = index.sum(axis=1) % 2
@@ -211,7 +211,7 @@ def _cut(
         size,
         origin,
         int((np.bincount(numbers) > 1).sum()),
-        inside[kept][order].reshape(-1, 4),
+        inside[unique][order].reshape(-1, 4),
     )
 
 
@@ -264,24 +264,24 @@ def _piece_of_vertices(
     piece of it that is nearest; one of a fin without thickness there, which is in no voxel, by the nearest, outside of it."""
     triangle, voxel = pairs
     corner, low = hull.triangles[triangle], cells.index[voxel]
-    held = ((snapped[corner] >= low[:, None]) & (snapped[corner] <= low[:, None] + 1)).all(axis=2)
+    contains = ((snapped[corner] >= low[:, None]) & (snapped[corner] <= low[:, None] + 1)).all(axis=2)
     piece = np.full(len(snapped), -1, dtype=np.int64)
     for k in range(3):
-        piece[corner[held[:, k], k]] = pieces.of_pair[held[:, k]]
+        piece[corner[contains[:, k], k]] = pieces.of_pair[contains[:, k]]
     left = np.flatnonzero(piece < 0)
     if not len(left):
         return piece
     inwards = -mesh_normals(hull.position, hull.triangles)[left]
-    ways = 2.0 * EIGHT - 1
+    directions = 2.0 * EIGHT - 1
     at = snapped[left, None]
-    around = np.floor(np.where(at == np.round(at), at + 0.25 * ways, at)).astype(np.int64)
+    around = np.floor(np.where(at == np.round(at), at + 0.25 * directions, at)).astype(np.int64)
     number = cells.number(around.reshape(-1, 3)).reshape(-1, 8)
-    best = np.where(number >= 0, dot(inwards[:, None], ways), -np.inf).argmax(axis=1)
-    found = number[np.arange(len(left)), best]
-    lost = np.flatnonzero(found < 0)
+    best = np.where(number >= 0, dot(inwards[:, None], directions), -np.inf).argmax(axis=1)
+    carrier = number[np.arange(len(left)), best]
+    lost = np.flatnonzero(carrier < 0)
     if len(lost):
         from scipy.spatial import cKDTree
 
-        found[lost] = cKDTree(cells.index + 0.5).query(snapped[left[lost]])[1]
-    piece[left] = pieces.nearest(found, snapped[left] - cells.index[found])
+        carrier[lost] = cKDTree(cells.index + 0.5).query(snapped[left[lost]])[1]
+    piece[left] = pieces.nearest(carrier, snapped[left] - cells.index[carrier])
     return piece

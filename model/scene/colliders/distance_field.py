@@ -72,7 +72,7 @@ class DistanceField(SurfaceCollider):
             )
         except InputError as error:
             raise InputError(f"{path}: {error}" if path else str(error)) from None
-        return body.position, body.triangles, body.told
+        return body.position, body.triangles, body.notes
 
     @cached_property
     def grid(self) -> tuple[np.ndarray, np.ndarray, float, float]:
