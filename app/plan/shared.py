@@ -268,7 +268,7 @@ def _slabs_plan(scene: Scene, gpus: int, exchange_every: int | None, item: int, 
     along = scene.fluid_set.position[:, slabs.axis]
     owned, counts = [slabs.owned(along, share) for share in range(gpus)], np.zeros((gpus, 3), np.int64)
     for share in range(gpus):
-        held = slabs.held(along, share)
+        held = slabs.contained(along, share)
         counts[share, :2] = owned[share].sum(), held.sum()
         counts[:, 2] += [(own & held).sum() if other != share else 0 for other, own in enumerate(owned)]
     return SlabsPlan(slabs, counts, scene.method.substeps, particle_bytes, bytes_each(item, scene.dimensions))

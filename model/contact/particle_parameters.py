@@ -55,7 +55,7 @@ def pair_rows(scene: Scene) -> np.ndarray:
             adhesion = max(one.adhesion, other.adhesion)
             active = distance * (1 + part.adhesion_reach * (adhesion > 0))
             found[i, j] = (
-                distance * meets, distance * (i == j and one.meets_itself), active * (1 + MARGIN), active,
+                distance * meets, distance * (i == j and one.self_colliding), active * (1 + MARGIN), active,
                 adhesion * h * h / projections, REST * distance,
             )  # fmt: skip
     return found

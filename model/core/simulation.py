@@ -27,7 +27,7 @@ from softlab.model.core.plan import Executor, Plan, StageRun
 from softlab.model.core.stability.divergence import DIVERGED_SIZE, check_interval
 from softlab.model.core.state import State, checked_arrays, checked_clusters, every_plastic
 from softlab.model.core.stepping import Stepping
-from softlab.model.scene.flow import taps_at_start, turned
+from softlab.model.scene.flow import initial_emitter_state, rebased
 from softlab.model.scene.scene import Scene
 from softlab.model.shape_matching import spare
 
@@ -69,7 +69,7 @@ class Simulation(Stepping):
         self._record = self._make_record(scene, self._poke_force, self._clock)
         self._snapshot_step, self._snapshot_time = 0, 0.0
         self.snapshots = 0
-        self._emitter_state = taps_at_start(scene)
+        self._emitter_state = initial_emitter_state(scene)
 
     @cached_property
     def outputs(self) -> Mapping[str, Output]:
@@ -202,7 +202,7 @@ class Simulation(Stepping):
 
     def _set_emitter_state(self, emitter_state: np.ndarray | None) -> None:
         """Set the emitter states; None: those of the scene's start. Raises InputError for arrays of another shape."""
-        new = taps_at_start(self.scene) if emitter_state is None else np.array(emitter_state, np.float64)
+        new = initial_emitter_state(self.scene) if emitter_state is None else np.array(emitter_state, np.float64)
         if new.shape != self._emitter_state.shape or not np.isfinite(new).all():
             raise InputError(
                 f"taps has shape {new.shape}, this scene needs {self._emitter_state.shape}, of finite numbers"
@@ -335,7 +335,7 @@ class Simulation(Stepping):
         record = self._make_record(scene, self._poke_force, clock)
         self.check()  # so that a replay never spans a change
         if self._flows:
-            self._emitter_state = turned(self.scene, self._emitter_state, self.time)
+            self._emitter_state = rebased(self.scene, self._emitter_state, self.time)
         self.scene, self._record, self._clock = scene, record, clock
         self.limit = stability_limit(scene)
         self._snapshot_step, self._snapshot_time = self.step, self.time

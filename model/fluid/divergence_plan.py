@@ -39,26 +39,26 @@ FIRST, SECOND = 0.0, 1.0  # arguments of the solves' stages
 
 
 def divergence_stages(
-    smooths: bool, shapes: bool, operations: dict[str, int], met: float, axes: int, iterations: int
+    smooths: bool, shapes: bool, operations: dict[str, int], neighbours: float, axes: int, iterations: int
 ) -> tuple[Stage | Node, ...]:
     """Return the stages of a substep.
 
-    `operations` per particle: `find`, `forces`, `touch`; `met`: neighbours. Numbers moved are per particle and axis,
+    `operations` per particle: `find`, `forces`, `touch`; `neighbours`: neighbours. Numbers moved are per particle and axis,
     with as many neighbours as at rest.
     """
-    listed, gathered = round(met / axes), round(met)
+    listed, gathered = round(neighbours / axes), round(neighbours)
 
     def around(vectors: int) -> int:
         """Return the numbers that a sum over neighbours reads, for `vectors` vectors of each."""
         return 1 + vectors * gathered + listed
 
     def solve(which: float) -> Node:
-        approach = round(met * divergence.OPERATIONS_APPROACH)
-        push = round(met * density.OPERATIONS_CORRECT)
+        approach = round(neighbours * divergence.OPERATIONS_APPROACH)
+        push = round(neighbours * density.OPERATIONS_CORRECT)
         pair = Stage("relax", around(2), 1, approach, which), Stage("push apart", around(1), 1, push, which)
         return Node("iteration", pair, iterations)
 
-    both = round(met * (density.OPERATIONS_DENSITY + divergence.OPERATIONS_APPROACH))
+    both = round(neighbours * (density.OPERATIONS_DENSITY + divergence.OPERATIONS_APPROACH))
     stages: list[Stage | Node] = [
         Stage("gather", 2, 1, 2 * axes),
         Stage("sort into cells", 4, 4, 4 * axes),
@@ -68,12 +68,14 @@ def divergence_stages(
         Stage("take up", 2, 1, divergence.OPERATIONS_MOVE),
     ]
     if shapes:
-        stages.append(Stage("normals and vorticity", 1 + around(2), 2, round(met * motion.OPERATIONS_SHAPE)))
-    own = motion.OPERATIONS_VELOCITY + operations["forces"]
-    last = Stage("accelerate", 1, 1, own)
+        stages.append(Stage("normals and vorticity", 1 + around(2), 2, round(neighbours * motion.OPERATIONS_SHAPE)))
+    operations_of_velocity = motion.OPERATIONS_VELOCITY + operations["forces"]
+    last = Stage("accelerate", 1, 1, operations_of_velocity)
     if smooths:
-        last = Stage("accelerate", 1 + around(2), 1, own + round(met * motion.OPERATIONS_SMOOTH))
-    foresee = Stage("foresee density", around(2), 1, round(met * divergence.OPERATIONS_APPROACH))
+        last = Stage(
+            "accelerate", 1 + around(2), 1, operations_of_velocity + round(neighbours * motion.OPERATIONS_SMOOTH)
+        )
+    foresee = Stage("foresee density", around(2), 1, round(neighbours * divergence.OPERATIONS_APPROACH))
     return (
         *stages,
         last,

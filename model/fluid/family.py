@@ -67,26 +67,26 @@ def scheme_notes(scene: Scene) -> list[str]:
 def fluid_note(scene: Scene) -> str:
     """Return a line on the method's effect on a motion, and on its limits."""
     slowest = min(speed_limit(scene, part) for part in scene.fluids.values())
-    kept = "positions"
+    solved_for = "positions"
     if scene.method.scheme == "divergence-free":
-        kept = (
+        solved_for = (
             f"velocities, {scene.method.iterations} iterations for their divergence and as many for the density to come"
         )
-    told = f"density is kept by {kept}, at any step size; nothing is faster than {slowest:.3g} m/s"
+    note = f"density is kept by {solved_for}, at any step size; nothing is faster than {slowest:.3g} m/s"
     for name, part in scene.fluids.items():
         most = highest_viscosity(scene, part)
         if part.viscosity > most:
-            told += f"; of {name}.viscosity only {most:.3g} Pa s act at this substep"
+            note += f"; of {name}.viscosity only {most:.3g} Pa s act at this substep"
     if scene.method.scheme == "averaged":
-        told += "; the averaged scheme lets a fluid sink together"
-    told = "; ".join([told, *scheme_notes(scene)])
+        note += "; the averaged scheme lets a fluid sink together"
+    note = "; ".join([note, *scheme_notes(scene)])
     for name, part in scene.fluids.items():
         if part.surface_tension > 0 and part.cohesion == 0:
-            told += f"; {name}.surface_tension without cohesion drives its surface apart"
+            note += f"; {name}.surface_tension without cohesion drives its surface apart"
     fast = [name for name, part in scene.all_of(*COLLIDER_KINDS).items() if hypot(*part.velocity) > slowest]
     if fast:
-        told += f"; {' and '.join(fast)} is faster than that: it pushes the fluid on, which lags behind"
-    return told
+        note += f"; {' and '.join(fast)} is faster than that: it pushes the fluid on, which lags behind"
+    return note
 
 
 FLUID = SolverFamily(

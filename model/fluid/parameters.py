@@ -82,13 +82,13 @@ def highest_viscosity(scene: Scene, part: Fluid) -> float:
 def fluid_record(
     scene: Scene, real: type, poke: tuple[float, ...] = (0.0, 0.0, 0.0), clock: Clock = START
 ) -> np.ndarray:
-    """Return the constants of own forces, then FLUID_PARAMETERS, (1,), in the arithmetic `real`.
+    """Return the constants of forces on single particles, then FLUID_PARAMETERS, (1,), in the arithmetic `real`.
 
     Computed in float64, rounded once. In this order a plane's record is not a prefix of one in space, for which numba
     would take it, with a warning. Raises SceneError.
     """
-    method, found = scene.method, scene.fluid_set
-    h, lattice, support = method.dt / method.substeps, found.lattice, found.support
+    method, fluids = scene.method, scene.fluid_set
+    h, lattice, support = method.dt / method.substeps, fluids.lattice, fluids.support
     values = {
         "dt": h,
         "inverse_dt": 1 / h,
@@ -102,12 +102,12 @@ def fluid_record(
         "wall_scale": lattice.wall_scale,
         "wall_gradient": lattice.wall_gradient,
         "inverse_wall": 1 / lattice.wall_range,
-        "relaxation": method.part_of_the_way / (lattice.neighbours if method.scheme == "averaged" else 1),
+        "relaxation": method.relaxation_factor / (lattice.neighbours if method.scheme == "averaged" else 1),
         "softness": method.softness / support**2,
         "tensile": method.tensile_correction * support**2,
         "inverse_tensile": 1 / (1 - method.tensile_distance**2),
         "inverse_cell": 1 / (WIDER * support),
-        "sampled": float(len(found.parts)),
+        "sampled": float(len(fluids.parts)),
         **_box(scene),
     }
     assert tuple(values) == FLUID_PARAMETERS, f"{set(values) ^ set(FLUID_PARAMETERS)} or their order differ"
@@ -139,15 +139,15 @@ def fluid_rows(scene: Scene, real: type, solids: bool = False) -> np.ndarray:
 
     With `solids` there is one more, of their samples, which have no effect of their own.
     """
-    found: FluidSet = scene.fluid_set
-    h, rows = scene.method.dt / scene.method.substeps, np.zeros((len(found.parts) + solids, FLUID_FIELDS))
+    fluids: FluidSet = scene.fluid_set
+    h, rows = scene.method.dt / scene.method.substeps, np.zeros((len(fluids.parts) + solids, FLUID_FIELDS))
     free, solves = np.finfo(real).max / 4, 2 if scene.method.scheme == "divergence-free" else 1
     rows[:, F_SPEED], rows[:, F_CHANGE] = free, free
-    for row, part, weight in zip(rows, found.parts, found.lightness, strict=False):
+    for row, part, weight in zip(rows, fluids.parts, fluids.lightness, strict=False):
         row[F_WEIGHT], row[F_BUOYANCY] = weight, part.buoyancy
-        row[F_VISCOSITY] = smoothing(scene, part) * found.lattice.smoothing_scale
-        row[F_COHESION] = h * part.cohesion / (found.parts[0].density * found.support**2)
-        row[F_TENSION] = h * part.surface_tension / (found.parts[0].density * found.support)
+        row[F_VISCOSITY] = smoothing(scene, part) * fluids.lattice.smoothing_scale
+        row[F_COHESION] = h * part.cohesion / (fluids.parts[0].density * fluids.support**2)
+        row[F_TENSION] = h * part.surface_tension / (fluids.parts[0].density * fluids.support)
         row[F_CONFINEMENT] = h * part.vorticity_confinement
         row[F_DRAG], row[F_SURFACE_DRAG] = part.drag, part.free_surface_drag
         row[F_SPEED] = speed_limit(scene, part)

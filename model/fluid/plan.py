@@ -153,17 +153,17 @@ def fluid_plan(scene: Scene, live: frozenset[str] = frozenset(), solids: bool = 
     Numbers are per particle and axis, as in model/core/plan.py, with as many neighbours as at rest.
     """
     parts, axes = fluid_parts(scene, live, solids), scene.dimensions
-    met, across = neighbours_at_rest(scene), scene.fluid_set.support / scene.fluid_set.spacing
+    neighbours, across = neighbours_at_rest(scene), scene.fluid_set.support / scene.fluid_set.spacing
     looked_at = LOOKED_AT[axes] * across**axes
-    listed = round(met / axes)  # of four bytes each, counted as scalars
-    gathered = round(met)
+    listed = round(neighbours / axes)  # of four bytes each, counted as scalars
+    gathered = round(neighbours)
     touch = sum(colliders.OPERATIONS[kind] for kind, _ in scene.colliders)
     forces = sum(force.operations for force in own_forces(parts))
-    factors = round(met * density.OPERATIONS_FACTORS)
+    factors = round(neighbours * density.OPERATIONS_FACTORS)
     if scene.method.scheme == "divergence-free":
         find = round(looked_at * density.OPERATIONS_FIND) + factors
         asked = bool(parts & SMOOTHING), bool(parts & SHAPES), {"find": find, "forces": forces, "touch": touch}
-        return _plan_of(scene, parts, divergence_stages(*asked, met, axes, scene.method.iterations))
+        return _plan_of(scene, parts, divergence_stages(*asked, neighbours, axes, scene.method.iterations))
     stages: list[Stage | Node] = [
         *([Stage("emit", 0, 0, 0)] if "emitter" in parts else []),
         Stage("predict", 2, 2, motion.OPERATIONS_VELOCITY + forces),
@@ -172,20 +172,23 @@ def fluid_plan(scene: Scene, live: frozenset[str] = frozenset(), solids: bool = 
         Stage("find neighbours", 1 + gathered, 1 + listed, round(looked_at * density.OPERATIONS_FIND) + factors),
     ]
     iteration: tuple[Stage, ...] = (
-        Stage("density", 1 + gathered + listed, 1, round(met * density.OPERATIONS_DENSITY)),
-        Stage("correct", 1 + gathered + listed, 1, round(met * density.OPERATIONS_CORRECT) + touch),
+        Stage("density", 1 + gathered + listed, 1, round(neighbours * density.OPERATIONS_DENSITY)),
+        Stage("correct", 1 + gathered + listed, 1, round(neighbours * density.OPERATIONS_CORRECT) + touch),
     )
     if solids:
         iteration = (Stage("follow solids", 1, 1, OPERATIONS_SAMPLE), *iteration, Stage("push solids", 2, 1, 4))
     stages += [Node("iteration", iteration, scene.method.iterations), Stage("update velocity", 2, 1, 20 + touch)]
     if parts & SHAPES:
         stages.append(
-            Stage("normals and vorticity", 2 + 2 * gathered + listed, 2, round(met * motion.OPERATIONS_SHAPE))
+            Stage("normals and vorticity", 2 + 2 * gathered + listed, 2, round(neighbours * motion.OPERATIONS_SHAPE))
         )
     last = Stage("limit velocities", 1, 2, motion.OPERATIONS_VELOCITY)
     if parts & SMOOTHING:
         last = Stage(
-            "limit velocities", 2 + 2 * gathered + listed, 2, last.operations + round(met * motion.OPERATIONS_SMOOTH)
+            "limit velocities",
+            2 + 2 * gathered + listed,
+            2,
+            last.operations + round(neighbours * motion.OPERATIONS_SMOOTH),
         )
     stages.append(last)
     return _plan_of(scene, parts, tuple(stages))

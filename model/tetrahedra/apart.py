@@ -26,7 +26,7 @@ def tetrahedra_apart(scene: Scene) -> Apart:
     if scene.external is not None and scene.external.magnitude > 0:
         told = "draws a number for each vertex of all bodies: leave it out, or run it as one"
         raise SceneError(f"{scene.name_of('external')}.kind", "external", told)
-    for name, held in scene.held_parts.items():
+    for name, held in scene.attachment_parts.items():
         if not pins(held, scene.holdable):
             told = (
                 "ties what it holds by springs: shared bodies are pinned alone, or follow a collider; or run it as one"

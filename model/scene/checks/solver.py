@@ -25,8 +25,8 @@ def check_solver(scene: SceneParts) -> None:
     if scene.is_world:  # its members are checked as scenes of their own
         return
     if solver == OF_WORLDS:
-        told = "applies to parts of several families, such as bodies beside tetrahedral ones"
-        raise SceneError("method.solver", solver, told)
+        reason = "applies to parts of several families, such as bodies beside tetrahedral ones"
+        raise SceneError("method.solver", solver, reason)
     if scene.method.sleeping_speed > 0 and not scene.tetrahedra:
         raise SceneError(
             "method.sleeping_speed", scene.method.sleeping_speed, "applies to tetrahedral bodies; leave it out"

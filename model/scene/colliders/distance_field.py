@@ -1,4 +1,4 @@
-"""What masses cannot enter that is a closed mesh, known by its sampled signed distance: the part of a scene, and its grid."""
+"""Closed mesh as a collider, by its sampled signed distance: the part of a scene, and its grid."""
 
 from __future__ import annotations
 
@@ -38,11 +38,11 @@ class Field:
         """(n,) float64 [m]: interpolated at `points` (n, 3) within the box, from the mesh's origin."""
         place = (points - self.low) / self.spacing
         cell = np.clip(place.astype(np.int64), 0, np.array(self.distance.shape) - 2)
-        part, found = place - cell, np.zeros(len(points))
+        part, value = place - cell, np.zeros(len(points))
         for corner in np.ndindex(2, 2, 2):
             weight = np.where(np.array(corner) == 1, part, 1 - part).prod(axis=1)
-            found += weight * self.distance[tuple((cell + corner).T)]
-        return found
+            value += weight * self.distance[tuple((cell + corner).T)]
+        return value
 
 
 class DistanceField(SurfaceCollider):
@@ -128,11 +128,12 @@ class DistanceField(SurfaceCollider):
         return "spacing", spacing, f"{points.prod()} samples are too many beside the others: use {2 * spacing:.3g}"
 
     def lines(self) -> list[str]:
-        """As of other surfaces, and its grid; and how far off its surface is at the mesh's corners, where it is most."""
+        """Return the lines of other surfaces, and the grid with the largest distance of its surface from the mesh's
+        corners."""
         field, off = self.field, float(np.abs(self.field.at(self.position)).max())
         grid = " x ".join(str(count) for count in field.distance.shape)
-        found = [*super().lines(), f"distances at {grid} points, {field.spacing:.4g} m apart: at most {off:.2g} m off at "
+        lines = [*super().lines(), f"distances at {grid} points, {field.spacing:.4g} m apart: at most {off:.2g} m off at "
                  "the mesh's corners"]  # fmt: skip
         if field.overlaps:
-            found.append("the mesh runs through itself: inside, what is nearest may be a part of it that lies within")
-        return found
+            lines.append("the mesh runs through itself: inside, what is nearest may be a part of it that lies within")
+        return lines
