@@ -141,8 +141,7 @@ def make_arrive(compiler: Compiler, real: Any, region: int, parts: frozenset[str
             here_weights, out = row_at(weights, i * stride), row_at(after, place)
             move(
                 columns, row_at(here, axis * stride), row_at(ways, axis * stride), here_weights, row_table[T_WEIGHT, i],
-                table,
-                parameters, out,
+                table, parameters, out,
             )  # fmt: skip
             if ending:
                 new = row_at(after, place + AXES * rows * stride)

@@ -6,7 +6,7 @@ start, for which the lists are made. The state between substeps is only position
 each. (With a fixed number of iterations, starting at the full multipliers of the previous substep gains energy: a
 column never comes to rest.)
 
-1. `gather`. On an axis that repeats x = x + turned_round(x, low, high, side).
+1. `gather`. On an axis that repeats x = x + wrapped_offset(x, low, high, side).
 2. `sort into cells`, by x; x, v, number and fluid are sorted together. 3. `find neighbours` of x, and factors, as in
    plan.py, 3, 4.
 4. `density and divergence`. t = 0, a = 0; for each neighbour t = density_added(t, closeness(squared)), then dy =
@@ -19,7 +19,7 @@ column never comes to rest.)
    onward = led(next, iterate, lead(turn, iterations)); delta = onward - Y; Y = onward, iterate = next.
    `push apart`. m = 0; for each neighbour dy, squared, s; m = correction_added(m, delta_i + delta_j, s, d); then
    wall_added(m, delta_i, w) axis by axis. e = moved(e, F_WEIGHT, m), e = 0 before the first.
-6. `take up`. u = gained(v, e, inverse_dt); with a maximum acceleration held_back(u, v, speed_of(u - v), F_CHANGE),
+6. `take up`. u = gained(v, e, inverse_dt); with a maximum acceleration limited_change(u, v, speed_of(u - v), F_CHANGE),
    which is half of the change that it allows per substep; v = u.
 7. `normals and vorticity` and the smoothing of velocities, as in plan.py, 7 and 8, where needed; 8. `accelerate`: with
    drag braked(v, ..., C); then gravity and own forces, accelerated and `slowed`, as in plan.py, 1.

@@ -12,7 +12,7 @@ cells.py), except comparisons and integer sums.
    nothing.
 1. `predict`. a = (0, buoyant(gravity, buoyancy), 0), then own forces (model/core/own_forces.py, by the particle's
    number), gravity only where the plan has it. u = accelerated(v, dt, a) axis by axis; speed_of(u), `slowed` to
-   F_SPEED; p = drifted(x, u, dt). On an axis that repeats: shift = turned_round(p, low, high, side), added to p and to
+   F_SPEED; p = drifted(x, u, dt). On an axis that repeats: shift = wrapped_offset(p, low, high, side), added to p and to
    x. Then colliders, from x to p with u; their response velocity is discarded. Particles that exceed F_SPEED are
    counted.
 2. `sort into cells`. low = the smallest p of all particles along each axis, high = the largest, of the finite ones (on
@@ -29,7 +29,7 @@ cells.py), except comparisons and integer sums.
    MAX_NEIGHBOURS are listed; those beyond are counted and reported. d = x_i - x_j is `wrapped` on axes that repeat,
    everywhere.
 4. In the same stage, factors: g = 0, own = 0; for each neighbour: dy = apart(...), squared again, s = slope, g =
-   gradient_added, own = own_added (weight of j's fluid). Walls (below) at p. `factor` with F_WEIGHT of i; multiplier =
+   gradient_added, own = squares_added (weight of j's fluid). Walls (below) at p. `factor` with F_WEIGHT of i; multiplier =
    0.
 5. iteration, `iterations` times:
    `density`. total = 0; for each neighbour total = density_added(total, closeness(squared)); (wall density, its
@@ -40,9 +40,9 @@ cells.py), except comparisons and integer sums.
    Then a = wall_added(a, delta_i, w) axis by axis. p = moved(p, F_WEIGHT, a). Then colliders, from x to p, capsules and
    boxes by model/formulas/fluid/sweep.py, so that no path leads through them; their response velocity (for the velocity
    0) is discarded.
-6. `update velocity`. v = velocity_of(p, x, inverse_dt); with a maximum acceleration held_back(v, u, speed_of(v - u),
+6. `update velocity`. v = velocity_of(p, x, inverse_dt); with a maximum acceleration limited_change(v, u, speed_of(v - u),
    F_CHANGE). Colliders, from x to drifted(x, u, dt) with u, give q and u': where q differs from that place, v =
-   after_impact(u', p, q, inverse_dt), held_back from u'. Where the multiplier is negative, for each collider at q, as
+   after_impact(u', p, q, inverse_dt), limited_change from u'. Where the multiplier is negative, for each collider at q, as
    they are joined in Walls: push = wall_push(multiplier, F_WEIGHT, slope, rate(share, total), inverse_dt), v =
    without(v, rebound(v, u', w, n, push), n), w the velocity of its surface (model/formulas/fluid/impact.py). Then
    colliders, from x to p with v.
@@ -68,7 +68,7 @@ others by number, of one more fluid, whose row is the last. `sample solids`, bet
 middle(corners at their predicted positions, shares), x the same for their positions at the substep's start; the
 smallest and largest p of 2 include samples. Two samples are not neighbours (3). 4: C, g and `own` count neighbours by
 their volumes (model/formulas/fluid/solids.py): s' = counted_slope(volume, s), g = gradient_added(g, s', d), own =
-own_added(own, carried(lightness, volume), s, r^2); for samples the factor, the multiplier and its change are 0. An
+squares_added(own, carried(lightness, volume), s, r^2); for samples the factor, the multiplier and its change are 0. An
 iteration: `follow solids` puts samples between their corners; `density` counts by `counted`; `correct`: both =
 both(delta_i, delta_j, volume_i, volume_j), the tensile correction only for pairs of particles; a = correction_added.
 Then, with viscosity, over the list again, for pairs of a particle and a sample, share = rub(near, F_VISCOSITY_i, _j,

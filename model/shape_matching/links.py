@@ -13,7 +13,7 @@ from softlab.model.geometry.arithmetic.ordered import norm
 from softlab.model.geometry.colouring import Colouring, colour
 from softlab.model.geometry.lists import offsets_of
 
-LINKS = Projection("links", distance.make, corners=2, values=2, flags=(("own_compliance", True),))
+LINKS = Projection("links", distance.make, corners=2, values=2, flags=(("per_constraint", True),))
 
 
 @dataclass(frozen=True, eq=False)

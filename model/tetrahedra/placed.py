@@ -42,8 +42,8 @@ class PlacedBody:
             return np.zeros((len(self.mesh.tetrahedra), 3), np.int32)
         voxel = self.body.voxel
         longest_first = np.argsort(-np.ptp(voxel, axis=0), kind="stable")
-        found: np.ndarray = voxel[:, longest_first]
-        return found
+        reordered: np.ndarray = voxel[:, longest_first]
+        return reordered
 
 
 def placed_body(
@@ -67,8 +67,8 @@ def placed_body(
         )
         matter = matter_of(name, part, mesh, materials, regions)
         words = (*part.pinned, *attached)
-        held = [vertices_of(word, body.mesh.position, mesh.position, regions) for word in words]
-        pinned = np.unique(np.concatenate([np.zeros(0, np.int64), *held]))
+        selected = [vertices_of(word, body.mesh.position, mesh.position, regions) for word in words]
+        pinned = np.unique(np.concatenate([np.zeros(0, np.int64), *selected]))
         velocity = _velocity(part, mesh.position, lambda: matter.masses(body.mesh, body.fractions), pinned)
         masses = matter.masses(mesh, body.fractions, part.mass_ratio)
     except SceneError as error:
