@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from softlab.model.contact.cloth_parameters import REACH
+from softlab.model.contact.cloth_parameters import REST_LENGTHS
 from softlab.model.core.energy import spring_strain
 from softlab.model.core.stability.springs import spring_ends
 from softlab.model.scene.scene import Scene
@@ -32,7 +32,7 @@ def drawn_lines(scene: Scene) -> list[tuple[np.ndarray, float]]:
     if scene.tetrahedra:
         return alike(*scene.tetrahedra_set.edges)
     if not scene.mesh:
-        return [(spring_ends(grid.rows, grid.columns, k), REACH[k] * grid.spacing) for k in drawn_kinds(scene)]
+        return [(spring_ends(grid.rows, grid.columns, k), REST_LENGTHS[k] * grid.spacing) for k in drawn_kinds(scene)]
     found = []
     for kind in drawn_kinds(scene):
         found += alike(*edges_of(scene, kind))

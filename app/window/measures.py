@@ -19,7 +19,7 @@ from softlab.model.core.simulation import Simulation
 from softlab.model.core.stepping import lost
 from softlab.model.fluid.measure import compression
 from softlab.model.scene.scene import Scene
-from softlab.model.shape_matching.spare import absent, present
+from softlab.model.shape_matching.spare import inactive, present
 
 ASKED = 30_000  # particles of a fluid whose densities are asked for in passing: a tenth of a second
 KEEP_RANGE = 2.6  # times the wanted range of colours: a legend that flickers between two ranges cannot be read
@@ -66,7 +66,7 @@ def measure(
     ]
     pushed: tuple[float, ...] = ()
     if momentum:
-        mass = masses(world.scene, absent(world.scene, state.inverse_mass))
+        mass = masses(world.scene, inactive(world.scene, state.inverse_mass))
         pushed = tuple(np.atleast_1d(np.sum(mass * state.velocity, axis=0, dtype=np.float64)).tolist())
     fastest = float(np.sqrt((state.velocity**2).sum(axis=1).max())) if world.scene.fluids else 0.0
     worst = _worst(world.scene, state.position, strain)

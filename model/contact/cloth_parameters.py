@@ -61,7 +61,7 @@ FIELDS = {
     "lift": "wind.lift",
     "gust_time": "wind.gust_time",
 }
-REACH = {"structural": 1.0, "shear": sqrt(2), "bending": 2.0}  # rest length over spacing
+REST_LENGTHS = {"structural": 1.0, "shear": sqrt(2), "bending": 2.0}  # rest length over spacing
 
 
 def spring_constants(kind: str) -> tuple[str, str, str]:
@@ -143,11 +143,11 @@ def cloth_values(scene: Scene, substeps: int, poke: tuple[float, ...], clock: Cl
         "gravity": -scene.gravity.acceleration if scene.gravity and scene.gravity.enabled else 0.0,
         **force_values(scene, poke, 3),
     }
-    for kind, reach in REACH.items():
+    for kind, rest_length in REST_LENGTHS.items():
         springs = scene.cloth_springs.get(kind)
         stiffness = springs.stiffness / mass if springs else 0.0
         values[kind] = stiffness
-        values[f"{kind}_rest"] = stiffness * reach * cloth.spacing
+        values[f"{kind}_rest"] = stiffness * rest_length * cloth.spacing
         values[f"{kind}_damping"] = springs.damping / mass if springs else 0.0
     velocity = wind.velocity if wind else (0.0, 0.0, 0.0)
     values |= {f"wind_{axis}": speed for axis, speed in zip("xyz", velocity, strict=True)}
@@ -200,8 +200,8 @@ def collider_numbers(scene: Scene, real: type) -> np.ndarray:
     rows = collider_rows(scene, real)
     end, most = rows.size, 2 ** (np.finfo(real).nmant + 1)  # integers are exact up to there
     parts: Any = scene.parts
-    names = [name for own in SURFACE_KINDS for name, kind in scene.kinds.items() if kind == own]
-    found = []
+    names = [name for surface_kind in SURFACE_KINDS for name, kind in scene.kinds.items() if kind == surface_kind]
+    numbers = []
     for row, name in enumerate(names, len(rows) - len(names)):
         rows[row, B_TREE] = end - row * COLLIDER_FIELDS
         with naming(name):
@@ -209,8 +209,8 @@ def collider_numbers(scene: Scene, real: type) -> np.ndarray:
             if end + MOTION_FIELDS * len(scene.motions) > most:
                 field, value, remedy = parts[name].too_many()
                 raise SceneError(field, value, f"{np.dtype(real).name} counts to {most}, and {remedy}")
-            found.append(parts[name].numbers(real))
-    return np.concatenate([rows.reshape(-1), *found])
+            numbers.append(parts[name].numbers(real))
+    return np.concatenate([rows.reshape(-1), *numbers])
 
 
 def motion_rows(scene: Scene, real: type) -> np.ndarray:
@@ -269,8 +269,8 @@ def pin_velocity(bodies: np.ndarray, first: int, pins: int, step: int, record: n
     velocity = np.zeros((pins, 3), bodies.dtype)
     for place in np.unique(rows[:, P_MOTION]):
         if place >= 0:
-            row, own = bodies[int(place) :], rows[:, P_MOTION] == place
+            row, moving = bodies[int(place) :], rows[:, P_MOTION] == place
             now = formulas.turn(time, row[M_START], row[M_DURATION], row[M_TURNS])
-            moved = formulas.placed(*rows[own, :P_MOTION].T, *row[: M_SPIN + 1], *now)
-            velocity[own] = np.stack(np.broadcast_arrays(*moved), axis=1)[:, 3:]
+            moved = formulas.placed(*rows[moving, :P_MOTION].T, *row[: M_SPIN + 1], *now)
+            velocity[moving] = np.stack(np.broadcast_arrays(*moved), axis=1)[:, 3:]
     return velocity

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from softlab.model.assets.clusters import matching_factor
-from softlab.model.contact.cloth_parameters import CLOTH_PARAMETERS, FIELDS, REACH, cloth_values
+from softlab.model.contact.cloth_parameters import CLOTH_PARAMETERS, FIELDS, REST_LENGTHS, cloth_values
 from softlab.model.core.clock import START, Clock
 from softlab.model.core.integrators import damping_rate
 from softlab.model.core.parameters import rounded_record
@@ -46,14 +46,14 @@ XPBD_PARAMETERS = (
 )
 
 
-OWN_FIELDS = {  # the scene's field, by the value that follows from it
+SOLVER_FIELDS = {  # the scene's field, by the value that follows from it
     "inverse_substep": "method.dt",
     "braking": "damping.coefficient",
     **{f"constraint_{kind}_compliance": f"{kind}.stiffness" for kind in CONSTRAINT_KINDS},
     "constraint_stiff_compliance": "springs.stiffness_ratio",
     "matching": "springs.stiffness",
 }
-XPBD_FIELDS = FIELDS | OWN_FIELDS
+XPBD_FIELDS = FIELDS | SOLVER_FIELDS
 
 
 def constraint_constants(scene: Scene, kind: str) -> tuple[float, ...]:
@@ -64,7 +64,11 @@ def constraint_constants(scene: Scene, kind: str) -> tuple[float, ...]:
         rest, damping = scene.springs.rest_length, 0.0
     elif kind in scene.constraints:
         part = scene.constraints[kind]
-        softness, rest, damping = part.softness(), REACH.get(kind, 0.0) * grid.spacing, getattr(part, "damping", 0.0)
+        softness, rest, damping = (
+            part.softness(),
+            REST_LENGTHS.get(kind, 0.0) * grid.spacing,
+            getattr(part, "damping", 0.0),
+        )
     else:
         return (0.0,) * len(CONSTANTS)
     h = method.dt / method.substeps

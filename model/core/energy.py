@@ -7,7 +7,7 @@ import numpy as np
 from softlab.model.core.build import masses
 from softlab.model.core.families import family_of
 from softlab.model.scene.scene import Scene
-from softlab.model.shape_matching.spare import absent
+from softlab.model.shape_matching.spare import inactive
 
 
 def spring_strain(
@@ -56,7 +56,7 @@ def energies(
     + potential.
     """
     gravity, v = scene.gravity, np.asarray(velocity, dtype=np.float64)
-    mass = masses(scene, absent(scene, inverse_mass))  # inactive particles are at rest and store no energy
+    mass = masses(scene, inactive(scene, inverse_mass))  # inactive particles are at rest and store no energy
     kinetic = 0.5 * float(np.sum(mass * v * v))
     spring, by_kind = family_of(scene).stored(scene, position, plastic)
     height = 0.0

@@ -60,10 +60,10 @@ def damping_factors(clusters: Clusters, substep: float) -> np.ndarray:
 
 def first_particles(clusters: Clusters) -> np.ndarray:
     """Return the particle to which positions are relative, (clusters,) int32; 0 for a cluster without particles."""
-    found = np.zeros(clusters.count, np.int32)
+    particles = np.zeros(clusters.count, np.int32)
     some = np.diff(clusters.offsets) > 0
-    found[some] = clusters.indices[clusters.offsets[:-1][some]]
-    return found
+    particles[some] = clusters.indices[clusters.offsets[:-1][some]]
+    return particles
 
 
 def leans(clusters: Clusters, real: type) -> np.ndarray:

@@ -69,16 +69,21 @@ def make_world_set(members: Mapping[str, Any]) -> WorldSet:
     return WorldSet(tuple(members), first, position, velocity, masses, pinned, spacing)
 
 
-def _of(found: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def _of(members: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Return (position, velocity, masses, pinned) of a member's own set."""
-    if isinstance(found, BodySet):
-        return found.position, found.velocity, found.clusters.mass, np.flatnonzero(found.waiting)
-    if isinstance(found, Mesh):
-        position = mesh_of(found).position + found.origin
+    if isinstance(members, BodySet):
+        return members.position, members.velocity, members.clusters.mass, np.flatnonzero(members.waiting)
+    if isinstance(members, Mesh):
+        position = mesh_of(members).position + members.origin
         pinned = (
-            pin_indices(found.pinned, found.rows, found.columns)  # type: ignore[arg-type]
-            if found.file is None
-            else pinned_vertices(found)
+            pin_indices(members.pinned, members.rows, members.columns)  # type: ignore[arg-type]
+            if members.file is None
+            else pinned_vertices(members)
         )
-        return position, np.zeros_like(position), vertex_masses(found), pinned
-    return found.position, found.velocity, found.masses, getattr(found, "pinned_vertices", np.zeros(0, np.int64))
+        return position, np.zeros_like(position), vertex_masses(members), pinned
+    return (
+        members.position,
+        members.velocity,
+        members.masses,
+        getattr(members, "pinned_vertices", np.zeros(0, np.int64)),
+    )

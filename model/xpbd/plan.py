@@ -16,7 +16,7 @@ from softlab.model.scene.scene import Scene
 
 JACOBI = frozenset({"jacobi", "averaged-jacobi"})  # orderings: all constraints at one position
 BODIES_LOOKED_AT = 27  # particles of the cells around one, in a lattice
-BODIES_MET = 4  # contacts of a particle at a body's surface; an interior one has none
+CONTACTS_PER_PARTICLE = 4  # contacts of a particle at a body's surface; an interior one has none
 LOOKED_AT = 4  # triangles against which a mass of a cloth in a few layers is tested
 
 
@@ -93,18 +93,18 @@ def body_parts(scene: Scene) -> frozenset[str]:
     contacts."""
     if not scene.bodies:
         return frozenset()
-    found = scene.body_set
-    links = {"links"} if found.links.count else set()
-    spare = {"spare"} if any(copy.waits for copy in (found.whole or found).copies) else set()
-    lattices = {"lattices"} if found.lattices else set()
+    body_set = scene.body_set
+    links = {"links"} if body_set.links.count else set()
+    spare = {"spare"} if any(copy.waits for copy in (body_set.whole or body_set).copies) else set()
+    lattices = {"lattices"} if body_set.lattices else set()
     couples = {"couples"} if scene.contact and scene.contact.static_friction > 0 and has_turning(scene) else set()
-    return found.alike.loose.parts | contact_parts(scene) | rigid_parts(scene) | links | spare | lattices | couples
+    return body_set.alike.loose.parts | contact_parts(scene) | rigid_parts(scene) | links | spare | lattices | couples
 
 
 def has_turning(scene: Scene) -> bool:
     """Return True if a loose cluster has several particles, so that a friction couple can rotate it."""
-    found = scene.body_set.alike.loose
-    return bool((found.offsets[1:] - found.offsets[:-1] > 1).any())
+    clusters = scene.body_set.alike.loose
+    return bool((clusters.offsets[1:] - clusters.offsets[:-1] > 1).any())
 
 
 def families(scene_parts: frozenset[str]) -> tuple[Family, ...]:
@@ -114,8 +114,8 @@ def families(scene_parts: frozenset[str]) -> tuple[Family, ...]:
 
 def colour_order(scene_parts: frozenset[str]) -> list[tuple[Family, int]]:
     """Return (family, its colour 0 or 1) in the order of Gauss-Seidel projections: 4 to 12 of them, or none."""
-    found = [(family, colour) for family in families(scene_parts) for colour in (0, 1)]
-    return sorted(found, key=lambda entry: entry[0].colours[entry[1]])
+    order = [(family, colour) for family in families(scene_parts) for colour in (0, 1)]
+    return sorted(order, key=lambda entry: entry[0].colours[entry[1]])
 
 
 def constraint_count(scene: Scene) -> int:
@@ -259,24 +259,28 @@ def xpbd_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
         colours += (sweep,)
     if scene.contact:
         search = (Stage("find neighbours", 3, 1, BODIES_LOOKED_AT * particle_contact.OPERATIONS_SEARCH),)
-        met = BODIES_MET * (particle_contact.OPERATIONS_COUNT + particle_contact.OPERATIONS_PROJECT)
-        colours += (Stage("project contacts", 4, 1, scene.contact.sweeps * met),)
-    turned = (couple_stage(scene),) if "couples" in parts else ()
+        contact_operations = CONTACTS_PER_PARTICLE * (
+            particle_contact.OPERATIONS_COUNT + particle_contact.OPERATIONS_PROJECT
+        )
+        colours += (Stage("project contacts", 4, 1, scene.contact.sweeps * contact_operations),)
+    couples = (couple_stage(scene),) if "couples" in parts else ()
     update = Stage("update velocity", 2, 1, axes * distance.OPERATIONS_UPDATE)
-    bounces = Stage("bounce", 6, 1, BODIES_MET * particle_contact.OPERATIONS_BOUNCE)  # positions, velocities of pairs
+    bounces = Stage(
+        "bounce", 6, 1, CONTACTS_PER_PARTICLE * particle_contact.OPERATIONS_BOUNCE
+    )  # positions, velocities of pairs
     bounce = (bounces,) if "contact-restitution" in parts else ()
     steady = (momentum_stage(scene),) if "rigid-motion" in parts else ()
     slow = (damping_stage(scene),) if "cluster_damping" in parts else ()
     bodies = scene.colliders
     touch = (Stage("collide", 2, 2, sum(colliders.OPERATIONS[kind] for kind, _ in bodies), 1.0),) if bodies else ()
-    turned_round = (rebound_stage(scene),) if "rigid-rebound" in parts else ()
+    rebounds = (rebound_stage(scene),) if "rigid-rebound" in parts else ()
     rest = (
         (Stage("rest", 2, 1, 3),) if {"rigid-motion", "sleeping"} <= parts else ()
     )  # compares the positions at a substep's ends
     iteration = Node("iteration", colours, method.iterations)
     late = bounce if "rigid-bounce" in parts else ()  # after colliders, which support the bodies under others
-    ends = (*steady, *(() if late else bounce), *slow, *touch, *turned_round, *late, *rest)
-    stages = (*outside, predict, *search, iteration, *turned, update, *ends)
+    ends = (*steady, *(() if late else bounce), *slow, *touch, *rebounds, *late, *rest)
+    stages = (*outside, predict, *search, iteration, *couples, update, *ends)
     substep = Node("substep", stages, method.substeps)
     root = Node("step", (substep,))
     if scene.bodies:  # a pass ends where particles wait for clusters: nothing of an iteration stays in registers

@@ -101,7 +101,7 @@ BODIES: tuple[Mistake, ...] = (
         "test_particle_pairs.py",
         {
             "a cell smaller than the search": ('"inverse_cell": 1 / float(rows[:, :, G_REACH].max())', '"inverse_cell": 2 / float(rows[:, :, G_REACH].max())'),
-            "groups that avoid each other meet": ("meets = one.group not in other.avoids and", "meets = one.group not in other.avoids or"),
+            "groups that avoid each other meet": ("collide = one.group not in other.avoids and", "collide = one.group not in other.avoids or"),
         },
     ),
     *in_file(
