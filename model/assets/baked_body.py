@@ -16,10 +16,13 @@ from softlab.model.assets.skin import Skin
 
 @dataclass(frozen=True)
 class Report:
-    """What became of a mesh: counts; `mass` [kg]; `volume` [m^3] and the part of it within sqrt(3)/2 spacings of a particle,
-    `covered`; `members`, the fewest and the most of a cluster; `overlap`: clusters a particle; `pieces` of the mesh, and
-    `parts` of the body that hang together; `undetermined`: clusters of fewer than four particles or with all on a line;
-    `notes`: a sentence for each thing that was made good, or is odd."""
+    """Result of baking a mesh.
+
+    Counts; `mass` [kg]; `volume` [m^3] and the fraction of it within sqrt(3)/2 spacings of a particle, `covered`;
+    `members`, the fewest and the most of a cluster; `overlap`: clusters per particle; `pieces` of the mesh, and
+    connected `parts` of the body; `undetermined`: clusters of fewer than four particles or with all on a line; `notes`:
+    a sentence for each repair or oddity.
+    """
 
     particles: int
     interior: int

@@ -177,7 +177,7 @@ def _named(source: Source, scale: float) -> Source:
 
 
 def is_settled(source: Source) -> bool:
-    """Whether it is a file of tetrahedra, which are taken as they are."""
+    """Return True for a file of tetrahedra, which are taken as they are."""
     return isinstance(source, str | Path) and holds_tetrahedra(source)
 
 

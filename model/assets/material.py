@@ -17,11 +17,11 @@ from softlab.model.core.errors import InputError
 
 @dataclass(frozen=True, eq=False)
 class Material:
-    """Of each cluster, all (clusters,) float64.
+    """Values of each cluster, all (clusters,) float64.
 
-    `linear` in [0, 1]: how much of a goal follows the linear map nearest to the particles, of unit volume, instead of the
-    nearest rotation; `threshold`: the strain, of no unit, over which it creeps; `creep` [1/s]: how fast; `limit` in (0, 1):
-    the largest strain that it keeps; `damping` [1/s]: the rate at which motion that is not rigid decays.
+    `linear` in [0, 1]: how much of a goal follows the linear map nearest to the particles, of unit volume, instead of
+    the nearest rotation; `threshold`: the strain, of no unit, over which it creeps; `creep` [1/s]: how fast; `limit` in
+    (0, 1): the largest strain that it retains; `damping` [1/s]: the rate at which motion that is not rigid decays.
     """
 
     linear: np.ndarray
@@ -47,7 +47,7 @@ class Material:
         return frozenset(name for name, values in features.items() if (values > 0).any())
 
     def some(self, chosen: np.ndarray | slice) -> Material:
-        """Of the `chosen` clusters."""
+        """Return the material of the `chosen` clusters."""
         return Material(**{field.name: getattr(self, field.name)[chosen] for field in fields(Material)})
 
     def first(self, count: int) -> Material | None:
@@ -57,12 +57,12 @@ class Material:
 
 
 def even(count: int, **values: float) -> Material:
-    """Of `count` clusters that are all alike; 0 what is not given."""
+    """Return the material of `count` clusters that are all alike; values that are not given are 0."""
     return Material(**{field.name: np.full(count, float(values.get(field.name, 0.0))) for field in fields(Material)})
 
 
 def joined(materials: Sequence[Material | None], counts: Sequence[int]) -> Material | None:
-    """Of clusters one after the other, so many of each; None where none has any."""
+    """Return the material of clusters one after the other, `counts` of each; None where none has any."""
     if all(one is None for one in materials):
         return None
     whole = [even(count) if one is None else one for one, count in zip(materials, counts, strict=True)]

@@ -72,7 +72,7 @@ def influences(nearest: np.ndarray, distance: np.ndarray) -> tuple[np.ndarray, n
     at `distance` (vertices, n) [m], ascending.
 
     A weight falls to 0 at the distance of the fifth, as (1 - d^2/d5^2)^2, so that it fades where another cluster takes its
-    place; with four clusters or fewer, nobody does, and it falls to 0 at twice the farthest's distance.
+    place; with four clusters or fewer, none does, and it falls to 0 at twice the farthest's distance.
     """
     count = nearest.shape[1]
     limit = distance[:, -1:] * (1.0 if count > INFLUENCES else 2.0)

@@ -33,7 +33,7 @@ Fraction = Annotated[float, Field(ge=0, le=1, allow_inf_nan=False, strict=True)]
 Limit = Annotated[float, Field(gt=0, lt=1, allow_inf_nan=False, strict=True)]  # at 1 a cluster could be flat
 MATERIAL = ("linear", "plastic_threshold", "plastic_creep", "plastic_limit", "cluster_damping")  # not of the bake
 Meshes = TriangleMesh | tuple[np.ndarray, np.ndarray]
-Body = TypeVar("Made", bound="RigidBody")
+Body = TypeVar("Body", bound="RigidBody")
 Binding = tuple[Clusters, np.ndarray, np.ndarray, float]
 OVERLAPPING = "parts of the mesh overlap one another, or cross themselves: what is inside any of them is inside"
 
@@ -211,7 +211,7 @@ class SoftBody(RigidBody):
         return clusters, links, length, self.link_stiffness
 
     def _links(self, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(n, 2) int32 and their lengths [m]. Raises SceneError where `link_radius` reaches nobody, or too many."""
+        """(n, 2) int32 and their lengths [m]. Raises SceneError where `link_radius` reaches no particle, or too many."""
         try:
             one, other, length = close_pairs(position, self.link_radius)
         except TooMany as error:
@@ -219,7 +219,7 @@ class SoftBody(RigidBody):
         if self.link_radius and not len(one):
             raise SceneError(
                 "link_radius", self.link_radius,
-                f"links nobody: no two particles are so near; try {1.5 * self.particle_spacing:.3g}, or leave it out",
+                f"links no particles: no two are so near; try {1.5 * self.particle_spacing:.3g}, or leave it out",
             )  # fmt: skip
         return np.stack([one, other], axis=1).astype(np.int32), length
 

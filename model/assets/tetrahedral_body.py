@@ -1,4 +1,4 @@
-"""A tetrahedral body: its mesh, the surface that it carries, and what is told of it; made of voxels, by a surface, or of
+"""A tetrahedral body: its mesh, the surface that it carries, and the report on it; made of voxels, by a surface, or of
 tetrahedra as they are."""
 
 from __future__ import annotations

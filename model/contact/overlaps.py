@@ -1,4 +1,4 @@
-"""Masses that begin inside a collider: pinned ones stay, free ones are thrown out, and whoever made the scene is told."""
+"""Masses that begin inside a collider: pinned ones stay, free ones are pushed out, and a message says so."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def _distance(formulas: Any, kind: str, row: np.ndarray, numbers: np.ndarray | N
 def _distances(
     formulas: Any, kind: str, row: np.ndarray, numbers: np.ndarray | None, points: np.ndarray
 ) -> list[float]:
-    """Of points (n, 3) [m], to the collider's surface [m]."""
+    """Return the distances [m] of points (n, 3) [m] from the collider's surface."""
     return [_distance(formulas, kind, row, numbers, p - row[B_X : B_Z + 1]) for p in points]
 
 

@@ -18,7 +18,7 @@ import numpy as np
 from softlab.model.core.errors import InputError
 from softlab.model.core.files import replacing
 
-Stored = TypeVar("Kept")
+Stored = TypeVar("Stored")
 
 
 def user_cache(name: str) -> Path | None:

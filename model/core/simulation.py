@@ -73,7 +73,7 @@ class Simulation(Stepping):
 
     @cached_property
     def outputs(self) -> Mapping[str, Output]:
-        """What `read` returns, by name."""
+        """Outputs of `read`, by name."""
         return {output.name: output for output in (*OF_ALL, *family_of(self.scene).outputs(self.scene))}
 
     @property

@@ -45,11 +45,11 @@ class Releasing(Backend):
 
     @abstractmethod
     def state(self) -> State:
-        """See Simulation."""
+        """Copy the state to the host, see Simulation."""
 
     @abstractmethod
     def load(self, state: State) -> None:
-        """See Simulation."""
+        """Continue from a state, see Simulation."""
 
     @abstractmethod
     def _apply_poke(self, particle: int, force: tuple[float, ...]) -> None:

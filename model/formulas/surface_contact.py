@@ -115,7 +115,7 @@ def make_current(real, compiled=plain):
 
     @compiled
     def checked(n, r, u, v, p, q, w, depth, distance):
-        """What limits `depth` > 0 [m], by the plane of a contact, to what the vertex lacks of the `distance`.
+        """Return the check that limits `depth` > 0 [m], by a contact's plane, to what the vertex lacks of the `distance`.
 
         n and the triangle's point are fixed for the substep, and the plane has no end: it reports a depth beside the
         triangle, too, where the two are apart. r: from that point to the vertex at the substep's start; u, v: the

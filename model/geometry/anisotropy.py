@@ -1,7 +1,7 @@
 """Particles of a fluid as ellipsoids: flat where they lie at its surface.
 
 J. Yu, G. Turk, "Reconstructing Surfaces of Particle-Based Fluids Using Anisotropic Kernels", ACM TOG 32 (2013), sections 4.1
-and 4.2: the covariance of a particle's neighbours, weighted by 1 - (distance / support)^3, tells how they lie about it. Its
+and 4.2: the covariance of a particle's neighbours, weighted by 1 - (distance / support)^3, describes their spread. Its
 axes are the ellipsoid's, whose lengths are in proportion to the square roots of the variances, none shorter than a quarter of
 the longest; a particle with few neighbours is a small ball. The volume stays that of the ball; theirs goes by a constant of
 the kernel.

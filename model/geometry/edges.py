@@ -1,4 +1,4 @@
-"""What lies beside what in a triangle mesh: edges, the triangles at them and at each vertex, connected parts.
+"""Topology of a triangle mesh: edges, the triangles at them and at each vertex, connected parts.
 
 All by sorting, with no loop over triangles, so that a mesh of a million vertices takes seconds.
 """

@@ -40,7 +40,7 @@ class TriangleMesh:
     numbering: np.ndarray
 
     def lines(self) -> list[str]:
-        """What to tell a user of it: sizes, pieces, rims, repairs."""
+        """Return the lines that describe the mesh to a user: sizes, pieces, rims, repairs."""
         size = " x ".join(f"{length:.4g}" for length in np.ptp(self.position, axis=0))
         euler = len(self.position) - len(self.edges.edges) + len(self.triangles)
         rims = many(self.boundary_loops, "rim") if self.boundary_loops else "closed"

@@ -59,7 +59,7 @@ def _holes(piece: TriangleMesh) -> str:
 
 
 def _pieces(position: np.ndarray, triangles: np.ndarray) -> list[TriangleMesh]:
-    """What hangs together by the vertices' numbers; in a file without numbers (.stl), by their places."""
+    """Return the parts connected by the vertices' numbers; in a file without numbers (.stl), by their places."""
     number = components(len(position), triangles[:, [0, 1, 1, 2]].reshape(-1, 2))[triangles[:, 0]]
     first, count = np.unique(number, return_counts=True)
     if count.min() < FEWEST:

@@ -52,7 +52,7 @@ def outline(nodes: np.ndarray, radius: float) -> Field:
 
 
 def polygon(corners: np.ndarray, radius: float) -> Field:
-    """What lies in a closed polygon of `corners` (k, 2) [m], or within `radius` [m] of it."""
+    """Return the field of a closed polygon of `corners` (k, 2) [m], grown by `radius` [m]."""
     closed = np.concatenate([corners, corners[:1]])
     (ax, ay), (bx, by) = closed[:-1].T, closed[1:].T
 
@@ -68,7 +68,8 @@ def polygon(corners: np.ndarray, radius: float) -> Field:
 
 
 def extruded(flat: Field, depth: float, edge: float) -> Field:
-    """What the flat field cuts from a plate of `depth` [m] about z = 0, its edges rounded with the radius `edge` [m]."""
+    """Return the field of the part of a plate of `depth` [m] about z = 0 inside `flat`, its edges rounded with radius
+    `edge` [m]."""
 
     def field(points: np.ndarray) -> np.ndarray:
         across, away = flat(points) + edge, np.abs(points[:, 2]) - depth / 2 + edge
@@ -82,7 +83,7 @@ def extruded(flat: Field, depth: float, edge: float) -> Field:
 
 
 def union(fields: Sequence[Field]) -> Field:
-    """What lies in any of them."""
+    """Return the field of the union."""
 
     def field(points: np.ndarray) -> np.ndarray:
         return np.min([one(points) for one in fields], axis=0)

@@ -23,7 +23,7 @@ TOP = 0.1  # of the mean edge: what lies so near to the highest vertex counts as
 
 
 class MeshPart(Protocol):
-    """What a scene tells of a mesh (model/scene/mesh.py has the part itself): a file, or rows and columns."""
+    """A scene's description of a mesh (model/scene/mesh.py has the part itself): a file, or rows and columns."""
 
     file: str | None
     scale: float
@@ -45,7 +45,7 @@ def bundled_meshes() -> dict[str, Path]:
 
 
 def is_file(path: Path) -> bool:
-    """Whether there is such a file; no name is too odd to ask for."""
+    """Return True if there is such a file; no name is too odd to ask for."""
     try:
         return path.is_file()
     except (OSError, ValueError):

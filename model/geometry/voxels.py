@@ -1,4 +1,4 @@
-"""What lies inside a closed mesh, on a lattice: winding numbers along its columns.
+"""Points of a lattice inside a closed mesh, by winding numbers along its columns.
 
 Each triangle is scan converted: rows from the heights of its corners, columns from where its sides cross a row, each side
 counted from the same end for both triangles beside it. Both are whole numbers that neighbours share, so that they tile the
@@ -38,7 +38,7 @@ class Runs:
 
     @property
     def count(self) -> int:
-        """How many points."""
+        """Number of points."""
         return int((self.high - self.low).sum())
 
     def points(self) -> Iterator[tuple[np.ndarray, np.ndarray]]:
@@ -71,8 +71,8 @@ def lattice(position: np.ndarray, pitch: float) -> Lattice:
 def divided(position: np.ndarray, pitch: float, parts: int) -> Lattice:
     """`lattice(position, pitch)` with an odd number of `parts` to each pitch, and a pitch more on all sides.
 
-    The old points are among its points and none lies halfway between two of them, so that each is nearest to one: nobody's
-    share hangs on a tie, which would go the same way everywhere.
+    The old points are among its points and none lies halfway between two of them, so that each is nearest to one: no
+    weight depends on a tie, which would be decided the same way everywhere.
     """
     origin, counts = lattice(position, pitch)
     return origin - pitch, (counts + 1) * parts + 1

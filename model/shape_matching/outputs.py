@@ -1,4 +1,4 @@
-"""What `Simulation.read` returns of bodies of clusters."""
+"""Outputs of `Simulation.read` for bodies of clusters."""
 
 from __future__ import annotations
 

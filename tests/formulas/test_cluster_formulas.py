@@ -51,7 +51,7 @@ def test_the_motion_of_a_cluster_is_found_from_its_sums_and_slows_to_it() -> Non
     sums = [*w, *m, *turn, second[0, 0], second[1, 1], second[2, 2], second[0, 1], second[0, 2], second[1, 2]]
     found = made.motion(*sums, 1 / mass.sum(), *place[0], *velocity[0])
     assert found == pytest.approx([*centre, *drift, *spin])
-    assert made.turned(1.0, 2.0, 3.0, 4.0, 5.0) == 1 + 6 - 20 and made.weighted(2.0, 5.0, 3.0) == 4
+    assert made.cross_added(1.0, 2.0, 3.0, 4.0, 5.0) == 1 + 6 - 20 and made.weighted(2.0, 5.0, 3.0) == 4
     assert made.slowed(0.1, 0.5, 1.0, 2.0, 3.0, 4.0, 0.5, 0.4) == pytest.approx(0.1 + 0.5 * (1 + 6 - 2 - 0.4))
 
 

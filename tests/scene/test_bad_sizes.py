@@ -174,7 +174,7 @@ def test_sampling_that_finds_no_room_says_so(fields: dict[str, float]) -> None:
 
 
 def test_links_that_reach_nobody() -> None:
-    with pytest.raises(SceneError, match=r"link_radius = 0\.05: links nobody.*try 0\.15") as refused:
+    with pytest.raises(SceneError, match=r"link_radius = 0\.05: links no particles.*try 0\.15") as refused:
         SoftBody.from_mesh(STAR, particle_spacing=0.1, link_radius=0.05, link_stiffness=1.0)
     assert refused.value.field == "link_radius"
     assert len(SoftBody.from_mesh(STAR, particle_spacing=0.1, link_radius=0.15, link_stiffness=1.0).links)

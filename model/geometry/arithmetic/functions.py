@@ -50,12 +50,12 @@ def sine_and_cosine(angle: Any) -> tuple[Any, Any]:
 
 
 def sine(angle: Any) -> Any:
-    """Of an array or a number [rad]."""
+    """Return the sine of an array or a number [rad]."""
     return sine_and_cosine(angle)[0]
 
 
 def cosine(angle: Any) -> Any:
-    """Of an array or a number [rad]."""
+    """Return the cosine of an array or a number [rad]."""
     return sine_and_cosine(angle)[1]
 
 
@@ -67,7 +67,7 @@ def _polynomial(coefficients: tuple[float, ...], z: np.ndarray) -> np.ndarray:
 
 
 def _sine_near(x: np.ndarray, tail: np.ndarray) -> np.ndarray:
-    """Of x + tail in [-pi / 4, pi / 4]."""
+    """Return the sine of x + tail in [-pi / 4, pi / 4]."""
     z = x * x
     cube = z * x
     rest = _polynomial(SINE[1:], z)

@@ -1,7 +1,7 @@
 """The sheets of a mesh with edges of more than two triangles that bound a volume, as a surface whose edges have two.
 
 The triangles fall into sheets between those edges. The winding number (A. Jacobson, L. Kavan, O. Sorkine-Hornung, "Robust
-Inside-Outside Segmentation using Generalized Winding Numbers", ACM Trans. Graph. 32 (2013), equation 5) tells which of them
+Inside-Outside Segmentation using Generalized Winding Numbers", ACM Trans. Graph. 32 (2013), equation 5) decides which of them
 have an inside on one side only; walls within a volume and fins outside are left out.
 """
 
@@ -165,8 +165,8 @@ def _around(position: np.ndarray, triangles: np.ndarray, sides: np.ndarray) -> n
 def _passed_once(position: np.ndarray, triangles: np.ndarray, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return (position, triangles) with a vertex at the middle of edges that a surface passes more than once.
 
-    Where the triangles around both ends hang together, an edge keeps four triangles though `pairs` (n, 2) of sides tell which
-    two are neighbours: each pair but the first, and each side without one, gets a vertex of its own there.
+    Where the triangles around both ends hang together, an edge keeps four triangles though `pairs` (n, 2) of sides say which
+    two are neighbours: each pair but the first, and each side without one, gets a separate vertex there.
     """
     start, end = triangles.ravel(), triangles[:, [1, 2, 0]].ravel()
     key = np.minimum(start, end) * len(position) + np.maximum(start, end)

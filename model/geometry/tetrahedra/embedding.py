@@ -15,8 +15,8 @@ NEAREST = 24  # tetrahedra, by their middles, that a point may lie in
 
 @dataclass(frozen=True, eq=False)
 class Embedding:
-    """Of each point the tetrahedron that carries it, `tetrahedron` (points,) int32, and `weights` (points, 4) float64 of its
-    corners, which add up to 1; a weight is below 0 where the point lies outside."""
+    """Carriers of points: for each the tetrahedron, `tetrahedron` (points,) int32, and the `weights` (points, 4)
+    float64 of its corners, which add up to 1; a weight is below 0 where the point lies outside."""
 
     tetrahedron: np.ndarray
     weights: np.ndarray

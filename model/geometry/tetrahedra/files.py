@@ -51,7 +51,7 @@ def read_tetrahedra(path: str | Path, scale: float = 1.0) -> tuple[TetrahedralMe
 
 
 def files_of(path: Path) -> tuple[Path, ...]:
-    """What has to be read for a mesh: `path`, or of a .node and .ele both, whichever is named."""
+    """Return the files to read for a mesh: `path`, or of a .node and .ele both, whichever is named."""
     if path.suffix.lower() in (".node", ".ele"):
         return path.with_suffix(".node"), path.with_suffix(".ele")
     return (path,)

@@ -25,7 +25,7 @@ class TetrahedralMesh:
 
     `position` (vertices, 3) float64 [m]; `tetrahedra` (n, 4) int32: a, b, c, d with det(b - a, c - a, d - a) > 0. Raises
     InputError: no tetrahedron, coordinates that are not finite or over LARGEST, corners that are no vertices, a volume that
-    is not over 0 (or that rounding cannot tell from 0).
+    is not over 0 (or that is 0 up to rounding).
     """
 
     position: np.ndarray
@@ -66,7 +66,7 @@ class TetrahedralMesh:
         return self._numbered(self.tetrahedra[:, FACES].reshape(-1, 3))[1]
 
     def pieces(self) -> int:
-        """How many parts hang together by vertices."""
+        """Return the number of parts connected by vertices."""
         first = self.tetrahedra[:, 0]
         ends = np.concatenate([np.stack([first, self.tetrahedra[:, k]], axis=1) for k in (1, 2, 3)])
         return len(np.unique(components(len(self.position), ends)[first]))

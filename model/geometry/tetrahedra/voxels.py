@@ -2,7 +2,7 @@
 
 A voxel exists where the body overlaps it: where its surface passes through (overlap.py), or where all of it is inside. Each
 becomes five tetrahedra or six. A voxel in which the body has pieces that do not touch there, as fingers nearer to each other
-than a voxel, is doubled: one for each piece (pieces.py, which tells the limits). Neighbours share the four vertices of a side
+than a voxel, is doubled: one for each piece (pieces.py, which lists the limits). Neighbours share the four vertices of a side
 where the body hangs together across it, and only there; so pieces share vertices where they meet around the vertex, and
 nowhere else.
 """
@@ -125,7 +125,7 @@ def voxel_mesh(
 
 
 def _slack(hull: Solid, size: float) -> float:
-    """How near to the lattice, in voxels, is on it."""
+    """Return the distance from the lattice, in voxels, up to which a point counts as on it."""
     return max(WHOLE, 8 * float(np.finfo(np.float64).eps) * float(np.abs(hull.position).max()) / size)
 
 
@@ -140,7 +140,7 @@ def _lattice(
     size = edge_of(hull.position, edge, voxels)
     largest = float(np.abs(hull.position).max())
     if size < COARSEST * largest:
-        reason = f"makes voxels of {size:.3g} m at coordinates of {largest:.3g} m, below what these can tell apart"
+        reason = f"makes voxels of {size:.3g} m at coordinates of {largest:.3g} m, below what these can resolve"
         raise SceneError(*field, f"{reason}; move the mesh to the origin, or {advice}")
     wide = (high - low) / size
     if wide.max() > MOST_VOXELS:

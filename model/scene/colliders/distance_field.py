@@ -112,18 +112,18 @@ class DistanceField(SurfaceCollider):
         return Field(distance, low, spacing, margin, overlaps)
 
     def numbers(self, real: Any) -> np.ndarray:
-        """Of the field, see model/formulas/distance_field.py."""
+        """Return the numbers of the field, see model/formulas/distance_field.py."""
         field = self.field
         header = [*np.array(field.distance.shape) - 1, *field.low, 1 / field.spacing, field.margin]
         return np.concatenate([np.array(header), field.distance.reshape(-1)]).astype(real)
 
     @property
     def number_count(self) -> int:
-        """How many numbers the header and the samples are."""
+        """Number of entries of the header and the samples."""
         return HEADER + int(self.grid[1].prod())
 
     def too_many(self) -> tuple[str, object, str]:
-        """See SurfaceCollider."""
+        """Return (field, value, remedy) of too many numbers, see SurfaceCollider."""
         _, points, spacing, _ = self.grid
         return "spacing", spacing, f"{points.prod()} samples are too many beside the others: use {2 * spacing:.3g}"
 
