@@ -122,25 +122,25 @@ def make(real, compiled=plain, damped=False, soft=True):
         violation, gamma = scaled(scale, six) - values[2], zero
         if damped:
             gamma = scaled(constants[1], values[3])
-            along = ((passed(g[0], points[0], before[0]) + passed(g[1], points[1], before[1]))
-                   + (passed(g[2], points[2], before[2]) + passed(g[3], points[3], before[3]))
-                   + (passed(g[4], points[4], before[4]) + passed(g[5], points[5], before[5]))
-                   + (passed(g[6], points[6], before[6]) + passed(g[7], points[7], before[7])))  # fmt: skip
-            violation = violation + scaled(gamma, scaled(scale, along))
+            travel = ((passed(g[0], points[0], before[0]) + passed(g[1], points[1], before[1]))
+                      + (passed(g[2], points[2], before[2]) + passed(g[3], points[3], before[3]))
+                      + (passed(g[4], points[4], before[4]) + passed(g[5], points[5], before[5]))
+                      + (passed(g[6], points[6], before[6]) + passed(g[7], points[7], before[7])))  # fmt: skip
+            violation = violation + scaled(gamma, scaled(scale, travel))
         accumulated = scaled(compliance, multipliers[0]) if soft else zero
         change = scaled(
             -violation - accumulated, reciprocal(scaled(scale, scaled(scale, weight)), one + gamma, compliance)
         )  # fmt: skip
-        step = scaled(scale, change)
+        travel = scaled(scale, change)
         moved = (
-            shift(points[0], weights[0], g[0][0], g[0][1], g[0][2], step),
-            shift(points[1], weights[1], g[1][0], g[1][1], g[1][2], step),
-            shift(points[2], weights[2], g[2][0], g[2][1], g[2][2], step),
-            shift(points[3], weights[3], g[3][0], g[3][1], g[3][2], step),
-            shift(points[4], weights[4], g[4][0], g[4][1], g[4][2], step),
-            shift(points[5], weights[5], g[5][0], g[5][1], g[5][2], step),
-            shift(points[6], weights[6], g[6][0], g[6][1], g[6][2], step),
-            shift(points[7], weights[7], g[7][0], g[7][1], g[7][2], step),
+            shift(points[0], weights[0], g[0][0], g[0][1], g[0][2], travel),
+            shift(points[1], weights[1], g[1][0], g[1][1], g[1][2], travel),
+            shift(points[2], weights[2], g[2][0], g[2][1], g[2][2], travel),
+            shift(points[3], weights[3], g[3][0], g[3][1], g[3][2], travel),
+            shift(points[4], weights[4], g[4][0], g[4][1], g[4][2], travel),
+            shift(points[5], weights[5], g[5][0], g[5][1], g[5][2], travel),
+            shift(points[6], weights[6], g[6][0], g[6][1], g[6][2], travel),
+            shift(points[7], weights[7], g[7][0], g[7][1], g[7][2], travel),
         )
         return moved, (multipliers[0] + change if soft else zero,)
 
