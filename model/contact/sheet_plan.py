@@ -37,7 +37,7 @@ def present_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset
     return frozenset(sheet_parts(scene, live) | {name for name, does in needed.items() if does})
 
 
-def own_stages(parts: frozenset[str], memory: int = 1) -> Stages:
+def particle_force_stages(parts: frozenset[str], memory: int = 1) -> Stages:
     """Return the stages of the forces on a particle alone; `memory` 0 where they cost none, since they are part of the
     prediction."""
     return tuple(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from softlab.model.contact.particle_parameters import contact_parts, rigid_parts
-from softlab.model.contact.sheet_plan import WIND, cloth_parts, own_stages
+from softlab.model.contact.sheet_plan import WIND, cloth_parts, particle_force_stages
 from softlab.model.core.plan import Node, Plan, Stage
 from softlab.model.formulas import colliders, contact, distance, particle_contact
 from softlab.model.formulas.shape_matching import cluster, couple, deformation, lattice, pace, rebound, rigid
@@ -232,7 +232,7 @@ def xpbd_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
         outside.append(Stage("gravity", 0, 0, 1))
     if "wind" in parts:
         outside.append(Stage("wind", 3, 1, WIND))
-    outside.extend(own_stages(parts, memory=0))
+    outside.extend(particle_force_stages(parts, memory=0))
     predict = Stage("predict", 2, 2, axes * distance.OPERATIONS_PREDICT)
 
     def project(family: Family) -> int:
