@@ -113,7 +113,7 @@ def _packed(body: BakedBody) -> dict[str, Any]:
 
 
 def _unpacked(arrays: dict[str, np.ndarray]) -> BakedBody | None:
-    """The body of a file's arrays; None where they are none."""
+    """Return the body of a file's arrays; None where they are none."""
     try:
         report_fields = json.loads(str(arrays["report"]))
         report = Report(

@@ -102,9 +102,9 @@ def report_of(
     hanging: int | None = None,
     samples: Samples | None = None,
 ) -> Report:
-    """The report of a body of particles `spacing` [m] apart, of `mass` [kg] and `volume` [m^3], `surface` of them on its
-    surface, in `clusters` with `links` (n, 2), from a mesh of so many `pieces`. `hanging`: how many parts hang together,
-    where that is known; `samples`: where particles were sampled."""
+    """Return the report of a body of particles `spacing` [m] apart, of `mass` [kg] and `volume` [m^3], `surface` of
+    them on its surface, in `clusters` with `links` (n, 2), from a mesh of so many `pieces`. `hanging`: how many parts
+    hang together, where that is known; `samples`: where particles were sampled."""
     count, members = len(clusters.mass), np.diff(clusters.offsets)
     return Report(
         particles=count,

@@ -129,7 +129,7 @@ def save(path: Path, body: CookedBody) -> None:
 
 
 def load(path: str | Path) -> CookedBody:
-    """The body that `save` wrote, or the tetrahedra of any other .npz file. Raises InputError."""
+    """Return the body that `save` wrote, or the tetrahedra of any other .npz file. Raises InputError."""
     return _body_of_file(Path(path), 1.0)
 
 
@@ -161,7 +161,7 @@ def _bytes(file: Path) -> bytes:
 
 
 def _named(source: Source, scale: float) -> Source:
-    """The shape of that name, unless there is a file of it. Raises SceneError (scale) and InputError."""
+    """Return the shape of that name, unless there is a file of it. Raises SceneError (scale) and InputError."""
     if not (np.isfinite(scale) and scale > 0):
         raise SceneError("scale", scale, "must be a finite number greater than 0")
     if not isinstance(source, str | Path):
@@ -182,7 +182,7 @@ def is_settled(source: Source) -> bool:
 
 
 def _triangles(source: Source, scale: float, raw: bool) -> TriangleMesh | tuple[np.ndarray, np.ndarray]:
-    """The mesh; `raw`: as a file holds it, whatever it is."""
+    """Return the mesh; `raw`: as a file holds it, whatever it is."""
     if isinstance(source, Shape):
         return source.model_copy(update={"scale": source.scale * scale}).mesh()
     if isinstance(source, str | Path):
@@ -193,7 +193,7 @@ def _triangles(source: Source, scale: float, raw: bool) -> TriangleMesh | tuple[
 
 
 def _prepared(source: TriangleMesh | tuple[np.ndarray, np.ndarray], unite: bool, simplify: int | None) -> TriangleMesh:
-    """The mesh united, then simplified, as wanted."""
+    """Return the mesh united, then simplified, as wanted."""
     position, triangles = source if isinstance(source, tuple) else (source.position, source.triangles)
     if unite:
         mesh = united(np.asarray(position, dtype=np.float64), np.asarray(triangles, dtype=np.int64))

@@ -143,14 +143,14 @@ def _interior(body: Solid, spacing: float, sampling: float) -> tuple[np.ndarray,
 
 
 def _weights(body: Solid, spacing: float) -> np.ndarray:
-    """(triangles,): places tried on each, at a surface sampling of 1."""
+    """Return (triangles,): places tried on each, at a surface sampling of 1."""
     corners = body.position[body.triangles]
     sides = norm(np.roll(corners, -1, axis=1) - corners)
     return np.maximum(triangle_areas(body.position, body.triangles) / spacing**2, sides.max(axis=1) / spacing)
 
 
 def _surface(body: Solid, spacing: float, sampling: float) -> np.ndarray:
-    """(n, 3) float64 [m]: places on the surface, spread evenly over the triangles one after the other.
+    """Return (n, 3) float64 [m]: places on the surface, spread evenly over the triangles one after the other.
 
     The same in every triangle by the R2 sequence, a square's low-discrepancy points in two dimensions (M. Roberts, "The
     unreasonable effectiveness of quasirandom sequences", 2018), folded onto the triangle.

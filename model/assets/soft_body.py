@@ -78,8 +78,8 @@ class RigidBody(Part):
 
     @classmethod
     def from_mesh(cls: type[Body], mesh: Meshes, **parameters: Any) -> BakedBody:
-        """The body of a closed mesh: a TriangleMesh (`model.geometry.mesh.read_mesh`, `model.geometry.shapes.Shape.mesh`)
-        or (position (vertices, 3) [m], triangles (n, 3)). The same on every call.
+        """Return the body of a closed mesh: a TriangleMesh (`model.geometry.mesh.read_mesh`,
+        `model.geometry.shapes.Shape.mesh`) or (position (vertices, 3) [m], triangles (n, 3)). The same on every call.
 
         Raises SceneError (a parameter) and InputError (the mesh), each with what would do.
         """
@@ -211,7 +211,8 @@ class SoftBody(RigidBody):
         return clusters, links, length, self.link_stiffness
 
     def _links(self, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(n, 2) int32 and their lengths [m]. Raises SceneError where `link_radius` reaches no particle, or too many."""
+        """Return (n, 2) int32 and their lengths [m]. Raises SceneError where `link_radius` reaches no particle, or too
+        many."""
         try:
             one, other, length = close_pairs(position, self.link_radius)
         except TooMany as error:
@@ -236,7 +237,7 @@ def check_masses(parameters: RigidBody, mass: np.ndarray) -> None:
 
 
 def parameters_of(kind: type[Body], fields: dict[str, Any]) -> Body:
-    """The parameters, checked. Raises SceneError."""
+    """Return the parameters, checked. Raises SceneError."""
     try:
         return kind(**fields)
     except ValidationError as error:

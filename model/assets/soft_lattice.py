@@ -81,8 +81,8 @@ class SoftLattice(SoftBody):
 
 
 def fitting_spacing(sides: np.ndarray, spacing: float) -> float:
-    """The spacing [m] nearest to `spacing` that divides all of a box's `sides` (3,) [m], if one is within FITS of it, else
-    `spacing`.
+    """Return the spacing [m] nearest to `spacing` that divides all of a box's `sides` (3,) [m], if one is within FITS
+    of it, else `spacing`.
 
     >>> round(fitting_spacing(np.array([1.0, 0.5, 1.0]), 0.3), 6), fitting_spacing(np.array([1.0, 0.7, 0.3]), 0.28)
     (0.25, 0.28)
@@ -113,8 +113,8 @@ def _notes(sides: np.ndarray, filled: np.ndarray, asked: float, spacing: float) 
 
 
 def _box(position: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The least and the largest corner [m] of a mesh that is a box along the axes: closed, its vertices on the six sides and
-    its volume theirs. Raises InputError for any other."""
+    """Return the least and the largest corner [m] of a mesh that is a box along the axes: closed, its vertices on the
+    six sides and its volume theirs. Raises InputError for any other."""
     if not len(triangles):
         raise InputError("the mesh has no triangles; a lattice fills a box")
     low, high = position.min(axis=0), position.max(axis=0)

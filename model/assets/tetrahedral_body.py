@@ -56,7 +56,7 @@ class CookedBody:
         return 5 if first > 1.5 * second else 6
 
     def with_density(self, density: float) -> CookedBody:
-        """The body with another density [kg/m^3]. Raises SceneError."""
+        """Return the body with another density [kg/m^3]. Raises SceneError."""
         check_density(density)
         return replace(self, report=replace(self.report, density=density, mass=density * self.report.volume))
 
@@ -109,7 +109,7 @@ def body_of_tetrahedra(mesh: TetrahedralMesh, notes: tuple[str, ...]) -> CookedB
 
 
 def scaled(body: CookedBody, scale: float) -> CookedBody:
-    """The body, `scale` times as large. Raises InputError."""
+    """Return the body, `scale` times as large. Raises InputError."""
     if scale == 1:
         return body
     notes, was = body.report.told, body.report

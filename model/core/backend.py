@@ -49,7 +49,7 @@ class Backend(ABC):
 
     @abstractmethod
     def _download(self) -> tuple[np.ndarray, np.ndarray]:
-        """(position, velocity) as new host arrays (particles, dimensions) in the simulation's precision."""
+        """Return (position, velocity) as new host arrays (particles, dimensions) in the simulation's precision."""
 
     @abstractmethod
     def _upload(self, position: np.ndarray, velocity: np.ndarray) -> None:

@@ -178,7 +178,8 @@ def _imported(file: Path) -> Iterator[str]:
 
 
 def _statements(node: ast.AST) -> Iterator[ast.AST]:
-    """The statements within one, itself among them, but no expressions, of which a file has twenty times as many."""
+    """Return the statements within one, itself among them, but no expressions, of which a file has twenty times as
+    many."""
     yield node
     for field in ("body", "orelse", "finalbody", "handlers", "cases"):
         inside = getattr(node, field, ())

@@ -37,12 +37,12 @@ def first_crossings(tree: np.ndarray, begin: np.ndarray, end: np.ndarray) -> tup
 
 
 def corners_of(tree: np.ndarray) -> np.ndarray:
-    """(triangles, 3, 3) [m] of a tree, in its order."""
+    """Return (triangles, 3, 3) [m] of a tree, in its order."""
     return _parts(tree)[1]
 
 
 def _parts(tree: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(nodes (n, NODE), corners (triangles, 3, 3))."""
+    """Return (nodes (n, NODE), corners (triangles, 3, 3))."""
     count = int(tree[6])  # the root's end: how many nodes there are
     return tree[: count * NODE].reshape(count, NODE), tree[count * NODE :].reshape(-1, CORNERS // 3, 3)
 

@@ -24,8 +24,8 @@ Attachments = tuple[np.ndarray, np.ndarray]
 
 
 def sheet_attachments(rest_position: np.ndarray, pinned: np.ndarray, count: int) -> Attachments:
-    """(anchor (particles, count) int32, distance (particles, count) float64 [m]) of a flat sheet: for each particle its
-    `count` nearest of the `pinned` ones, nearest first, the lower index first of equally near ones.
+    """Return (anchor (particles, count) int32, distance (particles, count) float64 [m]) of a flat sheet: for each
+    particle its `count` nearest of the `pinned` ones, nearest first, the lower index first of equally near ones.
 
     -1 and inf where there are fewer. `rest_position` (particles, dimensions) [m]. A k-d tree proposes; distances are computed
     here, rounded to KEY_BITS and sorted, so that the answer is the same on every machine. Raises SceneError (count).
@@ -59,9 +59,9 @@ def sheet_attachments(rest_position: np.ndarray, pinned: np.ndarray, count: int)
 
 
 def mesh_attachments(position: np.ndarray, edges: MeshEdges, anchors: np.ndarray, count: int) -> Attachments:
-    """(anchor (vertices, count) int32, distance (vertices, count) float64 [m]) of a mesh: for each vertex its `count` nearest
-    of the vertices `anchors` along the edges of `position` (vertices, 3) [m], nearest first, the lower index first of
-    equally far ones; -1 and inf where fewer can be reached.
+    """Return (anchor (vertices, count) int32, distance (vertices, count) float64 [m]) of a mesh: for each vertex its
+    `count` nearest of the vertices `anchors` along the edges of `position` (vertices, 3) [m], nearest first, the lower
+    index first of equally far ones; -1 and inf where fewer can be reached.
 
     E. W. Dijkstra's labels (1959), `count` to a vertex, a front as deep as a mean edge at once and mended where it ran
     ahead (U. Meyer, P. Sanders, "Delta-stepping" (2003)): the same numbers as one after the other. Of our own, as those of
@@ -90,7 +90,7 @@ Labels = tuple[np.ndarray, np.ndarray, np.ndarray]  # vertex, the anchor it has 
 
 
 def _spread(vertex: np.ndarray, source: np.ndarray, far: np.ndarray, neighbours: Lists, length: np.ndarray) -> Labels:
-    """The labels that those given hand on to all neighbours."""
+    """Return the labels that those given hand on to all neighbours."""
     start = neighbours.offsets[vertex]
     label, entry = ranges(start, neighbours.offsets[vertex + 1] - start)
     return neighbours.indices[entry].astype(np.int64), source[label], far[label] + length[entry]
@@ -124,7 +124,7 @@ def _insert_labels(
 
 
 def _first(*columns: np.ndarray) -> np.ndarray:
-    """(n,) bool: rows that differ from the one before."""
+    """Return (n,) bool: rows that differ from the one before."""
     new = np.ones(len(columns[0]), dtype=bool)
     new[1:] = np.any([column[1:] != column[:-1] for column in columns], axis=0)
     return new

@@ -12,12 +12,13 @@ from softlab.model.geometry.arithmetic.ordered import combined, dot, norm, produ
 
 
 def edge_lengths(position: np.ndarray, ends: np.ndarray) -> np.ndarray:
-    """(edges,) float64 [m]: between the two points of `position` (points, 3) [m] that each row of `ends` (edges, 2) names."""
+    """Return (edges,) float64 [m]: between the two points of `position` (points, 3) [m] that each row of `ends` (edges,
+    2) names."""
     return norm(position[ends[:, 1]] - position[ends[:, 0]])
 
 
 def triangle_areas(position: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """(triangles,) float64 [m^2]: of `triangles` (n, 3) between points of `position` (points, 3) [m]."""
+    """Return (triangles,) float64 [m^2]: of `triangles` (n, 3) between points of `position` (points, 3) [m]."""
     a, b, c = (position[corner] for corner in triangles.T)
     return norm(np.cross(b - a, c - a)) / 2
 
@@ -29,7 +30,7 @@ def unit(vectors: np.ndarray) -> np.ndarray:
 
 
 def rotation_matrix(axis: np.ndarray, angle: float) -> np.ndarray:
-    """(3, 3) float64: the rotation about `axis` (3,), 1 long, by `angle` [rad], by Rodrigues' formula."""
+    """Return (3, 3) float64: the rotation about `axis` (3,), 1 long, by `angle` [rad], by Rodrigues' formula."""
     x, y, z = axis
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     s, c = sine_and_cosine(float(angle))
@@ -48,7 +49,7 @@ def _dots(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def nearest_weights(p: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """(n, 3) barycentric weights of the point of triangles q (n, 3, 3) nearest to points p (n, 3)."""
+    """Return (n, 3) barycentric weights of the point of triangles q (n, 3, 3) nearest to points p (n, 3)."""
     u, v, r = q[:, 1] - q[:, 0], q[:, 2] - q[:, 0], p - q[:, 0]
     uu, uv, vv, ru, rv = _dots(u, u), _dots(u, v), _dots(v, v), _dots(r, u), _dots(r, v)
     with np.errstate(divide="ignore", invalid="ignore"):

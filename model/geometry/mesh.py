@@ -130,7 +130,7 @@ def with_triangles(mesh: TriangleMesh, position: np.ndarray, triangles: np.ndarr
 def _without_unused(
     position: np.ndarray, triangles: np.ndarray, place: np.ndarray, merged: int, notes: list[str]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(numbering, position, triangles): vertices of a triangle, numbered in the file's order."""
+    """Return (numbering, position, triangles): vertices of a triangle, numbered in the file's order."""
     used = np.zeros(len(position), dtype=bool)
     used[triangles] = True
     unused = len(position) - merged - int(used.sum())

@@ -80,7 +80,7 @@ class Shape(Part):
         return {"sides"} if self.sides is None else set()
 
     def mesh(self) -> TriangleMesh:
-        """The mesh, around the origin, y up; letters side by side along x, a piece each."""
+        """Return the mesh, around the origin, y up; letters side by side along x, a piece each."""
         position, triangles = MAKERS[self.name](self)
         return triangle_mesh(position * self.scale, triangles)
 
@@ -92,8 +92,8 @@ def _net(
 
 
 def _halves(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray) -> np.ndarray:
-    """(2 n, 3): quadrilaterals by the numbers of their corners, in their order round them, each cut from a to c: first all
-    halves with b, then all with d."""
+    """Return (2 n, 3): quadrilaterals by the numbers of their corners, in their order round them, each cut from a to c:
+    first all halves with b, then all with d."""
     return np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)])
 
 

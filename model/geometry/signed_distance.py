@@ -55,8 +55,8 @@ def _sources() -> str:
 def signed_distances(
     position: np.ndarray, triangles: np.ndarray, low: np.ndarray, counts: np.ndarray, spacing: float
 ) -> tuple[np.ndarray, bool]:
-    """(distances `counts` float64 [m], negative inside; whether the mesh overlaps itself) at the points low + (i, j, k)
-    `spacing` [m], `counts` (3,) of them, of a mesh that is closed, outer sides outwards."""
+    """Return (distances `counts` float64 [m], negative inside; whether the mesh overlaps itself) at the points low +
+    (i, j, k) `spacing` [m], `counts` (3,) of them, of a mesh that is closed, outer sides outwards."""
     distance = np.sqrt(squared_distances(position[triangles], low, counts, spacing))
     runs = runs_inside(position, triangles, spacing, (low, counts))
     for index, _ in runs.points():

@@ -71,7 +71,7 @@ def as_mesh(mesh: TriangleMesh | tuple[np.ndarray, np.ndarray], inside: bool = F
 
 
 def _volumes(position: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """(triangles,) [m^3]: of the tetrahedra over each triangle, whose sum over a closed mesh is its volume."""
+    """Return (triangles,) [m^3]: of the tetrahedra over each triangle, whose sum over a closed mesh is its volume."""
     a, b, c = (position[corner] - mean(position) for corner in triangles.T)
     return dot(a, np.cross(b, c)) / 6
 
@@ -112,7 +112,7 @@ def filled(mesh: TriangleMesh, widest: float, instead: str = CLOTH) -> TriangleM
 def _outwards(
     position: np.ndarray, triangles: np.ndarray, edges: MeshEdges, notes: list[str]
 ) -> tuple[np.ndarray, int]:
-    """(triangles with outer sides outwards, pieces that are no cavities)."""
+    """Return (triangles with outer sides outwards, pieces that are no cavities)."""
     if edges.boundary.any():
         raise InputError(
             "the mesh is not closed, and its holes touch each other; close them in the program that made it"

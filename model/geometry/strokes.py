@@ -16,7 +16,8 @@ from softlab.model.geometry.surfaces.surface_nets import Field
 
 
 def _segments(points: np.ndarray, nodes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(distance, place along in [0, 1]) (n, segments) of `points` (n, d) from the segments between `nodes` (k, d)."""
+    """Return (distance, place along in [0, 1]) (n, segments) of `points` (n, d) from the segments between `nodes` (k,
+    d)."""
     start, span = nodes[:-1], np.diff(nodes, axis=0).T
     away = [points[:, axis, None] - start[:, axis] for axis in range(len(span))]
     along = np.clip(_dot(away, span) / _dot(span, span), 0, 1)
@@ -106,14 +107,15 @@ def blended(fields: Sequence[Field], width: float) -> Field:
 
 
 def _arc(x: float, y: float, wide: float, high: float, first: float, last: float) -> np.ndarray:
-    """(k, 2): of an ellipse with half axes `wide` and `high` about (x, y), from one angle to another [degrees]."""
+    """Return (k, 2): of an ellipse with half axes `wide` and `high` about (x, y), from one angle to another [degrees]."""
     angle = np.radians(np.linspace(first, last, max(2, round(abs(last - first) / 12) + 1)))
     return np.stack([x + wide * cosine(angle), y + high * sine(angle)], axis=1)
 
 
 @cache
 def letters() -> dict[str, list[np.ndarray]]:
-    """The middle lines of letters: strokes (k, 2) [m], from -0.39 to 0.39 along y, so that a stroke 0.22 wide ends at 1 m."""
+    """Return the middle lines of letters: strokes (k, 2) [m], from -0.39 to 0.39 along y, so that a stroke 0.22 wide
+    ends at 1 m."""
     top, low = 0.39, -0.39
     glyphs: dict[str, list[Sequence[tuple[float, float]] | np.ndarray]] = {
         "A": [[(-0.36, low), (0, top), (0.36, low)], [(-0.26, -0.18), (0.26, -0.18)]],

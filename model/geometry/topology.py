@@ -73,7 +73,7 @@ def file_digest(path: Path) -> str:
 
 
 def mesh_of(part: MeshPart) -> TriangleMesh:
-    """The mesh of the part, around its own origin; kept while few others are asked for. Raises InputError."""
+    """Return the mesh of the part, around its own origin; kept while few others are asked for. Raises InputError."""
     if part.file is None:
         return _sheet(part.rows, part.columns, part.spacing, part.diagonals, part.placement)
     path = mesh_path(part.file)
@@ -126,7 +126,7 @@ def _mean_edge(mesh: TriangleMesh) -> float:
 
 
 def vertex_masses(part: MeshPart) -> np.ndarray:
-    """(vertices,) float64 [kg]: a third of each triangle for each of its corners, or the same for all."""
+    """Return (vertices,) float64 [kg]: a third of each triangle for each of its corners, or the same for all."""
     mesh = mesh_of(part)
     if part.density is None:
         return np.full(len(mesh.position), part.mass)
@@ -135,7 +135,7 @@ def vertex_masses(part: MeshPart) -> np.ndarray:
 
 
 def pinned_vertices(part: MeshPart) -> np.ndarray:
-    """(pins,) int64, ascending: of a mesh from a file. Raises SceneError for vertices that it does not have."""
+    """Return (pins,) int64, ascending: of a mesh from a file. Raises SceneError for vertices that it does not have."""
     mesh = mesh_of(part)
     if part.pinned == "top":
         height = mesh.position[:, 1]

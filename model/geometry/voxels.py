@@ -42,7 +42,7 @@ class Runs:
         return int((self.high - self.low).sum())
 
     def points(self) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-        """(index (n, 3) int64, position (n, 3) float64 [m]), in order, some BATCH at a time."""
+        """Yield (index (n, 3) int64, position (n, 3) float64 [m]), in order, some BATCH at a time."""
         length = self.high - self.low
         ends = np.cumsum(length)
         begin = 0
@@ -60,9 +60,9 @@ Lattice = tuple[np.ndarray, np.ndarray]
 
 
 def lattice(position: np.ndarray, pitch: float) -> Lattice:
-    """(origin (3,) [m], counts (3,) int64) of the lattice of `pitch` [m] that lies evenly in the box around `position`
-    (vertices, 3): as many points along each axis as pitches fit, rounded, at least one; of a box of whole pitches the
-    centres of its cells."""
+    """Return (origin (3,) [m], counts (3,) int64) of the lattice of `pitch` [m] that lies evenly in the box around
+    `position` (vertices, 3): as many points along each axis as pitches fit, rounded, at least one; of a box of whole
+    pitches the centres of its cells."""
     low, high = position.min(axis=0), position.max(axis=0)
     counts = np.maximum(1, np.floor((high - low) / pitch + 0.5)).astype(np.int64)
     return (low + high) / 2 - (counts - 1) / 2 * pitch, counts
@@ -79,8 +79,8 @@ def divided(position: np.ndarray, pitch: float, parts: int) -> Lattice:
 
 
 def runs_inside(position: np.ndarray, triangles: np.ndarray, pitch: float, place: Lattice | None = None) -> Runs:
-    """The points of a lattice, `lattice(position, pitch)` unless given, inside a mesh: `position` (vertices, 3) [m] and
-    `triangles` (n, 3), closed, outer sides outwards."""
+    """Return the points of a lattice, `lattice(position, pitch)` unless given, inside a mesh: `position` (vertices, 3)
+    [m] and `triangles` (n, 3), closed, outer sides outwards."""
     origin, counts = lattice(position, pitch) if place is None else place
     row, column, height, sign, _ = crossings((position - origin) / pitch, np.asarray(triangles, dtype=np.int64), counts)
     level = np.clip(np.ceil(height), -1, counts[2] + 1).astype(np.int64)  # the first point at or above the crossing
@@ -112,8 +112,8 @@ def runs_inside(position: np.ndarray, triangles: np.ndarray, pitch: float, place
 def crossings(
     place: np.ndarray, triangles: np.ndarray, counts: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """(row, column, height, sign, triangle) (n,), int64 but for the heights: where triangles cross columns, of `place`
-    (vertices, 3) in pitches from the lattice's origin. Sign: +1 where the outer side looks up."""
+    """Return (row, column, height, sign, triangle) (n,), int64 but for the heights: where triangles cross columns, of
+    `place` (vertices, 3) in pitches from the lattice's origin. Sign: +1 where the outer side looks up."""
     above = np.clip(np.ceil(place[:, 1]), 0, counts[1]).astype(np.int64)  # the first row at or above each vertex
     corner = above[triangles]
     first, last = corner.min(axis=1), corner.max(axis=1)
@@ -140,7 +140,7 @@ def crossings(
 
 
 def winding_numbers(points: np.ndarray, position: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """(points,) float64: how often the mesh goes round each of `points` (n, 3): whole numbers of a closed mesh.
+    """Return (points,) float64: how often the mesh goes round each of `points` (n, 3): whole numbers of a closed mesh.
 
     Solid angles: A. Van Oosterom, J. Strackee, "The Solid Angle of a Plane Triangle", IEEE Trans. Biomed. Eng. 30 (1983).
     Takes points x triangles; for whole lattices there is `runs_inside`.

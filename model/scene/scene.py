@@ -121,7 +121,8 @@ class Scene(SceneParts):
         return tuple(phases)
 
     def at(self, time: float) -> Scene:
-        """The whole scene with the pins that it has at `time` [s]; the same object at any time between two releases."""
+        """Return the whole scene with the pins that it has at `time` [s]; the same object at any time between two
+        releases."""
         whole = self.whole
         begun = time + UNSEEN * whole.method.dt
         return next((scene for begin, scene in reversed(whole.phases) if begun >= begin), whole)

@@ -32,8 +32,8 @@ def sheet_reaches(scene: Scene, body: Body, real: Any) -> tuple[np.ndarray, np.n
 
 
 def vertex_attachments(scene: Scene, body: Body, real: Any, wanted: bool = True) -> tuple[np.ndarray, np.ndarray]:
-    """(anchors (vertices, count) int32, how far from them (vertices, count) [m]); a vertex without that many repeats the
-    nearest, one that no pinned vertex is connected with is its own anchor, with UNREACHED."""
+    """Return (anchors (vertices, count) int32, how far from them (vertices, count) [m]); a vertex without that many
+    repeats the nearest, one that no pinned vertex is connected with is its own anchor, with UNREACHED."""
     part, attachments = scene.mesh, scene.attachments
     if part is None or attachments is None or not wanted:
         return np.zeros((1, 1), np.int32), np.zeros((1, 1), real)

@@ -33,7 +33,7 @@ RADIANS = 0.017453292519943295  # a degree
 
 
 def sine_and_cosine(angle: Any) -> tuple[Any, Any]:
-    """(sine, cosine) of an array or a number [rad]."""
+    """Return (sine, cosine) of an array or a number [rad]."""
     x = np.asarray(angle, dtype=np.float64)
     quarter = np.rint(x * TWO_OVER_PI)
     first, second, third = PARTS_OF_HALF_PI

@@ -22,7 +22,7 @@ class Embedding:
     weights: np.ndarray
 
     def points(self, position: np.ndarray, tetrahedra: np.ndarray) -> np.ndarray:
-        """(points, 3) float64 [m]: where the points are while the vertices are at `position` (vertices, 3) [m]."""
+        """Return (points, 3) float64 [m]: where the points are while the vertices are at `position` (vertices, 3) [m]."""
         points: np.ndarray = combined(self.weights, position[tetrahedra[self.tetrahedron]])
         return points
 
@@ -43,7 +43,8 @@ class Embedding:
 
 
 def weights_of(points: np.ndarray, position: np.ndarray, tetrahedra: np.ndarray) -> np.ndarray:
-    """(points, 4) float64: of each of `points` (n, 3) [m] in the tetrahedron of `tetrahedra` (n, 4) in the same row."""
+    """Return (points, 4) float64: of each of `points` (n, 3) [m] in the tetrahedron of `tetrahedra` (n, 4) in the same
+    row."""
     start = position[tetrahedra[:, 0]]
     rest = applied(rest_inverse(position, tetrahedra), points - start)
     return np.column_stack([1 - rest.sum(axis=1), rest])

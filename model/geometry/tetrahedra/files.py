@@ -27,9 +27,9 @@ VTK_TETRAHEDRA = (10, 24)  # of first and second order: their first four nodes a
 
 
 def read_tetrahedra(path: str | Path, scale: float = 1.0) -> tuple[TetrahedralMesh, tuple[str, ...]]:
-    """(the mesh in a file, coordinates times `scale` [m per unit of the file]; what was left out). Vertices and tetrahedra
-    keep the file's order. Raises InputError (unreadable, cut short, no tetrahedron, what TetrahedralMesh refuses: no volume,
-    inside out) and SceneError (scale)."""
+    """Return (the mesh in a file, coordinates times `scale` [m per unit of the file]; what was left out). Vertices and
+    tetrahedra keep the file's order. Raises InputError (unreadable, cut short, no tetrahedron, what TetrahedralMesh
+    refuses: no volume, inside out) and SceneError (scale)."""
     path = Path(path)
     if not (isfinite(scale) and scale > 0):
         raise SceneError("scale", scale, "must be a finite number greater than 0")

@@ -47,7 +47,7 @@ def fractions_of(
 
 
 def _sampled(pieces: Pieces, parity: np.ndarray, shape_functions: np.ndarray) -> np.ndarray:
-    """(pieces, tetrahedra, 4): of each piece by itself."""
+    """Return (pieces, tetrahedra, 4): of each piece by itself."""
     count = len(pieces.voxel)
     integrals = np.zeros((count, *shape_functions.shape[1:3]))
     weight = np.zeros(count)
@@ -62,7 +62,7 @@ def _sampled(pieces: Pieces, parity: np.ndarray, shape_functions: np.ndarray) ->
 
 
 def mean_of_four(fractions: np.ndarray) -> np.ndarray:
-    """(...,): the mean of `fractions` (..., 4), 1 of four ones."""
+    """Return (...,): the mean of `fractions` (..., 4), 1 of four ones."""
     mean: np.ndarray = dot(fractions, np.full(4, 0.25))
     return mean
 
@@ -87,7 +87,7 @@ def _scaled_to(fractions: np.ndarray, cut: np.ndarray, whole: np.ndarray, target
 
 
 def _complete(axis: int, shape_functions: np.ndarray) -> np.ndarray:
-    """(2, tetrahedra, 4): what the lines along `axis` make of whole tetrahedra."""
+    """Return (2, tetrahedra, 4): what the lines along `axis` make of whole tetrahedra."""
     place = (np.stack(np.divmod(np.arange(PROBES**2), PROBES), axis=1) + 0.5) / PROBES
     line = np.tile(place, (2, 1))
     piece = np.repeat([0, 1], PROBES**2)
@@ -96,7 +96,7 @@ def _complete(axis: int, shape_functions: np.ndarray) -> np.ndarray:
 
 
 def _along_chords(chords: Chords, axis: int, count: int, parity: np.ndarray, shape_functions: np.ndarray) -> np.ndarray:
-    """(count, tetrahedra, 4): the sums of chords' integrals of the shape functions, of each piece."""
+    """Return (count, tetrahedra, 4): the sums of chords' integrals of the shape functions, of each piece."""
     integrals = np.zeros((count, *shape_functions.shape[1:3]))
     for begin in range(0, len(chords.piece), BATCH):
         some = slice(begin, begin + BATCH)
@@ -112,8 +112,9 @@ def _along_chords(chords: Chords, axis: int, count: int, parity: np.ndarray, sha
 
 
 def _along(functions: np.ndarray, origin: np.ndarray, axis: int, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """(n, 4): integrals of linear `functions` (n, 4, 4) along lines from `origin` (n, 3) in direction `axis`, from `low` to
-    `high` (n,), where all four are positive. A line in a plane that two tetrahedra share is half of each one's."""
+    """Return (n, 4): integrals of linear `functions` (n, 4, 4) along lines from `origin` (n, 3) in direction `axis`,
+    from `low` to `high` (n,), where all four are positive. A line in a plane that two tetrahedra share is half of each
+    one's."""
     slope = functions[..., 1 + axis]
     value = functions[..., 0] + dot(functions[..., 1:], origin[:, None])
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -33,7 +33,7 @@ class Cells:
         return key
 
     def number(self, index: np.ndarray) -> np.ndarray:
-        """(n,) int64: the voxel at each `index` (n, 3), -1 where there is none."""
+        """Return (n,) int64: the voxel at each `index` (n, 3), -1 where there is none."""
         inside = ((index >= 0) & (index < self.counts)).all(axis=1)
         key = np.where(inside, self._key(index), 0)
         if self._table is not None:
@@ -44,13 +44,13 @@ class Cells:
         return np.where(inside, number, -1)
 
     def beside(self, axis: int) -> np.ndarray:
-        """(voxels,) int64: the next voxel along `axis`, -1 for none."""
+        """Return (voxels,) int64: the next voxel along `axis`, -1 for none."""
         return self.number(self.index + np.eye(3, dtype=np.int64)[axis])
 
 
 def across_edges(place: np.ndarray, edges: MeshEdges, cells: Cells, pairs: Pairs) -> np.ndarray:
-    """(n, 2): those of `pairs` in one voxel whose triangles share an edge that passes through it. `place` (vertices, 3): in
-    voxels."""
+    """Return (n, 2): those of `pairs` in one voxel whose triangles share an edge that passes through it. `place`
+    (vertices, 3): in voxels."""
     triangle, voxel = pairs
     side = edges.sides[triangle].astype(np.int64)
     key = (side * len(cells) + voxel[:, None]).ravel()
@@ -64,9 +64,9 @@ def across_edges(place: np.ndarray, edges: MeshEdges, cells: Cells, pairs: Pairs
 def over_edges(
     place: np.ndarray, triangles: np.ndarray, edges: MeshEdges, cells: Cells, pairs: Pairs, axis: int
 ) -> np.ndarray:
-    """(n, 2): what hangs together across a side between voxels one behind the other along `axis`, by an edge on that side:
-    the pairs of the edge's two triangles; or, where one of these lies on the side and has the voxel behind on its inner side,
-    the other's pair and pairs + that voxel. The lower voxel's first."""
+    """Return (n, 2): what hangs together across a side between voxels one behind the other along `axis`, by an edge on
+    that side: the pairs of the edge's two triangles; or, where one of these lies on the side and has the voxel behind
+    on its inner side, the other's pair and pairs + that voxel. The lower voxel's first."""
     triangle, voxel = pairs
     count = len(triangle)
     side = edges.sides[triangle].astype(np.int64).ravel()
@@ -110,7 +110,7 @@ def _passes(place: np.ndarray, ends: np.ndarray, low: np.ndarray, axes: tuple[in
 
 
 def positions(keys: np.ndarray, wanted: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(where each of `wanted` stands in `keys`, which ascend; bool: whether it does)."""
+    """Return (where each of `wanted` stands in `keys`, which ascend; bool: whether it does)."""
     if not len(keys):
         return np.zeros(len(wanted), dtype=np.int64), np.zeros(len(wanted), dtype=bool)
     place = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)

@@ -15,9 +15,9 @@ EIGHT = np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)])
 
 
 def triangles_in_voxels(place: np.ndarray, triangles: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(triangle (pairs,), voxel (pairs, 3)) int64, by triangle: each of `triangles` (n, 3) with the voxels that it passes
-    through, (i, j, k) being the cube from there to (i + 1, j + 1, k + 1). `place` (vertices, 3): in voxels, within 0 and
-    `counts` (3,)."""
+    """Return (triangle (pairs,), voxel (pairs, 3)) int64, by triangle: each of `triangles` (n, 3) with the voxels that
+    it passes through, (i, j, k) being the cube from there to (i + 1, j + 1, k + 1). `place` (vertices, 3): in voxels,
+    within 0 and `counts` (3,)."""
     batches = [
         _some(begin, place[triangles[begin : begin + BATCH]], counts) for begin in range(0, len(triangles), BATCH)
     ]
@@ -27,7 +27,7 @@ def triangles_in_voxels(place: np.ndarray, triangles: np.ndarray, counts: np.nda
 
 
 def _some(first: int, corners: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The pairs of triangles `corners` (n, 3, 3), which are numbered from `first` on."""
+    """Return the pairs of triangles `corners` (n, 3, 3), which are numbered from `first` on."""
     least = np.clip(np.floor(corners.min(axis=1)), 0, counts - 1).astype(np.int64)
     most = np.clip(np.ceil(corners.max(axis=1)) - 1, least, counts - 1).astype(np.int64)
     level = np.zeros(

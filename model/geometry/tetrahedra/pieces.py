@@ -39,7 +39,7 @@ class Chords:
     ends: np.ndarray
 
     def nearest(self, chosen: np.ndarray, axis: int, local: np.ndarray) -> np.ndarray:
-        """(n, 3): of the `chosen` chords (n,), which lie along `axis`, the points nearest to `local` (n, 3)."""
+        """Return (n, 3): of the `chosen` chords (n,), which lie along `axis`, the points nearest to `local` (n, 3)."""
         points = np.empty((len(chosen), 3))
         points[:, [(axis + 1) % 3, (axis + 2) % 3]] = self.line[chosen]
         points[:, axis] = np.clip(local[:, axis], self.low[chosen], self.high[chosen])
@@ -61,8 +61,8 @@ class Pieces:
     overlapping: bool
 
     def nearest(self, voxel: np.ndarray, local: np.ndarray) -> np.ndarray:
-        """(points,) int64: the piece of each point's `voxel` (points,) whose inside, along the lines, is nearest to the point
-        at `local` (points, 3), in voxels from the voxel's first corner."""
+        """Return (points,) int64: the piece of each point's `voxel` (points,) whose inside, along the lines, is nearest
+        to the point at `local` (points, 3), in voxels from the voxel's first corner."""
         first, end = np.searchsorted(self.voxel, voxel), np.searchsorted(self.voxel, voxel, "right")
         piece, away = first.copy(), np.full(len(voxel), np.inf)
         several = np.flatnonzero(end - first > 1)
@@ -105,7 +105,7 @@ class _Stretches:
 def pieces_of(
     place: np.ndarray, triangles: np.ndarray, edges: MeshEdges, cells: Cells, pairs: tuple[np.ndarray, np.ndarray]
 ) -> Pieces:
-    """The pieces of the closed mesh of `place` (vertices, 3), in voxels, and `triangles` (n, 3), whose edges are
+    """Return the pieces of the closed mesh of `place` (vertices, 3), in voxels, and `triangles` (n, 3), whose edges are
     `edges`. `pairs`: (triangle, number of a voxel) (pairs,), ascending, as `triangles_in_voxels` finds them."""
     triangle, voxel = pairs
     count, patches = len(triangle), across_edges(place, edges, cells, pairs)
@@ -258,7 +258,7 @@ def _probes_of(
 
 
 def _middles(parts: _Stretches, selected: np.ndarray, cells: Cells) -> np.ndarray:
-    """(n, 3): the middle of each of the parts `selected`, in voxels."""
+    """Return (n, 3): the middle of each of the parts `selected`, in voxels."""
     across = [(parts.axis + 1) % 3, (parts.axis + 2) % 3]
     start = cells.index[parts.voxel[selected], parts.axis]
     point = np.empty((len(selected), 3))

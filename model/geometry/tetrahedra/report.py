@@ -127,9 +127,10 @@ def report_of(
     fractions: np.ndarray | None = None,
     surface: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> Report:
-    """The report of `mesh`, whose surface of `hull_volume` [m^3] is carried by `embedding`; `voxels`: how many, their edge or
-    edges (3) [m], how many are doubled; `fractions` (tetrahedra, 4): of what each holds (fractions.py), all unless given;
-    `surface`: (position, triangles), that of the tetrahedra unless given. Raises SceneError (density)."""
+    """Return the report of `mesh`, whose surface of `hull_volume` [m^3] is carried by `embedding`; `voxels`: how many,
+    their edge or edges (3) [m], how many are doubled; `fractions` (tetrahedra, 4): of what each holds (fractions.py),
+    all unless given; `surface`: (position, triangles), that of the tetrahedra unless given. Raises SceneError
+    (density)."""
     check_density(density)
     quality = mesh.quality
     worst = int(np.argmin(np.round(quality, 9)))  # the first of those that differ by roundings alone

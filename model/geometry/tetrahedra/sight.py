@@ -25,7 +25,7 @@ def in_sight(
     lonely: tuple[np.ndarray, np.ndarray],
     seen: tuple[np.ndarray, np.ndarray, np.ndarray],
 ) -> np.ndarray:
-    """(n, 2): pairs of `lonely`, and the nodes that they see.
+    """Return (n, 2): pairs of `lonely`, and the nodes that they see.
 
     `pairs`: (triangle, voxel) (pairs,); `low` (voxels, 3): the corner that each voxel begins at; `lonely`: (pair (m,), the
     part that it is of (m,)), by voxel, of parts of which nothing is known; `seen`: (voxel (k,), point (k, 3), node (k,)) of
@@ -94,8 +94,8 @@ def _crossed(start: np.ndarray, offset: np.ndarray, corners: np.ndarray) -> np.n
 
 
 def _middle(corners: np.ndarray, low: np.ndarray) -> np.ndarray:
-    """(3,): a point of the triangle `corners` (3, 3) within the voxel at `low` (3,): the mean of the corners of what is left
-    of it there (I. E. Sutherland, G. W. Hodgman, "Reentrant Polygon Clipping", CACM 17 (1974))."""
+    """Return (3,): a point of the triangle `corners` (3, 3) within the voxel at `low` (3,): the mean of the corners of
+    what is left of it there (I. E. Sutherland, G. W. Hodgman, "Reentrant Polygon Clipping", CACM 17 (1974))."""
     polygon = [tuple(corner) for corner in corners]
     for axis in range(3):
         for sign, limit in ((1.0, low[axis]), (-1.0, low[axis] + 1)):

@@ -46,7 +46,8 @@ PerVoxel = Literal[5, 6]
 
 
 def _oriented(tetrahedra: Sequence[tuple[int, ...]]) -> np.ndarray:
-    """(n, 4): of corners by their numbers, x y z in binary, with two of them swapped where the volume was negative."""
+    """Return (n, 4): of corners by their numbers, x y z in binary, with two of them swapped where the volume was
+    negative."""
     corners = np.array(tetrahedra)
     place = EIGHT[corners].astype(np.float64)
     wrong = determinant(place[:, 1:] - place[:, :1]) < 0
@@ -99,9 +100,9 @@ def voxel_mesh(
     voxels: int | None = None,
     per_voxel: PerVoxel = 5,
 ) -> VoxelMesh:
-    """The body of a closed mesh in voxels of at most `edge` [m], or `voxels` of them along the longest side of the box around
-    it (10 unless given). A whole number of voxels fills that box along each axis, so that a box in line with the axes is
-    met exactly; they are cubes where its sides are multiples of `edge`.
+    """Return the body of a closed mesh in voxels of at most `edge` [m], or `voxels` of them along the longest side of
+    the box around it (10 unless given). A whole number of voxels fills that box along each axis, so that a box in line
+    with the axes is met exactly; they are cubes where its sides are multiples of `edge`.
 
     Raises SceneError (a parameter) and InputError (an open mesh, nothing inside, coordinates beyond those of a body).
     """
@@ -132,7 +133,7 @@ def _slack(hull: Solid, size: float) -> float:
 def _lattice(
     hull: Solid, low: np.ndarray, high: np.ndarray, edge: float | None, voxels: int | None, per_voxel: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(edges of a voxel (3,) [m], how many along each axis (3,) int64)."""
+    """Return (edges of a voxel (3,) [m], how many along each axis (3,) int64)."""
     if per_voxel not in CUTS:
         raise SceneError("tetrahedra", per_voxel, "must be 5 or 6 a voxel")
     field: tuple[str, object] = ("voxels", voxels) if edge is None else ("edge", edge)
@@ -180,7 +181,7 @@ def _cut(
     pairs: tuple[np.ndarray, np.ndarray],
     lattice: tuple[np.ndarray, np.ndarray, int],
 ) -> VoxelMesh:
-    """The tetrahedra of `pieces`, and the vertices of the hull in them."""
+    """Return the tetrahedra of `pieces`, and the vertices of the hull in them."""
     origin, size, per_voxel = lattice
     piece = _piece_of_vertices(hull, snapped, cells, pieces, pairs)
     node, vertex = _shared(pieces)
@@ -216,8 +217,8 @@ def _cut(
 
 
 def _shared(pieces: Pieces) -> tuple[np.ndarray, np.ndarray]:
-    """(of each vertex a corner of a piece, 8 piece + corner (vertices,); the vertices at each piece's corners (pieces, 8)):
-    pieces that are joined across a side share its four corners."""
+    """Return (of each vertex a corner of a piece, 8 piece + corner (vertices,); the vertices at each piece's corners
+    (pieces, 8)): pieces that are joined across a side share its four corners."""
     corner = np.arange(8 * len(pieces.voxel)).reshape(-1, 8)
     ends = []
     for axis, joined in enumerate(pieces.joined):
@@ -229,8 +230,8 @@ def _shared(pieces: Pieces) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _copies(voxel: np.ndarray, vertex: np.ndarray) -> np.ndarray:
-    """(pieces,) int64: the first piece that has the same eight vertices: around a crotch pieces that do not touch may share
-    all of them, and are one body there however often it is counted."""
+    """Return (pieces,) int64: the first piece that has the same eight vertices: around a crotch pieces that do not
+    touch may share all of them, and are one body there however often it is counted."""
     same = np.arange(len(voxel))
     doubled = np.flatnonzero((np.bincount(voxel) > 1)[voxel])
     if len(doubled):
@@ -240,7 +241,8 @@ def _copies(voxel: np.ndarray, vertex: np.ndarray) -> np.ndarray:
 
 
 def _shape_functions(per_voxel: int) -> np.ndarray:
-    """(parity, tetrahedra, 4, 4): the matrices that take (1, x, y, z), in voxels, to the weights of the four corners."""
+    """Return (parity, tetrahedra, 4, 4): the matrices that take (1, x, y, z), in voxels, to the weights of the four
+    corners."""
     corners = np.concatenate([np.ones((*CUTS[per_voxel].shape, 1)), EIGHT[CUTS[per_voxel]]], axis=-1)
     inverse = np.linalg.inv(np.swapaxes(corners, -1, -2))
     functions: np.ndarray = np.round(2 * inverse) / 2  # whole numbers and halves
@@ -248,8 +250,9 @@ def _shape_functions(per_voxel: int) -> np.ndarray:
 
 
 def _weights(local: np.ndarray, parity: np.ndarray, functions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(which of the voxel's tetrahedra (points,), weights (points, 4)): of each point at `local` (points, 3) from its voxel's
-    first corner, in voxels, the one that it lies in, or least outside of, by the shape `functions` (_shape_functions)."""
+    """Return (which of the voxel's tetrahedra (points,), weights (points, 4)): of each point at `local` (points, 3)
+    from its voxel's first corner, in voxels, the one that it lies in, or least outside of, by the shape `functions`
+    (_shape_functions)."""
     point = np.column_stack([np.ones(len(local)), local])
     weights = applied(functions[parity], point[:, None])
     best = weights.min(axis=2).argmax(axis=1)
@@ -259,9 +262,10 @@ def _weights(local: np.ndarray, parity: np.ndarray, functions: np.ndarray) -> tu
 def _piece_of_vertices(
     hull: Solid, snapped: np.ndarray, cells: Cells, pieces: Pieces, pairs: tuple[np.ndarray, np.ndarray]
 ) -> np.ndarray:
-    """(vertices,) int64: the piece that carries each vertex of the hull: the one that a triangle of it belongs to, in a voxel
-    that the vertex is in or on. A vertex all of whose triangles lie on the lattice is carried by the voxel below them, by the
-    piece of it that is nearest; one of a fin without thickness there, which is in no voxel, by the nearest, outside of it."""
+    """Return (vertices,) int64: the piece that carries each vertex of the hull: the one that a triangle of it belongs
+    to, in a voxel that the vertex is in or on. A vertex all of whose triangles lie on the lattice is carried by the
+    voxel below them, by the piece of it that is nearest; one of a fin without thickness there, which is in no voxel, by
+    the nearest, outside of it."""
     triangle, voxel = pairs
     corner, low = hull.triangles[triangle], cells.index[voxel]
     contains = ((snapped[corner] >= low[:, None]) & (snapped[corner] <= low[:, None] + 1)).all(axis=2)

@@ -35,7 +35,7 @@ class Field:
     overlaps: bool
 
     def at(self, points: np.ndarray) -> np.ndarray:
-        """(n,) float64 [m]: interpolated at `points` (n, 3) within the box, from the mesh's origin."""
+        """Return (n,) float64 [m]: interpolated at `points` (n, 3) within the box, from the mesh's origin."""
         place = (points - self.low) / self.spacing
         cell = np.clip(place.astype(np.int64), 0, np.array(self.distance.shape) - 2)
         part, value = place - cell, np.zeros(len(points))
@@ -97,8 +97,8 @@ class DistanceField(SurfaceCollider):
         return (low + high) / 2 - (points - 1) / 2 * spacing, points.astype(np.int64), spacing, padding * spacing
 
     def _points(self, spacing: float) -> tuple[np.ndarray, float, float]:
-        """((3,) points along each side; cells around the mesh, more than the thickness by one or two of them; how many points
-        in all), whole numbers in float64: no grid is too large to be counted."""
+        """Return ((3,) points along each side; cells around the mesh, more than the thickness by one or two of them;
+        how many points in all), whole numbers in float64: no grid is too large to be counted."""
         with np.errstate(over="ignore"):
             padding = np.floor(np.float64(self.thickness) / spacing) + 2
             points = np.ceil(np.ptp(self.position, axis=0) / spacing) + (2 * padding + 1)
