@@ -1,7 +1,7 @@
 """Shape matching in NumPy, float64: clusters in compressed form, rotations by singular values.
 
 Without the lab's formulas. M. Mueller et al., "Meshless Deformations Based on Shape Matching", SIGGRAPH 2005;
-model/assets/clusters.py describes split masses, and its `matching_share` how far a particle moves towards its
+model/assets/clusters.py describes split masses, and its `matching_factor` how far a particle moves towards its
 goals.
 """
 

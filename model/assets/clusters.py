@@ -226,7 +226,7 @@ def matching_factor(stiffness: Any, substep: float, iterations: int) -> Any:
     deviation to 1 / (1 + w^2 h^2), which is a step of implicit Euler, for any n. So the material does not change with
     the step, and converges with it at first order. A stiffness of inf is rigid.
 
-        >>> matching_share(np.array([3600.0, np.inf]), 1 / 60, 1).round(12).tolist()
+        >>> matching_factor(np.array([3600.0, np.inf]), 1 / 60, 1).round(12).tolist()
         [0.5, 1.0]
     """
     with np.errstate(over="ignore"):

@@ -108,7 +108,7 @@ class InputError(SoftlabError):
 class UnstableTimeStep(SceneError):
     """The step size exceeds the stability limit of the scene and integrator.
 
-    `limit`: the largest stable step size [s]; `cause`, `way_out`: from model/core/stability/diagnosis.py, where they
+    `limit`: the largest stable step size [s]; `cause`, `advice`: from model/core/stability/diagnosis.py, where they
     say more than the default message.
     """
 

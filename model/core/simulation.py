@@ -37,7 +37,7 @@ class Simulation(Stepping):
 
     Public attributes: `scene`, `body` (its arrays at time 0), `options`, `real` (numpy type of the precision), `plan`,
     `backend` ("cpu" or "gpu"), `device` (the processor's name), `threads` (CPU threads, or GPU threads per block),
-    `kernel` (the kernel's name), `step`, `time` [s], `limit` (largest stable dt [s]), `check_interval` (steps), `kept`
+    `kernel` (the kernel's name), `step`, `time` [s], `limit` (largest stable dt [s]), `check_interval` (steps), `snapshots`
     (number of snapshots so far).
     """
 

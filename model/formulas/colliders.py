@@ -99,7 +99,7 @@ def make(real, compiled=plain):
 def make_distances(real, compiled, root):
     """Make the distances `plane`, `sphere`, `capsule`, `box` and the swept `sphere_entry`, in the arithmetic `real`."""
     zero, one = real(0), real(1)
-    touching = real(1e-3)  # of the squared `reach`: a mass this near to a ball is in contact
+    touching = real(1e-3)  # of the squared `radius`: a mass this near to a ball is in contact
 
     @compiled
     def from_center(dx, dy, dz, radius):

@@ -13,13 +13,13 @@ from softlab.model.core.parameters import rounded_record
 from softlab.model.scene.cloth import SPRING_KINDS
 from softlab.model.scene.scene import Scene
 
-OF_THE_MATRIX = (  # only in the matrix
+MATRIX_PARAMETERS = (  # only in the matrix
     "damping_of_step",  # dt rate
     "mass_entry",  # 1 + dt rate: diagonal entry of a mass without springs
     "speed_squared",  # of all masses: the speed [m/s] that springs of twice their length would cause in a step
     "roundoff",  # half of the distance from 1 to the next number
 )
-SYSTEM_PARAMETERS = (*OF_THE_MATRIX, *CLOTH_PARAMETERS)
+SYSTEM_PARAMETERS = (*MATRIX_PARAMETERS, *CLOTH_PARAMETERS)
 
 
 def system_record(scene: Scene, real: type) -> np.ndarray:

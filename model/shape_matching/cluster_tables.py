@@ -13,7 +13,7 @@ def matching_factors(clusters: Clusters, substep: float, iterations: int) -> np.
     """Return the fraction of the displacement to its goal that an entry moves its particle per iteration, (entries,)
     float64.
 
-    Its weight in the particle times `matching_share` of its cluster, for `iterations` of a substep [s].
+    Its weight in the particle times `matching_factor` of its cluster, for `iterations` of a substep [s].
     """
     b = matching_factor(clusters.stiffness, substep, iterations)
     factors: np.ndarray = clusters.weights * b[clusters.owner]

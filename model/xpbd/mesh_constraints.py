@@ -41,7 +41,7 @@ Arrays = tuple[np.ndarray, np.ndarray]
 class Model:
     """A constraint's projection, of `corners`, `values` and `multipliers`, and its `operations`.
 
-    `made(mesh, kind)`: (corners (n, corners) int32, values (n, values) float64) of the scene's part `kind` on a mesh.
+    `build(mesh, kind)`: (corners (n, corners) int32, values (n, values) float64) of the scene's part `kind` on a mesh.
     `violation(position (vertices, 3), corners, values)`: (violations, divisor of the stiffness), with the energy
     stiffness / divisor * violation^2 / 2 [J]. `can_damp`: it supports a damper.
     """

@@ -1,6 +1,6 @@
 """Partition of bodies that never collide into blocks of whole bodies: pure arithmetic, and the scene of a block.
 
-A block (`Share`) contains neighbouring bodies in the order of the file. No body acts on another, so that a block is
+A block (`Block`) contains neighbouring bodies in the order of the file. No body acts on another, so that a block is
 stepped by the scene's own kernels, and nothing is sent until the state is read.
 """
 

@@ -90,7 +90,7 @@ class Border:
 class Decomposition:
     """A sheet of `rows` x `columns` masses in `count` domains with halos of `halo` rows.
 
-    A step is done in `divided` equal steps of windows, after at most `steps` of which they exchange; `unit`: see Reach.
+    A step is done in `divided` equal steps of windows, after at most `steps` of which they exchange; `unit`: see Stencil.
     """
 
     rows: int
