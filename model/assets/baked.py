@@ -115,10 +115,8 @@ def _packed(body: BakedBody) -> dict[str, Any]:
 def _unpacked(arrays: dict[str, np.ndarray]) -> BakedBody | None:
     """Return the body of a file's arrays; None where they are none."""
     try:
-        report_fields = json.loads(str(arrays["report"]))
-        report = Report(
-            **{**report_fields, "members": tuple(report_fields["members"]), "notes": tuple(report_fields["notes"])}
-        )
+        values = json.loads(str(arrays["report"]))
+        report = Report(**{**values, "members": tuple(values["members"]), "notes": tuple(values["notes"])})
         position, mass = arrays["position"], arrays["mass"]
         offsets, indices = arrays["offsets"], arrays["indices"]
         clusters = Clusters(offsets, indices, arrays["coefficients"], arrays["stiffness"], mass, position)

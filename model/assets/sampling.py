@@ -20,9 +20,7 @@ from softlab.model.geometry.solid import Solid
 from softlab.model.geometry.voxels import Runs, divided, runs_inside
 
 CLOSEST = 0.9  # spacings: over sqrt(3)/2, the farthest from a full lattice's points, so that none is added within it
-COVERED_WITHIN = (
-    3**0.5 / 2
-)  # spacings: what lies so near to a particle counts as covered, as all does in a full lattice
+COVERED_WITHIN = 3**0.5 / 2  # spacings: points so near to a particle count as covered, as all do in a full lattice
 MAX_PARTICLES = 5_000_000
 MAX_ALONG = 2**16  # spacings along an axis: three of them number a lattice's points
 MAX_SAMPLES = 2**25  # tried on a surface, 100 B each

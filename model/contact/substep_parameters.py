@@ -64,11 +64,8 @@ def constraint_constants(scene: Scene, kind: str) -> tuple[float, ...]:
         rest, damping = scene.springs.rest_length, 0.0
     elif kind in scene.constraints:
         part = scene.constraints[kind]
-        softness, rest, damping = (
-            part.softness(),
-            REST_LENGTHS.get(kind, 0.0) * grid.spacing,
-            getattr(part, "damping", 0.0),
-        )
+        softness, damping = part.softness(), getattr(part, "damping", 0.0)
+        rest = REST_LENGTHS.get(kind, 0.0) * grid.spacing
     else:
         return (0.0,) * len(CONSTANTS)
     h = method.dt / method.substeps

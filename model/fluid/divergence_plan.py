@@ -69,12 +69,10 @@ def divergence_stages(
     ]
     if shapes:
         stages.append(Stage("normals and vorticity", 1 + around(2), 2, round(neighbours * motion.OPERATIONS_SHAPE)))
-    operations_of_velocity = motion.OPERATIONS_VELOCITY + operations["forces"]
-    last = Stage("accelerate", 1, 1, operations_of_velocity)
+    velocity = motion.OPERATIONS_VELOCITY + operations["forces"]
+    last = Stage("accelerate", 1, 1, velocity)
     if smooths:
-        last = Stage(
-            "accelerate", 1 + around(2), 1, operations_of_velocity + round(neighbours * motion.OPERATIONS_SMOOTH)
-        )
+        last = Stage("accelerate", 1 + around(2), 1, velocity + round(neighbours * motion.OPERATIONS_SMOOTH))
     foresee = Stage("foresee density", around(2), 1, round(neighbours * divergence.OPERATIONS_APPROACH))
     return (
         *stages,

@@ -49,16 +49,9 @@ def emitter_rows(scene: Any, emitter_state: np.ndarray, real: type) -> np.ndarra
     for row, (name, part), state in zip(rows, scene.emitters.items(), emitter_state, strict=True):
         row[E_FIRST], row[E_COUNT] = first, len(part.nozzle(fluids.spacing, fluids.dimensions))
         first += int(row[E_COUNT])
-        row[E_FLUID], row[E_X : E_Z + 1], row[E_VX : E_VZ + 1] = (
-            fluid_of(scene, name),
-            part.unit_direction,
-            part.speed * part.unit_direction,
-        )
-        row[E_DISTANCE], row[E_RATE], row[E_SINCE : E_BEFORE + 1] = (
-            fluids.spacing,
-            part.speed / fluids.spacing,
-            state,
-        )
+        along = part.unit_direction
+        row[E_FLUID], row[E_X : E_Z + 1], row[E_VX : E_VZ + 1] = fluid_of(scene, name), along, part.speed * along
+        row[E_DISTANCE], row[E_RATE], row[E_SINCE : E_BEFORE + 1] = fluids.spacing, part.speed / fluids.spacing, state
         row[E_STOP] = NEVER if part.stop is None else part.stop
     return rows.astype(real)
 

@@ -19,9 +19,7 @@ from softlab.model.formulas.lengths import make as make_lengths
 ALIGNED = 0.99999  # cosine of n with the triangle's normal above which n is that normal
 PAST = 2.0**-10  # of a triangle beyond its edges, so that a path through an edge passes one of its triangles
 NONE, BY_TRIANGLE, PASSED, NEAREST = range(4)  # what a contact's depth is checked against, see `checked`
-SPLIT_OFFSET = (
-    0.25  # added to a corner's weight where its particle's mass is split: levers act where the weight is 0, too
-)
+SPLIT_OFFSET = 0.25  # added to a corner's weight where its particle's mass is split: levers act at weight 0, too
 
 
 def make(real, compiled=plain):

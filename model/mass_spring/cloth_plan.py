@@ -55,16 +55,11 @@ def cloth_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
 
 
 def _implicit_plan(
-    integrator: str,
-    parts: frozenset[str],
-    start_forces: tuple[Stage, ...],
-    pulls: int,
-    kinds: int,
-    last: tuple[Stage, ...],
+    integrator: str, parts: frozenset[str], forces: tuple[Stage, ...], pulls: int, kinds: int, last: tuple[Stage, ...]
 ) -> Plan:
     """Return the plan of implicit Euler.
 
-    `start_forces`: the forces at the step's start; `pulls`: operations of all springs of a mass; `kinds`: number of kinds of
+    `forces`: the forces at the step's start; `pulls`: operations of all springs of a mass; `kinds`: number of kinds of
     springs; `last`: stages after the new state. Residuals decide at run time how often its two inner nodes run: bytes
     and operations are of one pass each.
     """
@@ -85,7 +80,7 @@ def _implicit_plan(
         (residual, solve, Stage("move", 3, 2, 12)),
     )
     children: tuple[Node | Stage, ...] = (
-        Node("forces at the start, but springs and dampers", start_forces), Stage("begin", 3, 3, 6), newton,
+        Node("forces at the start, but springs and dampers", forces), Stage("begin", 3, 3, 6), newton,
         Stage("take over", 2, 2, 0), *last,
     )  # fmt: skip
     return Plan(Node("step", children), 5 + 5 + 3 + 9 + 5 + 5, parts, dimensions=3)

@@ -17,11 +17,7 @@ from softlab.model.scene.parts import CAMERA, CameraPart, Part
 from softlab.model.scene.tank import TANK, Tank
 from softlab.model.scene.words import notes_of, suggestion
 
-DOCUMENTED = KINDS | {
-    TANK: Tank,
-    CAMERA: CameraPart,
-    "shape": Shape,
-}  # a shape is a field of a body or mesh, not a table
+TABLES = KINDS | {TANK: Tank, CAMERA: CameraPart, "shape": Shape}  # a shape is a field of a body or mesh, not a table
 REQUIRED = "(must be given)"
 WIDE = 2**31 - 1  # no bound for a reader: the limit of an index or a seed
 
@@ -38,11 +34,9 @@ class Row:
 
 def kind_named(kind: str) -> type[Part]:
     """Return the class of the part of that kind. Raises SceneError."""
-    if kind not in DOCUMENTED:
-        raise SceneError(
-            "--fields", kind, f"unknown kind{suggestion(kind, DOCUMENTED)}; known: {', '.join(DOCUMENTED)}"
-        )
-    return DOCUMENTED[kind]
+    if kind not in TABLES:
+        raise SceneError("--fields", kind, f"unknown kind{suggestion(kind, TABLES)}; known: {', '.join(TABLES)}")
+    return TABLES[kind]
 
 
 def about(kind: str) -> str:
@@ -52,7 +46,7 @@ def about(kind: str) -> str:
     Other kinds from which it is derived are left out. Raises SceneError.
     """
     part = kind_named(kind)
-    untold = (Part, MeshSource, *DOCUMENTED.values())
+    untold = (Part, MeshSource, *TABLES.values())
     owners = [part, *(owner for owner in part.__mro__[1:] if issubclass(owner, Part) and owner not in untold)]
     return " ".join(" ".join((owner.__doc__ or "").split()) for owner in owners)
 
@@ -290,7 +284,7 @@ def document() -> str:
         "| release | pins that let go at a time, of masses, of cloths and of tetrahedral bodies |",
         "| camera | where pictures are taken from; changes nothing of what is simulated |",
     ]
-    for kind in DOCUMENTED:
+    for kind in TABLES:
         lines += ["", f"## {kind}", about(kind), "", "| field | default | allowed | |", "|---|---|---|---|"]
         cells = ((row.name, row.default, row.allowed, row.note) for row in rows_of(kind))
         lines += ["| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in cells]

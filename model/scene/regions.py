@@ -24,14 +24,8 @@ from softlab.model.scene.parts import ZERO, Flag, Number, Part, Positive, Vector
 Side = Literal["left", "right", "bottom", "top", "back", "front"]  # of x, y and z: the lower one first
 SIDES: tuple[Side, ...] = ("left", "right", "bottom", "top", "back", "front")
 WORDS = (*SIDES, "all")
-FIELD_SETS = (
-    ("low", "high"),
-    ("center",),
-    ("start", "end"),
-    ("point", "normal"),
-    ("shape",),
-    ("file",),
-)  # one per region
+# a region has one of these
+FIELD_SETS = (("low", "high"), ("center",), ("start", "end"), ("point", "normal"), ("shape",), ("file",))
 OF_MESHES = ("scale", "fill_holes", "origin", "angle", "axis")
 
 

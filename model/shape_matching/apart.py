@@ -97,12 +97,8 @@ def _some_lattices(whole: BodySet, copies: Sequence[Copy], new_cluster: dict[int
     lattices = []
     for one in whole.lattices:
         places = one.first_particle + one.lattice.size * np.arange(one.copies)
-        first_particles = [int(place) for place in places if int(place) in numbers]
-        if first_particles:
-            cluster = new_cluster[numbers[first_particles[0]]]
-            lattices.append(
-                replace(
-                    one, first_particle=first_particles[0] - begin, first_cluster=cluster, copies=len(first_particles)
-                )
-            )
+        firsts = [int(place) for place in places if int(place) in numbers]
+        if firsts:
+            cluster = new_cluster[numbers[firsts[0]]]
+            lattices.append(replace(one, first_particle=firsts[0] - begin, first_cluster=cluster, copies=len(firsts)))
     return lattices

@@ -199,11 +199,7 @@ def tetrahedra_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
     material, colour by colour."""
     sets = constraint_sets(scene)
     kinds = {SHAPES, *KINDS.values()}
-    runs = {
-        part_of_run(constraints.model, constraints.run, constraints.kind == SHAPES)
-        for constraints in sets
-        if constraints.kind in kinds
-    }
+    runs = {part_of_run(rows.model, rows.run, rows.kind == SHAPES) for rows in sets if rows.kind in kinds}
     parts = with_friction_in_place(tetrahedra_parts(scene, live) | runs)
     operations = [operations_of(one) for one in projections_of(parts)]
     plan = constrained_plan(scene, parts, list(zip(sets, operations, strict=True)))

@@ -74,9 +74,7 @@ TETRAHEDRA = SolverFamily(
     note=lambda scene: projection_note(scene) + through_note(scene),
     stored=_stored,
     strain=_strain,
-    spring_count=lambda scene: sum(
-        len(constraints.corners) for constraints in constraint_sets(scene) if constraints.kind != KIND
-    ),
+    spring_count=lambda scene: sum(len(one.corners) for one in constraint_sets(scene) if one.kind != KIND),
     solvers={backend: f"softlab.{backend}_backend.tetrahedra.solver:Tetrahedra" for backend in ("cpu", "gpu")},
     passes={"cpu": "softlab.app.plan.mesh:mesh_on_cpu", "gpu": "softlab.app.plan.mesh:tetrahedra_on_gpu"},
     reference="softlab.bench.reference.tetrahedra",

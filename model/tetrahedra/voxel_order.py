@@ -28,11 +28,8 @@ def voxel_order(body_set: TetrahedraSet, chosen: np.ndarray, run: int) -> tuple[
     tetrahedra are not one between four, which does not occur in bodies that the lab makes.
     """
     first = chosen[::run]
-    place, body, vertices = (
-        body_set.voxel[first],
-        body_set.body[first],
-        body_set.tetrahedra[chosen].reshape(len(first), -1),
-    )
+    place, body = body_set.voxel[first], body_set.body[first]
+    vertices = body_set.tetrahedra[chosen].reshape(len(first), -1)
     level, odd = _levels(np.column_stack([body, place]), vertices), place.astype(np.int64) % 2
     colour = (odd[:, 0] * (level.max() + 1) + level) * 4 + 2 * odd[:, 1] + odd[:, 2]
     order = np.lexsort((place[:, 2], place[:, 1], place[:, 0], body, colour))

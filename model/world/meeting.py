@@ -126,9 +126,7 @@ def _joined(members: list[CrossSurface]) -> CrossSurface:
 
     ends = [one.at_vertex.offsets for one in surfaces]
     entries = np.append(0, np.cumsum([offsets[-1] for offsets in ends]))
-    offsets = joined(
-        *(ends_of_one[:-1] + start for ends_of_one, start in zip(ends, entries, strict=False)), entries[-1:]
-    )
+    offsets = joined(*(stops[:-1] + start for stops, start in zip(ends, entries, strict=False)), entries[-1:])
     at_vertex = joined(
         *(one.at_vertex.indices + np.int32(start) for one, start in zip(surfaces, triangle, strict=False))
     )

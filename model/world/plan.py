@@ -36,9 +36,7 @@ def coupled(scene: Scene) -> bool:
 def world_plan(scene: Scene, plans: Mapping[str, Plan]) -> Plan:
     """Return the plan from the members' own `plans`, by name. Numbers are per particle of the world."""
     method, count = scene.method, scene.world_set.particle_count
-    fractions = {
-        name: len(range(*particles.indices(count))) / count for name, particles in scene.world_set.slices().items()
-    }
+    fractions = {name: len(range(*place.indices(count))) / count for name, place in scene.world_set.slices().items()}
     three = {name: _parts_of_substep(plan.root) for name, plan in plans.items()}
 
     def nodes(place: int) -> list[Node | Stage]:

@@ -69,21 +69,16 @@ def make_world_set(members: Mapping[str, Any]) -> WorldSet:
     return WorldSet(tuple(members), first, position, velocity, masses, pinned, spacing)
 
 
-def _of(members: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def _of(part: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Return (position, velocity, masses, pinned) of a member's own set."""
-    if isinstance(members, BodySet):
-        return members.position, members.velocity, members.clusters.mass, np.flatnonzero(members.waiting)
-    if isinstance(members, Mesh):
-        position = mesh_of(members).position + members.origin
+    if isinstance(part, BodySet):
+        return part.position, part.velocity, part.clusters.mass, np.flatnonzero(part.waiting)
+    if isinstance(part, Mesh):
+        position = mesh_of(part).position + part.origin
         pinned = (
-            pin_indices(members.pinned, members.rows, members.columns)  # type: ignore[arg-type]
-            if members.file is None
-            else pinned_vertices(members)
+            pin_indices(part.pinned, part.rows, part.columns)  # type: ignore[arg-type]
+            if part.file is None
+            else pinned_vertices(part)
         )
-        return position, np.zeros_like(position), vertex_masses(members), pinned
-    return (
-        members.position,
-        members.velocity,
-        members.masses,
-        getattr(members, "pinned_vertices", np.zeros(0, np.int64)),
-    )
+        return position, np.zeros_like(position), vertex_masses(part), pinned
+    return part.position, part.velocity, part.masses, getattr(part, "pinned_vertices", np.zeros(0, np.int64))

@@ -291,10 +291,8 @@ def edge_strain(scene: Scene, position: np.ndarray, kind: str = "structural") ->
 
 def mesh_energy(scene: Scene, position: np.ndarray, kind: str) -> float:
     """Return the energy [J] of a mesh's constraints of a kind at `position` (vertices, 3)."""
-    (constraints,) = (one for one in constraint_sets(scene) if one.kind == kind)
-    violation, divisor = MODELS[constraints.model].violation(
-        np.asarray(position, np.float64), constraints.corners, constraints.values
-    )
+    (rows,) = (one for one in constraint_sets(scene) if one.kind == kind)
+    violation, divisor = MODELS[rows.model].violation(np.asarray(position, np.float64), rows.corners, rows.values)
     return float(np.sum(scene.constraints[kind].storing_stiffness / divisor * violation**2) / 2)
 
 

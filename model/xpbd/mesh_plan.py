@@ -70,14 +70,10 @@ def constrained_plan(scene: Scene, parts: frozenset[str], sets: Sequence[tuple[C
     forces += WIND * ("wind" in parts)
     particles = scene.grid.particle_count
     colours: list[Stage] = []
-    for constraints, operations in sets:
-        for number in range(constraints.colours):
-            many = int(constraints.starts[number + 1] - constraints.starts[number])
-            colours.append(
-                Stage(
-                    stage_name(constraints.kind, constraints.model, number), 1, 1, round(operations * many / particles)
-                )
-            )
+    for rows, operations in sets:
+        for number in range(rows.colours):
+            many = int(rows.starts[number + 1] - rows.starts[number])
+            colours.append(Stage(stage_name(rows.kind, rows.model, number), 1, 1, round(operations * many / particles)))
     if "attachments" in parts and scene.attachments:
         operations = scene.attachments.anchors * distance.OPERATIONS_ATTACHMENT
         colours.append(Stage(stage_name("attachments", "tether", 0), 1, 1, operations))

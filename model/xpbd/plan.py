@@ -259,10 +259,8 @@ def xpbd_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
         colours += (sweep,)
     if scene.contact:
         search = (Stage("find neighbours", 3, 1, BODIES_LOOKED_AT * particle_contact.OPERATIONS_SEARCH),)
-        contact_operations = CONTACTS_PER_PARTICLE * (
-            particle_contact.OPERATIONS_COUNT + particle_contact.OPERATIONS_PROJECT
-        )
-        colours += (Stage("project contacts", 4, 1, scene.contact.sweeps * contact_operations),)
+        each_contact = CONTACTS_PER_PARTICLE * (particle_contact.OPERATIONS_COUNT + particle_contact.OPERATIONS_PROJECT)
+        colours += (Stage("project contacts", 4, 1, scene.contact.sweeps * each_contact),)
     couples = (couple_stage(scene),) if "couples" in parts else ()
     update = Stage("update velocity", 2, 1, axes * distance.OPERATIONS_UPDATE)
     bounces = Stage(

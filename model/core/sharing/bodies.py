@@ -47,8 +47,7 @@ def require_apart(scene: Any) -> None:
     """Raise SceneError for a scene's contacts, which let bodies collide."""
     if scene.contact is not None:
         reason = (
-            "lets bodies collide, which sharing does not support: leave it out, and they pass through each other, or run "
-            "it as one"
+            "lets bodies collide, which is not shared: leave it out, and they pass through each other, or run it as one"
         )
         raise SceneError(f"{scene.name_of('contact')}.kind", "contact", reason)
 

@@ -104,25 +104,18 @@ def make(real, compiled=plain, material=FIXED, damped=False):
         fx, fy, fz = times(p, x, y, z)
         gx, gy, gz = times(g, x, y, z)
         shape, pressure, excess = values[9], values[10], pull - values[9]
-        isotropic = shape * dot(x, y, z, x, y, z)
+        shear = shape * dot(x, y, z, x, y, z)
         px, py, pz = pressure * gx, pressure * gy, pressure * gz
-        xx, yy, zz, xy, xz, yz = (
-            isotropic + px * gx,
-            isotropic + py * gy,
-            isotropic + pz * gz,
-            px * gy,
-            px * gz,
-            py * gz,
-        )
+        xx, yy, zz, xy, xz, yz = shear + px * gx, shear + py * gy, shear + pz * gz, px * gy, px * gz, py * gz
         if stretches:
             turn = turning(f, r, x, y, z, excess)
             xx, yy, zz = xx + turn[0], yy + turn[1], zz + turn[2]
             xy, xz, yz = xy + turn[3], xz + turn[4], yz + turn[5]
         if damped:
             nx, ny, nz = symmetric(n, x, y, z)
-            isotropic = max(dot(x, y, z, nx, ny, nz), zero)
+            shear = max(dot(x, y, z, nx, ny, nz), zero)
             h = resisting_block(
-                (isotropic, zero, zero, zero, isotropic, zero, zero, zero, isotropic),
+                (shear, zero, zero, zero, shear, zero, zero, zero, shear),
                 f,
                 squared(f),
                 nothing,

@@ -32,10 +32,8 @@ MEETING = ("xpbd", "vbd")  # solvers that support contacts of tetrahedral bodies
 
 def check_tetrahedra(scene: SceneParts) -> None:
     """Raise SceneError for a part that is not (yet) supported together with tetrahedral bodies."""
-    supported = ", ".join(OF_TETRAHEDRA)
-    scene.refuse(
-        KINDS.keys() - OF_TETRAHEDRA, f"is not supported together with tetrahedral bodies, which take {supported}"
-    )
+    known = ", ".join(OF_TETRAHEDRA)
+    scene.refuse(KINDS.keys() - OF_TETRAHEDRA, f"is not supported together with tetrahedral bodies, which take {known}")
     for name, part in scene.tetrahedra.items():
         for word in part.pinned:
             check_word(f"{name}.pinned", word, scene.regions)
