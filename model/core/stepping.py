@@ -155,7 +155,7 @@ class Stepping(Releasing):
 
         Parameters
         ----------
-        keep : bool
+        snapshot : bool
             Store a good state as the snapshot to which `rewind` returns.
 
         Raises
