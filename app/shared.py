@@ -13,7 +13,7 @@ from softlab.model.domains.launched import launched_ranks
 from softlab.model.domains.partitioned import PartitionedBodies, is_partitioned, partitions
 from softlab.model.domains.shared_bodies import SharedBodies, bodies_of, division, is_apart
 from softlab.model.domains.shared_fluid import SharedFluid
-from softlab.model.domains.simulation import DecomposedSimulation, cut, reach_of
+from softlab.model.domains.simulation import DecomposedSimulation, cut, stencil_of
 from softlab.model.domains.slabs import fluid_halo_of, is_in_slabs, slabs_at_start
 from softlab.model.scene.scene import Scene
 from softlab.model.tables.motion import RELEASE
@@ -79,7 +79,7 @@ def check_shareable(scene: Scene, count: int, option: str) -> None:
     elif is_in_slabs(scene):
         fluid_halo_of(scene)
     else:
-        reach_of(scene, count, option)
+        stencil_of(scene, count, option)
 
 
 def check_cut(scene: Scene, count: int, steps: int | None, link: str | None, option: str) -> None:
@@ -138,11 +138,11 @@ def sharing_report(simulation: Simulation) -> dict[str, Any]:
         split = simulation.division
         return {
             name: split.count,
-            "bodies_each": [block.end - block.first for block in split.shares],
+            "bodies_each": [block.end - block.first for block in split.blocks],
             "balance": split.balance,
         }
     if isinstance(simulation, SharedFluid):
-        owned, stored = simulation.held().T
+        owned, stored = simulation.particle_counts().T
         return {
             name: len(owned),
             "particles_each": owned.tolist(),

@@ -10,7 +10,7 @@ from softlab.app.output.pieces import Piece
 from softlab.app.presentation import Presentation
 from softlab.app.render import colours
 from softlab.app.render.drawn_springs import alike, drawn_kinds
-from softlab.model.contact.cloth_parameters import REACH
+from softlab.model.contact.cloth_parameters import REST_LENGTHS
 from softlab.model.core.energy import spring_strain
 from softlab.model.core.families import family_of
 from softlab.model.core.spare import Counts
@@ -32,7 +32,7 @@ def _lines(scene: Scene) -> list[tuple[np.ndarray, float]]:
     if scene.dimensions == 2:
         return [(spring_ends(grid.rows, grid.columns), scene.springs.rest_length)] if scene.springs else []
     if not scene.mesh:
-        return [(spring_ends(grid.rows, grid.columns, k), REACH[k] * grid.spacing) for k in drawn_kinds(scene)]
+        return [(spring_ends(grid.rows, grid.columns, k), REST_LENGTHS[k] * grid.spacing) for k in drawn_kinds(scene)]
     return [one for kind in drawn_kinds(scene) for one in alike(*edges_of(scene, kind))]
 
 

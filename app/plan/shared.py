@@ -95,7 +95,7 @@ class SharedPlan:
         decomposition = self.decomposition
         lines = [
             f"shared by {decomposition.count} GPUs, by rows; halos of {decomposition.halo} rows, "
-            f"exchanged {decomposition.told}"
+            f"exchanged {decomposition.schedule}"
         ]
         for domain in decomposition.domains[:LINES]:
             state = readable(domain.window_rows * decomposition.columns * self.mass_bytes)
@@ -128,7 +128,7 @@ class BodiesPlan:
                     "first_body": s.first, "end_body": s.end, "parts": list(s.parts),
                     "particles": s.end_particle - s.first_particle, split.counted: s.weight,
                 }
-                for s in split.shares
+                for s in split.blocks
             ],
             "bytes_per_step": 0,
         }  # fmt: skip
@@ -139,7 +139,7 @@ class BodiesPlan:
         lines = [
             f"shared by {split.count} GPUs, body by body, balanced by {split.counted}; no data is exchanged during a step"
         ]
-        for block in split.shares[:LINES]:
+        for block in split.blocks[:LINES]:
             bodies = (
                 f"body {block.first}" if block.end == block.first + 1 else f"bodies {block.first} to {block.end - 1}"
             )
@@ -275,7 +275,7 @@ def _slabs_plan(scene: Scene, gpus: int, exchange_every: int | None, item: int, 
     along = scene.fluid_set.position[:, slabs.axis]
     owned, counts = [slabs.owned(along, slab) for slab in range(gpus)], np.zeros((gpus, 3), np.int64)
     for slab in range(gpus):
-        stored = slabs.held(along, slab)
+        stored = slabs.contained(along, slab)
         counts[slab, :2] = owned[slab].sum(), stored.sum()
         counts[:, 2] += [(of_other & stored).sum() if other != slab else 0 for other, of_other in enumerate(owned)]
     return SlabsPlan(slabs, counts, scene.method.substeps, particle_bytes, bytes_each(item, scene.dimensions))

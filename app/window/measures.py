@@ -17,7 +17,7 @@ from softlab.model.contact.shortfalls import inverted_elements
 from softlab.model.core.build import masses
 from softlab.model.core.energy import energies
 from softlab.model.core.simulation import Simulation
-from softlab.model.core.spare import absent, present
+from softlab.model.core.spare import inactive, present
 from softlab.model.core.stepping import lost
 from softlab.model.scene.scene import Scene
 
@@ -68,7 +68,7 @@ def measure(
     ]
     pushed: tuple[float, ...] = ()
     if momentum:
-        mass = masses(world.scene, absent(world.scene, state.inverse_mass))
+        mass = masses(world.scene, inactive(world.scene, state.inverse_mass))
         pushed = tuple(np.atleast_1d(np.sum(mass * state.velocity, axis=0, dtype=np.float64)).tolist())
     fastest = float(np.sqrt((state.velocity**2).sum(axis=1).max())) if presentation_of(world.scene).fastest else 0.0
     worst = presentation_of(world.scene).worst(world.scene, state.position, strain)

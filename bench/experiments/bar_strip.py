@@ -218,8 +218,8 @@ def chain_of_clusters(scene: Scene) -> tuple[float, float]:
     mean = np.zeros((clusters.count, n))
     np.add.at(mean, (clusters.owner, clusters.indices), clusters.masses / clusters.cluster_mass[clusters.owner])
     matrix = np.zeros((n, n))
-    np.add.at(matrix, (clusters.indices, clusters.indices), clusters.shares)
-    np.add.at(matrix, clusters.indices, -clusters.shares[:, None] * mean[clusters.owner])
+    np.add.at(matrix, (clusters.indices, clusters.indices), clusters.weights)
+    np.add.at(matrix, clusters.indices, -clusters.weights[:, None] * mean[clusters.owner])
     gravity = np.concatenate([[0.0], np.full(n - 1, scene.gravity.acceleration if scene.gravity else 0.0)])
     load = gravity * (1 / w2 + h**2) - h**2 * matrix @ gravity
     sag = np.linalg.solve(matrix[1:, 1:], load[1:])[-1]

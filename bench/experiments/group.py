@@ -100,7 +100,7 @@ class GroupRunner:
     def _first_steps(simulation: Simulation) -> float:
         begin = time.perf_counter()
         simulation.advance(1)
-        simulation.check(keep=False)
+        simulation.check(snapshot=False)
         simulation.synchronize()
         return time.perf_counter() - begin
 

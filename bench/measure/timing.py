@@ -128,13 +128,13 @@ class Subject:
     def restore(self) -> None:
         """Back to the state that every repeat starts from: by a copy on the device while that is put aside there."""
         simulation = self.simulation
-        if simulation.kept == self._kept:
+        if simulation.snapshots == self._kept:
             simulation.rewind()
         elif self.start is None:
             simulation.reset()
         else:
             simulation.load(self.start)
-        self._kept = simulation.kept
+        self._kept = simulation.snapshots
         simulation.synchronize()
 
     def run(self, steps: int) -> float:
@@ -160,7 +160,7 @@ class Subject:
                 self.restore()
                 begin = time.perf_counter()
                 seconds += self.run(self.run_steps or self.steps)
-            self.simulation.check(keep=False)
+            self.simulation.check(snapshot=False)
         except Diverged as error:
             return time.perf_counter() - begin, f"state not finite: {error}"
         return seconds, None

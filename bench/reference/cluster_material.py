@@ -71,7 +71,7 @@ def turned(clusters: Clusters, position: np.ndarray, couples: np.ndarray) -> np.
         inertia = sum(m[n, 0] * (r[n] @ r[n] * np.eye(3) - np.outer(r[n], r[n])) for n in range(len(k)))
         turn = np.linalg.solve(inertia + LEAST * np.trace(inertia) * np.eye(3), couple)
         turn *= min(1.0, FARTHEST / np.linalg.norm(turn))
-        np.add.at(ways, k, clusters.shares[own, None] * np.cross(turn, r))
+        np.add.at(ways, k, clusters.weights[own, None] * np.cross(turn, r))
     return ways
 
 
@@ -81,7 +81,7 @@ def whole_of(clusters: Clusters) -> np.ndarray:
     if clusters.material is not None:
         plain = ((clusters.material.linear == 0) & (clusters.material.creep == 0)) | clusters.flat
     shared = np.zeros(clusters.count, bool)
-    shared[clusters.owner[clusters.shares < 1]] = True
+    shared[clusters.owner[clusters.weights < 1]] = True
     return np.asarray(plain & ~shared & np.isinf(clusters.stiffness) & (np.diff(clusters.offsets) > 1))
 
 
@@ -111,7 +111,7 @@ def damped(clusters: Clusters, position: np.ndarray, velocity: np.ndarray, h: fl
     found = velocity.copy()
     for c in map(int, np.flatnonzero(rate > 0)):
         own = slice(clusters.offsets[c], clusters.offsets[c + 1])
-        k, share = clusters.indices[own], clusters.shares[own, None] * (1 - np.exp(-rate[c] * h))
+        k, share = clusters.indices[own], clusters.weights[own, None] * (1 - np.exp(-rate[c] * h))
         np.add.at(found, k, share * (rigid_motion(clusters, c, position, velocity) - velocity[k]))
     return found
 

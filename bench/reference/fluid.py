@@ -145,7 +145,7 @@ def _solve(world: _World, number: int, x: np.ndarray, p: np.ndarray, pairs: _Pai
     own = pairs.sum(weight[pairs.j] * square, weight[pairs.i] * square)
     across = pairs.sum(g, -g) + wall
     below = weight * (across**2).sum(axis=1) + own
-    part = method.part_of_the_way / (world.kernels.neighbours if averaged else 1)
+    part = method.relaxation_factor / (world.kernels.neighbours if averaged else 1)
     factor = part / (below + method.softness / world.kernels.h**2)
     multiplier = np.zeros(len(p))
     for _ in range(method.iterations):

@@ -31,7 +31,7 @@ class DivergenceFree:
         own = pairs.sum(weight[pairs.j] * square, weight[pairs.i] * square)
         across = pairs.sum(g, -g) + self.wall
         below = weight * (across**2).sum(axis=1) + own
-        self.g, self.factor = g, method.part_of_the_way / (below + method.softness / world.kernels.h**2)
+        self.g, self.factor = g, method.relaxation_factor / (below + method.softness / world.kernels.h**2)
         self.iterations = method.iterations
         self.change = world.of("maximum_acceleration") * self.h / 2
 

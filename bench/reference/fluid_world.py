@@ -191,10 +191,10 @@ class Flow:
             own = 0 if part.fluid is None else list(self.scene.fluids).index(part.fluid)
             for layer in range(ceil(passed[0]), ceil(passed[1])):
                 waiting = np.flatnonzero((found.fluid == own) & ~found.there(position))
-                points = self.nozzles[name] + (passed[1] - layer) * found.spacing * part.way
+                points = self.nozzles[name] + (passed[1] - layer) * found.spacing * part.unit_direction
                 self.missing += max(0, len(points) - len(waiting))
                 position[waiting[: len(points)]] = points[: len(waiting)]
-                velocity[waiting[: len(points)]] = part.speed * part.way
+                velocity[waiting[: len(points)]] = part.speed * part.unit_direction
 
     def ended(self, position: np.ndarray) -> np.ndarray:
         """Return a mask (n,) of the positions inside a sink."""

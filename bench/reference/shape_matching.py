@@ -1,7 +1,7 @@
 """Shape matching in NumPy, float64: clusters in compressed form, rotations by singular values.
 
 Without the lab's formulas. M. Mueller et al., "Meshless Deformations Based on Shape Matching", SIGGRAPH 2005;
-model/assets/clusters.py describes split masses, and its `matching_share` how far a particle moves towards its
+model/assets/clusters.py describes split masses, and its `matching_factor` how far a particle moves towards its
 goals.
 """
 
@@ -28,7 +28,7 @@ def iterate(
     with np.errstate(divide="ignore"):
         share = 1 - (1 / (1 + clusters.stiffness * h**2)) ** (1 / iterations)
     ways = clusters.goals(position, plastic) - position[clusters.indices]
-    ways *= (clusters.shares * share[clusters.owner])[:, None]
+    ways *= (clusters.weights * share[clusters.owner])[:, None]
     moved = position.copy()
     np.add.at(moved, clusters.indices, ways)
     return moved

@@ -32,13 +32,13 @@ from softlab.bench.experiments.body_scenes import (
 from softlab.bench.stress.laws import Law
 from softlab.bench.stress.trial import Check, Trial
 from softlab.model.core.simulation import State
-from softlab.model.formulas.rotation import KEPT
+from softlab.model.formulas.rotation import UNCHANGED
 from softlab.model.scene.scene import Scene
 from softlab.model.tables.cloth import Box, Plane, Sphere
 
 ROUNDINGS = 8  # rounding errors of a coordinate per substep
 GOALS = 32  # rounding errors of 1 m: error of a goal, from some 60 operations on half a metre
-LAG = 2 * KEPT  # rounding errors of 1: the angle [rad] by which a rotation may lag behind, |b| over s1 + s2 > 1
+LAG = 2 * UNCHANGED  # rounding errors of 1: the angle [rad] by which a rotation may lag behind, |b| over s1 + s2 > 1
 FLYING, LOOKS = 20, 50  # steps after an impact, or of a deformed body, that are checked one by one
 LAST = 1000  # steps: 10 s, after which it must be at rest
 

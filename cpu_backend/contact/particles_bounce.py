@@ -35,7 +35,7 @@ def make_passes(compiler: Compiler, real: Any, scaled: bool, has_rigid: bool = F
     formulas = particle_contact.make(real, compiler.compiled)
     squared, touching, direction = formulas.squared, formulas.touching, formulas.direction
     lacking, split, added, moved = formulas.lacking, formulas.split, formulas.added, formulas.moved
-    parting, impulse_of, struck = formulas.parting, formulas.impulse, formulas.struck
+    parting, impulse_of, struck = formulas.parting, formulas.impulse, formulas.impulse_added
     whole = rebound.make(real, compiler.compiled)
     factor_of, squared_impulse, wanted, zero = whole.shared, whole.squared, whole.wanted, real(0)
 

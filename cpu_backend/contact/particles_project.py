@@ -36,7 +36,7 @@ def _make_sweep(
     """Make `tell`, `push`, `put` (see the inner functions), for a `band` of the particles that have neighbours."""
     formulas = particle_contact.make(real, compiler.compiled)
     squared, within, split, held, direction = (
-        formulas.squared, formulas.within, formulas.split, formulas.held, formulas.direction
+        formulas.squared, formulas.within, formulas.split, formulas.enforced_distance, formulas.direction
     )  # fmt: skip
     depth_of, slip, grip = formulas.depth, formulas.slip, formulas.grip
     added, added_friction, moved = formulas.added, formulas.added_friction, formulas.moved

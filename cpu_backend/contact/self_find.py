@@ -51,7 +51,7 @@ def make_slots(compiler: Compiler, count: int) -> SimpleNamespace:
 def _make_triangle(compiler: Compiler, real: Any, formulas: SimpleNamespace, numbers: SimpleNamespace) -> Any:
     """Make meet(k, i, j, triangle, begin, move, columns, parameters, corners, values, slots), see below."""
     nearest, away, length, dot = formulas.nearest, formulas.away, formulas.length, formulas.dot
-    rest_distance, normal, held_distance = formulas.rest_distance, formulas.normal, formulas.held_distance
+    rest_distance, normal, held_distance = formulas.rest_distance, formulas.normal, formulas.enforced_distance
     corners_of, owns = numbers.corners, numbers.owns
     slots, two = make_slots(compiler, VALUES), np.int64(2)
     place_of, copy = slots.place_of, slots.copy

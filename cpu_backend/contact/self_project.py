@@ -25,7 +25,7 @@ def _make_now(compiler: Compiler, real: Any) -> SimpleNamespace:
     formulas = surface_contact.make(real, compiler.compiled)
     checked, apart, over, through = formulas.checked, formulas.apart, formulas.over, formulas.through
     rub, load, split = formulas.rub, formulas.load, formulas.split
-    none, own, nearest = surface_contact.NONE, surface_contact.ITS_OWN, surface_contact.NEAREST
+    none, own, nearest = surface_contact.NONE, surface_contact.BY_TRIANGLE, surface_contact.NEAREST
     first_weight = contact.make(real, compiler.compiled).first_weight
 
     @compiler.compiled

@@ -53,9 +53,9 @@ def _make_triangle(compiler: Compiler, real: Any, slots: SimpleNamespace, ratios
     found): see the inner function."""
     formulas = contact.make(real, compiler.compiled)
     sides = surface_contact.make(real, compiler.compiled)
-    outward, kept_by = sides.outward, sides.kept_by
+    outward, kept_by = sides.outward, sides.scaled_length
     nearest, away, length, dot = formulas.nearest, formulas.away, formulas.length, formulas.dot
-    held_distance, mixed = formulas.held_distance, formulas.mixed
+    held_distance, mixed = formulas.enforced_distance, formulas.mixed
     place_of, copy = slots.place_of, slots.copy
     zero, one, sheet = real(0), real(1), contact.SHEET
 

@@ -19,7 +19,7 @@ from softlab.cpu_backend.core.plain import in_python, still_time, translated
 from softlab.cpu_backend.core.progress import new_team
 from softlab.cpu_backend.core.region import BodyPipeline, LinkedPipeline, packed, region
 from softlab.model.base.digest import content_digest, file_name, source_digest
-from softlab.model.base.kernel_cache import Kept, NamedByContent, Place, keep
+from softlab.model.base.kernel_cache import NamedByContent, NotifyingCache, Place, attach_cache
 
 # Optimisations of `fast`. Not `reassoc`, which would cancel the (p' - p) of the hand-out's step; not `nnan` and `ninf`,
 # since a diverging state must stay visible.
@@ -30,7 +30,7 @@ class _KernelFiles(NamedByContent, CompileResultCacheImpl):
     _locator_classes = [Place]  # type: ignore[list-item]  # noqa: RUF012
 
 
-class _KernelCache(Kept, FunctionCache):
+class _KernelCache(NotifyingCache, FunctionCache):
     _impl_class = _KernelFiles
 
 
@@ -82,7 +82,7 @@ class Compiler:
         label = f"{function.__name__} {self.variant}"
         named(function, content_digest(function, self.options, _HOW))
         dispatcher = numba.njit(parallel=parallel, **self.options)(function)
-        keep(dispatcher, _KernelCache, label)
+        attach_cache(dispatcher, _KernelCache, label)
         return dispatcher
 
     def team(self, function: Callable) -> Any:

@@ -16,7 +16,7 @@ def make_point_stages(compiler: Compiler, real: Any, parts: frozenset[str]) -> S
     compiled, kernel = compiler.compiled, compiler.kernel
     formulas = distance.make(real, compiled)
     kicked, kept, predicted, rate, added = (
-        formulas.kicked, formulas.kept, formulas.predicted, formulas.rate, formulas.added
+        formulas.kicked, formulas.damping_factor, formulas.predicted, formulas.rate, formulas.added
     )  # fmt: skip
     has_load, has_damping = "load" in parts, "damping" in parts
     zero, one = real(0), real(1)

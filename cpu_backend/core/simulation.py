@@ -188,7 +188,7 @@ class QuadsSimulation(Targeted, ParticlesSimulation):
         number = step * self.scene.method.substeps
         return pin_velocity(self.bodies, self._first_pin, len(self.driven), number, self._record)
 
-    def _keep(self) -> None:
+    def _store_snapshot(self) -> None:
         self._kept[0], self._kept[1] = self._position, self._velocity
 
     def _restore(self) -> None:
@@ -255,7 +255,7 @@ class RowsSimulation(CpuSimulation):
         """(dimensions, pins): positions of the pinned masses. They never move, so any state has them."""
         return self._layout.view(self._kept)[: self.scene.dimensions, self._pin_row, self._pin_column]
 
-    def _keep(self) -> None:
+    def _store_snapshot(self) -> None:
         self._kept[...] = self._flat
 
     def _restore(self) -> None:

@@ -65,7 +65,7 @@ class FluidAmongSolids(Fluid):
         carriers = samples.lightness.astype(real), offsets, carried, shares.astype(real)
         self._met = Solids(
             fluids, kinds_of(self.scene, samples).astype(real).reshape(-1), aligned_zeros(KINDS * self._room, real),
-            np.zeros(samples.count, np.int32), (samples.corners.reshape(-1), samples.shares.reshape(-1).astype(real)),
+            np.zeros(samples.count, np.int32), (samples.corners.reshape(-1), samples.weights.reshape(-1).astype(real)),
             (places.before.reshape(-1), places.position.reshape(-1)), carriers, np.zeros(3 * samples.count, real),
         )  # fmt: skip
         self._sums = aligned_zeros(SUMS * LANES * self._bands, real)

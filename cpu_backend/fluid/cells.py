@@ -40,7 +40,7 @@ def make_predict(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     """
     formulas = motion.make(real, compiler.compiled)
     accelerated, speed_of, slowed, drifted = formulas.accelerated, formulas.speed_of, formulas.slowed, formulas.drifted
-    turned_round, buoyant = formulas.turned_round, formulas.buoyant
+    turned_round, buoyant = formulas.wrapped_offset, formulas.buoyant
     axes = 2 if "flat" in parts else AXES
     own = make_own_force(compiler, real, axes, parts - {"load"})
     row_of = compiler.compiled(make_row_of(parts))

@@ -193,7 +193,7 @@ def make_take_up(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
     """Make `take_up` and `move`, the phases after a solve, one particle at a time."""
     compiled, m = compiler.compiled, motion.make(real, compiler.compiled)
     gained = divergence.make(real, compiled).gained
-    speed_of, held_back, slowed, drifted = m.speed_of, m.held_back, m.slowed, m.drifted
+    speed_of, held_back, slowed, drifted = m.speed_of, m.limited_change, m.slowed, m.drifted
     touch, row_of = make_collide_mass(compiler, real, parts), compiled(make_row_of(parts))
     settled = make_impact(compiler, real, parts).settled
     is_held, has_bodies, several = "held-back" in parts, bool(parts & set(COLLIDER_KINDS)), "fluids" in parts

@@ -52,7 +52,7 @@ def make_approaches(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any
 def make_gather(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     """Make gather(part, parts, world, parameters): it copies the state, wrapped into the periodic box, and writes the
     bounding box of the band."""
-    turned_round, compiled = motion.make(real, compiler.compiled).turned_round, compiler.compiled
+    turned_round, compiled = motion.make(real, compiler.compiled).wrapped_offset, compiler.compiled
     repeats, largest = "repeats" in parts, real(LARGEST)
 
     @compiled

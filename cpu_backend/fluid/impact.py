@@ -45,7 +45,7 @@ def make_impact(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleN
     multiplier, weight)` returns the velocity (3) without the rebound from walls.
     """
     compiled, m = compiler.compiled, motion.make(real, compiler.compiled)
-    drifted, held_back, speed_of = m.drifted, m.held_back, m.speed_of
+    drifted, held_back, speed_of = m.drifted, m.limited_change, m.speed_of
     after_impact, is_held = impact.make(real, compiled).after_impact, "held-back" in parts
     touch = make_collide_mass(compiler, real, parts)
 

@@ -21,7 +21,12 @@ def make_pairs(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNa
     f, wrap = density.make(real, compiler.compiled), make_wrap(compiler, real, parts)
     squared, near, closeness, apart, slope = f.squared, f.near, f.closeness, f.apart, f.slope
     density_added = f.density_added
-    gradient_added, own_added, crowded, correction_added = f.gradient_added, f.own_added, f.crowded, f.correction_added
+    gradient_added, own_added, crowded, correction_added = (
+        f.gradient_added,
+        f.squares_added,
+        f.crowded,
+        f.correction_added,
+    )
     several, has_tensile = "fluids" in parts, "tensile" in parts
     row_of = compiler.compiled(make_row_of(parts))
     one = real(1)

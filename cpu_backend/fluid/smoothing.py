@@ -69,7 +69,7 @@ def _make_shapes(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
 def _make_smooth(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     f, m = density.make(real, compiler.compiled), motion.make(real, compiler.compiled)
     near, slope, speed_of, difference = f.near, f.slope, m.speed_of, _make_difference(compiler, real, parts)
-    smooth_share, smooth_added, pull, pull_added = m.smooth_share, m.smooth_added, m.pull, m.pull_added
+    smooth_share, smooth_added, pull, pull_added = m.smoothing_weight, m.smooth_added, m.pull, m.pull_added
     tension_added, rise_added, smoothed, confined = m.tension_added, m.rise_added, m.smoothed, m.confined
     has_viscosity, has_cohesion = "viscosity" in parts, "cohesion" in parts
     has_tension, has_vorticity, has_solids = "surface-tension" in parts, "vorticity" in parts, "solids" in parts

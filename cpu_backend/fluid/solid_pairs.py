@@ -18,7 +18,12 @@ def make_solid_pairs(compiler: Compiler, real: Any, parts: frozenset[str]) -> Si
     """Make `densities`, `gradients`, `corrections`, which add to their sums (0 at first), and `frictions`."""
     f, m = density.make(real, compiler.compiled), solids.make(real, compiler.compiled)
     squared, near, closeness, apart, slope = f.squared, f.near, f.closeness, f.apart, f.slope
-    gradient_added, own_added, crowded, correction_added = f.gradient_added, f.own_added, f.crowded, f.correction_added
+    gradient_added, own_added, crowded, correction_added = (
+        f.gradient_added,
+        f.squares_added,
+        f.crowded,
+        f.correction_added,
+    )
     counted, counted_slope, carried = m.counted, m.counted_slope, m.carried
     both_of, rub, rub_added = m.both, m.rub, m.rub_added
     has_tensile, rubs, zero = "tensile" in parts, "viscosity" in parts, real(0)

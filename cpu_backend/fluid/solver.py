@@ -108,7 +108,10 @@ class Fluid(ParticlesSimulation):
         if not self._flows:
             return None
         scene, real = self.scene, self.real
-        emitters, points = emitter_rows(scene, self._taps, real).reshape(-1), nozzle_points(scene, real).reshape(-1)
+        emitters, points = (
+            emitter_rows(scene, self._emitter_state, real).reshape(-1),
+            nozzle_points(scene, real).reshape(-1),
+        )
         counts = np.zeros(1, np.int64), np.zeros(1, np.int64), fluid_starts(scene), np.zeros(self._particles, np.int8)
         return Flow(*counts, emitters, points, sink_rows(scene, real).reshape(-1))
 
@@ -192,7 +195,7 @@ class Fluid(ParticlesSimulation):
 
     # ------------------------------------------------------------------ the contract
 
-    def _keep(self) -> None:
+    def _store_snapshot(self) -> None:
         for kept, array in zip(self._kept, self._now, strict=True):
             kept[:] = array
 
@@ -209,7 +212,7 @@ class Fluid(ParticlesSimulation):
         self.integers[POKED] = self._poke_particle + 1
         self._fluids[:] = fluid_rows(self.scene, self.real, self.samples is not None).reshape(-1)
         if self._flow:
-            self._flow.emitters[:] = emitter_rows(self.scene, self._taps, self.real).reshape(-1)
+            self._flow.emitters[:] = emitter_rows(self.scene, self._emitter_state, self.real).reshape(-1)
 
     def _download(self) -> tuple[np.ndarray, np.ndarray]:
         axes, room, count = self.scene.dimensions, self._room, self.there

@@ -76,7 +76,7 @@ def make_velocities(compiler: Compiler, real: Any, parts: frozenset[str], sides_
 
 def _make_update(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     compiled, m = compiler.compiled, motion.make(real, compiler.compiled)
-    velocity_of, held_back, speed_of = m.velocity_of, m.held_back, m.speed_of
+    velocity_of, held_back, speed_of = m.velocity_of, m.limited_change, m.speed_of
     collide, scratch_of = make_collide_row(compiler, real, parts), make_scratch(compiler)
     sums_of, own_of, row_of = scratch_of.sums_of, scratch_of.own, compiled(make_row_of(parts))
     has_bodies, is_held, blocks = bool(parts & set(COLLIDER_KINDS)), "held-back" in parts, LANES // block_of(real)

@@ -37,7 +37,7 @@ def make_begin(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     """
     compiled = compiler.compiled
     formulas = distance.make(real, compiled)
-    kicked, kept, predicted, added = formulas.kicked, formulas.kept, formulas.predicted, formulas.added
+    kicked, kept, predicted, added = formulas.kicked, formulas.damping_factor, formulas.predicted, formulas.added
     own = make_own_force(compiler, real, AXES, parts | {"load"})  # every mass has its weight
     triangle, air_now = make_triangle(compiler, real), make_air(compiler, real, parts)
     has_gravity, has_wind, has_damping = "gravity" in parts, "wind" in parts, "damping" in parts

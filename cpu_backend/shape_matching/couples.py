@@ -26,7 +26,13 @@ def make_couples(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
         return _without(compiler)
     formulas, masses = couple.make(real, compiler.compiled), pace.make(real, compiler.compiled)
     sum_of, carried = make_lane_sum(compiler, real), rigid.make(real, compiler.compiled).carried
-    weighted, added, spin, turned, gone = masses.weighted, masses.added, formulas.spin, formulas.turned, formulas.gone
+    weighted, added, spin, turned, gone = (
+        masses.weighted,
+        masses.added,
+        formulas.spin,
+        formulas.cross_added,
+        formulas.gone,
+    )
     has_rigid, zero = "rigid-motion" in parts, real(0)
 
     @compiler.row

@@ -43,7 +43,7 @@ def make_damping(compiler: Compiler, real: Any, damped: bool) -> SimpleNamespace
     if not damped:
         return _undamped(compiler)
     formulas, sum_of = pace.make(real, compiler.compiled), make_lane_sum(compiler, real)
-    weighted, added, turned = formulas.weighted, formulas.added, formulas.turned
+    weighted, added, turned = formulas.weighted, formulas.added, formulas.cross_added
     motion, slowed = formulas.motion, formulas.slowed
     zero = real(0)
 

@@ -114,7 +114,7 @@ def make_turn(compiler: Compiler, real: Any, shaping: frozenset[str]) -> Any:
     and, with their centres, into `frames`.
     """
     formulas, turns = cluster.make(real, compiler.compiled), rotation.make(real, compiler.inlined)
-    upright, centre, near, matrix_of = formulas.upright, formulas.centre, turns.rotation_3d_near, turns.matrix_of
+    upright, centre, near, matrix_of = formulas.corrected, formulas.centre, turns.rotation_3d_near, turns.matrix_of
     far, shapes = rotation.make(real, compiler.compiled).rotation_3d_far, make_shapes(compiler, real, shaping, AXES)
     prepare, finish, zero, one = shapes.prepare, shapes.finish, real(0), real(1)
 
@@ -205,7 +205,7 @@ def make_goals(compiler: Compiler, real: Any, has_rigid: bool) -> SimpleNamespac
     gathers. `travel`: as in particles.py; its slacks are read if bodies are rigid, `has_rigid`.
     """
     formulas = cluster.make(real, compiler.compiled)
-    goal, added_way, arrived = formulas.goal, formulas.added_way, formulas.arrived
+    goal, added_way, arrived = formulas.goal, formulas.displacement_added, formulas.arrived
     settled, zero = rigid.make(real, compiler.compiled).settled, real(0)
 
     @compiler.row

@@ -26,7 +26,7 @@ from softlab.model.assets.lattice import (
     T_COUNT,
     T_INVERSE,
     T_MASS,
-    T_SHARE,
+    T_WEIGHT,
     V_MATCHING,
     V_SPACING,
     V_TURN,
@@ -55,10 +55,10 @@ def make_slice_up(compiler: Compiler, real: Any) -> Any:
         for j in range(ny):
             x, line = row_at(position, begin + j * nx), row_at(room, LINE * nx * j)
             sum_line(
-                nx, region, x, count, row_at(x_table, T_SHARE * nx), row_at(x_table, T_CENTRE * nx), line, nx
+                nx, region, x, count, row_at(x_table, T_WEIGHT * nx), row_at(x_table, T_CENTRE * nx), line, nx
             )  # fmt: skip
         given = (
-            row_at(y_table, T_SHARE * ny), row_at(y_table, T_CENTRE * ny), row_at(y_table, T_MASS * ny),
+            row_at(y_table, T_WEIGHT * ny), row_at(y_table, T_CENTRE * ny), row_at(y_table, T_MASS * ny),
             row_at(x_table, T_MASS * nx), False,
         )  # fmt: skip
         scan(
@@ -100,7 +100,7 @@ def make_turn(compiler: Compiler, real: Any) -> Any:
         sums = row_at(room, pitch * nz)
         groups, centres = row_at(sums, pitch), row_at(table, T_CENTRE * nz)
         given = (
-            row_at(table, T_SHARE * nz), centres, row_at(table, T_MASS * nz), row_at(tables, at_slice),
+            row_at(table, T_WEIGHT * nz), centres, row_at(table, T_MASS * nz), row_at(tables, at_slice),
             (
                 cluster + below, deep, clusters, row_at(constants, V_TURN), rotation, turned, groups,
                 row_at(tables, at_slice + deep), row_at(table, T_INVERSE * nz),
@@ -153,8 +153,8 @@ def make_move(compiler: Compiler, real: Any) -> Any:
             sum_goals(nx, region, spacing, counts[j] * count_z, here, count, centres, line, nx, sums)
             for axis in range(3):
                 move_row(
-                    nx, row_at(sums, axis * nx), row_at(x_table, T_SHARE * nx), y_table[T_SHARE * ny + j],
-                    z_table[T_SHARE * nz + z], constants[V_MATCHING], row_at(here, axis * count),
+                    nx, row_at(sums, axis * nx), row_at(x_table, T_WEIGHT * nx), y_table[T_WEIGHT * ny + j],
+                    z_table[T_WEIGHT * nz + z], constants[V_MATCHING], row_at(here, axis * count),
                 )  # fmt: skip
 
     return move

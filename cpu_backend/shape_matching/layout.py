@@ -110,7 +110,7 @@ def layout_of(clusters: Clusters, bounds: Bounds, real: Any, threads: int) -> La
     lone = np.zeros(len(particles), bool)
     own_cluster = first_cluster[:-1][one]
     lone[one] = straight[own_cluster] & (sizes[own_cluster] == particles[one])
-    lone[one] &= np.bincount(clusters.owner, clusters.shares != 1, clusters.count)[own_cluster] == 0
+    lone[one] &= np.bincount(clusters.owner, clusters.weights != 1, clusters.count)[own_cluster] == 0
     work = particles + np.diff(clusters.offsets[first_cluster])
     groups, costs = [], []
     for first, last in _runs(lone, work, threads):

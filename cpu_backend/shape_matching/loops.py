@@ -65,7 +65,7 @@ def make_bodies_stages(real: Any, math: str, parts: frozenset[str]) -> SimpleNam
     rate_some, collide_some = made.rate, made.collide
 
     formulas = distance.make(real, compiler.compiled)
-    kicked, kept, predicted = formulas.kicked, formulas.kept, formulas.predicted
+    kicked, kept, predicted = formulas.kicked, formulas.damping_factor, formulas.predicted
     no_step = np.int64(0)
     has_damping, has_spare, zero, one = "damping" in parts, "spare" in parts, real(0), real(1)
     travelled, has_rigid = rigid.make(real, compiler.compiled).travelled, "rigid-motion" in parts

@@ -27,7 +27,7 @@ from softlab.cpu_backend.shape_matching.matching_rows import (
     make_goal_rows,
     make_motion_rows,
 )
-from softlab.model.assets.lattice import T_CENTRE, T_INVERSE, T_SHARE
+from softlab.model.assets.lattice import T_CENTRE, T_INVERSE, T_WEIGHT
 from softlab.model.formulas.shape_matching import grid as shape_matching
 
 AXES = 2
@@ -105,7 +105,7 @@ def make_match(compiler: Compiler, real: Any, region: int) -> Any:
             x = row_at(room, PLACE * (other % ring) * stride)
             add_window(
                 columns, stride, row_at(x, AXES * stride), x, row_at(x, stride), here, here_y, table,
-                row_table[T_SHARE, other], offset, sums,
+                row_table[T_WEIGHT, other], offset, sums,
             )  # fmt: skip
         cluster = row_at(room, (at_clusters + GOAL * (i % ring)) * stride)
         finish(columns, stride, sums, here, here_y, row_table[T_INVERSE, i], table, cluster)
@@ -140,8 +140,8 @@ def make_arrive(compiler: Compiler, real: Any, region: int, parts: frozenset[str
             place = (axis * rows + i) * stride
             here_weights, out = row_at(weights, i * stride), row_at(after, place)
             move(
-                columns, row_at(here, axis * stride), row_at(ways, axis * stride), here_weights, row_table[T_SHARE, i], table,
-                parameters, out,
+                columns, row_at(here, axis * stride), row_at(ways, axis * stride), here_weights, row_table[T_WEIGHT, i],
+                table, parameters, out,
             )  # fmt: skip
             if ending:
                 new = row_at(after, place + AXES * rows * stride)

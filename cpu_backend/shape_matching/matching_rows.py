@@ -15,7 +15,7 @@ from typing import Any
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import row_at
 from softlab.cpu_backend.core.own_forces import make_own_row
-from softlab.model.assets.lattice import T_CENTRE, T_COUNT, T_INVERSE, T_MASS, T_SHARE
+from softlab.model.assets.lattice import T_CENTRE, T_COUNT, T_INVERSE, T_MASS, T_WEIGHT
 from softlab.model.core.own_forces import own_forces
 from softlab.model.formulas import distance
 from softlab.model.formulas.shape_matching import grid as shape_matching
@@ -66,7 +66,7 @@ def make_cluster_rows(compiler: Compiler, real: Any, region: int) -> SimpleNames
             if place != 0:
                 add_members(
                     columns - abs(place), real(place), row_at(x, first + place), row_at(y, first + place),
-                    row_at(table, T_SHARE * stride + first + place), row_at(x, first), row_at(y, first),
+                    row_at(table, T_WEIGHT * stride + first + place), row_at(x, first), row_at(y, first),
                     row_at(table, T_CENTRE * stride + first), row_at(line, first), row_at(line, stride + first),
                     row_at(line, 2 * stride + first), row_at(line, 3 * stride + first),
                 )  # fmt: skip

@@ -10,7 +10,7 @@ import numpy as np
 from numba import prange
 
 from softlab.cpu_backend.core.compile import Compiler
-from softlab.model.assets.lattice import T_CENTRE, T_COUNT, T_INVERSE, T_MASS, T_SHARE
+from softlab.model.assets.lattice import T_CENTRE, T_COUNT, T_INVERSE, T_MASS, T_WEIGHT
 from softlab.model.formulas.shape_matching import grid as shape_matching
 
 AXES = 2
@@ -48,11 +48,11 @@ def make_matching_stages(real: Any, math: str, region: int) -> SimpleNamespace:
                 if k != j:
                     line = added_member(
                         line[0], line[1], line[2], line[3], position[0, row, k], position[1, row, k], middle_x, middle_y,
-                        table[T_SHARE, k], real(k - j), table[T_CENTRE, j],
+                        table[T_WEIGHT, k], real(k - j), table[T_CENTRE, j],
                     )  # fmt: skip
             sums = added_row(
                 sums, line[0], line[1], line[2], line[3], middle_x, middle_y, x, y, table[T_MASS, j],
-                row_table[T_SHARE, row], real(row - i) - row_table[T_CENTRE, i],
+                row_table[T_WEIGHT, row], real(row - i) - row_table[T_CENTRE, i],
             )  # fmt: skip
         return found(sums, x, y, row_table[T_INVERSE, i], table[T_INVERSE, j])
 
@@ -90,7 +90,7 @@ def make_matching_stages(real: Any, math: str, region: int) -> SimpleNamespace:
             for j in range(position.shape[2]):
                 ways = way_of_mass(i, j, position, clusters, row_table, column_table, record[0].matching_rest)
                 for axis in range(AXES):
-                    shares = row_table[T_SHARE, i], column_table[T_SHARE, j]
+                    shares = row_table[T_WEIGHT, i], column_table[T_WEIGHT, j]
                     now = position[axis, i, j]
                     new = moved(now, shares[0], shares[1], record[0].matching, ways[axis])
                     out[axis, i, j] = new if weights[i, j] > zero else now

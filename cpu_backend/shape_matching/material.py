@@ -56,7 +56,7 @@ class ClusterMaterial:
             )
         self.couples = np.zeros(3 * layout.count if "couples" in parts else 0, real)
         if "couples" in parts:
-            weights, spins = clusters.shares[layout.of_own].astype(real), np.zeros(SPIN * clusters.count, real)
+            weights, spins = clusters.weights[layout.of_own].astype(real), np.zeros(SPIN * clusters.count, real)
             steps = steps._replace(couples=Couples(starts, owners, weights, spins, self.couples))
         self.touched, self.steps, self.look = (self.travel, self.couples), steps, steps
         if isinstance(steps.shapes, Shapes):

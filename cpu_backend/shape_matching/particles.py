@@ -27,7 +27,7 @@ def make_particles(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simp
     and writes the velocity changes into three planes `struck`.
     """
     formulas = distance.make(real, compiler.compiled)
-    kicked, kept, predicted, rate_of = formulas.kicked, formulas.kept, formulas.predicted, formulas.rate
+    kicked, kept, predicted, rate_of = formulas.kicked, formulas.damping_factor, formulas.predicted, formulas.rate
     touch, collide_planes = make_collide_mass(compiler, real, parts), make_collide_planes(compiler, real, parts)
     block = block_of(real)
     own = make_own_force(compiler, real, AXES, parts | {"load"})  # each particle has its own weight

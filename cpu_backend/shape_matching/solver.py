@@ -232,7 +232,7 @@ class Bodies(ParticlesSimulation):
     def _state(self) -> tuple[np.ndarray, ...]:
         return self._even, self._velocity, self._rotation, self._lattices.rotation, self._material.plastic
 
-    def _keep(self) -> None:
+    def _store_snapshot(self) -> None:
         for kept, array in zip(self._kept, self._state(), strict=True):
             kept[:] = array
 

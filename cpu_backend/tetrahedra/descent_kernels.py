@@ -54,7 +54,7 @@ def make_visits(real: Any, math: str, material: int, damped: bool, parts: frozen
     compiled = compiler.compiled
     formulas = descent.make(real, compiled, material, damped)
     element = compiler.inlined(formulas.element.py_func)
-    held, added, moved, coasted = formulas.held, formulas.added, formulas.moved, formulas.coasted
+    held, added, moved, coasted = formulas.initial_strain, formulas.added, formulas.moved, formulas.coasted
     pulled, zero, sprung = make_springs(compiler, real).pulled, real(0), bool(parts & PARTS)
     meeting = make_meeting(compiler, real, parts)
     has_bodies, met = meeting.has_bodies, meeting.met

@@ -93,7 +93,7 @@ def make_moving(
     """Make `weigh`, the potential's gradient at the positions and the rest of its energy, and `move`, `accept`, `put`,
     over groups."""
     compiled, formulas = compiler.compiled, newton.make(real, compiler.compiled)
-    inertia_of, kept, moved = formulas.inertia_of, formulas.kept, formulas.moved
+    inertia_of, kept, moved = formulas.inertia_of, formulas.inertial_energy, formulas.moved
     has_bodies, within = contact.has_bodies, contact.within
     zero = real(0)
     pulled, sprung = make_springs(compiler, real).pulled, bool(parts & PARTS)

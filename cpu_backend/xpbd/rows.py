@@ -39,7 +39,7 @@ def make_motion_rows(
     meanwhile; or `apart`.
     """
     formulas, block = distance.make(real, compiler.compiled), block_of(real)
-    kicked, kept, predicted, rate = formulas.kicked, formulas.kept, formulas.predicted, formulas.rate
+    kicked, kept, predicted, rate = formulas.kicked, formulas.damping_factor, formulas.predicted, formulas.rate
     has_load, has_damping, has_gravity = "load" in parts, "damping" in parts, "gravity" in parts
     zero, one = real(0), real(1)
     moves = has_forces or has_gravity or has_damping

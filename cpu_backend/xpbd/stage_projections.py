@@ -58,7 +58,12 @@ def make_kind(
     """Make `project` (in place, a colour) and `displace` (the terms of a Jacobi sum) of a kind of constraints."""
     compiled, kernel = compiler.compiled, compiler.kernel
     formulas = distance.make(real, compiled)
-    moved, reciprocal_of, scaled, share = formulas.moved, formulas.reciprocal, formulas.scaled, formulas.share
+    moved, reciprocal_of, scaled, share = (
+        formulas.moved,
+        formulas.reciprocal,
+        formulas.scaled,
+        formulas.weighted_valence,
+    )
     change_of = make_change(compiler, real, axes, soft, damped)
     by_formula, weighted = "load" in parts or "averaged-jacobi" in parts or "jacobi" in parts, "jacobi" in parts
     zero, one = real(0), real(1)

@@ -122,8 +122,8 @@ class Tables:
         upper, lower = self.weight_row[i], self.weight_row[i + family.rows]
         w_first, w_second = self.weights[upper][first], self.weights[lower][second]
         if "jacobi" in self.parts:
-            w_first = self._formulas.share(self._valence_rows[i][first], w_first)
-            w_second = self._formulas.share(self._valence_rows[i + family.rows][second], w_second)
+            w_first = self._formulas.weighted_valence(self._valence_rows[i][first], w_first)
+            w_second = self._formulas.weighted_valence(self._valence_rows[i + family.rows][second], w_second)
         total = w_first + w_second
         for colour in (0, 1):
             # along a row, only every second constraint can differ in colour

@@ -25,7 +25,7 @@ def make_motion(real: Any, math: str, parts: frozenset[str], axes: int) -> Simpl
     `settle`: the last two, from the substep's start and end.
     """
     formulas = device_formulas(distance.make, real, math)
-    kicked, kept, predicted, rate = formulas.kicked, formulas.kept, formulas.predicted, formulas.rate
+    kicked, kept, predicted, rate = formulas.kicked, formulas.damping_factor, formulas.predicted, formulas.rate
     touch = make_collide(real, math, parts)
     inline = inlined(math)
     has_pins, has_load, has_damping, solid = "pins" in parts, "load" in parts, "damping" in parts, axes == 3

@@ -58,7 +58,7 @@ def make_project(
     `make_pairs`.
     """
     formulas = device_formulas(particle_contact.make, real, math)
-    squared, within, split, held = formulas.squared, formulas.within, formulas.split, formulas.held
+    squared, within, split, held = formulas.squared, formulas.within, formulas.split, formulas.enforced_distance
     direction, depth_of, slip, grip = formulas.direction, formulas.depth, formulas.slip, formulas.grip
     added, added_friction, moved = formulas.added, formulas.added_friction, formulas.moved
     pair_of, zero, one, most = make_pairs(own, many), real(0), real(1), np.int32(MAX_NEIGHBOURS)

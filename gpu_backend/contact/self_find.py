@@ -58,7 +58,7 @@ def _make_meet(real: Any, math: str) -> Any:
     device = cuda.jit(device=True, **kernel_options(math))
     formulas, numbers = device_formulas(contact.make, real, math), contact.make_numbers(device)
     nearest, away, length, dot = formulas.nearest, formulas.away, formulas.length, formulas.dot
-    rest_distance, normal, held_distance = formulas.rest_distance, formulas.normal, formulas.held_distance
+    rest_distance, normal, held_distance = formulas.rest_distance, formulas.normal, formulas.enforced_distance
     corners_of, owns = numbers.corners, numbers.owns
     two, zero, slots = np.int64(2), real(0), make_slots(math)
     place_of, copy = slots.place_of, slots.copy

@@ -94,7 +94,7 @@ def _make_now(real: Any, math: str) -> SimpleNamespace:
     device, f = cuda.jit(device=True, **kernel_options(math)), device_formulas(surface_contact.make, real, math)
     checked, apart, over, through = f.checked, f.apart, f.over, f.through
     rub, load, split = f.rub, f.load, f.split
-    none, own, nearest = surface_contact.NONE, surface_contact.ITS_OWN, surface_contact.NEAREST
+    none, own, nearest = surface_contact.NONE, surface_contact.BY_TRIANGLE, surface_contact.NEAREST
     first_weight = device_formulas(contact.make, real, math).first_weight
 
     @device

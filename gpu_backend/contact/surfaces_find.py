@@ -52,9 +52,9 @@ def _make_meet(real: Any, math: str, ratios: bool) -> Any:
     corners, normals, weights, found), as in cpu_backend/contact/surfaces_find.py."""
     device, slots = cuda.jit(device=True, **kernel_options(math)), _make_slots(real, math)
     formulas, sides = device_formulas(contact.make, real, math), device_formulas(surface_contact.make, real, math)
-    outward, kept_by = sides.outward, sides.kept_by
+    outward, kept_by = sides.outward, sides.scaled_length
     nearest, away, length, dot = formulas.nearest, formulas.away, formulas.length, formulas.dot
-    held_distance, mixed = formulas.held_distance, formulas.mixed
+    held_distance, mixed = formulas.enforced_distance, formulas.mixed
     place_of, copy = slots.place_of, slots.copy
     zero, one, sheet = real(0), real(1), contact.SHEET
 

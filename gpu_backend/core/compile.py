@@ -16,7 +16,7 @@ from numba import cuda
 
 from softlab.gpu_backend.core.device import simulated
 from softlab.model.base.digest import content_digest, file_name
-from softlab.model.base.kernel_cache import Kept, NamedByContent, Place, keep
+from softlab.model.base.kernel_cache import NamedByContent, NotifyingCache, Place, attach_cache
 
 
 def variant_name(real: Any, *words: object) -> str:
@@ -52,7 +52,7 @@ def make_kernel(function: Callable, variant: str, **options: Any) -> Any:
     label = f"{function.__name__} {variant}"
     function.__name__ = function.__qualname__ = file_name(f"{function.__name__}_{content_digest(function, options)}")
     kernel = cuda.jit(**options)(function)
-    keep(kernel, _kernel_cache(), label)
+    attach_cache(kernel, _kernel_cache(), label)
     return kernel
 
 
@@ -68,7 +68,7 @@ def _kernel_cache() -> Any:
     class KernelFiles(NamedByContent, CUDACacheImpl):
         _locator_classes = [Place]  # type: ignore[list-item]  # noqa: RUF012
 
-    class KernelCache(Kept, CUDACache):
+    class KernelCache(NotifyingCache, CUDACache):
         _impl_class = KernelFiles
 
     return KernelCache

@@ -161,7 +161,7 @@ class CudaSimulation(Simulation):
     def _run(self, steps: int) -> None:
         self._executor.run(self.step, steps)
 
-    def _keep(self) -> None:
+    def _store_snapshot(self) -> None:
         self.kept_position.copy_to_device(self.position[self._current], stream=self.stream)
         self.kept_velocity.copy_to_device(self.velocity[self._current], stream=self.stream)
 

@@ -162,7 +162,7 @@ class NcclSimulation(GpuWindows):
 
     def _connect(self) -> NcclExchange:
         with at(self.devices[0]):
-            return NcclExchange(self.windows, [domain.number for domain in self.mine], self.decomposition, self.devices,
+            return NcclExchange(self.windows, [domain.number for domain in self.local], self.decomposition, self.devices,
                                 self._world)  # fmt: skip
 
     def _first_diverged(self) -> int:

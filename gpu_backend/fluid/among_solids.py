@@ -57,7 +57,7 @@ class FluidAmongSolids(Fluid):
         offsets, carried, shares = samples.carriers
         self._kinds = new(kinds_of(self.scene, samples).astype(real))
         self._slots, self._shift = new(np.zeros(samples.count, np.int32)), new(np.zeros(3 * samples.count, real))
-        self._points = new(samples.corners), new(samples.shares.astype(real))
+        self._points = new(samples.corners), new(samples.weights.astype(real))
         self._carriers = new(samples.lightness.astype(real)), new(offsets), new(carried), new(shares.astype(real))
         self._met = self.new_array()  # velocities before smoothing
         self._over_samples = self._over(samples.count, COUNTED)

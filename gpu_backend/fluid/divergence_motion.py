@@ -28,7 +28,7 @@ from softlab.model.formulas.fluid import divergence, motion
 def _make_given(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """Make `given(v, e, most, parameters)`, a velocity after a solve, and `limited(vx, vy, vz, most)`."""
     m, gained = device_formulas(motion.make, real, math), device_formulas(divergence.make, real, math).gained
-    speed_of, held_back, slowed, is_held = m.speed_of, m.held_back, m.slowed, "held-back" in parts
+    speed_of, held_back, slowed, is_held = m.speed_of, m.limited_change, m.slowed, "held-back" in parts
 
     @inlined(math)
     def given(v, e, most, parameters):
@@ -58,7 +58,7 @@ def make_free_motion(real: Any, math: str, parts: frozenset[str], repeats: froze
     place, substeps, substep.
     """
     m, ends, row = device_formulas(motion.make, real, math), _make_given(real, math, parts), make_row(parts)
-    turned_round, drifted, given, limited = m.turned_round, m.drifted, ends.given, ends.limited
+    turned_round, drifted, given, limited = m.wrapped_offset, m.drifted, ends.given, ends.limited
     accelerated, settled = _make_accelerated(real, math, parts), make_settled(real, math, parts)
     collide, clock, zero = make_collide(real, math, parts), make_clock(math, parts), real(0)
     speed_of, one_more = m.speed_of, np.int64(1)

@@ -36,7 +36,7 @@ class Flow:
 
     def _rows(self) -> np.ndarray:
         simulation = self._simulation
-        return emitter_rows(simulation.scene, simulation._taps, simulation.real).reshape(-1)
+        return emitter_rows(simulation.scene, simulation._emitter_state, simulation.real).reshape(-1)
 
     def _sink_rows(self) -> np.ndarray:
         """Return the rows of sinks; without any one zero, as an array needs a number: a half space without

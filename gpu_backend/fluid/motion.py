@@ -51,7 +51,7 @@ def make_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """
     formulas, inline, collide = device_formulas(motion.make, real, math), inlined(math), make_collide(real, math, parts)
     impacts = device_formulas(impact.make, real, math)
-    velocity_of, held_back, speed_of = formulas.velocity_of, formulas.held_back, formulas.speed_of
+    velocity_of, held_back, speed_of = formulas.velocity_of, formulas.limited_change, formulas.speed_of
     braked, slowed = formulas.braked, formulas.slowed
     is_held_back, is_dragged, touches = "held-back" in parts, "drag" in parts, bool(parts & COLLIDERS)
     after_impact, drifted, settled = impacts.after_impact, formulas.drifted, make_settled(real, math, parts)
@@ -102,7 +102,7 @@ def make_begin(real: Any, math: str, parts: frozenset[str], repeats: frozenset[s
     axes = 2 if "flat" in parts else 3
     formulas, keep_box, clock = device_formulas(motion.make, real, math), make_box(real), make_clock(math, parts)
     accelerated, buoyant, drifted = formulas.accelerated, formulas.buoyant, formulas.drifted
-    speed_of, slowed, turned_round = formulas.speed_of, formulas.slowed, formulas.turned_round
+    speed_of, slowed, turned_round = formulas.speed_of, formulas.slowed, formulas.wrapped_offset
     own, row = make_own_force(real, math, axes, parts), make_row(parts)
     has_gravity, solid, goes_round = "gravity" in parts, axes == 3, bool(repeats)
     along_x, along_y, along_z = "x" in repeats, "y" in repeats, "z" in repeats

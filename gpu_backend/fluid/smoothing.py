@@ -83,7 +83,7 @@ def _make_pair_terms(real: Any, math: str, parts: frozenset[str]) -> SimpleNames
     """Make `add_forces` and `add_smooth`: the contribution of one neighbour."""
     formulas, inline = device_formulas(motion.make, real, math), inlined(math)
     near = device_formulas(density.make, real, math).near
-    smooth_share, smooth_added = formulas.smooth_share, formulas.smooth_added
+    smooth_share, smooth_added = formulas.smoothing_weight, formulas.smooth_added
     pull, pull_added, tension_added = formulas.pull, formulas.pull_added, formulas.tension_added
     has_cohesion, has_tension = "cohesion" in parts, "surface-tension" in parts
 

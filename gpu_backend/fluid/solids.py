@@ -88,7 +88,12 @@ def _make_solid_sums(real: Any, math: str, parts: frozenset[str]) -> SimpleNames
     f, s_ = device_formulas(density.make, real, math), device_formulas(solids.make, real, math)
     squared, apart, near, closeness, slope = f.squared, f.apart, f.near, f.closeness, f.slope
     inline = inlined(math)
-    gradient_added, own_added, crowded, correction_added = f.gradient_added, f.own_added, f.crowded, f.correction_added
+    gradient_added, own_added, crowded, correction_added = (
+        f.gradient_added,
+        f.squares_added,
+        f.crowded,
+        f.correction_added,
+    )
     counted, counted_slope, carried, both_of = s_.counted, s_.counted_slope, s_.carried, s_.both
     rub, rub_added, row, zero = s_.rub, s_.rub_added, make_row(parts), real(0)
     volume_row, grip_row, light_row = np.int32(K_VOLUME), np.int32(K_GRIP), np.int32(K_LIGHTNESS)

@@ -279,8 +279,8 @@ class Fluid(SubstepSimulation):
         bad = self.fetch(self._bad)
         return -1 if bad == NOTHING_BAD else bad
 
-    def _keep(self) -> None:
-        super()._keep()
+    def _store_snapshot(self) -> None:
+        super()._store_snapshot()
         self.kept_particle.copy_to_device(self.particle[self._current], stream=self.stream)
         if self.flow:
             self.flow.keep()

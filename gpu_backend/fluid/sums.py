@@ -119,7 +119,7 @@ def _make_added(real: Any, math: str, parts: frozenset[str], repeats: frozenset[
         make_row(parts),
     )
     squared, near, closeness, slope, pair = f.squared, f.near, f.closeness, f.slope, make_pair(real, math, repeats)
-    gradient_added, own_added, density_added, crowded = f.gradient_added, f.own_added, f.density_added, f.crowded
+    gradient_added, own_added, density_added, crowded = f.gradient_added, f.squares_added, f.density_added, f.crowded
     correction_added, weight_field = f.correction_added, np.int32(F_WEIGHT)
     is_tensile, several = "tensile" in parts, "fluids" in parts
 

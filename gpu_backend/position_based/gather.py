@@ -157,7 +157,7 @@ def make_gather(real: Any, math: str, parts: frozenset[str], axes: int) -> Simpl
     - `arrive(p, weight, sum, valence)` -> (x, y, z): the mass after the iteration.
     """
     formulas = device_formulas(distance.make, real, math)
-    share, gathered, averaged = formulas.share, formulas.gathered, formulas.averaged
+    share, gathered, averaged = formulas.weighted_valence, formulas.gathered, formulas.averaged
     has_structural, has_shear, has_bending = "structural" in parts, "shear" in parts, "bending" in parts
     averages, solid = "averaged-jacobi" in parts, axes == 3
     total = _make_neighbour_sum(real, math, parts, _make_pulls(real, math, parts, axes))

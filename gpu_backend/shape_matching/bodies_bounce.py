@@ -28,7 +28,7 @@ def make_give(real: Any, math: str, own: bool, many: bool, scaled: bool) -> Any:
     contact/particles_bounce.py. `scaled`: impulses are multiplied by the smaller one of both particles' `scales`.
     """
     formulas = device_formulas(particle_contact.make, real, math)
-    split, moved, impulse_of, add = formulas.split, formulas.moved, formulas.impulse, formulas.struck
+    split, moved, impulse_of, add = formulas.split, formulas.moved, formulas.impulse, formulas.impulse_added
     whole = device_formulas(rebound.make, real, math)
     factor_of, product, squared_impulse, wanted = whole.shared, whole.scaled, whole.squared, whole.wanted
     lack_of, zero, one, most = make_lack(real, math, own, many, True), real(0), real(1), np.int32(MAX_NEIGHBOURS)

@@ -33,7 +33,13 @@ def make_couples(real: Any, math: str, has_rigid: bool) -> SimpleNamespace:
     """
     masses, formulas = device_formulas(pace.make, real, math), device_formulas(couple.make, real, math)
     lane_sum, carried = make_lane_sum(real, math), device_formulas(rigid.make, real, math).carried
-    weighted, added, spin, turned, gone = masses.weighted, masses.added, formulas.spin, formulas.turned, formulas.gone
+    weighted, added, spin, turned, gone = (
+        masses.weighted,
+        masses.added,
+        formulas.spin,
+        formulas.cross_added,
+        formulas.gone,
+    )
     zero, one, lanes, sums, pitch = real(0), np.int32(1), np.int32(LANES), np.int32(SUMS), np.int32(PITCH)
 
     def gather(position, couples, starts, firsts, indices, members, leans, spins):
@@ -123,7 +129,7 @@ class Couples:
         self._flat = max(1, -(-particles // THREADS)), THREADS, stream
         arrays = np.zeros(SIZE * particles, real), np.zeros(QUADS * SIZE * clusters.count, real)
         self.sums, self._spins, self._shares = (
-            cuda.to_device(array, stream=stream) for array in (*arrays, clusters.shares[own].astype(real))
+            cuda.to_device(array, stream=stream) for array in (*arrays, clusters.weights[own].astype(real))
         )
         self._kernels = make_couples(real, math, "rigid-motion" in parts)
 

@@ -30,7 +30,7 @@ def make_gather(real: Any, math: str) -> Any:
     """Compile gather(position, velocity, starts, firsts, indices, members, leans, motions): the rigid motions of all
     clusters, in blocks of THREADS. `motions`: three quads each, the centre, the velocity there, the spin."""
     formulas, lane_sum = device_formulas(pace.make, real, math), make_lane_sum(real, math)
-    weighted, added, turned, motion = formulas.weighted, formulas.added, formulas.turned, formulas.motion
+    weighted, added, turned, motion = formulas.weighted, formulas.added, formulas.cross_added, formulas.motion
     zero, one, lanes, momenta, pitch = real(0), np.int32(1), np.int32(LANES), np.int32(MOMENTA), np.int32(PITCH)
 
     def gather(position, velocity, starts, firsts, indices, members, leans, motions):

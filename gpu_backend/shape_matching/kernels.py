@@ -57,7 +57,7 @@ def make_bodies_clusters(real: Any, math: str) -> SimpleNamespace:
     """
     formulas, turns = device_formulas(cluster.make, real, math), device_formulas(rotation.make, real, math)
     weighted, added, lane_sum = formulas.weighted, formulas.added, make_lane_sum(real, math)
-    upright, centre = formulas.upright, formulas.centre
+    upright, centre = formulas.corrected, formulas.centre
     rotation_3d, matrix_of = turns.rotation_3d, turns.matrix_of
     move_mass = make_move(real, math)
     zero, one, lanes, moments, pitch = real(0), np.int32(1), np.int32(LANES), np.int32(MOMENTS), np.int32(PITCH)
@@ -125,7 +125,7 @@ def make_move(real: Any, math: str, ways: bool = False) -> Any:
     """Make move_mass(p, k, own_starts, own_clusters, own_members, frames) -> (x, y, z): particle k, at p, moved towards
     its goals; with `ways` only its displacement."""
     formulas = device_formulas(cluster.make, real, math)
-    goal, added_way, arrived = formulas.goal, formulas.added_way, formulas.arrived
+    goal, added_way, arrived = formulas.goal, formulas.displacement_added, formulas.arrived
     zero, one = real(0), np.int32(1)
 
     @inlined(math)

@@ -21,7 +21,7 @@ from softlab.model.assets.lattice import (
     T_COUNT,
     T_INVERSE,
     T_MASS,
-    T_SHARE,
+    T_WEIGHT,
     V_MATCHING,
     V_SPACING,
     V_TURN,
@@ -67,7 +67,7 @@ def _lines(real: Any, math: str) -> tuple[Any, ...]:
             for other in range(max(np.int32(0), k - region), min(nx, k + region + 1)):
                 if other != k:
                     p = load_quad(position, np.int32(first + other))
-                    share = tables[numbers[N_TABLE_X] + T_SHARE * nx + other]
+                    share = tables[numbers[N_TABLE_X] + T_WEIGHT * nx + other]
                     away = lever(real(other - k), tables[numbers[N_TABLE_X] + T_CENTRE * nx + k])
                     a, b = part_of(share, p[0], here[0]), part_of(share, p[1], here[1])
                     c = part_of(share, p[2], here[2])
@@ -96,8 +96,8 @@ def _lines(real: Any, math: str) -> tuple[Any, ...]:
                 x = added_goal(x, source[at], count, px, here[0], along, source[3 * total + at])
                 y = added_goal(y, source[total + at], count, py, here[1], along, source[4 * total + at])
                 z = added_goal(z, source[2 * total + at], count, pz, here[2], along, source[5 * total + at])
-            share_x, share_y = tables[at_x + T_SHARE * nx + k], tables[at_y + T_SHARE * ny + j]
-            share_z, matching = tables[at_z + T_SHARE * nz + deep], values[V_MATCHING]
+            share_x, share_y = tables[at_x + T_WEIGHT * nx + k], tables[at_y + T_WEIGHT * ny + j]
+            share_z, matching = tables[at_z + T_WEIGHT * nz + deep], values[V_MATCHING]
             store_quad(
                 position, np.int32(first + k), moved(here[0], x, share_x, share_y, share_z, matching),
                 moved(here[1], y, share_x, share_y, share_z, matching),
@@ -151,7 +151,7 @@ def _moments(real: Any, math: str) -> tuple[Any, ...]:
                         last = np.int32(min(n - 1, i + region) if half else max(np.int32(0), i - region))
                         while (j <= last) if half else (j >= last):
                             p, here = load_quad(position, np.int32(first + j * pitch)), np.int32(place + j * pitch)
-                            share, away = tables[at + T_SHARE * n + j], real(j - b)
+                            share, away = tables[at + T_WEIGHT * n + j], real(j - b)
                             for axis in range(AXES):
                                 part = part_of_row(share, source[axis * total + here], heavy, p[axis], reference[axis])
                                 s[axis] = s[axis] + part

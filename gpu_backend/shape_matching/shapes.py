@@ -28,7 +28,7 @@ def make_shaped_turn(real: Any, math: str, shaping: frozenset[str]) -> Any:
     are."""
     formulas, turns = device_formulas(cluster.make, real, math), device_formulas(rotation.make, real, math)
     shapes_of = device_formulas(deformation.make, real, math)
-    upright, centre = formulas.upright, formulas.centre
+    upright, centre = formulas.corrected, formulas.centre
     rotation_3d, matrix_of = turns.rotation_3d, turns.matrix_of
     moments_bent, gradient, undone, product = shapes_of.bent, shapes_of.gradient, shapes_of.undone, shapes_of.product
     blended, strain, crept = shapes_of.blended, shapes_of.strain, shapes_of.crept

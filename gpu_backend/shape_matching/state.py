@@ -108,8 +108,8 @@ class BodiesState(SubstepSimulation):
         """Number of neighbours that did not fit into the lists since the start."""
         return self.contacts.lost if self.contacts else 0
 
-    def _keep(self) -> None:
-        super()._keep()
+    def _store_snapshot(self) -> None:
+        super()._store_snapshot()
         self.kept_rotation.copy_to_device(self.rotation, stream=self.stream)
         self._lattices.keep()
         self._material.keep()

@@ -61,7 +61,7 @@ def make_visits(real: Any, math: str, material: int, damped: bool, parts: frozen
     `parts` has them. `count`: tetrahedra of the material.
     """
     formulas = device_formulas(descent.make, real, math, material=material, damped=damped)
-    element, held, added = formulas.element, formulas.held, formulas.added
+    element, held, added = formulas.element, formulas.initial_strain, formulas.added
     moved, coasted = formulas.moved, formulas.coasted
     pulled, sprung, inline, zero = make_pulled(real, math), bool(parts & PARTS), inlined(math), real(0)
     meeting, clock = make_meeting(real, math, parts), make_clock(math, parts)

@@ -178,7 +178,7 @@ def make_moving(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
     tetrahedra, and `move(kind, k, v, share)`, the passes that only move it, with its summand in MOVE."""
     inline, formulas = inlined(math), device_formulas(newton.make, real, math)
     products = device_formulas(solving.make, real, math)
-    inertia_of, kept, moved = formulas.inertia_of, formulas.kept, formulas.moved
+    inertia_of, kept, moved = formulas.inertia_of, formulas.inertial_energy, formulas.moved
     scaled, dot, contact = products.scaled, products.dot, make_contact(real, math, parts)
     has_bodies, within, zero, next_one = contact.has_bodies, contact.within, real(0), np.int32(1)
     pulled, sprung = make_pulled(real, math), bool(parts & PARTS)

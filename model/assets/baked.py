@@ -21,26 +21,27 @@ from softlab.model.assets.skin import INFLUENCES, Skin
 from softlab.model.assets.soft_body import MATERIAL, Meshes, RigidBody
 from softlab.model.assets.soft_sheet import SoftSheet
 from softlab.model.base.digest import ROOT, source_digest
-from softlab.model.base.disk_cache import cache_folder, kept
+from softlab.model.base.disk_cache import cache_folder, load_or_make
 from softlab.model.base.errors import InputError, SoftlabError
 from softlab.model.base.waiting import work
 from softlab.model.geometry.mesh import mesh_bytes, read_mesh
 from softlab.model.geometry.shapes import Shape
 
 VERSION = 2  # of the files: what is in them, and how
-ROOMS = ("assets", "geometry")  # of the model: the code that makes bodies
+PACKAGES = ("assets", "geometry")  # of the model: the code that makes bodies
 
 Source = Shape | str | Path | Meshes
 
 
 def baked(
-    parameters: RigidBody, mesh: Source, *, scale: float = 1.0, folder: Path | None = None, keep: bool = True
+    parameters: RigidBody, mesh: Source, *, scale: float = 1.0, folder: Path | None = None, use_cache: bool = True
 ) -> BakedBody:
-    """The body of a mesh by `parameters`: one of the lab's shapes, a file (whose coordinates are multiplied by `scale` [m per
-    unit]), or what `from_mesh` takes. From `folder` (the user's cache) where it was made before, else made and put there.
+    """Return the body of a mesh by `parameters`, from the cache `folder` (the user's by default) if it is there.
 
-    The same bits either way. A file that is older, damaged or cannot be written costs the time to make the body again.
-    `keep` False: neither read nor written. Raises what `read_mesh` and `from_mesh` raise.
+    `mesh`: a built-in shape, a file (whose coordinates are multiplied by `scale` [m per unit]), or what `from_mesh`
+    takes. The bits are the same with and without the cache. A file that is older, damaged or cannot be written costs
+    the time to make the body again. `use_cache` False: neither read nor written. Raises what `read_mesh` and
+    `from_mesh` raise.
     """
     inside = not isinstance(parameters, SoftSheet)  # which is a cloth
 
@@ -49,12 +50,12 @@ def baked(
         with work("making a body of the mesh"):
             return parameters.bake(read)
 
-    if not keep:
+    if not use_cache:
         return parameters.with_material(make())
     key = body_key(parameters, mesh, scale)
     file = (folder or cache_folder("bodies")) / f"body-{key}.npz"
-    found = kept(file, key, _unpacked, make, _packed)
-    return parameters.with_material(found)
+    body = load_or_make(file, key, _unpacked, make, _packed)
+    return parameters.with_material(body)
 
 
 def body_key(parameters: RigidBody, mesh: Source, scale: float = 1.0) -> str:
@@ -73,7 +74,7 @@ def body_key(parameters: RigidBody, mesh: Source, scale: float = 1.0) -> str:
 
 @cache
 def _sources() -> str:
-    return source_digest(*(ROOT / "model" / room for room in ROOMS))
+    return source_digest(*(ROOT / "model" / package for package in PACKAGES))
 
 
 def _bytes(file: Path) -> bytes:
@@ -111,27 +112,27 @@ def _packed(body: BakedBody) -> dict[str, Any]:
     }
 
 
-def _unpacked(held: dict[str, np.ndarray]) -> BakedBody | None:
-    """The body of a file's arrays; None where they are none."""
+def _unpacked(arrays: dict[str, np.ndarray]) -> BakedBody | None:
+    """Return the body of a file's arrays; None where they are none."""
     try:
-        told = json.loads(str(held["report"]))
-        report = Report(**{**told, "members": tuple(told["members"]), "told": tuple(told["told"])})
-        position, mass = held["position"], held["mass"]
-        offsets, indices = held["offsets"], held["indices"]
-        clusters = Clusters(offsets, indices, held["coefficients"], held["stiffness"], mass, position)
-        skin = Skin(**{field.name: held[f"skin_{field.name}"] for field in fields(Skin)})
+        values = json.loads(str(arrays["report"]))
+        report = Report(**{**values, "members": tuple(values["members"]), "notes": tuple(values["notes"])})
+        position, mass = arrays["position"], arrays["mass"]
+        offsets, indices = arrays["offsets"], arrays["indices"]
+        clusters = Clusters(offsets, indices, arrays["coefficients"], arrays["stiffness"], mass, position)
+        skin = Skin(**{field.name: arrays[f"skin_{field.name}"] for field in fields(Skin)})
         whole = (
             position.shape == (report.particles, 3)
             and mass.shape == (report.particles,)
             and clusters.count == report.clusters
-            and held["links"].shape == (report.links, 2)
-            and held["rest_length"].shape == (report.links,)
+            and arrays["links"].shape == (report.links, 2)
+            and arrays["rest_length"].shape == (report.links,)
             and skin.clusters.shape == skin.weights.shape == (len(skin.position), INFLUENCES)
             and len(skin.rest_centre) == clusters.count
         )
-        links, length = held["links"], held["rest_length"]
-        windows = [int(number) for number in held["lattice"]]
-        stiffness, spacing = float(held["link_stiffness"]), float(held["spacing"])
+        links, length = arrays["links"], arrays["rest_length"]
+        windows = [int(number) for number in arrays["lattice"]]
+        stiffness, spacing = float(arrays["link_stiffness"]), float(arrays["spacing"])
         lattice = Lattice((windows[0], windows[1], windows[2]), windows[3], spacing) if windows else None
         whole = whole and (lattice is None or lattice.size == report.particles)
     except (KeyError, IndexError, TypeError, ValueError, SoftlabError):

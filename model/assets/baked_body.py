@@ -1,4 +1,4 @@
-"""What a mesh becomes: a body in its mesh's frame, and a report of it."""
+"""The body that a mesh becomes, in its mesh's frame, and a report on it."""
 
 from __future__ import annotations
 
@@ -16,10 +16,13 @@ from softlab.model.assets.skin import Skin
 
 @dataclass(frozen=True)
 class Report:
-    """What became of a mesh: counts; `mass` [kg]; `volume` [m^3] and the part of it within sqrt(3)/2 spacings of a particle,
-    `covered`; `members`, the fewest and the most of a cluster; `overlap`: clusters a particle; `pieces` of the mesh, and
-    `parts` of the body that hang together; `undetermined`: clusters of fewer than four particles or with all on a line;
-    `told`: a sentence for each thing that was made good, or is odd."""
+    """Result of baking a mesh.
+
+    Counts; `mass` [kg]; `volume` [m^3] and the fraction of it within sqrt(3)/2 spacings of a particle, `covered`;
+    `members`, the fewest and the most of a cluster; `overlap`: clusters per particle; `pieces` of the mesh, and
+    connected `parts` of the body; `undetermined`: clusters of fewer than four particles or with all on a line; `notes`:
+    a sentence for each repair or oddity.
+    """
 
     particles: int
     interior: int
@@ -36,33 +39,33 @@ class Report:
     pieces: int
     parts: int
     undetermined: int
-    told: tuple[str, ...]
-    filled: int = 0  # of those inside, how many a finer lattice found room for
+    notes: tuple[str, ...]
+    filled: int = 0  # of those inside, the number that a finer lattice added
 
     @property
     def _extent(self) -> str:
         return f"{100 * self.covered:.1f} % of {self.volume:.4g} m^3 covered" if self.volume else "a sheet"
 
     def lines(self) -> list[str]:
-        """What to tell a user of it."""
+        """Return the lines that describe the body to a user."""
         least, most = self.members
         size = f"{least}" if least == most else f"{least} to {most}"
-        found = [
+        lines = [
             f"{self.particles} particles ({self.interior} inside, {self.surface} on the surface), about {self.spacing:g} m "
             f"apart, {self.mass:.4g} kg; " + self._extent,
             f"{self.clusters} cluster{'' if self.clusters == 1 else 's'} of {size} particles, {self.overlap:.2f} a particle; "
             f"orphans: {self.orphans}; links: {self.links}",
         ]
         if self.parts > 1:
-            found.append(f"{self.parts} parts hang together, each moves on its own (pieces of the mesh: {self.pieces})")
+            lines.append(f"{self.parts} parts hang together, each moves on its own (pieces of the mesh: {self.pieces})")
         elif self.pieces > 1:
-            found.append(f"the mesh's {self.pieces} pieces hang together, as clusters reach from one to the other")
+            lines.append(f"the mesh's {self.pieces} pieces hang together, as clusters reach from one to the other")
         if self.undetermined:
-            found.append(
+            lines.append(
                 f"{self.undetermined} of {self.clusters} clusters have fewer than 4 particles, or all on a line, and turn as "
                 "they like: a smaller particle_spacing, a larger cluster_radius or more surface_sampling mends it"
             )
-        return [*found, *self.told]
+        return [*lines, *self.notes]
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,16 +95,16 @@ def report_of(
     spacing: float,
     mass: float,
     surface: int,
-    told: Sequence[str],
+    notes: Sequence[str],
     *,
     volume: float = 0.0,
     pieces: int = 1,
     hanging: int | None = None,
     samples: Samples | None = None,
 ) -> Report:
-    """The report of a body of particles `spacing` [m] apart, of `mass` [kg] and `volume` [m^3], `surface` of them on its
-    surface, in `clusters` with `links` (n, 2), from a mesh of so many `pieces`. `hanging`: how many parts hang together,
-    where that is known; `samples`: where particles were sampled."""
+    """Return the report of a body of particles `spacing` [m] apart, of `mass` [kg] and `volume` [m^3], `surface` of
+    them on its surface, in `clusters` with `links` (n, 2), from a mesh of so many `pieces`. `hanging`: how many parts
+    hang together, where that is known; `samples`: where particles were sampled."""
     count, members = len(clusters.mass), np.diff(clusters.offsets)
     return Report(
         particles=count,
@@ -119,6 +122,6 @@ def report_of(
         pieces=pieces,
         parts=parts(clusters, links) if hanging is None else hanging,
         undetermined=undetermined(clusters),
-        told=tuple(told),
+        notes=tuple(notes),
         filled=samples.filled if samples else 0,
     )

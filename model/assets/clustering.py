@@ -79,8 +79,8 @@ def parts(clusters: Clusters, links: np.ndarray) -> int:
     """Return the number of parts of the body connected by clusters or `links` (n, 2); an unconnected particle is one,
     too."""
     count = len(clusters.mass)
-    held = np.stack([clusters.indices, clusters.owner + count], axis=1)
-    label = components(count + clusters.count, np.concatenate([held, links]))
+    memberships = np.stack([clusters.indices, clusters.owner + count], axis=1)
+    label = components(count + clusters.count, np.concatenate([memberships, links]))
     return len(np.unique(label[:count]))
 
 
@@ -90,15 +90,15 @@ def check(clusters: Clusters, links: np.ndarray, spacing: float, radius: float, 
     Raises SceneError, with a sufficient radius, where particles are in no cluster or there are more parts than `pieces`
     of the mesh.
     """
-    orphans, found = clusters.orphans, parts(clusters, links)
-    if not len(orphans) and found <= pieces:
-        return found
+    orphans, connected = clusters.orphans, parts(clusters, links)
+    if not len(orphans) and connected <= pieces:
+        return connected
     enough = ceiled(least_radius(clusters.position, links, spacing, pieces))
     count = len(clusters.mass)
     what = (
         f"{len(orphans)} of {count} particles are in no cluster, and the body will just fall apart"
         if len(orphans)
-        else f"the clusters share too few particles, and the body will fall into {found} parts"
+        else f"the clusters share too few particles, and the body will fall into {connected} parts"
     )
     raise SceneError(
         "cluster_radius", radius, f"{what}; use at least {enough:g}, or a smaller cluster_spacing (now {spacing:g})"
@@ -135,8 +135,8 @@ def ceiled(value: float) -> float:
     """Return `value` > 0 with three digits, rounded up, so that a user can type it and it suffices."""
     unit = 10.0 ** (ceil(log10(value)) - 3) if value > 0 else 1.0
     steps = ceil(value / unit)
-    found = float(f"{steps * unit:.6g}")
-    return found if found >= value else float(f"{(steps + 1) * unit:.6g}")
+    rounded = float(f"{steps * unit:.6g}")
+    return rounded if rounded >= value else float(f"{(steps + 1) * unit:.6g}")
 
 
 def undetermined(clusters: Clusters) -> int:

@@ -63,7 +63,7 @@ class Clusters:
         return np.repeat(np.arange(self.count, dtype=np.int32), np.diff(self.offsets))
 
     @cached_property
-    def shares(self) -> np.ndarray:
+    def weights(self) -> np.ndarray:
         """Weight of each entry in its particle, (entries,) float64; those of a particle with clusters sum to 1."""
         total = binned(self.indices, self.coefficients, len(self.mass))[self.indices]
         return np.divide(self.coefficients, total, out=np.zeros_like(total), where=total > 0)
@@ -71,7 +71,7 @@ class Clusters:
     @cached_property
     def masses(self) -> np.ndarray:
         """Particle's mass times its weight, (entries,) float64 [kg]."""
-        return self.mass[self.indices] * self.shares
+        return self.mass[self.indices] * self.weights
 
     @cached_property
     def cluster_mass(self) -> np.ndarray:
@@ -92,8 +92,8 @@ class Clusters:
     def of_particle(self) -> tuple[np.ndarray, np.ndarray]:
         """(offsets (particles + 1,), entries (entries,)) int32: each particle's entries, by their clusters."""
         entries = np.arange(len(self.indices), dtype=np.int32)
-        found = grouped(self.indices, entries, len(self.mass))
-        return found.offsets, found.indices
+        lists = grouped(self.indices, entries, len(self.mass))
+        return lists.offsets, lists.indices
 
     @property
     def rest_moments(self) -> np.ndarray:
@@ -110,9 +110,9 @@ class Clusters:
         moments = self.rest_moments
         values = eigenvalues(moments)
         solid = values[:, 0] > FLAT * values[:, -1]
-        found = np.zeros_like(moments)
-        found[solid] = inverse(moments[solid])
-        return found
+        inverses = np.zeros_like(moments)
+        inverses[solid] = inverse(moments[solid])
+        return inverses
 
     @property
     def flat(self) -> np.ndarray:
@@ -121,9 +121,9 @@ class Clusters:
 
     def _summed(self, entries: np.ndarray) -> np.ndarray:
         """Return the sums over each cluster's entries, (clusters, ...), of (entries, ...)."""
-        found = np.zeros((self.count, *entries.shape[1:]))
-        np.add.at(found, self.owner, entries)
-        return found
+        sums = np.zeros((self.count, *entries.shape[1:]))
+        np.add.at(sums, self.owner, entries)
+        return sums
 
     def moments(self, position: np.ndarray) -> np.ndarray:
         """Return sum m (x - centre) rest', (clusters, d, d) float64 [kg m^2]."""
@@ -147,8 +147,8 @@ class Clusters:
     def strained(self, position: np.ndarray, plastic: np.ndarray | None = None) -> np.ndarray:
         """Return the linear map nearest to the particles, (clusters, d, d) float64, from offsets deformed by `plastic`;
         0 where `flat`."""
-        found = self.moments(position) @ self.inverse_moments
-        return found if plastic is None else found @ np.linalg.inv(plastic)
+        map_ = self.moments(position) @ self.inverse_moments
+        return map_ if plastic is None else map_ @ np.linalg.inv(plastic)
 
     def deformations(self, position: np.ndarray, plastic: np.ndarray | None = None) -> np.ndarray:
         """Return the maps T Sp from rest offsets to goals, (clusters, d, d) float64.
@@ -160,14 +160,14 @@ class Clusters:
         is the skew part of sum m (x - centre) (T Sp rest)' = A T', A the moments with Sp rest for rest. A R' is
         symmetric, R being the nearest rotation, and so is A F' = A (sum m Sp rest rest' Sp')^-1 A'.
         """
-        turned = self.rotations(position, plastic)
+        maps = self.rotations(position, plastic)
         if "linear" in self.parts and self.material is not None:
             map_ = self.strained(position, plastic)
             volume = np.maximum(np.linalg.det(map_), 0.0)
             part = self.material.linear * np.minimum(1.0, volume / MIN_VOLUME)
             scale = part / np.cbrt(np.where(volume > 0, volume, 1.0))
-            turned = scale[:, None, None] * map_ + (1 - part)[:, None, None] * turned
-        return turned if plastic is None else turned @ plastic
+            maps = scale[:, None, None] * map_ + (1 - part)[:, None, None] * maps
+        return maps if plastic is None else maps @ plastic
 
     def centres(self, position: np.ndarray) -> np.ndarray:
         """Return the centres of mass with particles at `position`, (clusters, d) float64 [m]; 0 for a cluster without
@@ -182,8 +182,8 @@ class Clusters:
         `deformations` replaces R where clusters deform.
         """
         position = np.asarray(position, dtype=np.float64)
-        turned = np.einsum("nij,nj->ni", self.deformations(position, plastic)[self.owner], self.rest)
-        return self.centres(position)[self.owner] + turned
+        displaced = np.einsum("nij,nj->ni", self.deformations(position, plastic)[self.owner], self.rest)
+        return self.centres(position)[self.owner] + displaced
 
     def energy(self, position: np.ndarray, plastic: np.ndarray | None = None) -> float:
         """Return the sum of w^2 m |goal - x|^2 / 2 over entries [J]; rigid clusters store none."""
@@ -218,7 +218,7 @@ def stiffness_of_coefficient(coefficient: float, step: float) -> float:
 MAX_SUBSTEP = 1e150  # s: Python refuses the square of much more
 
 
-def matching_share(stiffness: Any, substep: float, iterations: int) -> Any:
+def matching_factor(stiffness: Any, substep: float, iterations: int) -> Any:
     """Return the fraction of the displacement to their goals by which masses move per iteration: b = 1 - (1 + w^2
     h^2)^(-1 / n).
 
@@ -226,7 +226,7 @@ def matching_share(stiffness: Any, substep: float, iterations: int) -> Any:
     deviation to 1 / (1 + w^2 h^2), which is a step of implicit Euler, for any n. So the material does not change with
     the step, and converges with it at first order. A stiffness of inf is rigid.
 
-        >>> matching_share(np.array([3600.0, np.inf]), 1 / 60, 1).round(12).tolist()
+        >>> matching_factor(np.array([3600.0, np.inf]), 1 / 60, 1).round(12).tolist()
         [0.5, 1.0]
     """
     with np.errstate(over="ignore"):
@@ -269,7 +269,9 @@ def _check(clusters: Clusters) -> None:
 def whole_clusters(clusters: Clusters) -> np.ndarray:
     """Return which clusters are rigid, have at least two particles, and share none of them, (clusters,) bool."""
     sizes, count = np.diff(clusters.offsets), clusters.count
-    found = np.isinf(clusters.stiffness) & (sizes > 1) & (np.bincount(clusters.owner, clusters.shares != 1, count) == 0)
+    whole = (
+        np.isinf(clusters.stiffness) & (sizes > 1) & (np.bincount(clusters.owner, clusters.weights != 1, count) == 0)
+    )
     if clusters.material is not None:  # no effect on flat ones
-        found &= ((clusters.material.linear == 0) & (clusters.material.creep == 0)) | clusters.flat
-    return np.asarray(found)
+        whole &= ((clusters.material.linear == 0) & (clusters.material.creep == 0)) | clusters.flat
+    return np.asarray(whole)

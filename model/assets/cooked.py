@@ -24,7 +24,7 @@ from softlab.model.assets.tetrahedral_body import (
     scaled,
 )
 from softlab.model.base.digest import ROOT, source_digest
-from softlab.model.base.disk_cache import cache_folder, kept
+from softlab.model.base.disk_cache import cache_folder, load_or_make
 from softlab.model.base.errors import InputError, SceneError, SoftlabError
 from softlab.model.base.files import check_source, is_there, read_archive
 from softlab.model.base.waiting import work
@@ -47,9 +47,7 @@ WHAT = (
     "a body comes from a .obj, .stl or .ply mesh (or .off, .glb, .gltf, .mesh, .msh), a file of tetrahedra (.msh, .mesh, "
     ".vtk, .ele, .node, .npz), or is one of "
 )
-_held: WeakValueDictionary[tuple[str, float], CookedBody] = (
-    WeakValueDictionary()
-)  # of the user's cache, in use somewhere
+_in_use: WeakValueDictionary[tuple[str, float], CookedBody] = WeakValueDictionary()  # of the user's cache
 
 Source = Shape | str | Path | TriangleMesh | tuple[np.ndarray, np.ndarray]
 
@@ -66,19 +64,19 @@ def cooked(
     scale: float = 1.0,
     density: float = DENSITY,
     folder: Path | None = None,
-    keep: bool = True,
+    use_cache: bool = True,
 ) -> CookedBody:
-    """The tetrahedral body of a closed mesh (`voxel_mesh` tells `edge`, `voxels`, `per_voxel`; "conforming": tetrahedra of
-    that edge which follow the surface, closed or not, by `conforming_mesh`): one of the lab's shapes, by name or as a Shape,
-    a file, or the mesh itself; or of a file of tetrahedra, as they are. `fill_holes`: of the surface; `unite`: pieces that
-    overlap become one first;
-    `simplify`: then no more than so many triangles are left (geometry/repair.py). Coordinates of files, and shapes, times
-    `scale`. From
-    `folder` (the user's cache) where it was made before, else made and put there: the same bits (which of "conforming" ones
-    nobody makes twice).
+    """Return the tetrahedral body of `source`, from the cache `folder` (the user's by default) if it is there.
 
-    `keep` False: neither read nor written. Raises SceneError (a parameter)
-    and InputError (the mesh, the file), each with what would do.
+    `source`: a closed mesh (a built-in shape, by name or as a Shape, a file, or the mesh itself), or a file of
+    tetrahedra, which is taken as it is. `edge`, `voxels`, `per_voxel`: see `voxel_mesh`; "conforming": tetrahedra of
+    that edge which follow the surface, closed or not, by `conforming_mesh`. `unite`: pieces that overlap become one
+    first; `simplify`: then at most so many triangles are left (geometry/repair.py); `fill_holes`: of the surface.
+    Coordinates of files and shapes are multiplied by `scale`. The bits are the same with and without the cache, but for
+    "conforming" bodies, which differ each time.
+
+    `use_cache` False: neither read nor written. Raises SceneError (a parameter) and InputError (the mesh, the file),
+    each with a remedy.
     """
     check_density(density)
     source = _named(source, scale)
@@ -110,18 +108,18 @@ def cooked(
         except InputError as error:
             raise InputError(f"{source}: {error}" if isinstance(source, str | Path) else str(error)) from None
 
-    if not keep:
+    if not use_cache:
         return make().with_density(density)
     cut = f"{edge!r} {voxels!r} {per_voxel!r}" + (f" {unite!r} {simplify!r}" if prepared else "")
     cut += " filled" if fill_holes else ""
     key = body_key(source, scale, "as it is" if settled else cut)
-    held = _held.get((key, density)) if folder is None else None
-    if held is not None:
-        return held
+    loaded = _in_use.get((key, density)) if folder is None else None
+    if loaded is not None:
+        return loaded
     file = (folder or cache_folder("tetrahedra")) / f"body-{key}.npz"
-    body = kept(file, key, _unpacked, make, _packed).with_density(density)
+    body = load_or_make(file, key, _unpacked, make, _packed).with_density(density)
     if folder is None:
-        _held[key, density] = body
+        _in_use[key, density] = body
     return body
 
 
@@ -131,7 +129,7 @@ def save(path: Path, body: CookedBody) -> None:
 
 
 def load(path: str | Path) -> CookedBody:
-    """The body that `save` wrote, or the tetrahedra of any other .npz file. Raises InputError."""
+    """Return the body that `save` wrote, or the tetrahedra of any other .npz file. Raises InputError."""
     return _body_of_file(Path(path), 1.0)
 
 
@@ -143,8 +141,8 @@ def body_key(source: Source, scale: float, parameters: str) -> str:
         digest.update(b"shape " + source.model_dump_json().encode())
     elif isinstance(source, str | Path):
         for file in files_of(Path(source)):
-            held = _bytes(file)
-            digest.update(f"file {file.suffix.lower()} {len(held)} ".encode() + held)
+            content = _bytes(file)
+            digest.update(f"file {file.suffix.lower()} {len(content)} ".encode() + content)
     else:
         digest.update(mesh_bytes(source))
     return digest.hexdigest()[:32]
@@ -163,7 +161,7 @@ def _bytes(file: Path) -> bytes:
 
 
 def _named(source: Source, scale: float) -> Source:
-    """The shape of that name, unless there is a file of it. Raises SceneError (scale) and InputError."""
+    """Return the shape of that name, unless there is a file of it. Raises SceneError (scale) and InputError."""
     if not (np.isfinite(scale) and scale > 0):
         raise SceneError("scale", scale, "must be a finite number greater than 0")
     if not isinstance(source, str | Path):
@@ -179,12 +177,12 @@ def _named(source: Source, scale: float) -> Source:
 
 
 def is_settled(source: Source) -> bool:
-    """Whether it is a file of tetrahedra, which are taken as they are."""
+    """Return True for a file of tetrahedra, which are taken as they are."""
     return isinstance(source, str | Path) and holds_tetrahedra(source)
 
 
 def _triangles(source: Source, scale: float, raw: bool) -> TriangleMesh | tuple[np.ndarray, np.ndarray]:
-    """The mesh; `raw`: as a file holds it, whatever it is."""
+    """Return the mesh; `raw`: as a file holds it, whatever it is."""
     if isinstance(source, Shape):
         return source.model_copy(update={"scale": source.scale * scale}).mesh()
     if isinstance(source, str | Path):
@@ -194,25 +192,26 @@ def _triangles(source: Source, scale: float, raw: bool) -> TriangleMesh | tuple[
     return source
 
 
-def _prepared(given: TriangleMesh | tuple[np.ndarray, np.ndarray], unite: bool, simplify: int | None) -> TriangleMesh:
-    """The mesh united, then simplified, as wanted."""
-    position, triangles = given if isinstance(given, tuple) else (given.position, given.triangles)
+def _prepared(source: TriangleMesh | tuple[np.ndarray, np.ndarray], unite: bool, simplify: int | None) -> TriangleMesh:
+    """Return the mesh united, then simplified, as wanted."""
+    position, triangles = source if isinstance(source, tuple) else (source.position, source.triangles)
     if unite:
         mesh = united(np.asarray(position, dtype=np.float64), np.asarray(triangles, dtype=np.int64))
     else:
-        mesh = triangle_mesh(position, triangles) if isinstance(given, tuple) else given
+        mesh = triangle_mesh(position, triangles) if isinstance(source, tuple) else source
     return mesh if simplify is None else simplified(mesh, simplify)
 
 
 def _body_of_file(path: Path, scale: float) -> CookedBody:
-    """Of tetrahedra as they are, which carry their own surface; of a body that `save` wrote, all of it. Raises InputError."""
+    """Return the body of a file of tetrahedra, which carry their own surface, or of one that `save` wrote. Raises
+    InputError."""
     if path.suffix.lower() == ".npz":
-        held = read_archive(path, "a body is a .npz file by softlab cook")
-        if "report" in held:
-            found = _unpacked(held)
-            if found is None:
+        arrays = read_archive(path, "a body is a .npz file by softlab cook")
+        if "report" in arrays:
+            body = _unpacked(arrays)
+            if body is None:
                 raise InputError(f"{path} is no whole body, or of another version of the lab; cook it again")
-            return scaled(found, scale)
+            return scaled(body, scale)
     return body_of_tetrahedra(*read_tetrahedra(path, scale))
 
 
@@ -234,18 +233,20 @@ def _packed(body: CookedBody) -> dict[str, np.ndarray]:
     }
 
 
-def _unpacked(held: dict[str, np.ndarray]) -> CookedBody | None:
-    """The body of a file's arrays; None where they are none, or those of another version."""
+def _unpacked(arrays: dict[str, np.ndarray]) -> CookedBody | None:
+    """Return the body of a file's arrays; None if they are incomplete or of another version."""
     try:
-        if int(held["version"]) != VERSION:
+        if int(arrays["version"]) != VERSION:
             return None
-        told = json.loads(str(held["report"]))
-        fields: dict[str, Any] = {name: tuple(one) if isinstance(one, list) else one for name, one in told.items()}
+        report_fields = json.loads(str(arrays["report"]))
+        fields: dict[str, Any] = {
+            name: tuple(one) if isinstance(one, list) else one for name, one in report_fields.items()
+        }
         report = Report(**fields)
-        mesh = TetrahedralMesh(held["position"], held["tetrahedra"])
-        embedding = Embedding(held["embedding_tetrahedron"], held["embedding_weights"])
-        voxel, colour, starts = held["voxel"], held["colour"], held["starts"]
-        hull, triangles, fractions = held["hull_position"], held["hull_triangles"], held["fractions"]
+        mesh = TetrahedralMesh(arrays["position"], arrays["tetrahedra"])
+        embedding = Embedding(arrays["embedding_tetrahedron"], arrays["embedding_weights"])
+        voxel, colour, starts = arrays["voxel"], arrays["colour"], arrays["starts"]
+        hull, triangles, fractions = arrays["hull_position"], arrays["hull_triangles"], arrays["fractions"]
         count, points = len(mesh.tetrahedra), len(hull)
         cells = count if report.voxels else 0
         whole = (

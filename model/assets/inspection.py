@@ -1,4 +1,4 @@
-"""What a mesh file holds and what it can be used as: `softlab inspect`."""
+"""Contents of a mesh file and the roles that it can be used in: `softlab inspect`."""
 
 from __future__ import annotations
 
@@ -137,10 +137,10 @@ def inspected(path: str | Path, scale: float = 1.0) -> Inspection:
     if holds_tetrahedra(path) and path.suffix.lower() not in SURFACES:
         return _of_tetrahedra(path, scale)
     arrays = read_arrays(path, scale)
-    told = list(arrays.notes)
+    notes = list(arrays.notes)
     roles = dict.fromkeys(SURFACE_ROLES, "")
     try:
-        _, triangles = welded(arrays.position, arrays.triangles, told)
+        _, triangles = welded(arrays.position, arrays.triangles, notes)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
     report(INSPECTING, 0.2)
@@ -164,9 +164,9 @@ def inspected(path: str | Path, scale: float = 1.0) -> Inspection:
         whole, roles["tetrahedral_body"] = _tried(lambda: read_tetrahedra(path, scale))
         tetrahedra = len(whole[0].tetrahedra) if whole else 0
     report(INSPECTING, 1.0)
-    repairs = body.told if body else inner.repairs if inner else tuple(told)
+    repairs = body.notes if body else inner.repairs if inner else tuple(notes)
     surface = mesh or (arrays.position, triangles)
-    return _made(path, scale, surface, inner, (body, filled), fins, tetrahedra, tuple(repairs), roles)
+    return _inspection(path, scale, surface, inner, (body, filled), fins, tetrahedra, tuple(repairs), roles)
 
 
 def _tried(make: Callable[[], Any]) -> tuple[Any, str]:
@@ -179,7 +179,7 @@ def _tried(make: Callable[[], Any]) -> tuple[Any, str]:
         return None, str(error)
 
 
-def _made(
+def _inspection(
     path: Path, scale: float, surface: TriangleMesh | tuple[np.ndarray, np.ndarray], inner: TriangleMesh | None,
     bodies: tuple[Solid | None, Solid | None], fins: int, tetrahedra: int, repairs: tuple[str, ...], roles: dict[str, str],
 ) -> Inspection:  # fmt: skip
@@ -236,14 +236,14 @@ def _three(vector: np.ndarray) -> tuple[float, float, float]:
 
 def _of_tetrahedra(path: Path, scale: float) -> Inspection:
     """Return the inspection of a file of tetrahedra whose surface no other role reads."""
-    mesh, told = read_tetrahedra(path, scale)
+    mesh, notes = read_tetrahedra(path, scale)
     surface = triangle_mesh(mesh.position, mesh.surface, inside=True)
     roles = dict.fromkeys(
         SURFACE_ROLES, f"{path.suffix} is read as tetrahedra alone; convert it to .ply, .mesh or .msh"
     )
     roles["tetrahedral_body"] = ""
     body, _ = _tried(lambda: solid(surface, 0.0))
-    return _made(path, scale, surface, surface, (body, None), 0, len(mesh.tetrahedra), told, roles)
+    return _inspection(path, scale, surface, surface, (body, None), 0, len(mesh.tetrahedra), notes, roles)
 
 
 def guessed_unit(path: Path, longest: float, scale: float) -> tuple[str, float | None]:

@@ -13,23 +13,23 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from softlab.model.assets.clusters import Clusters, matching_share
+from softlab.model.assets.clusters import Clusters, matching_factor
 from softlab.model.geometry.lists import Lists, offsets_of
 
 TABLE = 5  # rows of an axis's table
-T_SHARE, T_INVERSE, T_CENTRE, T_MASS, T_COUNT = range(TABLE)
+T_WEIGHT, T_INVERSE, T_CENTRE, T_MASS, T_COUNT = range(TABLE)
 
 
 @dataclass(frozen=True)
 class Axis:
     """Values along an axis of a lattice, float64.
 
-    `share`: weight of a mass in each of its windows, 1 over their number along this axis; `inverse_mass`: 1 over the
+    `weight`: weight of a mass in each of its windows, 1 over their number along this axis; `inverse_mass`: 1 over the
     `mass`, the sum of weights in the window; `centre` [spacings]: centre of mass of the window, relative to its middle;
     `count`: of the window's members.
     """
 
-    share: np.ndarray
+    weight: np.ndarray
     inverse_mass: np.ndarray
     centre: np.ndarray
     mass: np.ndarray
@@ -37,7 +37,7 @@ class Axis:
 
     def table(self, real: type) -> np.ndarray:
         """Return the kernels' table, (TABLE, n) in the arithmetic `real`, in the order of the T_ constants."""
-        return np.stack([self.share, self.inverse_mass, self.centre, self.mass, self.count]).astype(real)
+        return np.stack([self.weight, self.inverse_mass, self.centre, self.mass, self.count]).astype(real)
 
 
 def matching_axis(count: int, region: int) -> Axis:
@@ -48,11 +48,11 @@ def matching_axis(count: int, region: int) -> Axis:
     """
     place = np.arange(count)
     first, last = np.maximum(place - region, 0), np.minimum(place + region, count - 1)
-    share = 1 / (last - first + 1)
-    sums = np.concatenate([[0.0], np.cumsum(share)])
-    turns = np.concatenate([[0.0], np.cumsum(share * place)])
+    weight = 1 / (last - first + 1)
+    sums = np.concatenate([[0.0], np.cumsum(weight)])
+    turns = np.concatenate([[0.0], np.cumsum(weight * place)])
     mass = sums[last + 1] - sums[first]
-    return Axis(share, 1 / mass, (turns[last + 1] - turns[first]) / mass - place, mass, last - first + 1.0)
+    return Axis(weight, 1 / mass, (turns[last + 1] - turns[first]) / mass - place, mass, last - first + 1.0)
 
 
 def windows(counts: Sequence[int], region: int) -> Lists:
@@ -101,9 +101,9 @@ class Lattice:
 
     def clusters(self, position: np.ndarray, mass: np.ndarray, stiffness: float) -> Clusters:
         """Return the windows in compressed form, as represented by the tables, for direct summation."""
-        found = windows(self.counts[::-1], self.region)
-        coefficients, stiffnesses = np.ones(len(found.indices)), np.full(self.size, float(stiffness))
-        return Clusters(found.offsets, found.indices, coefficients, stiffnesses, mass, position)
+        members = windows(self.counts[::-1], self.region)
+        coefficients, stiffnesses = np.ones(len(members.indices)), np.full(self.size, float(stiffness))
+        return Clusters(members.offsets, members.indices, coefficients, stiffnesses, mass, position)
 
 
 V_SPACING, V_MATCHING, V_TURN = range(3)  # indices of a lattice kernel's values besides tables
@@ -131,5 +131,5 @@ class LatticeCopies:
         The spacing [m], the fraction of the displacement to their goals by which masses move in one of `iterations` of
         a substep [s], the rotation by rows.
         """
-        share = matching_share(self.stiffness, substep, iterations)
-        return np.array([self.lattice.spacing, share, *self.turn.ravel()])
+        factor = matching_factor(self.stiffness, substep, iterations)
+        return np.array([self.lattice.spacing, factor, *self.turn.ravel()])

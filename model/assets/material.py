@@ -1,4 +1,5 @@
-"""What clusters do beside turning: they stretch and shear, keep what they were bent into, and lose their inner motion.
+"""Material of clusters: linear deformation, plasticity and damping of inner motion, besides the rotation of shape
+matching.
 
 M. Mueller et al., "Meshless Deformations Based on Shape Matching", SIGGRAPH 2005, 4.3 (linear deformations) and 4.5
 (plasticity); M. Mueller et al., "Position Based Dynamics", J. Vis. Commun. Image R. 18, 2007, 3.5 (damping).
@@ -16,11 +17,11 @@ from softlab.model.base.errors import InputError
 
 @dataclass(frozen=True, eq=False)
 class Material:
-    """Of each cluster, all (clusters,) float64.
+    """Values of each cluster, all (clusters,) float64.
 
-    `linear` in [0, 1]: how much of a goal follows the linear map nearest to the particles, of unit volume, instead of the
-    nearest rotation; `threshold`: the strain, of no unit, over which it creeps; `creep` [1/s]: how fast; `limit` in (0, 1):
-    the largest strain that it keeps; `damping` [1/s]: the rate at which motion that is not rigid decays.
+    `linear` in [0, 1]: how much of a goal follows the linear map nearest to the particles, of unit volume, instead of
+    the nearest rotation; `threshold`: the strain, of no unit, over which it creeps; `creep` [1/s]: how fast; `limit` in
+    (0, 1): the largest strain that it retains; `damping` [1/s]: the rate at which motion that is not rigid decays.
     """
 
     linear: np.ndarray
@@ -41,27 +42,27 @@ class Material:
 
     @property
     def parts(self) -> frozenset[str]:
-        """What there is to compile: `linear`, `plastic`, `cluster_damping`."""
-        found = {"linear": self.linear, "plastic": self.creep, "cluster_damping": self.damping}
-        return frozenset(name for name, values in found.items() if (values > 0).any())
+        """Features to compile: `linear`, `plastic`, `cluster_damping`."""
+        features = {"linear": self.linear, "plastic": self.creep, "cluster_damping": self.damping}
+        return frozenset(name for name, values in features.items() if (values > 0).any())
 
     def some(self, chosen: np.ndarray | slice) -> Material:
-        """Of the `chosen` clusters."""
+        """Return the material of the `chosen` clusters."""
         return Material(**{field.name: getattr(self, field.name)[chosen] for field in fields(Material)})
 
     def first(self, count: int) -> Material | None:
-        """Of the first `count` clusters; None where they only turn."""
-        found = self.some(slice(count))
-        return found if found.parts else None
+        """Return the material of the first `count` clusters; None if they only rotate."""
+        material = self.some(slice(count))
+        return material if material.parts else None
 
 
 def even(count: int, **values: float) -> Material:
-    """Of `count` clusters that are all alike; 0 what is not given."""
+    """Return the material of `count` clusters that are all alike; values that are not given are 0."""
     return Material(**{field.name: np.full(count, float(values.get(field.name, 0.0))) for field in fields(Material)})
 
 
 def joined(materials: Sequence[Material | None], counts: Sequence[int]) -> Material | None:
-    """Of clusters one after the other, so many of each; None where none has any."""
+    """Return the material of clusters one after the other, `counts` of each; None where none has any."""
     if all(one is None for one in materials):
         return None
     whole = [even(count) if one is None else one for one, count in zip(materials, counts, strict=True)]

@@ -20,13 +20,13 @@ from softlab.model.geometry.solid import Solid
 from softlab.model.geometry.voxels import Runs, divided, runs_inside
 
 CLOSEST = 0.9  # spacings: over sqrt(3)/2, the farthest from a full lattice's points, so that none is added within it
-REACH = 3**0.5 / 2  # spacings: what lies so near to a particle counts as covered, as all does in a full lattice
+COVERED_WITHIN = 3**0.5 / 2  # spacings: points so near to a particle count as covered, as all do in a full lattice
 MAX_PARTICLES = 5_000_000
 MAX_ALONG = 2**16  # spacings along an axis: three of them number a lattice's points
 MAX_SAMPLES = 2**25  # tried on a surface, 100 B each
 MEASURED = 3  # lattice points a spacing, along an axis, with which volumes are measured: odd, see `divided`
 MAX_MEASURED = 2**27  # or one a spacing
-MIN_SHARE = 0.25  # of the mean mass: a particle in a part too thin for the measuring lattice has some, too
+MIN_MASS_FRACTION = 0.25  # of the mean mass: a particle in a part too thin for the measuring lattice has some, too
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,9 +73,9 @@ def sample(body: Solid, spacing: float, volume_sampling: float, surface_sampling
     volume, covered, runs = _measure(body, position, spacing)
     overlapping = runs.most > 1 or runs.least < 0
     whole = runs.count * whole_power(runs.pitch, 3) if overlapping and runs.count else body.volume
-    share = np.maximum(volume, MIN_SHARE * mean(volume)) if volume.any() else np.ones(len(volume))
+    weights = np.maximum(volume, MIN_MASS_FRACTION * mean(volume)) if volume.any() else np.ones(len(volume))
     return Samples(
-        position, len(inner), len(outer), share * (whole / total(share)), whole, covered, overlapping, filled
+        position, len(inner), len(outer), weights * (whole / total(weights)), whole, covered, overlapping, filled
     )
 
 
@@ -120,7 +120,8 @@ def _check_size(body: Solid, spacing: float, volume_sampling: float, surface_sam
 
 
 def _interior(body: Solid, spacing: float, sampling: float) -> tuple[np.ndarray, int]:
-    """((n, 3) float64 [m]: the lattice's points, then those of the finer lattice for which it leaves room; how many)."""
+    """Return ((n, 3) float64 [m]: the lattice's points, then those of the finer lattice that lie far enough from them;
+    the number of the latter)."""
     coarse = runs_inside(body.position, body.triangles, spacing)
     whole = [(index, place) for index, place in coarse.points()]
     if sampling == 1:
@@ -130,24 +131,24 @@ def _interior(body: Solid, spacing: float, sampling: float) -> tuple[np.ndarray,
     taken = np.concatenate([np.zeros(0, np.int64), *(dot(index + 1, strides) for index, _ in whole)])
     tried = []
     for _, place in runs_inside(body.position, body.triangles, spacing / sampling).points():
-        # within sqrt(3)/2 spacings of a lattice point that is taken there is no room; most are: sorted out here
+        # within sqrt(3)/2 spacings of a lattice point that is taken none is added; most are: sorted out here
         corner = np.rint((place - coarse.origin) / spacing).astype(np.int64)
         tried.append(place[~np.isin(dot(corner + 1, strides), taken)])
-    found = np.concatenate([np.zeros((0, 3)), *(place for _, place in whole)])
+    regular = np.concatenate([np.zeros((0, 3)), *(place for _, place in whole)])
     fine = np.concatenate([np.zeros((0, 3)), *tried])
-    more = fine[spread(fine, found, CLOSEST * spacing)]
-    return np.concatenate([found, more]), len(more)
+    more = fine[spread(fine, regular, CLOSEST * spacing)]
+    return np.concatenate([regular, more]), len(more)
 
 
 def _weights(body: Solid, spacing: float) -> np.ndarray:
-    """(triangles,): places tried on each, at a surface sampling of 1."""
+    """Return (triangles,): places tried on each, at a surface sampling of 1."""
     corners = body.position[body.triangles]
     sides = norm(np.roll(corners, -1, axis=1) - corners)
     return np.maximum(triangle_areas(body.position, body.triangles) / spacing**2, sides.max(axis=1) / spacing)
 
 
 def _surface(body: Solid, spacing: float, sampling: float) -> np.ndarray:
-    """(n, 3) float64 [m]: places on the surface, spread evenly over the triangles one after the other.
+    """Return (n, 3) float64 [m]: places on the surface, spread evenly over the triangles one after the other.
 
     The same in every triangle by the R2 sequence, a square's low-discrepancy points in two dimensions (M. Roberts, "The
     unreasonable effectiveness of quasirandom sequences", 2018), folded onto the triangle.
@@ -165,12 +166,16 @@ def _surface(body: Solid, spacing: float, sampling: float) -> np.ndarray:
 
 
 def _measure(body: Solid, position: np.ndarray, spacing: float) -> tuple[np.ndarray, float, Runs]:
-    """(volume (particles,) [m^3] of the points nearest to each, the part within REACH spacings of one, the lattice)."""
+    """Return the volume nearest to each particle and how much of the body they cover.
+
+    Returns (volume (particles,) [m^3], the fraction of the body within COVERED_WITHIN spacings of a particle, the
+    lattice).
+    """
     parts = MEASURED if MEASURED**3 * body.volume / spacing**3 < MAX_MEASURED else 1
     runs = runs_inside(body.position, body.triangles, spacing / parts, divided(body.position, spacing, parts))
     count, covered = np.zeros(len(position)), 0
     for _, place in runs.points():
         owner, distance = nearest(place, position)
         count += np.bincount(owner, minlength=len(position))
-        covered += int((distance <= REACH * spacing * (1 + 1e-9)).sum())
+        covered += int((distance <= COVERED_WITHIN * spacing * (1 + 1e-9)).sum())
     return count * whole_power(runs.pitch, 3), covered / runs.count if runs.count else 1.0, runs

@@ -34,8 +34,9 @@ class Skin:
     rest_centre: np.ndarray
 
     def skinned(self, centre: np.ndarray, deformation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(position, normal) (vertices, 3) float64: with the clusters at `centre` (clusters, 3) [m], turned, and stretched
-        and sheared if they are, by `deformation` (clusters, 3, 3), which takes vectors at rest, as columns, to now.
+        """Return (position, normal) (vertices, 3) float64: with the clusters at `centre` (clusters, 3) [m], turned, and
+        stretched and sheared if they are, by `deformation` (clusters, 3, 3), which takes vectors at rest, as columns,
+        to now.
 
         A vertex is the weighted mean of where each of its clusters takes it; a normal, of where they take surfaces: by the
         inverse transpose times the volume, the matrix of cofactors, made 1 long (0 where they cancel).
@@ -48,13 +49,14 @@ class Skin:
 
 
 def cofactors(matrices: np.ndarray) -> np.ndarray:
-    """(n, 3, 3): of each its inverse transpose times its determinant, a rotation's being itself."""
+    """Return (n, 3, 3): of each its inverse transpose times its determinant, a rotation's being itself."""
     x, y, z = np.moveaxis(matrices, 1, 0)
     return np.stack([np.cross(y, z), np.cross(z, x), np.cross(x, y)], axis=1)
 
 
 def make_skin(position: np.ndarray, triangles: np.ndarray, rest_centre: np.ndarray) -> Skin:
-    """The skin of the mesh of `position` (vertices, 3) [m] and `triangles` (n, 3), over clusters at `rest_centre` (n, 3)."""
+    """Return the skin of the mesh of `position` (vertices, 3) [m] and `triangles` (n, 3), over clusters at
+    `rest_centre` (n, 3)."""
     nearest, distance = _nearest(position, rest_centre, INFLUENCES + 1)
     clusters, weights = influences(nearest, distance)
     return Skin(
@@ -68,11 +70,11 @@ def make_skin(position: np.ndarray, triangles: np.ndarray, rest_centre: np.ndarr
 
 
 def influences(nearest: np.ndarray, distance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(clusters (vertices, 4) int32, weights (vertices, 4) float64) of the `nearest` clusters (vertices, n), n at most 5,
-    at `distance` (vertices, n) [m], ascending.
+    """Return (clusters (vertices, 4) int32, weights (vertices, 4) float64) of the `nearest` clusters (vertices, n), n
+    at most 5, at `distance` (vertices, n) [m], ascending.
 
     A weight falls to 0 at the distance of the fifth, as (1 - d^2/d5^2)^2, so that it fades where another cluster takes its
-    place; with four clusters or fewer, nobody does, and it falls to 0 at twice the farthest's distance.
+    place; with four clusters or fewer, none does, and it falls to 0 at twice the farthest's distance.
     """
     count = nearest.shape[1]
     limit = distance[:, -1:] * (1.0 if count > INFLUENCES else 2.0)
@@ -89,7 +91,8 @@ def influences(nearest: np.ndarray, distance: np.ndarray) -> tuple[np.ndarray, n
 
 
 def _nearest(points: np.ndarray, centres: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """(index (points, n), distance (points, n)): of the min(count, centres) nearest, ascending, the lower index first."""
+    """Return (index (points, n), distance (points, n)): of the min(count, centres) nearest, ascending, the lower index
+    first."""
     count = min(count, len(centres))
     index, away = np.empty((len(points), count), dtype=np.int64), np.empty((len(points), count))
     step = max(1, BATCH // len(centres))
@@ -97,16 +100,16 @@ def _nearest(points: np.ndarray, centres: np.ndarray, count: int) -> tuple[np.nd
         some = slice(begin, begin + step)
         # one axis after the other: a third of the memory, and of the time
         square = sum(np.square(points[some, None, axis] - centres[None, :, axis]) for axis in range(3))
-        found = np.argpartition(square, count - 1, axis=1)[:, :count] if count < len(centres) else None
-        if found is None:
-            found = np.broadcast_to(np.arange(len(centres)), square.shape)
-        held = np.take_along_axis(square, found, axis=1)
+        candidates = np.argpartition(square, count - 1, axis=1)[:, :count] if count < len(centres) else None
+        if candidates is None:
+            candidates = np.broadcast_to(np.arange(len(centres)), square.shape)
+        squares = np.take_along_axis(square, candidates, axis=1)
         # a partition chooses among equally far ones by the processor's own order: there by their numbers
-        tied = np.flatnonzero((square <= held.max(axis=1, keepdims=True)).sum(axis=1) > count)
+        tied = np.flatnonzero((square <= squares.max(axis=1, keepdims=True)).sum(axis=1) > count)
         if len(tied):
-            found[tied] = np.argsort(square[tied], axis=1, kind="stable")[:, :count]
-            held[tied] = np.take_along_axis(square[tied], found[tied], axis=1)
-        order = np.lexsort((found, held), axis=1)
-        index[some] = np.take_along_axis(found, order, axis=1)
-        away[some] = np.sqrt(np.take_along_axis(held, order, axis=1))
+            candidates[tied] = np.argsort(square[tied], axis=1, kind="stable")[:, :count]
+            squares[tied] = np.take_along_axis(square[tied], candidates[tied], axis=1)
+        order = np.lexsort((candidates, squares), axis=1)
+        index[some] = np.take_along_axis(candidates, order, axis=1)
+        away[some] = np.sqrt(np.take_along_axis(squares, order, axis=1))
     return index, away

@@ -29,12 +29,12 @@ OVERLAP = 1.25  # of their radius in their spacings, unless given
 LARGEST_STRAIN = 0.5  # that a body keeps, unless given
 DENSITY = 1000.0  # kg/m^3: water's, as jelly's
 
-Share = Annotated[float, Field(ge=0, le=1, allow_inf_nan=False, strict=True)]
+Fraction = Annotated[float, Field(ge=0, le=1, allow_inf_nan=False, strict=True)]
 Limit = Annotated[float, Field(gt=0, lt=1, allow_inf_nan=False, strict=True)]  # at 1 a cluster could be flat
 MATERIAL = ("linear", "plastic_threshold", "plastic_creep", "plastic_limit", "cluster_damping")  # not of the bake
 Meshes = TriangleMesh | tuple[np.ndarray, np.ndarray]
-Made = TypeVar("Made", bound="RigidBody")
-Held = tuple[Clusters, np.ndarray, np.ndarray, float]
+Body = TypeVar("Body", bound="RigidBody")
+Binding = tuple[Clusters, np.ndarray, np.ndarray, float]
 OVERLAPPING = "parts of the mesh overlap one another, or cross themselves: what is inside any of them is inside"
 
 
@@ -58,7 +58,7 @@ class RigidBody(Part):
 
     @model_validator(mode="before")
     @classmethod
-    def _only_its_own(cls, fields: object) -> object:
+    def _refuse_lacking(cls, fields: object) -> object:
         if not isinstance(fields, dict):
             return fields
         for name in cls.lacks:
@@ -77,17 +77,17 @@ class RigidBody(Part):
         return self
 
     @classmethod
-    def from_mesh(cls: type[Made], mesh: Meshes, **parameters: Any) -> BakedBody:
-        """The body of a closed mesh: a TriangleMesh (`model.geometry.mesh.read_mesh`, `model.geometry.shapes.Shape.mesh`)
-        or (position (vertices, 3) [m], triangles (n, 3)). The same on every call.
+    def from_mesh(cls: type[Body], mesh: Meshes, **parameters: Any) -> BakedBody:
+        """Return the body of a closed mesh: a TriangleMesh (`model.geometry.mesh.read_mesh`,
+        `model.geometry.shapes.Shape.mesh`) or (position (vertices, 3) [m], triangles (n, 3)). The same on every call.
 
         Raises SceneError (a parameter) and InputError (the mesh), each with what would do.
         """
-        made = parameters_of(cls, parameters)
-        return made.with_material(made.bake(mesh))
+        checked = parameters_of(cls, parameters)
+        return checked.with_material(checked.bake(mesh))
 
     def bake(self, mesh: Meshes) -> BakedBody:
-        """What `from_mesh` makes with these parameters, but for its material."""
+        """Return the body that `from_mesh` makes with these parameters, without its material."""
         spacing, body = (
             self.particle_spacing,
             solid(as_mesh(mesh, inside=True), self.particle_spacing, fill_holes=self.fill_holes),
@@ -97,15 +97,15 @@ class RigidBody(Part):
         with np.errstate(all="ignore"):
             mass = samples.volume * (total / samples.total)
         check_masses(self, mass)
-        clusters, links, length, stiffness = self._held(samples.position, mass, body.pieces)
-        told = (*body.told, OVERLAPPING) if samples.overlapping else body.told
+        clusters, links, length, stiffness = self._bind(samples.position, mass, body.pieces)
+        notes = (*body.notes, OVERLAPPING) if samples.overlapping else body.notes
         report = report_of(
             clusters,
             links,
             spacing,
             total,
             samples.surface,
-            told,
+            notes,
             volume=samples.total,
             pieces=body.pieces,
             samples=samples,
@@ -113,25 +113,27 @@ class RigidBody(Part):
         skin = make_skin(body.position, body.triangles, clusters.rest_centre)
         return BakedBody(samples.position, mass, clusters, links, length, stiffness, skin, spacing, report)
 
-    def _held(self, position: np.ndarray, mass: np.ndarray, pieces: int) -> Held:
-        """What holds particles together: clusters, links (n, 2), their lengths (n,) [m] and their stiffness [N/m]."""
+    def _bind(self, position: np.ndarray, mass: np.ndarray, pieces: int) -> Binding:
+        """Return what binds particles together: clusters, links (n, 2), their lengths (n,) [m] and their stiffness
+        [N/m]."""
         return one_cluster(position, mass), np.zeros((0, 2), np.int32), np.zeros(0), 0.0
 
     def with_material(self, body: BakedBody) -> BakedBody:
-        """The body with what its clusters do beside turning, which no mesh has a say in: nothing, of a rigid one."""
-        return replace(body, report=replace(body.report, told=(*body.report.told, *self.idle(body.report))))
+        """Return the body with its clusters' material, which does not depend on the mesh; a rigid body has none."""
+        return replace(body, report=replace(body.report, notes=(*body.report.notes, *self.idle(body.report))))
 
     def idle(self, report: Report) -> list[str]:
-        """A word on what was told of sampling and does nothing in this body, as the lattice inside it leaves no room."""
-        told = []
+        """Return a note on each sampling parameter that was set and adds no particle, as the lattice inside leaves no
+        gaps."""
+        notes = []
         for name, added in (("volume_sampling", report.filled), ("surface_sampling", report.surface)):
             value = getattr(self, name)
             if value > (name == "volume_sampling") and value != type(self).model_fields[name].default and not added:
-                told.append(
+                notes.append(
                     f"{name} = {value:g} adds no particle: the lattice of particle_spacing leaves no room for any; another "
                     "spacing leaves some"
                 )
-        return told
+        return notes
 
 
 class SoftBody(RigidBody):
@@ -151,44 +153,44 @@ class SoftBody(RigidBody):
     cluster_stiffness: NotNegative = 4000.0  # 1/s^2: ten swings a second
     link_radius: NotNegative = 0.0  # m
     link_stiffness: NotNegative = 0.0  # N/m
-    linear: Share = 0.0
+    linear: Fraction = 0.0
     plastic_threshold: NotNegative = 0.0
     plastic_creep: NotNegative = 0.0  # 1/s
     plastic_limit: Limit | None = None
     cluster_damping: NotNegative = 0.0  # 1/s
 
     @model_validator(mode="after")
-    def _what_is_kept_creeps(self) -> SoftBody:
+    def _check_plasticity(self) -> SoftBody:
         if self.plastic_creep == 0 and (self.plastic_threshold > 0 or self.plastic_limit is not None):
             raise ValueError("plastic_creep: must be over 0 where plastic_threshold or plastic_limit is given")
         return self
 
     def material(self, clusters: int) -> Material | None:
-        """Of so many clusters; None where they only turn."""
+        """Return the material of `clusters` clusters; None if they only rotate."""
         limit = LARGEST_STRAIN if self.plastic_limit is None else self.plastic_limit
         creeping = {"threshold": self.plastic_threshold, "creep": self.plastic_creep, "limit": limit}
-        found = even(
+        material = even(
             clusters, linear=self.linear, damping=self.cluster_damping, **(creeping if self.plastic_creep else {})
         )
-        return found if found.parts else None
+        return material if material.parts else None
 
     def with_material(self, body: BakedBody) -> BakedBody:
-        """The body with its clusters' material, and a word on those that it does not change."""
+        """Return the body with its clusters' material, and a note on clusters that it does not change."""
         clusters = replace(body.clusters, material=self.material(body.clusters.count))
-        told = (*body.report.told, *self.idle(body.report))
+        notes = (*body.report.notes, *self.idle(body.report))
         if clusters.parts & {"linear", "plastic"} and (flat := int(clusters.flat.sum())):
-            told = (*told, f"{flat} of {clusters.count} clusters are flat: they only turn, and keep no strain")
-        return replace(body, clusters=clusters, report=replace(body.report, told=told))
+            notes = (*notes, f"{flat} of {clusters.count} clusters are flat: they only turn, and keep no strain")
+        return replace(body, clusters=clusters, report=replace(body.report, notes=notes))
 
     @model_validator(mode="after")
-    def _clusters_hold_particles(self) -> SoftBody:
+    def _check_cluster_sizes(self) -> SoftBody:
         if self.spacing_of_clusters < self.particle_spacing:
             raise ValueError(f"cluster_spacing: must be at least particle_spacing, {self.particle_spacing:g}")
         if "link_radius" not in self.lacks and (self.link_radius > 0) != (self.link_stiffness > 0):
-            given, missing = (
+            present, missing = (
                 ("link_radius", "link_stiffness") if self.link_radius else ("link_stiffness", "link_radius")
             )
-            raise ValueError(f"{missing}: must be over 0 where {given} is, or there are no links")
+            raise ValueError(f"{missing}: must be over 0 where {present} is, or there are no links")
         return self
 
     @property
@@ -201,7 +203,7 @@ class SoftBody(RigidBody):
         """[m]"""
         return OVERLAP * self.spacing_of_clusters if self.cluster_radius is None else self.cluster_radius
 
-    def _held(self, position: np.ndarray, mass: np.ndarray, pieces: int) -> Held:
+    def _bind(self, position: np.ndarray, mass: np.ndarray, pieces: int) -> Binding:
         spacing, radius = self.spacing_of_clusters, self.radius_of_clusters
         links, length = self._links(position)
         clusters = gather(position, mass, spacing, radius, self.cluster_stiffness)
@@ -209,7 +211,8 @@ class SoftBody(RigidBody):
         return clusters, links, length, self.link_stiffness
 
     def _links(self, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(n, 2) int32 and their lengths [m]. Raises SceneError where `link_radius` reaches nobody, or too many."""
+        """Return (n, 2) int32 and their lengths [m]. Raises SceneError where `link_radius` reaches no particle, or too
+        many."""
         try:
             one, other, length = close_pairs(position, self.link_radius)
         except TooMany as error:
@@ -217,7 +220,7 @@ class SoftBody(RigidBody):
         if self.link_radius and not len(one):
             raise SceneError(
                 "link_radius", self.link_radius,
-                f"links nobody: no two particles are so near; try {1.5 * self.particle_spacing:.3g}, or leave it out",
+                f"links no particles: no two are so near; try {1.5 * self.particle_spacing:.3g}, or leave it out",
             )  # fmt: skip
         return np.stack([one, other], axis=1).astype(np.int32), length
 
@@ -233,10 +236,10 @@ def check_masses(parameters: RigidBody, mass: np.ndarray) -> None:
         )  # fmt: skip
 
 
-def parameters_of(kind: type[Made], fields: dict[str, Any]) -> Made:
-    """The parameters, checked. Raises SceneError."""
+def parameters_of(kind: type[Body], fields: dict[str, Any]) -> Body:
+    """Return the parameters, checked. Raises SceneError."""
     try:
         return kind(**fields)
     except ValidationError as error:
-        found = scene_error(kind.__name__, error, kind)
-        raise SceneError(found.field.removeprefix(f"{kind.__name__}."), found.value, found.allowed) from None
+        refusal = scene_error(kind.__name__, error, kind)
+        raise SceneError(refusal.field.removeprefix(f"{kind.__name__}."), refusal.value, refusal.allowed) from None

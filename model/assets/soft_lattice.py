@@ -43,9 +43,9 @@ class SoftLattice(SoftBody):
     region: Count = 2
 
     def bake(self, mesh: Meshes) -> BakedBody:
-        """See `SoftBody.from_mesh`; the mesh must be a box along the axes. Raises InputError, SceneError."""
-        made = as_mesh(mesh)
-        low, high = _box(made.position, made.triangles)
+        """Bake as `SoftBody.from_mesh`; the mesh must be a box along the axes. Raises InputError, SceneError."""
+        box = as_mesh(mesh)
+        low, high = _box(box.position, box.triangles)
         with np.errstate(all="ignore"):
             along = (high - low) / self.particle_spacing
         if not np.prod(along) <= MAX_PARTICLES:
@@ -73,16 +73,16 @@ class SoftLattice(SoftBody):
         none = np.zeros((0, 2), np.int32)
         surface = lattice.size - int(np.prod([max(0, count - 2) for count in counts]))
         filled = spacing * np.array(counts)
-        told = (*made.repairs, *_notes(sides, filled, asked, spacing))
-        report = report_of(clusters, none, spacing, total, surface, told, volume=volume, hanging=1)
+        notes = (*box.repairs, *_notes(sides, filled, asked, spacing))
+        report = report_of(clusters, none, spacing, total, surface, notes, volume=volume, hanging=1)
         report = replace(report, covered=float(np.prod(np.minimum(1.0, filled / sides))))
-        skin = make_skin(made.position, made.triangles, clusters.rest_centre)
+        skin = make_skin(box.position, box.triangles, clusters.rest_centre)
         return BakedBody(position, mass, clusters, none, np.zeros(0), 0.0, skin, spacing, report, lattice)
 
 
 def fitting_spacing(sides: np.ndarray, spacing: float) -> float:
-    """The spacing [m] nearest to `spacing` that divides all of a box's `sides` (3,) [m], if one is within FITS of it, else
-    `spacing`.
+    """Return the spacing [m] nearest to `spacing` that divides all of a box's `sides` (3,) [m], if one is within FITS
+    of it, else `spacing`.
 
     >>> round(fitting_spacing(np.array([1.0, 0.5, 1.0]), 0.3), 6), fitting_spacing(np.array([1.0, 0.7, 0.3]), 0.28)
     (0.25, 0.28)
@@ -91,11 +91,11 @@ def fitting_spacing(sides: np.ndarray, spacing: float) -> float:
     low, high = longest / (spacing * (1 + FITS)), longest / (spacing * (1 - FITS))
     best, off = spacing, np.inf
     for count in range(max(1, int(np.ceil(low - OFF))), min(int(high + OFF), int(low) + MAX_TRIED) + 1):
-        found = longest / count
-        along = sides / found
-        away = abs(found - spacing)
+        candidate = longest / count
+        along = sides / candidate
+        away = abs(candidate - spacing)
         if away < off and np.all(np.abs(along - np.round(along)) <= FITTED * np.round(along)):
-            best, off = found, away
+            best, off = candidate, away
     return spacing if off <= OFF * spacing else best
 
 
@@ -113,8 +113,8 @@ def _notes(sides: np.ndarray, filled: np.ndarray, asked: float, spacing: float) 
 
 
 def _box(position: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The least and the largest corner [m] of a mesh that is a box along the axes: closed, its vertices on the six sides and
-    its volume theirs. Raises InputError for any other."""
+    """Return the least and the largest corner [m] of a mesh that is a box along the axes: closed, its vertices on the
+    six sides and its volume theirs. Raises InputError for any other."""
     if not len(triangles):
         raise InputError("the mesh has no triangles; a lattice fills a box")
     low, high = position.min(axis=0), position.max(axis=0)

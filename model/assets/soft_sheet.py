@@ -30,28 +30,28 @@ class SoftSheet(SoftBody):
     link_stiffness: NotNegative = 500.0  # N/m
 
     def bake(self, mesh: Meshes) -> BakedBody:
-        """See `SoftBody.from_mesh`; the mesh need not be closed."""
-        made = as_mesh(mesh)
-        position, triangles = made.position, made.triangles
+        """Bake as `SoftBody.from_mesh`; the mesh need not be closed."""
+        surface = as_mesh(mesh)
+        position, triangles = surface.position, surface.triangles
         if not len(triangles):
             raise InputError("the mesh has no triangles; a sheet needs some")
         area = triangle_areas(position, triangles)
-        own = np.bincount(triangles.ravel(), np.repeat(area / 3, 3), len(position))
+        vertex_area = np.bincount(triangles.ravel(), np.repeat(area / 3, 3), len(position))
         total = self.density * sum_of(area) if self.mass is None else self.mass
         with np.errstate(all="ignore"):
-            mass = own * (total / sum_of(area))
+            mass = vertex_area * (total / sum_of(area))
         check_masses(self, mass)
         links = (
-            np.ascontiguousarray(made.edges.edges, dtype=np.int32)
+            np.ascontiguousarray(surface.edges.edges, dtype=np.int32)
             if self.link_stiffness
             else np.zeros((0, 2), np.int32)
         )
         length = edge_lengths(position, links)
         spacing, radius = self.spacing_of_clusters, self.radius_of_clusters
         clusters = gather(position, mass, spacing, radius, self.cluster_stiffness)
-        check(clusters, links, spacing, radius, made.pieces)
+        check(clusters, links, spacing, radius, surface.pieces)
         report = report_of(
-            clusters, links, self.particle_spacing, total, len(position), made.repairs, pieces=made.pieces
+            clusters, links, self.particle_spacing, total, len(position), surface.repairs, pieces=surface.pieces
         )
         skin = make_skin(position, triangles, clusters.rest_centre)
         return BakedBody(

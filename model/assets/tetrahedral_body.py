@@ -1,4 +1,4 @@
-"""A tetrahedral body: its mesh, the surface that it carries, and what is told of it; made of voxels, by a surface, or of
+"""A tetrahedral body: its mesh, the surface that it carries, and the report on it; made of voxels, by a surface, or of
 tetrahedra as they are."""
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ class CookedBody:
         return 5 if first > 1.5 * second else 6
 
     def with_density(self, density: float) -> CookedBody:
-        """The body with another density [kg/m^3]. Raises SceneError."""
+        """Return the body with another density [kg/m^3]. Raises SceneError."""
         check_density(density)
         return replace(self, report=replace(self.report, density=density, mass=density * self.report.volume))
 
@@ -64,36 +64,36 @@ class CookedBody:
 def body_of_voxels(
     mesh: TriangleMesh | tuple[np.ndarray, np.ndarray], edge: float | None, voxels: int | None, per_voxel: PerVoxel
 ) -> CookedBody:
-    """Of voxels. Raises SceneError and InputError."""
-    made = voxel_mesh(mesh, edge=edge, voxels=voxels, per_voxel=per_voxel)
-    size = len(made.starts) - 1, made.edges, made.doubled
-    hull, fractions = made.hull, made.fractions
+    """Return the body of voxels within `mesh`. Raises SceneError and InputError."""
+    cut = voxel_mesh(mesh, edge=edge, voxels=voxels, per_voxel=per_voxel)
+    size = len(cut.starts) - 1, cut.edges, cut.doubled
+    hull, fractions = cut.hull, cut.fractions
     surface = hull.position, hull.triangles
-    report = report_of(made.mesh, made.embedding, hull.volume, DENSITY, hull.told, size, fractions, surface)
-    return CookedBody(made.mesh, made.voxel, made.colour, made.starts, *surface, made.embedding, report, fractions)
+    report = report_of(cut.mesh, cut.embedding, hull.volume, DENSITY, hull.notes, size, fractions, surface)
+    return CookedBody(cut.mesh, cut.voxel, cut.colour, cut.starts, *surface, cut.embedding, report, fractions)
 
 
 def body_of_surface(
     mesh: TriangleMesh | tuple[np.ndarray, np.ndarray], edge: float | None, voxels: int | None
 ) -> CookedBody:
-    """Of tetrahedra that follow the surface."""
+    """Return the body of tetrahedra that follow the surface."""
     position, triangles = mesh if isinstance(mesh, tuple) else (mesh.position, mesh.triangles)
     position, triangles = np.asarray(position, dtype=np.float64), np.asarray(triangles, dtype=np.int32)
     check_vertices(position)
-    made, embedding = conforming_mesh(position, triangles, edge_of(position, edge, voxels))
-    told: tuple[str, ...] = ()
+    filling, embedding = conforming_mesh(position, triangles, edge_of(position, edge, voxels))
+    notes: tuple[str, ...] = ()
     try:
         volume = solid(as_mesh((position, triangles), inside=True), 0.0).volume
     except InputError as error:
-        volume, told = total(made.volumes), (f"its surface has no volume of its own: {error}",)
+        volume, notes = total(filling.volumes), (f"its surface has no volume of its own: {error}",)
     none = np.zeros(0, np.int32)
-    report = report_of(made, embedding, volume, DENSITY, told)
-    whole = np.ones((len(made.tetrahedra), 4))
-    return CookedBody(made, none.reshape(0, 3), none, none, position, triangles, embedding, report, whole)
+    report = report_of(filling, embedding, volume, DENSITY, notes)
+    whole = np.ones((len(filling.tetrahedra), 4))
+    return CookedBody(filling, none.reshape(0, 3), none, none, position, triangles, embedding, report, whole)
 
 
-def body_of_tetrahedra(mesh: TetrahedralMesh, told: tuple[str, ...]) -> CookedBody:
-    """Of tetrahedra as they are, which carry their own surface."""
+def body_of_tetrahedra(mesh: TetrahedralMesh, notes: tuple[str, ...]) -> CookedBody:
+    """Return the body of given tetrahedra, which carry their own surface."""
     number, triangles = np.unique(mesh.surface, return_inverse=True)
     corner = np.argsort(mesh.tetrahedra.ravel(), kind="stable")
     first = corner[np.searchsorted(mesh.tetrahedra.ravel()[corner], number)]  # where each vertex is a corner first
@@ -103,19 +103,19 @@ def body_of_tetrahedra(mesh: TetrahedralMesh, told: tuple[str, ...]) -> CookedBo
     triangles = triangles.reshape(-1, 3).astype(np.int32)
     local = position[triangles] - mean(position)
     volume = total(dot(local[:, 0], np.cross(local[:, 1], local[:, 2]))) / 6
-    report = report_of(mesh, embedding, volume, DENSITY, told)
+    report = report_of(mesh, embedding, volume, DENSITY, notes)
     whole = np.ones((len(mesh.tetrahedra), 4))
     return CookedBody(mesh, none.reshape(0, 3), none, none, position, triangles, embedding, report, whole)
 
 
 def scaled(body: CookedBody, scale: float) -> CookedBody:
-    """The body, `scale` times as large. Raises InputError."""
+    """Return the body, `scale` times as large. Raises InputError."""
     if scale == 1:
         return body
-    told, was = body.report.told, body.report
+    notes, was = body.report.told, body.report
     with np.errstate(all="ignore"):
         mesh = TetrahedralMesh(body.mesh.position * scale, body.mesh.tetrahedra)
         size, hull = (was.voxels, np.array(was.edges) * scale, was.doubled), body.hull_position * scale
         surface, volume = (hull, body.hull_triangles) if was.voxels else None, was.hull_volume * scale**3
-        report = report_of(mesh, body.embedding, volume, was.density, told, size, body.fractions, surface)
+        report = report_of(mesh, body.embedding, volume, was.density, notes, size, body.fractions, surface)
     return replace(body, mesh=mesh, hull_position=hull, report=report)

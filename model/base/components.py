@@ -13,8 +13,8 @@ INSTALL = "install it: pip install --force-reinstall soft-body-lab"
 def named(place: str) -> Any:
     """Return the object at `module:name`, or the module where no name is given, imported now. Raises ImportError."""
     module, _, name = place.partition(":")
-    found = import_module(module)
-    return getattr(found, name) if name else found
+    loaded = import_module(module)
+    return getattr(loaded, name) if name else loaded
 
 
 def component(place: str, option: str) -> Any:

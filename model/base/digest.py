@@ -2,7 +2,7 @@
 
 Machine code is keyed by what it is made of (`content_digest`): the bytecode of a function, the numbers in its closure, and
 the same of every function that it calls. A measurement names the text of its backend's sources (`source_digest`); when that
-changes, the keys of its kernels (bench/keys) tell whether it still holds.
+changes, the keys of its kernels (bench/keys) decide if it is still valid.
 """
 
 from __future__ import annotations
@@ -39,13 +39,14 @@ def content_digest(value: Any, *more: Any) -> str:
 
 
 class _Walk:
-    """One walk through a function and all it refers to; a function that refers to itself is told by its place."""
+    """One walk through a function and all it refers to; a reference to a function already entered is recorded by its
+    number."""
 
     def __init__(self) -> None:
         self._entered: dict[int, int] = {}
 
     def digest(self, value: Any) -> bytes:
-        """Of a value and all it refers to."""
+        """Return the digest of a value and all it refers to."""
         summary = hashlib.sha256()
         for piece in self._pieces(value):
             summary.update(len(piece).to_bytes(8, "little") + piece)
@@ -111,10 +112,10 @@ class _Walk:
         names = sorted(_names(function.__code__))
         for name in names:
             if name in function.__globals__:
-                found = function.__globals__[name]
-                yield name.encode() + b"=" + self.digest(found)
-                if isinstance(found, types.ModuleType) and _package(found.__name__) not in FOREIGN:
-                    yield from (self.digest(vars(found)[inner]) for inner in names if inner in vars(found))
+                value = function.__globals__[name]
+                yield name.encode() + b"=" + self.digest(value)
+                if isinstance(value, types.ModuleType) and _package(value.__name__) not in FOREIGN:
+                    yield from (self.digest(vars(value)[inner]) for inner in names if inner in vars(value))
 
     def _of_code(self, code: types.CodeType, docstring: str | None = None) -> Iterator[bytes]:
         known = _codes.get((id(code), docstring))
@@ -154,7 +155,7 @@ def source_digest(*places: Path) -> str:
 
 @cache
 def backend_sources(backend: str) -> tuple[Path, ...]:
-    """What a backend (`cpu` or `gpu`) is made of, for `source_digest`: its package, the formulas, the records of
+    """Return the sources of a backend (`cpu` or `gpu`) for `source_digest`: its package, the formulas, the records of
     constants, and the modules of `model` that it imports."""
     package, formulas = ROOT / f"{backend}_backend", ROOT / "model" / "formulas"
     imported = {name.removeprefix("softlab.") for file in package.rglob("*.py") for name in _imported(file)}
@@ -167,7 +168,7 @@ def backend_sources(backend: str) -> tuple[Path, ...]:
 
 
 def _imported(file: Path) -> Iterator[str]:
-    """What a source file imports, by full name: modules, and what is imported from them, which may be modules too."""
+    """Return the full names that a source file imports: modules, and names in them, which may be modules too."""
     for node in _statements(ast.parse(file.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             yield from (name.name for name in node.names)
@@ -177,7 +178,8 @@ def _imported(file: Path) -> Iterator[str]:
 
 
 def _statements(node: ast.AST) -> Iterator[ast.AST]:
-    """The statements within one, itself among them, but no expressions, of which a file has twenty times as many."""
+    """Return the statements within one, itself among them, but no expressions, of which a file has twenty times as
+    many."""
     yield node
     for field in ("body", "orelse", "finalbody", "handlers", "cases"):
         inside = getattr(node, field, ())

@@ -18,7 +18,7 @@ import numpy as np
 from softlab.model.base.errors import InputError
 from softlab.model.base.files import replacing
 
-Kept = TypeVar("Kept")
+Stored = TypeVar("Stored")
 
 
 def user_cache(name: str) -> Path | None:
@@ -49,8 +49,8 @@ def cache_folder(name: str) -> Path:
 def read_arrays(file: Path) -> dict[str, np.ndarray] | None:
     """Return the arrays of an .npz file by name; None where it is missing, truncated or damaged."""
     try:
-        with np.load(file) as held:
-            return dict(held)
+        with np.load(file) as archive:
+            return dict(archive)
     except Exception:  # a damaged archive can fail anywhere in its parser
         return None
 
@@ -64,18 +64,18 @@ def write_arrays(file: Path, **arrays: np.ndarray | float) -> None:
             np.savez(opened, **arrays)  # type: ignore[arg-type]
 
 
-def kept(
+def load_or_make(
     file: Path,
     key: str,
-    unpacked: Callable[[dict[str, np.ndarray]], Kept | None],
-    make: Callable[[], Kept],
-    packed: Callable[[Kept], Mapping[str, np.ndarray | float]],
-) -> Kept:
+    unpacked: Callable[[dict[str, np.ndarray]], Stored | None],
+    make: Callable[[], Stored],
+    packed: Callable[[Stored], Mapping[str, np.ndarray | float]],
+) -> Stored:
     """Return the object in `file` if its arrays are complete and have the `key`; otherwise make it and write it
     there."""
-    held = read_arrays(file)
-    found = unpacked(held) if held and str(held.get("key")) == key else None
-    if found is None:
-        found = make()
-        write_arrays(file, key=np.array(key), **packed(found))
-    return found
+    arrays = read_arrays(file)
+    loaded = unpacked(arrays) if arrays and str(arrays.get("key")) == key else None
+    if loaded is None:
+        loaded = make()
+        write_arrays(file, key=np.array(key), **packed(loaded))
+    return loaded

@@ -40,13 +40,13 @@ def on_command_line() -> Iterator[None]:
 def in_python(message: str) -> str:
     """The message with `backend="gpu"` in place of `--backend gpu`, and likewise what else `open_simulation` takes."""
 
-    def argument(found: re.Match[str]) -> str:
-        name, (_, _, value) = str(found.lastgroup), found[0].partition(" ")
-        given = "True" if name == "allow_unstable" else _literal(value) if value else ""
-        return f"{name}={given}" if given else name
+    def argument(match: re.Match[str]) -> str:
+        name, (_, _, value) = str(match.lastgroup), match[0].partition(" ")
+        literal = "True" if name == "allow_unstable" else _literal(value) if value else ""
+        return f"{name}={literal}" if literal else name
 
-    def change(found: re.Match[str]) -> str:
-        return f'scene.replace({{"{found[1]}": {_literal(found[2])}}})'
+    def change(match: re.Match[str]) -> str:
+        return f'scene.replace({{"{match[1]}": {_literal(match[2])}}})'
 
     return OPTION.sub(argument, SETTING.sub(change, message))
 
@@ -62,8 +62,8 @@ def shortened(text: str, most: int = LONGEST) -> str:
     """Return `text` in at most `most` characters: its beginning and end, which contain the fault and the remedy."""
     if len(text) <= most:
         return text
-    kept = most - len(" ... ")
-    return f"{text[: kept // 2].rstrip()} ... {text[-(kept - kept // 2) :].lstrip()}"
+    length = most - len(" ... ")
+    return f"{text[: length // 2].rstrip()} ... {text[-(length - length // 2) :].lstrip()}"
 
 
 def shown(value: object) -> str:
@@ -97,8 +97,8 @@ class SceneError(SoftlabError):
 
     def __init__(self, field: str, value: object, allowed: str):
         self.field, self.value, self.allowed = field, value, allowed
-        given = "" if value is None else f" = {shown(value)}"  # without a value
-        super().__init__(f"{shortened(field, LONGEST_FIELD)}{given}: {allowed}")
+        value_text = "" if value is None else f" = {shown(value)}"  # without a value
+        super().__init__(f"{shortened(field, LONGEST_FIELD)}{value_text}: {allowed}")
 
 
 class InputError(SoftlabError):
@@ -108,14 +108,14 @@ class InputError(SoftlabError):
 class UnstableTimeStep(SceneError):
     """The step size exceeds the stability limit of the scene and integrator.
 
-    `limit`: the largest stable step size [s]; `cause`, `way_out`: from model/core/stability/diagnosis.py, where they
+    `limit`: the largest stable step size [s]; `cause`, `advice`: from model/core/stability/diagnosis.py, where they
     say more than the default message.
     """
 
-    def __init__(self, dt: float, limit: float, integrator: str, cause: str | None = None, way_out: str | None = None):
+    def __init__(self, dt: float, limit: float, integrator: str, cause: str | None = None, advice: str | None = None):
         self.limit = limit
-        if cause and way_out:
-            remedy = f"{cause}; {way_out}"
+        if cause and advice:
+            remedy = f"{cause}; {advice}"
         elif limit > 0:
             remedy = f"over the stability limit of {integrator} here; use dt <= {limit:.6g} s"
         else:

@@ -66,13 +66,13 @@ def read_text(path: Path | str, what: str) -> str:
     source = check_source(path, what)
     try:
         with source.open("rb") as opened:  # some system files have no size until they are read
-            held = opened.read(LONGEST_TEXT + 1)
+            content = opened.read(LONGEST_TEXT + 1)
     except OSError as error:
         raise InputError(f"{path} cannot be read: {why(error)}; {what}") from None
-    if len(held) > LONGEST_TEXT:
+    if len(content) > LONGEST_TEXT:
         raise InputError(f"{path} is longer than {LONGEST_TEXT // 2**20} MiB; {what}")
     try:
-        return held.decode("utf-8")
+        return content.decode("utf-8")
     except UnicodeDecodeError:
         raise InputError(f"{path} is not a text file in UTF-8; {what}") from None
 
@@ -180,7 +180,7 @@ def read_archive(path: Path | str, what: str) -> dict[str, np.ndarray]:
         with source.open("rb") as opened:
             check_pointer(path, opened.read(SAMPLE))
         with zipfile.ZipFile(source) as archive:
-            needed = sum(held.file_size for held in archive.infolist())
+            needed = sum(member.file_size for member in archive.infolist())
         free = available_bytes()
         if needed > free:
             raise InputError(f"{path} holds {readable(needed)}, and {readable(free)} of main memory is free; {what}")

@@ -31,7 +31,7 @@ SECONDS = "seconds.json"  # of each kernel's last compilation, by label
 _watchers = Watchers()
 watched = _watchers.watched  # its watcher(label, seconds): a kernel that starts to compile, and its previous time
 _begun: dict[str, float] = {}
-_told: set[str] = set()
+_warned: set[str] = set()
 
 
 class KernelCacheWarning(UserWarning):
@@ -64,7 +64,7 @@ def _seconds() -> dict[str, float]:
 
 def _begin(label: str) -> None:
     _begun[label] = time.perf_counter()
-    _watchers.tell(label, _seconds().get(label))
+    _watchers.notify(label, _seconds().get(label))
 
 
 def _end(label: str) -> None:
@@ -73,7 +73,7 @@ def _end(label: str) -> None:
         _seconds()[label] = round(time.perf_counter() - begun, 3)
 
 
-def keep(dispatcher: Any, kernel_cache: type, label: str) -> None:
+def attach_cache(dispatcher: Any, kernel_cache: type, label: str) -> None:
     """Give a numba dispatcher a cache of type `kernel_cache`, where one can be written. `label`: passed to watchers."""
     try:
         dispatcher._cache = kernel_cache(dispatcher.py_func)
@@ -84,30 +84,30 @@ def keep(dispatcher: Any, kernel_cache: type, label: str) -> None:
 
 def _unwritable(reason: object) -> None:
     """Warn once per process: a cache that cannot be written only costs time."""
-    if "unwritable" not in _told:
-        _told.add("unwritable")
-        text = f"machine code cannot be kept ({reason}): every run compiles anew"
+    if "unwritable" not in _warned:
+        _warned.add("unwritable")
+        text = f"machine code cannot be cached ({reason}): every run compiles anew"
         warnings.warn(text, KernelCacheWarning, stacklevel=2)
 
 
 @cache
-def _make_room() -> None:
+def _delete_oldest() -> None:
     """Once per process, if the cache exceeds MAX_BYTES, delete the files that were unused for longest until half is
     free."""
     place = folder()
     with suppress(OSError):
         files = list(place.glob("*.nb?")) if place else []
-        held = sum(file.stat().st_size for file in files)
-        if held <= MAX_BYTES:
+        size = sum(file.stat().st_size for file in files)
+        if size <= MAX_BYTES:
             return
         used: dict[str, float] = {}  # time of a kernel's last use: its index is touched then, its code is not
         for file in files:
             kernel = file.name.split(".")[0]
             used[kernel] = max(used.get(kernel, 0.0), file.stat().st_mtime)
         for file in sorted(files, key=lambda file: used[file.name.split(".")[0]]):
-            held -= file.stat().st_size
+            size -= file.stat().st_size
             file.unlink(missing_ok=True)
-            if held < MAX_BYTES // 2:
+            if size < MAX_BYTES // 2:
                 break
 
 
@@ -147,14 +147,14 @@ class NamedByContent:
 @cache
 def _versions() -> tuple[str, ...]:
     """Return the compilers' versions: code of one version may not run with another."""
-    found = []
+    versions = []
     for package in ("numba", "llvmlite", "numba-cuda"):
         with suppress(PackageNotFoundError):
-            found.append(f"{package} {version(package)}")
-    return tuple(found)
+            versions.append(f"{package} {version(package)}")
+    return tuple(versions)
 
 
-class Kept:
+class NotifyingCache:
     """Mixin of numba's function caches: notifies watchers, and continues without files that cannot be read or
     written."""
 
@@ -173,23 +173,23 @@ class Kept:
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Return the machine code for these types, or None if it must be compiled, after notifying watchers."""
         try:
-            found = super().load_overload(sig, target_context)  # type: ignore[misc]
+            overload = super().load_overload(sig, target_context)  # type: ignore[misc]
         except Exception:  # a damaged file, or one that refers to modules of another version, can fail anywhere
-            found = None
+            overload = None
             with suppress(OSError):
                 os.unlink(self._cache_file._index_path)
-        if found is None:
+        if overload is None:
             _begin(self.label)
         else:
             with suppress(OSError):
                 os.utime(self._cache_file._index_path)
-        return found
+        return overload
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Cache machine code for these types, if it can be written."""
         _end(self.label)
         try:
-            _make_room()
+            _delete_oldest()
             super().save_overload(sig, data)  # type: ignore[misc]
             _save_seconds()
         except OSError as error:

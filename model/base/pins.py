@@ -45,5 +45,5 @@ def pin_indices(pins: Pins, rows: int, columns: int) -> np.ndarray:
         "edges": list(sides.values()),
         **{side: [masses] for side, masses in sides.items()},
     }
-    found = named.get(pins) if pins in named else [sides[side] for side in pins.split("-")]
-    return np.unique(np.concatenate([np.zeros(0, np.int64), *(found or [])]))
+    chosen = named.get(pins) if pins in named else [sides[side] for side in pins.split("-")]
+    return np.unique(np.concatenate([np.zeros(0, np.int64), *(chosen or [])]))

@@ -15,10 +15,10 @@ def tuple_of(count, item, compiled=plain):
     def last(a, b, c, k):
         return (one(a, b, c, k),)
 
-    found = last
+    all_of = last
     for n in range(count - 2, -1, -1):
-        found = _before(item(n), found, compiled)
-    return found
+        all_of = _before(item(n), all_of, compiled)
+    return all_of
 
 
 def _before(one, rest, compiled):
@@ -30,21 +30,21 @@ def _before(one, rest, compiled):
 
 
 def each_of(count, item, compiled=plain):
-    """Make every(a, b, c, k, given): calls item(n)(a, b, c, k, given[n]) for n = 0 ... count - 1."""
-    found = None
+    """Make every(a, b, c, k, arguments): calls item(n)(a, b, c, k, arguments[n]) for n = 0 ... count - 1."""
+    every = None
     for n in range(count - 1, -1, -1):
-        found = _calls(n, item(n), found, compiled)
-    return found
+        every = _calls(n, item(n), every, compiled)
+    return every
 
 
 def _calls(n, one, rest, compiled):
     more = rest is not None
 
     @compiled
-    def every(a, b, c, k, given):
-        one(a, b, c, k, given[n])
+    def every(a, b, c, k, arguments):
+        one(a, b, c, k, arguments[n])
         if more:
-            rest(a, b, c, k, given)
+            rest(a, b, c, k, arguments)
 
     return every
 
@@ -56,7 +56,7 @@ def reader(fields, compiled=plain, prefix=""):
     A loop that reads the tuple keeps the values in registers; it would load those of the record again after each
     barrier.
     """
-    made = named(tuple(fields))
+    make_tuple = named(tuple(fields))
 
     def value(n):
         name = prefix + fields[n]
@@ -66,7 +66,7 @@ def reader(fields, compiled=plain, prefix=""):
 
     @compiled
     def read(record):
-        return made(*values(record, 0, 0, 0))
+        return make_tuple(*values(record, 0, 0, 0))
 
     return read
 

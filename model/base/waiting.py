@@ -12,7 +12,7 @@ INTERVAL = 0.1  # s between two reports
 
 
 class Watchers(list[Callable[..., None]]):
-    """Functions that are called with the arguments of `tell`, each while its `watched` block lasts."""
+    """Functions that are called with the arguments of `notify`, each while its `watched` block lasts."""
 
     @contextmanager
     def watched(self, watcher: Callable[..., None]) -> Iterator[None]:
@@ -23,7 +23,7 @@ class Watchers(list[Callable[..., None]]):
         finally:
             self.remove(watcher)
 
-    def tell(self, *what: Any) -> None:
+    def notify(self, *what: Any) -> None:
         """Call every watcher with `what`."""
         for watcher in self:
             watcher(*what)
@@ -32,7 +32,7 @@ class Watchers(list[Callable[..., None]]):
 _of_work = Watchers()
 # its watcher(label, fraction): the work, and its fraction done, None if that is unknown, 1 at its end
 waiting_watched = _of_work.watched
-report = _of_work.tell
+report = _of_work.notify
 
 
 @contextmanager

@@ -15,7 +15,7 @@ from softlab.model.base.table import Part
 NOTE = r"^    (\w+): [^#\n]*  (?:# type: ignore\[[\w-]+\]  )?# (?!type:|noqa|fmt:)(.*)$"  # a field's comment
 
 NEAR = 0.65  # of letters alike: below it cloth-hanging is near to nothing; far above it bar is not near to bat
-MEANT = {  # other programs' names of a field, whose letters are not similar to it
+SYNONYMS = {  # other programs' names of a field, whose letters are not similar to it
     "mesh": "file", "model": "file", "path": "file", "position": "origin", "rotation": "angle", "fixed": "pinned",
 }  # fmt: skip
 COUNTS = ("none", "one", "two", "three", "four")
@@ -29,19 +29,19 @@ def suggestion(word: str, known: Any) -> str:
 
 def notes_of(part: type[Part]) -> dict[str, str]:
     """Return the comment beside each field that has one, in the part's source and in those of its bases."""
-    found: dict[str, str] = {}
+    notes: dict[str, str] = {}
     for owner in reversed(part.__mro__):
         if issubclass(owner, Part) and owner is not Part:
-            found |= dict(re.findall(NOTE, inspect.getsource(owner), re.MULTILINE))
-    return found
+            notes |= dict(re.findall(NOTE, inspect.getsource(owner), re.MULTILINE))
+    return notes
 
 
-def _kind_within(kind: type[Part], way: tuple[int | str, ...]) -> type[Part]:
+def _kind_within(kind: type[Part], path: tuple[int | str, ...]) -> type[Part]:
     """Return the class of the part at a path: of a table inside a part, or of one in a list of tables.
 
     An index in a list does not change the class, nor does a field that is a word, such as the `shape` of a sink.
     """
-    for step in way:
+    for step in path:
         if isinstance(step, str):
             within = kind.model_fields[step].annotation
             kind = next((choice for choice in (within, *get_args(within)) if hasattr(choice, "model_fields")), kind)
@@ -99,8 +99,8 @@ def _count_error(part: str, complaints: list[Any], first: Any) -> SceneError:
     field = _field(first["loc"][:-1] if short else first["loc"])
     lengths = sorted({n for place, n in counts.items() if _field(place) == field})
     wanted = " or ".join(COUNTS[count] if count < len(COUNTS) else str(count) for count in lengths)
-    told = f"has too {'few' if short else 'many'} numbers: must have {wanted}"
-    return SceneError(".".join([part, *field]), first["input"], told)
+    reason = f"has too {'few' if short else 'many'} numbers: must have {wanted}"
+    return SceneError(".".join([part, *field]), first["input"], reason)
 
 
 def _field(place: tuple[int | str, ...]) -> list[str]:
@@ -121,8 +121,8 @@ def scene_error(part: str, error: ValidationError, kind: type[Part]) -> SceneErr
     if first["type"] == "extra_forbidden":
         known = list(_kind_within(kind, first["loc"][:-1]).model_fields)
         near = suggestion(location[-1], known)
-        if MEANT.get(location[-1]) in known:
-            near = f" (did you mean {MEANT[location[-1]]}?)"
+        if SYNONYMS.get(location[-1]) in known:
+            near = f" (did you mean {SYNONYMS[location[-1]]}?)"
         if location[1:] and location[-1] in kind.model_fields:
             near = f" (did you mean {part}.{location[-1]}?)"
         if not near and "shape" in known and location[-1] in _kind_within(kind, ("shape",)).model_fields:

@@ -33,21 +33,21 @@ def part_of(model: str) -> str:
     return f"{KIND}-{model}"
 
 
-def attachment_parts(found: TetrahedraSet) -> frozenset[str]:
+def attachment_parts(body_set: TetrahedraSet) -> frozenset[str]:
     """Return the parts of a plan for the set's attachments.
 
     Raises SceneError for an attachment without vertices, or to something that does not exist.
     """
-    check_attachments(found)
-    soft = [held for held in found.attachments.values() if not pins(held, found.names)]
-    return frozenset(part_of(_model_of(found, held)) for held in soft)
+    check_attachments(body_set)
+    soft = [attachment for attachment in body_set.attachments.values() if not pins(attachment, body_set.names)]
+    return frozenset(part_of(_model_of(body_set, attachment)) for attachment in soft)
 
 
-def _model_of(found: TetrahedraSet, held: Attachment) -> str:
+def _model_of(body_set: TetrahedraSet, attachment: Attachment) -> str:
     """Return the model of CORNERS of an attachment."""
-    if found.sheet and held.to == found.sheet.name:
+    if body_set.sheet and attachment.to == body_set.sheet.name:
         return "cloth"
-    return "bodies" if held.to in found.names else "world"
+    return "bodies" if attachment.to in body_set.names else "world"
 
 
 def attachment_projections(parts: frozenset[str], iterated: bool, constants: tuple[str, str, str]) -> list[Projection]:
@@ -61,51 +61,51 @@ def attachment_projections(parts: frozenset[str], iterated: bool, constants: tup
     ]  # fmt: skip
 
 
-def attachment_sets(found: TetrahedraSet) -> tuple[ConstraintSet, ...]:
+def attachment_sets(body_set: TetrahedraSet) -> tuple[ConstraintSet, ...]:
     """Return the constraint sets of attachments, sorted by colours, cached with the bodies. Raises SceneError."""
-    if found not in _known:
-        _known[found] = _sets(found)
-    return _known[found]
+    if body_set not in _known:
+        _known[body_set] = _sets(body_set)
+    return _known[body_set]
 
 
-def _sets(found: TetrahedraSet) -> tuple[ConstraintSet, ...]:
+def _sets(body_set: TetrahedraSet) -> tuple[ConstraintSet, ...]:
     rows: dict[str, list[Rows]] = {model: [] for model in CORNERS}
     makers = {"world": _to_world, "bodies": _to_body, "cloth": _to_cloth}
-    for name, held in found.attachments.items():
-        if not pins(held, found.names):
-            model = _model_of(found, held)
-            rows[model].append(makers[model](found, name, held))
-    made = []
+    for name, attachment in body_set.attachments.items():
+        if not pins(attachment, body_set.names):
+            model = _model_of(body_set, attachment)
+            rows[model].append(makers[model](body_set, name, attachment))
+    sets = []
     for model, some in rows.items():
         if some:
             corners, values = (np.concatenate(column) for column in zip(*some, strict=True))
-            made.append(coloured(KIND, model, corners, values, found.particle_count))
-    return tuple(made)
+            sets.append(coloured(KIND, model, corners, values, body_set.particle_count))
+    return tuple(sets)
 
 
-def check_attachments(found: TetrahedraSet) -> None:
+def check_attachments(body_set: TetrahedraSet) -> None:
     """Raise SceneError for an attachment without vertices."""
-    for name, held in found.attachments.items():
-        if not len(found.chosen(held.vertices, held.body)):
-            raise SceneError(f"{name}.vertices", held.vertices, f"no vertex of {held.body} lies there")
+    for name, attachment in body_set.attachments.items():
+        if not len(body_set.chosen(attachment.vertices, attachment.body)):
+            raise SceneError(f"{name}.vertices", attachment.vertices, f"no vertex of {attachment.body} lies there")
 
 
-def contact_free(found: TetrahedraSet) -> np.ndarray:
+def contact_free(body_set: TetrahedraSet) -> np.ndarray:
     """Return the particles that attach one body to another, or to a cloth, (particles,) bool.
 
     They coincide with it: contacts between bodies must ignore them, and the triangles of which they are corners.
     """
-    free = np.zeros(found.particle_count, bool)
-    for one in attachment_sets(found):
+    free = np.zeros(body_set.particle_count, bool)
+    for one in attachment_sets(body_set):
         if one.model != "world":
             free[one.corners] = True
     return free
 
 
-def stored(found: TetrahedraSet, position: np.ndarray) -> float:
+def stored(body_set: TetrahedraSet, position: np.ndarray) -> float:
     """Return the energy [J] of compliant attachments at `position` (particles, 3)."""
     total = 0.0
-    for one in attachment_sets(found):
+    for one in attachment_sets(body_set):
         corners, compliance = np.asarray(position, np.float64)[one.corners], one.values[:, -1]
         there = one.values[:, :3]
         if one.model != "world":
@@ -115,40 +115,40 @@ def stored(found: TetrahedraSet, position: np.ndarray) -> float:
     return total
 
 
-def _to_world(found: TetrahedraSet, name: str, held: Attachment) -> Rows:
-    vertices = found.chosen(held.vertices, held.body)
-    places = found.position[vertices] if held.point is None else np.tile(held.point, (len(vertices), 1))
-    return vertices[:, None].astype(np.int32), np.column_stack([places, np.full(len(vertices), held.compliance)])
+def _to_world(body_set: TetrahedraSet, name: str, attachment: Attachment) -> Rows:
+    vertices = body_set.chosen(attachment.vertices, attachment.body)
+    places = body_set.position[vertices] if attachment.point is None else np.tile(attachment.point, (len(vertices), 1))
+    return vertices[:, None].astype(np.int32), np.column_stack([places, np.full(len(vertices), attachment.compliance)])
 
 
-def _to_body(found: TetrahedraSet, name: str, held: Attachment) -> Rows:
-    vertices, number = found.chosen(held.vertices, held.body), found.names.index(held.to or "")
-    start = int(found.first_particle[number])
-    stop = [*found.first_particle[1:], found.particle_count][number]
-    tetrahedra = found.tetrahedra[found.body == number]
-    mesh = TetrahedralMesh(found.position[start:stop], tetrahedra - start)
-    carried = carriers(mesh, found.position[vertices])
-    _check_near(found, name, held, float(carried.beyond(mesh.position, mesh.tetrahedra).max()))
+def _to_body(body_set: TetrahedraSet, name: str, attachment: Attachment) -> Rows:
+    vertices, number = body_set.chosen(attachment.vertices, attachment.body), body_set.names.index(attachment.to or "")
+    start = int(body_set.first_particle[number])
+    stop = [*body_set.first_particle[1:], body_set.particle_count][number]
+    tetrahedra = body_set.tetrahedra[body_set.body == number]
+    mesh = TetrahedralMesh(body_set.position[start:stop], tetrahedra - start)
+    carried = carriers(mesh, body_set.position[vertices])
+    _check_near(body_set, name, attachment, float(carried.beyond(mesh.position, mesh.tetrahedra).max()))
     corners = np.column_stack([vertices, tetrahedra[carried.tetrahedron]])
-    return corners.astype(np.int32), np.column_stack([carried.weights, np.full(len(vertices), held.compliance)])
+    return corners.astype(np.int32), np.column_stack([carried.weights, np.full(len(vertices), attachment.compliance)])
 
 
-def _to_cloth(found: TetrahedraSet, name: str, held: Attachment) -> Rows:
+def _to_cloth(body_set: TetrahedraSet, name: str, attachment: Attachment) -> Rows:
     """Return the rows of attachments to a cloth: each vertex keeps its place in the nearest triangle, or beside it.
 
     Its distance from the triangle at rest is removed by the constraint.
     """
-    assert found.sheet is not None
-    vertices, sheet = found.chosen(held.vertices, held.body), found.sheet
-    points = found.position[vertices]
+    assert body_set.sheet is not None
+    vertices, sheet = body_set.chosen(attachment.vertices, attachment.body), body_set.sheet
+    points = body_set.position[vertices]
     number, weights, away = nearest_of(points, sheet.position[sheet.mesh.triangles])
-    _check_near(found, name, held, float(away.max()))
-    corners = np.column_stack([vertices, sheet.mesh.triangles[number] + found.first_particle[-1]])
-    return corners.astype(np.int32), np.column_stack([weights, np.full(len(vertices), held.compliance)])
+    _check_near(body_set, name, attachment, float(away.max()))
+    corners = np.column_stack([vertices, sheet.mesh.triangles[number] + body_set.first_particle[-1]])
+    return corners.astype(np.int32), np.column_stack([weights, np.full(len(vertices), attachment.compliance)])
 
 
-def _check_near(found: TetrahedraSet, name: str, held: Attachment, beyond: float) -> None:
+def _check_near(body_set: TetrahedraSet, name: str, attachment: Attachment, beyond: float) -> None:
     """Raise SceneError where a vertex is farther from what it is attached to [m] than a mean edge."""
-    if beyond > found.spacing:
-        told = f"a vertex of {held.body} lies {beyond:.3g} m outside of it; attach what touches it"
-        raise SceneError(f"{name}.to", held.to, told)
+    if beyond > body_set.spacing:
+        reason = f"a vertex of {attachment.body} lies {beyond:.3g} m outside of it; attach what touches it"
+        raise SceneError(f"{name}.to", attachment.to, reason)

@@ -14,9 +14,9 @@ from softlab.model.base.clock import START, Clock
 from softlab.model.base.errors import SceneError
 from softlab.model.core.build import Body
 from softlab.model.core.integrators import damping_rate
-from softlab.model.core.own_forces import own_fields, own_names, own_values
+from softlab.model.core.own_forces import force_fields, force_names, force_values
 from softlab.model.core.parameters import PARAMETERS as GRID_PARAMETERS
-from softlab.model.core.parameters import require_held, rounded_record
+from softlab.model.core.parameters import require_representable, rounded_record
 from softlab.model.formulas import cloth, motion
 from softlab.model.geometry.arithmetic.ordered import norm
 from softlab.model.scene.scene import Scene
@@ -29,7 +29,7 @@ CLOTH_PARAMETERS = (
     "damping",  # of the mass, 1/s
     "inverse_damping",  # 1 / (1 + dt rate / 2)
     "gravity",  # m/s^2, along +y (so negative)
-    *own_names(3),  # of forces on a mass alone, over mass, m/s^2
+    *force_names(3),  # of forces on a mass alone, over mass, m/s^2
     "structural",  # spring stiffness over mass, 1/s^2
     "structural_rest",  # times the rest length, m/s^2
     "structural_damping",  # of the spring, coefficient over mass, 1/s
@@ -52,7 +52,7 @@ FIELDS = {
     "half_dt_squared": "method.dt",
     "damping": "damping.coefficient",
     "gravity": "gravity.acceleration",
-    **own_fields(),
+    **force_fields(),
     **{kind: f"{kind}.stiffness" for kind in ("structural", "shear", "bending")},
     **{f"{kind}_rest": f"{kind}.stiffness" for kind in ("structural", "shear", "bending")},
     **{f"{kind}_damping": f"{kind}.damping" for kind in ("structural", "shear", "bending")},
@@ -61,7 +61,7 @@ FIELDS = {
     "lift": "wind.lift",
     "gust_time": "wind.gust_time",
 }
-REACH = {"structural": 1.0, "shear": sqrt(2), "bending": 2.0}  # rest length over spacing
+REST_LENGTHS = {"structural": 1.0, "shear": sqrt(2), "bending": 2.0}  # rest length over spacing
 
 
 def spring_constants(kind: str) -> tuple[str, str, str]:
@@ -141,13 +141,13 @@ def cloth_values(scene: Scene, substeps: int, poke: tuple[float, ...], clock: Cl
         "damping": rate,
         "inverse_damping": 1 / (1 + dt * rate / 2),
         "gravity": -scene.gravity.acceleration if scene.gravity and scene.gravity.enabled else 0.0,
-        **own_values(scene, poke, 3),
+        **force_values(scene, poke, 3),
     }
-    for kind, reach in REACH.items():
+    for kind, rest_length in REST_LENGTHS.items():
         springs = scene.cloth_springs.get(kind)
         stiffness = springs.stiffness / mass if springs else 0.0
         values[kind] = stiffness
-        values[f"{kind}_rest"] = stiffness * reach * cloth.spacing
+        values[f"{kind}_rest"] = stiffness * rest_length * cloth.spacing
         values[f"{kind}_damping"] = springs.damping / mass if springs else 0.0
     velocity = wind.velocity if wind else (0.0, 0.0, 0.0)
     values |= {f"wind_{axis}": speed for axis, speed in zip("xyz", velocity, strict=True)}
@@ -168,7 +168,7 @@ def collider_rows(scene: Scene, real: type) -> np.ndarray:
     """
     for name, kind in scene.kinds.items():
         if kind in COLLIDER_KINDS:
-            require_held(name, scene.parts[name], real)
+            require_representable(name, scene.parts[name], real)
     rows = np.zeros((len(scene.colliders), COLLIDER_FIELDS))
     for row, (kind, collider) in zip(rows, scene.colliders, strict=True):
         part = collider.model_dump()
@@ -200,8 +200,8 @@ def collider_numbers(scene: Scene, real: type) -> np.ndarray:
     rows = collider_rows(scene, real)
     end, most = rows.size, 2 ** (np.finfo(real).nmant + 1)  # integers are exact up to there
     parts: Any = scene.parts
-    names = [name for own in SURFACE_KINDS for name, kind in scene.kinds.items() if kind == own]
-    found = []
+    names = [name for surface_kind in SURFACE_KINDS for name, kind in scene.kinds.items() if kind == surface_kind]
+    numbers = []
     for row, name in enumerate(names, len(rows) - len(names)):
         rows[row, B_TREE] = end - row * COLLIDER_FIELDS
         with naming(name):
@@ -209,8 +209,8 @@ def collider_numbers(scene: Scene, real: type) -> np.ndarray:
             if end + MOTION_FIELDS * len(scene.motions) > most:
                 field, value, remedy = parts[name].too_many()
                 raise SceneError(field, value, f"{np.dtype(real).name} counts to {most}, and {remedy}")
-            found.append(parts[name].numbers(real))
-    return np.concatenate([rows.reshape(-1), *found])
+            numbers.append(parts[name].numbers(real))
+    return np.concatenate([rows.reshape(-1), *numbers])
 
 
 def motion_rows(scene: Scene, real: type) -> np.ndarray:
@@ -269,8 +269,8 @@ def pin_velocity(bodies: np.ndarray, first: int, pins: int, step: int, record: n
     velocity = np.zeros((pins, 3), bodies.dtype)
     for place in np.unique(rows[:, P_MOTION]):
         if place >= 0:
-            row, own = bodies[int(place) :], rows[:, P_MOTION] == place
+            row, moving = bodies[int(place) :], rows[:, P_MOTION] == place
             now = formulas.turn(time, row[M_START], row[M_DURATION], row[M_TURNS])
-            moved = formulas.placed(*rows[own, :P_MOTION].T, *row[: M_SPIN + 1], *now)
-            velocity[own] = np.stack(np.broadcast_arrays(*moved), axis=1)[:, 3:]
+            moved = formulas.placed(*rows[moving, :P_MOTION].T, *row[: M_SPIN + 1], *now)
+            velocity[moving] = np.stack(np.broadcast_arrays(*moved), axis=1)[:, 3:]
     return velocity

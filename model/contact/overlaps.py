@@ -1,4 +1,4 @@
-"""Masses that begin inside a collider: pinned ones stay, free ones are thrown out, and whoever made the scene is told."""
+"""Masses that begin inside a collider: pinned ones stay, free ones are pushed out, and a message says so."""
 
 from __future__ import annotations
 
@@ -18,21 +18,22 @@ MAX_ASKED = 2000  # free masses: a tenth of a second
 
 
 def _distance(formulas: Any, kind: str, row: np.ndarray, numbers: np.ndarray | None, d: np.ndarray) -> float:
-    """Of a point that lies at `d` [m] from the collider's own point, to its surface [m]. `numbers`: of a tree or a field."""
+    """Return the distance [m] from a point at `d` [m] from the collider's reference point to its surface; `numbers`: of
+    a tree or a field."""
     if kind == "mesh_collider":
         return sqrt(triangle_tree.make(float).nearest(numbers, 0, *d.tolist(), inf)[0])
     if kind == "distance_field":
         return float(distance_field.make(float).sample(numbers, 0, *d.tolist())[0])
-    own: list[float] = [] if kind == "sphere" else row[B_U : B_W + 1].tolist()
+    sizes: list[float] = [] if kind == "sphere" else row[B_U : B_W + 1].tolist()
     if kind in ("sphere", "capsule"):
-        own.append(float(row[B_RADIUS]))
-    return float(getattr(formulas, kind)(*d.tolist(), *own)[0])
+        sizes.append(float(row[B_RADIUS]))
+    return float(getattr(formulas, kind)(*d.tolist(), *sizes)[0])
 
 
 def _distances(
     formulas: Any, kind: str, row: np.ndarray, numbers: np.ndarray | None, points: np.ndarray
 ) -> list[float]:
-    """Of points (n, 3) [m], to the collider's surface [m]."""
+    """Return the distances [m] of points (n, 3) [m] from the collider's surface."""
     return [_distance(formulas, kind, row, numbers, p - row[B_X : B_Z + 1]) for p in points]
 
 

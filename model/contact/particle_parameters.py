@@ -47,18 +47,18 @@ def pair_rows(scene: Scene) -> np.ndarray:
     assert part is not None
     h = scene.method.dt / scene.method.substeps
     projections = scene.method.iterations * part.sweeps  # per substep
-    found = np.zeros((len(bodies), len(bodies), PAIR_FIELDS))
+    rows = np.zeros((len(bodies), len(bodies), PAIR_FIELDS))
     for i, one in enumerate(bodies):
         for j, other in enumerate(bodies):
             distance = one.contact_radius + other.contact_radius
-            meets = one.group not in other.avoids and other.group not in one.avoids
+            collide = one.group not in other.avoids and other.group not in one.avoids
             adhesion = max(one.adhesion, other.adhesion)
             active = distance * (1 + part.adhesion_reach * (adhesion > 0))
-            found[i, j] = (
-                distance * meets, distance * (i == j and one.meets_itself), active * (1 + MARGIN), active,
+            rows[i, j] = (
+                distance * collide, distance * (i == j and one.self_colliding), active * (1 + MARGIN), active,
                 adhesion * h * h / projections, REST * distance,
             )  # fmt: skip
-    return found
+    return rows
 
 
 def particle_contact_record(scene: Scene, real: type) -> np.ndarray:
@@ -112,18 +112,18 @@ def contact_parts(scene: Scene) -> frozenset[str]:
     part = scene.contact
     if part is None:
         return frozenset()
-    found = {"contacts"}
+    features = {"contacts"}
     if part.static_friction > 0:
-        found.add("contact-friction")
+        features.add("contact-friction")
     if any(body.adhesion > 0 for body in scene.bodies.values()):
-        found.add("contact-adhesion")
+        features.add("contact-adhesion")
     if part.maximum_speed is not None:
-        found.add("speed-limit")
+        features.add("speed-limit")
     if part.sleeping_speed > 0:
-        found.add("sleeping")
+        features.add("sleeping")
     if part.restitution > 0:
-        found.add("contact-restitution")
-    return frozenset(found)
+        features.add("contact-restitution")
+    return frozenset(features)
 
 
 def rigid_parts(scene: Scene) -> frozenset[str]:
@@ -135,9 +135,9 @@ def rigid_parts(scene: Scene) -> frozenset[str]:
     """
     if not whole_clusters(scene.body_set.alike.loose).any():
         return frozenset()
-    found = {"rigid-motion"}
+    features = {"rigid-motion"}
     if scene.colliders:
-        found.add("rigid-rebound")
+        features.add("rigid-rebound")
     if scene.contact is not None:
-        found |= {"rigid-bounce", "contact-restitution"}
-    return frozenset(found)
+        features |= {"rigid-bounce", "contact-restitution"}
+    return frozenset(features)

@@ -65,13 +65,13 @@ def _edge_weights(p: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]
 
 def _through(p: np.ndarray, q: np.ndarray) -> np.ndarray:
     """Return which segments p (n, 2, 3) pass through triangles q (n, 3, 3), (n,) bool; touching does not count."""
-    way, u, v = p[:, 1] - p[:, 0], q[:, 1] - q[:, 0], q[:, 2] - q[:, 0]
-    h = np.cross(way, v)
+    segment, u, v = p[:, 1] - p[:, 0], q[:, 1] - q[:, 0], q[:, 2] - q[:, 0]
+    h = np.cross(segment, v)
     volume = _dot(u, h)
     r = p[:, 0] - q[:, 0]
     k = np.cross(r, u)
     with np.errstate(divide="ignore", invalid="ignore"):
-        b, c, part = _dot(r, h) / volume, _dot(way, k) / volume, _dot(v, k) / volume
+        b, c, part = _dot(r, h) / volume, _dot(segment, k) / volume, _dot(v, k) / volume
         inside = b + c < 1
     return (volume != 0) & inside & (b > 0) & (c > 0) & (part > 0) & (part < 1)
 

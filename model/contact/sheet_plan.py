@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from softlab.model.core.own_forces import own_forces, own_parts
+from softlab.model.core.own_forces import force_features, own_forces
 from softlab.model.core.plan import Stage
 from softlab.model.formulas import wind
 from softlab.model.scene.scene import Scene
@@ -22,7 +22,7 @@ def sheet_parts(scene: Scene, live: frozenset[str] = frozenset()) -> set[str]:
         "gravity": (gravity and gravity.enabled and gravity.acceleration > 0) or "gravity" in live,
         "pins": scene.grid.pinned not in ("none", []),
     }
-    return {name for name, does in needed.items() if does} | own_parts(scene, live)
+    return {name for name, does in needed.items() if does} | force_features(scene, live)
 
 
 def present_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset[str]:
@@ -37,7 +37,7 @@ def present_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset
     return frozenset(sheet_parts(scene, live) | {name for name, does in needed.items() if does})
 
 
-def own_stages(parts: frozenset[str], memory: int = 1) -> Stages:
+def particle_force_stages(parts: frozenset[str], memory: int = 1) -> Stages:
     """Return the stages of the forces on a particle alone; `memory` 0 where they cost none, since they are part of the
     prediction."""
     return tuple(

@@ -26,8 +26,8 @@ BATCH = 1 << 12  # tetrahedra per batch
 
 def can_fall_short(scene: Scene) -> bool:
     """Return True if a run of the scene can be incomplete at all: it has contacts, fluids or tetrahedra."""
-    meets = scene.contact is not None or scene.self_collision is not None
-    return bool(meets or scene.fluids or scene.tetrahedra or scene.is_world)
+    collides = scene.contact is not None or scene.self_collision is not None
+    return bool(collides or scene.fluids or scene.tetrahedra or scene.is_world)
 
 
 def inverted_elements(scene: Scene, position: np.ndarray) -> dict[str, int]:
@@ -35,17 +35,17 @@ def inverted_elements(scene: Scene, position: np.ndarray) -> dict[str, int]:
 
     {} where there are none.
     """
-    own, place = _tetrahedra_of(scene)
-    if own is None or not np.isfinite(position).all():
+    member, place = _tetrahedra_of(scene)
+    if member is None or not np.isfinite(position).all():
         return {}
-    return {"inverted": inverted(position[place].astype(np.float64)[own.tetrahedra_set.tetrahedra])}
+    return {"inverted": inverted(position[place].astype(np.float64)[member.tetrahedra_set.tetrahedra])}
 
 
 def _tetrahedra_of(scene: Scene) -> tuple[Scene | None, slice]:
     """Return (the scene of tetrahedral bodies, itself or a member of it, or None; the slice of its particles)."""
     if scene.is_world:
-        own = scene.members.get("tetrahedra")
-        return own, scene.world_set.slices()["tetrahedra"] if own else slice(None)
+        member = scene.members.get("tetrahedra")
+        return member, scene.world_set.slices()["tetrahedra"] if member else slice(None)
     return (scene if scene.tetrahedra else None), slice(None)
 
 
@@ -55,20 +55,20 @@ def element_faults(scene: Scene, position: np.ndarray, inverse_mass: np.ndarray)
     For a body with self-collision, tetrahedra of the same body count, too. Vertices of a cloth and, in a world,
     particles of bodies are included. {} where there are no tetrahedra.
     """
-    own, place = _tetrahedra_of(scene)
-    found = inverted_elements(scene, position)
-    if own is None or not found or scene.contact is None:
-        return found
-    members, places = {"tetrahedra": own}, {"tetrahedra": place}
+    member, place = _tetrahedra_of(scene)
+    faults = inverted_elements(scene, position)
+    if member is None or not faults or scene.contact is None:
+        return faults
+    members, places = {"tetrahedra": member}, {"tetrahedra": place}
     if scene.is_world:
         members, places = dict(scene.members), scene.world_set.slices()
-    elements, everywhere = own.tetrahedra_set, position.astype(np.float64)
+    elements, everywhere = member.tetrahedra_set, position.astype(np.float64)
     points, body = _meeting(members, places, everywhere, inverse_mass)
     corners = everywhere[place][elements.tetrahedra]
-    meets_itself = np.array([part.self_collision for part in own.tetrahedra.values()])
-    apart = np.where(meets_itself, APART * contact_surface(elements).edge[: len(meets_itself)], np.inf)
+    self_colliding = np.array([part.self_collision for part in member.tetrahedra.values()])
+    apart = np.where(self_colliding, APART * contact_surface(elements).edge[: len(self_colliding)], np.inf)
     alike = Elements(elements.tetrahedra, elements.body, elements.position, apart)
-    return found | {"caught": caught_in(points, body, corners, alike)}
+    return faults | {"caught": caught_in(points, body, corners, alike)}
 
 
 def inverted(corners: np.ndarray) -> int:
@@ -85,11 +85,11 @@ def _meeting(
 
     Those of the tetrahedral bodies come first, in their own order, interior ones as NaN.
     """
-    own = members["tetrahedra"]
-    surface, found = contact_surface(own.tetrahedra_set), position[places["tetrahedra"]]
-    points = np.full(found.shape, np.nan)
-    points[surface.vertices] = found[surface.vertices]
-    body = np.where(surface.body < len(own.tetrahedra_set.parts), surface.body, -1)
+    member = members["tetrahedra"]
+    surface, position_of_member = contact_surface(member.tetrahedra_set), position[places["tetrahedra"]]
+    points = np.full(position_of_member.shape, np.nan)
+    points[surface.vertices] = position_of_member[surface.vertices]
+    body = np.where(surface.body < len(member.tetrahedra_set.parts), surface.body, -1)
     each, bodies = [points], [body]
     for name in members.keys() & {"bodies", "cloth"}:
         there = position[places[name]]
@@ -108,13 +108,13 @@ class Elements:
     rest: np.ndarray
     apart: np.ndarray
 
-    def meet(self, point: np.ndarray, body: np.ndarray, element: np.ndarray) -> np.ndarray:
+    def can_collide(self, point: np.ndarray, body: np.ndarray, element: np.ndarray) -> np.ndarray:
         """Return which particles `point` (n,) of tetrahedral bodies `body` (n,) (-1: none) can collide with `element`
         (n,), (n,) bool."""
         other = body != self.body[element]
         some = np.flatnonzero(~other & np.isfinite(self.apart[self.body[element]]))
-        way = self.rest[self.tetrahedra[element[some]]] - self.rest[point[some], None]
-        nearest = np.sqrt((way**2).sum(axis=2).min(axis=1))
+        offset = self.rest[self.tetrahedra[element[some]]] - self.rest[point[some], None]
+        nearest = np.sqrt((offset**2).sum(axis=2).min(axis=1))
         other[some] = nearest > self.apart[self.body[element[some]]]
         return other
 
@@ -140,7 +140,7 @@ def caught_in(points: np.ndarray, body: np.ndarray, corners: np.ndarray, element
             continue
         point = known[np.concatenate([np.asarray(one, np.int64) for one in near])]
         element = begin + np.repeat(np.arange(len(near)), counts)
-        asked = elements.meet(point, body[point], element)
+        asked = elements.can_collide(point, body[point], element)
         point, element = point[asked], element[asked]
         hit[point[_within(points[point], corners[element])]] = True
     return int(hit.sum())
@@ -177,10 +177,10 @@ def caught_particles(scene: Scene, position: np.ndarray, inverse_mass: np.ndarra
     except TooMany:
         return 0, None
     least = np.where(body_set.body[there][one] != body_set.body[there][other], rows[kind[one], kind[other]], 0.0)
-    meets = least > distance
-    part = distance[meets] / least[meets]
+    touching = least > distance
+    part = distance[touching] / least[touching]
     deep = part < CAUGHT
-    count = len(np.unique(np.concatenate([one[meets][deep], other[meets][deep]])))
+    count = len(np.unique(np.concatenate([one[touching][deep], other[touching][deep]])))
     return count, float(part.min()) if len(part) else None
 
 
@@ -191,11 +191,11 @@ def shortfalls(simulation: Any, position: np.ndarray, inverse_mass: np.ndarray) 
     contact distance (see `caught_particles`).
     """
     scene = simulation.scene
-    found: dict[str, Any] = {**lost(simulation), **element_faults(scene, position, inverse_mass)}
+    faults: dict[str, Any] = {**lost(simulation), **element_faults(scene, position, inverse_mass)}
     bodies, place = scene, slice(None)
     if scene.is_world and "bodies" in scene.members:
         bodies, place = scene.members["bodies"], scene.world_set.slices()["bodies"]
     if bodies.bodies and bodies.contact is not None:
-        caught, found["least_distance"] = caught_particles(bodies, position[place], inverse_mass[place])
-        found["caught"] = found.get("caught", 0) + caught
-    return found
+        caught, faults["least_distance"] = caught_particles(bodies, position[place], inverse_mass[place])
+        faults["caught"] = faults.get("caught", 0) + caught
+    return faults

@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from softlab.model.assets.clusters import matching_share
+from softlab.model.assets.clusters import matching_factor
 from softlab.model.base.clock import START, Clock
 from softlab.model.base.tuples import reader
-from softlab.model.contact.cloth_parameters import CLOTH_PARAMETERS, FIELDS, REACH, cloth_values
+from softlab.model.contact.cloth_parameters import CLOTH_PARAMETERS, FIELDS, REST_LENGTHS, cloth_values
 from softlab.model.core.integrators import damping_rate
 from softlab.model.core.parameters import rounded_record
 from softlab.model.core.stability.springs import matching_stiffness
@@ -46,14 +46,14 @@ XPBD_PARAMETERS = (
 )
 
 
-OWN_FIELDS = {  # the scene's field, by the value that follows from it
+SOLVER_FIELDS = {  # the scene's field, by the value that follows from it
     "inverse_substep": "method.dt",
     "braking": "damping.coefficient",
     **{f"constraint_{kind}_compliance": f"{kind}.stiffness" for kind in CONSTRAINT_KINDS},
     "constraint_stiff_compliance": "springs.stiffness_ratio",
     "matching": "springs.stiffness",
 }
-XPBD_FIELDS = FIELDS | OWN_FIELDS
+XPBD_FIELDS = FIELDS | SOLVER_FIELDS
 
 
 def constraint_constants(scene: Scene, kind: str) -> tuple[float, ...]:
@@ -64,7 +64,8 @@ def constraint_constants(scene: Scene, kind: str) -> tuple[float, ...]:
         rest, damping = scene.springs.rest_length, 0.0
     elif kind in scene.constraints:
         part = scene.constraints[kind]
-        softness, rest, damping = part.softness(), REACH.get(kind, 0.0) * grid.spacing, getattr(part, "damping", 0.0)
+        softness, damping = part.softness(), getattr(part, "damping", 0.0)
+        rest = REST_LENGTHS.get(kind, 0.0) * grid.spacing
     else:
         return (0.0,) * len(CONSTANTS)
     h = method.dt / method.substeps
@@ -100,7 +101,7 @@ def xpbd_values(scene: Scene, poke: tuple[float, ...], clock: Clock) -> dict[str
         values |= {f"constraint_{kind}_{name}": value for name, value in zip(CONSTANTS, constants, strict=True)}
     method, matching = scene.method, 0.0
     if method.matches_shapes:
-        matching = matching_share(matching_stiffness(scene), h, method.iterations)
+        matching = matching_factor(matching_stiffness(scene), h, method.iterations)
     rest = scene.springs.rest_length if scene.springs else scene.grid.spacing
     values |= {"matching": matching, "matching_rest": rest}
     values |= cloth_values(scene, scene.method.substeps, (*poke, 0.0)[:3], clock)

@@ -44,7 +44,7 @@ SURFACE_CONTACT_PARAMETERS = (
     "static_friction",
     "dynamic_friction",
 )
-SHARE = 0.25  # of the smallest mean edge of the bodies: the default distance
+EDGE_FRACTION = 0.25  # of the smallest mean edge of the bodies: the default distance
 MARGIN = 0.1  # distances
 FLAT = 0.0625  # distances: there an ulp of a coordinate is still small relative to the distance in float32
 APPROACH = 1.0  # distances: larger approaches in a substep may not be detected before the vertex is inside
@@ -86,18 +86,18 @@ class ContactSurface:
 _known: WeakKeyDictionary[TetrahedraSet, ContactSurface] = WeakKeyDictionary()
 
 
-def contact_surface(found: TetrahedraSet) -> ContactSurface:
+def contact_surface(body_set: TetrahedraSet) -> ContactSurface:
     """Return the surface of all bodies and the cloth, cached with them."""
-    if found not in _known:
-        _known[found] = _made(found)
-    return _known[found]
+    if body_set not in _known:
+        _known[body_set] = _surface_of_set(body_set)
+    return _known[body_set]
 
 
-def _made(found: TetrahedraSet) -> ContactSurface:
-    first = np.append(found.first_particle, found.particle_count)
-    body = np.repeat(np.arange(len(found.names), dtype=np.int32), np.diff(first))
-    sheets = np.arange(len(found.names)) >= len(found.parts)
-    return surface_of(found.surface, found.position, body, sheets, contact_free(found))
+def _surface_of_set(body_set: TetrahedraSet) -> ContactSurface:
+    first = np.append(body_set.first_particle, body_set.particle_count)
+    body = np.repeat(np.arange(len(body_set.names), dtype=np.int32), np.diff(first))
+    sheets = np.arange(len(body_set.names)) >= len(body_set.parts)
+    return surface_of(body_set.surface, body_set.position, body, sheets, contact_free(body_set))
 
 
 def surface_of(
@@ -164,7 +164,7 @@ def _owners(triangles: np.ndarray) -> np.ndarray:
 def contact_distance(scene: Scene) -> float:
     """Return the distance between surfaces [m]."""
     assert scene.contact is not None
-    return scene.contact.distance or SHARE * float(contact_surface(scene.tetrahedra_set).edge.min())
+    return scene.contact.distance or EDGE_FRACTION * float(contact_surface(scene.tetrahedra_set).edge.min())
 
 
 def surface_record(scene: Scene, distance: float, real: type) -> np.ndarray:
@@ -195,14 +195,14 @@ def surface_pairs(scene: Scene) -> np.ndarray:
     model/contact/particle_parameters.py). The vector to the nearest point and that from there to a corner are
     perpendicular.
     """
-    found, distance = contact_surface(scene.tetrahedra_set), contact_distance(scene)
-    rows = np.zeros((len(found.edge), len(found.edge), PAIR_FIELDS))
+    surface, distance = contact_surface(scene.tetrahedra_set), contact_distance(scene)
+    rows = np.zeros((len(surface.edge), len(surface.edge), PAIR_FIELDS))
     rows[:, :, G_DISTANCE] = distance
-    rows[:, :, G_REACH] = np.hypot(distance * (1 + MARGIN + APPROACH), STRETCH * found.corner)
-    rows[:, :, G_NEIGHBOURS] = APART * found.edge
+    rows[:, :, G_REACH] = np.hypot(distance * (1 + MARGIN + APPROACH), STRETCH * surface.corner)
+    rows[:, :, G_NEIGHBOURS] = APART * surface.edge
     parts = scene.tetrahedra.values()
-    meets_itself = [*(part.self_collision for part in parts), *([False] if scene.mesh else [])]
-    rows[:, :, G_OWN] = np.diag(np.where(meets_itself, distance, 0.0))
+    self_colliding = [*(part.self_collision for part in parts), *([False] if scene.mesh else [])]
+    rows[:, :, G_OWN] = np.diag(np.where(self_colliding, distance, 0.0))
     return rows
 
 

@@ -27,12 +27,12 @@ class Backend(ABC):
         """Advance the state by `steps` (>= 1) steps from `self.step`, using the current parameter record."""
 
     @abstractmethod
-    def _keep(self) -> None:
+    def _store_snapshot(self) -> None:
         """Copy the state into a snapshot on the device."""
 
     @abstractmethod
     def _restore(self) -> None:
-        """Restore the state from the snapshot of `_keep`."""
+        """Restore the state from the snapshot of `_store_snapshot`."""
 
     @abstractmethod
     def _first_diverged(self) -> int:
@@ -48,7 +48,7 @@ class Backend(ABC):
 
     @abstractmethod
     def _download(self) -> tuple[np.ndarray, np.ndarray]:
-        """(position, velocity) as new host arrays (particles, dimensions) in the simulation's precision."""
+        """Return (position, velocity) as new host arrays (particles, dimensions) in the simulation's precision."""
 
     @abstractmethod
     def _upload(self, position: np.ndarray, velocity: np.ndarray) -> None:

@@ -117,7 +117,7 @@ def wave(grid: Grid, amplitude: float) -> np.ndarray:
 
 
 _built: WeakValueDictionary[str, Body] = WeakValueDictionary()  # those in use by an open simulation
-_given: ContextVar[Body | None] = ContextVar("given", default=None)  # see `given`
+_substitute: ContextVar[Body | None] = ContextVar("substitute", default=None)  # see `use_body`
 
 
 def build(scene: Scene) -> Body:
@@ -126,9 +126,9 @@ def build(scene: Scene) -> Body:
     The same Body is returned while anything refers to it, since a large one takes seconds to make. Raises SceneError
     where the masses do not fit into memory or into 32-bit indices.
     """
-    told = _given.get()
-    if told is not None:
-        return told
+    substitute = _substitute.get()
+    if substitute is not None:
+        return substitute
     key = scene.canonical()
     body = _built.get(key)
     if body is None:
@@ -136,23 +136,23 @@ def build(scene: Scene) -> Body:
     return body
 
 
-def some_of(whole: Body, held: slice | np.ndarray, rows: int = 1) -> Body:
-    """Return the particles `held` of the whole in `rows` rows, with its `size`. A slice gives views of its arrays."""
-    inverse_mass = whole.inverse_mass[held]
+def some_of(whole: Body, chosen: slice | np.ndarray, rows: int = 1) -> Body:
+    """Return the particles `chosen` of the whole in `rows` rows, with its `size`. A slice gives views of its arrays."""
+    inverse_mass = whole.inverse_mass[chosen]
     return Body(
-        rows, len(inverse_mass) // rows, whole.position[held], whole.velocity[held], inverse_mass,
+        rows, len(inverse_mass) // rows, whole.position[chosen], whole.velocity[chosen], inverse_mass,
         np.flatnonzero(inverse_mass == 0), whole.size,
     )  # fmt: skip
 
 
 @contextmanager
-def given(body: Body) -> Iterator[None]:
+def use_body(body: Body) -> Iterator[None]:
     """Let `build` return `body` within the block, whatever the scene."""
-    token = _given.set(body)
+    token = _substitute.set(body)
     try:
         yield
     finally:
-        _given.reset(token)
+        _substitute.reset(token)
 
 
 def _build(scene: Scene) -> Body:

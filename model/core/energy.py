@@ -7,7 +7,7 @@ import numpy as np
 from softlab.model.core.build import masses
 from softlab.model.core.families import family_of
 from softlab.model.core.family import NO_ARRAYS, Arrays
-from softlab.model.core.spare import absent
+from softlab.model.core.spare import inactive
 from softlab.model.scene.scene import Scene
 
 
@@ -57,7 +57,7 @@ def energies(
     + potential.
     """
     gravity, v = scene.gravity, np.asarray(velocity, dtype=np.float64)
-    mass = masses(scene, absent(scene, inverse_mass))  # inactive particles are at rest and store no energy
+    mass = masses(scene, inactive(scene, inverse_mass))  # inactive particles are at rest and store no energy
     kinetic = 0.5 * float(np.sum(mass * v * v))
     spring, by_kind = family_of(scene).stored(scene, position, arrays)
     height = 0.0

@@ -26,11 +26,11 @@ def families() -> tuple[SolverFamily, ...]:
 
 def family_of(scene: Scene) -> SolverFamily:
     """Return the family that solves the scene. Raises SceneError for a part that it does not support."""
-    (found,) = (family for family in families() if family.accepts(scene))
+    (family,) = (family for family in families() if family.accepts(scene))
     for name, kind in scene.kinds.items():
-        if kind not in found.knows:
-            raise SceneError(f"{name}.kind", kind, f"is not supported by the solver of a {found.name}; leave it out")
-    return found
+        if kind not in family.knows:
+            raise SceneError(f"{name}.kind", kind, f"is not supported by the solver of a {family.name}; leave it out")
+    return family
 
 
 def scene_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:

@@ -12,7 +12,7 @@ import numpy as np
 from softlab.model.base.clock import Clock
 from softlab.model.core.plan import Plan
 from softlab.model.core.sharing.bodies import Apart
-from softlab.model.core.sharing.decomposition import Reach
+from softlab.model.core.sharing.decomposition import Stencil
 from softlab.model.core.sharing.partitions import SharedMesh
 from softlab.model.scene.scene import Scene
 from softlab.model.tables.motion import RELEASE
@@ -132,7 +132,7 @@ class SolverFamily:
     - `presentation`: how its scenes are drawn and described (app/presentation.py), in the same way.
     - `reference`: the module in bench/reference/ whose `simulate` computes its reference.
     - `unknown`: why no converged reference of the motion is known, and what to use instead; None: one is known.
-    - `reach(scene)`: how far a step reads along the rows of its sheet, for sharing by rows (model/domains).
+    - `stencil(scene)`: how far a step reads along the rows of its sheet, for sharing by rows (model/domains).
     - `apart(scene)`: the bodies of a scene in which none acts on another, for sharing by bodies
       (model/core/sharing/bodies.py).
     - `halo(scene)`: how far a substep reads [m], for sharing by slabs of space (model/domains/slabs.py).
@@ -162,7 +162,7 @@ class SolverFamily:
     state_arrays: tuple[StateArray, ...] = ()
     scheme_note: Callable[[Scene], str] = lambda scene: ""
     unknown: str | None = None
-    reach: Callable[[Scene], Reach] | None = None
+    stencil: Callable[[Scene], Stencil] | None = None
     apart: Callable[[Scene], Apart] | None = None
     halo: Callable[[Scene], float] | None = None
     partitions: Callable[[Scene], SharedMesh] | None = None

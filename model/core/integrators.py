@@ -192,13 +192,13 @@ def lightest_mass(scene: Scene) -> float:
         return sheet.mass
     pinned = pinned_indices(sheet)
     loads = {load.at[0] * sheet.columns + load.at[1]: load.mass for load in scene.loads.values()}
-    told = np.union1d(pinned, np.array([*loads], np.int64))
-    found = [mass for place, mass in loads.items() if place not in pinned]
+    excluded = np.union1d(pinned, np.array([*loads], np.int64))
+    candidates = [mass for place, mass in loads.items() if place not in pinned]
     if by_area:
-        found.append(float(np.delete(vertex_masses(by_area), told).min(initial=inf)))
-    elif len(told) < sheet.particle_count:
-        found.append(sheet.mass)
-    return min((mass for mass in found if mass < inf), default=sheet.mass)
+        candidates.append(float(np.delete(vertex_masses(by_area), excluded).min(initial=inf)))
+    elif len(excluded) < sheet.particle_count:
+        candidates.append(sheet.mass)
+    return min((mass for mass in candidates if mass < inf), default=sheet.mass)
 
 
 def damping_rate(scene: Scene) -> float:

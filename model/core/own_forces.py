@@ -21,7 +21,7 @@ from softlab.model.scene.scene import Scene
 # (grids)
 EXTERNAL_SEED, POKED, FIRST = 0, 1, 2
 WINDOW = "window"  # the part of a plan whose particles are not numbered from the sheet's first
-Made = Callable[[Callable[..., Any]], Any]  # a backend's version of a factory of formulas
+FormulasOf = Callable[[Callable[..., Any]], Any]  # a backend's version of a factory of formulas
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class OwnForce:
     part: str
     stage: str
     present: Callable[[Scene, frozenset[str]], bool]
-    make: Callable[[Any, Any, Made, int], Any]
+    make: Callable[[Any, Any, FormulasOf, int], Any]
     names: tuple[str, ...]
     values: Callable[[Scene, Sequence[float], int], dict[str, float]]
     field: str
@@ -48,9 +48,9 @@ class OwnForce:
     changes: bool = False
 
 
-def _external(real: Any, compiled: Any, made: Made, axes: int) -> Any:
+def _external(real: Any, compiled: Any, formulas_of: FormulasOf, axes: int) -> Any:
     """Make the random force: uniform in (-1, 1) per axis times the magnitude; see model/formulas/random.py."""
-    philox, external, zero = random.make_philox(compiled), made(random.make).add_external, real(0)
+    philox, external, zero = random.make_philox(compiled), formulas_of(random.make).add_external, real(0)
 
     @compiled
     def force(k, parameters, integers, step):
@@ -63,7 +63,7 @@ def _external(real: Any, compiled: Any, made: Made, axes: int) -> Any:
     return force
 
 
-def _poke(real: Any, compiled: Any, made: Made, axes: int) -> Any:
+def _poke(real: Any, compiled: Any, formulas_of: FormulasOf, axes: int) -> Any:
     """Make the force that acts on one particle until it is released."""
     zero = real(0)
 
@@ -105,31 +105,31 @@ OWN_FORCES = (
 )
 
 
-def own_parts(scene: Scene, live: frozenset[str]) -> set[str]:
+def force_features(scene: Scene, live: frozenset[str]) -> set[str]:
     """Return the parts of the forces that the scene has, or that may be switched on."""
     return {force.part for force in OWN_FORCES if force.present(scene, live)}
 
 
-def own_values(scene: Scene, poke: Sequence[float], axes: int) -> dict[str, float]:
-    """Return the constants of all own forces over mass [m/s^2], 0 where the scene has none."""
-    found: dict[str, float] = {}
+def force_values(scene: Scene, poke: Sequence[float], axes: int) -> dict[str, float]:
+    """Return the constants of all these forces over mass [m/s^2], 0 where the scene has none."""
+    values: dict[str, float] = {}
     for force in OWN_FORCES:
-        found |= force.values(scene, poke, axes)
-    return found
+        values |= force.values(scene, poke, axes)
+    return values
 
 
-def own_names(axes: int) -> tuple[str, ...]:
+def force_names(axes: int) -> tuple[str, ...]:
     """Return the names of the constants."""
     return tuple(name for force in OWN_FORCES for name in force.names if axes == 3 or not name.endswith("_z"))
 
 
-def own_fields() -> dict[str, str]:
+def force_fields() -> dict[str, str]:
     """Return the scene's field that each constant follows from."""
     return {name: force.field for force in OWN_FORCES for name in force.names}
 
 
 def own_forces(parts: frozenset[str]) -> tuple[OwnForce, ...]:
-    """Return the own forces among the parts, in the order in which they are added."""
+    """Return these forces among the parts, in the order in which they are added."""
     return tuple(force for force in OWN_FORCES if force.part in parts)
 
 
@@ -138,12 +138,12 @@ def own_changes(parts: frozenset[str]) -> bool:
     return any(force.changes for force in own_forces(parts))
 
 
-def make_add(compiled: Any, made: Made, axes: int, parts: frozenset[str]) -> Any:
+def make_add(compiled: Any, formulas_of: FormulasOf, axes: int, parts: frozenset[str]) -> Any:
     """Make add(a, weight, f) -> the sum of the acceleration `a` and `f` [m/s^2] (`axes` numbers each).
 
     f is multiplied by the `weight` where the scene has a `load`.
     """
-    added, has_load = made(distance.make).added, "load" in parts
+    added, has_load = formulas_of(distance.make).added, "load" in parts
 
     @compiled
     def add(a, weight, f):
@@ -158,31 +158,31 @@ def make_add(compiled: Any, made: Made, axes: int, parts: frozenset[str]) -> Any
     return add
 
 
-def make_own(real: Any, compiled: Any, made: Made, axes: int, parts: frozenset[str]) -> Any:
-    """Make own(a, k, weight, parameters, integers, step) -> the acceleration `a` of particle k plus its own forces.
+def make_own(real: Any, compiled: Any, formulas_of: FormulasOf, axes: int, parts: frozenset[str]) -> Any:
+    """Make accelerate(a, k, weight, parameters, integers, step) -> the acceleration `a` of particle k plus these forces.
 
     `a`: `axes` numbers [m/s^2]. `weight`: the sheet's mass over the particle's, where the scene has a `load`.
-    `compiled`: decorates device functions; `made(factory)`: a backend's formulas.
+    `compiled`: decorates device functions; `formulas_of(factory)`: a backend's formulas.
     """
-    add = make_add(compiled, made, axes, parts)
+    add = make_add(compiled, formulas_of, axes, parts)
 
     @compiled
-    def own(a, k, weight, parameters, integers, step):
+    def accelerate(a, k, weight, parameters, integers, step):
         return a
 
     for force in own_forces(parts):
-        own = _then(own, force.make(real, compiled, made, axes), add, compiled)
-    return _counted_in_sheet(own, compiled) if WINDOW in parts else own
+        accelerate = _then(accelerate, force.make(real, compiled, formulas_of, axes), add, compiled)
+    return _counted_in_sheet(accelerate, compiled) if WINDOW in parts else accelerate
 
 
-def _counted_in_sheet(own: Any, compiled: Any) -> Any:
-    """Make `own` for particles that are numbered in a window."""
+def _counted_in_sheet(accelerate: Any, compiled: Any) -> Any:
+    """Make `accelerate` for particles that are numbered in a window."""
 
     @compiled
-    def own_of_window(a, k, weight, parameters, integers, step):
-        return own(a, np.int64(k) + np.int64(integers[FIRST]), weight, parameters, integers, step)
+    def accelerate_in_window(a, k, weight, parameters, integers, step):
+        return accelerate(a, np.int64(k) + np.int64(integers[FIRST]), weight, parameters, integers, step)
 
-    return own_of_window
+    return accelerate_in_window
 
 
 def in_window(plan: Plan, first_particle: int | None) -> Plan:
@@ -197,7 +197,7 @@ def in_window(plan: Plan, first_particle: int | None) -> Plan:
 
 def _then(before: Any, force: Any, add: Any, compiled: Any) -> Any:
     @compiled
-    def own(a, k, weight, parameters, integers, step):
+    def accelerate(a, k, weight, parameters, integers, step):
         return add(before(a, k, weight, parameters, integers, step), weight, force(k, parameters, integers, step))
 
-    return own
+    return accelerate

@@ -13,7 +13,7 @@ import numpy as np
 from softlab.model.base.clock import START, Clock
 from softlab.model.base.errors import SceneError
 from softlab.model.core.integrators import damping_rate
-from softlab.model.core.own_forces import own_fields, own_names, own_values
+from softlab.model.core.own_forces import force_fields, force_names, force_values
 from softlab.model.scene.scene import Scene
 
 PARAMETERS = (
@@ -29,7 +29,7 @@ PARAMETERS = (
     "damping",  # damping rate, 1/s
     "inverse_damping",  # 1 / (1 + dt rate / 2)
     "gravity",  # m/s^2, along +y (so negative)
-    *own_names(2),  # of forces on a mass alone, over mass, m/s^2
+    *force_names(2),  # of forces on a mass alone, over mass, m/s^2
     "stiff",  # stiffness of every second spring over mass, 1/s^2
     "stiff_rest",  # times the rest length, m/s^2
 )
@@ -41,7 +41,7 @@ FIELDS = {  # the scene's field, by the value that follows from it
     "stiffness_rest": "springs.rest_length",
     "damping": "damping.coefficient",
     "gravity": "gravity.acceleration",
-    **own_fields(),
+    **force_fields(),
     "stiff": "springs.stiffness_ratio",
     "stiff_rest": "springs.stiffness_ratio",
 }
@@ -70,7 +70,7 @@ def parameter_record(
         "damping": rate,
         "inverse_damping": 1 / (1 + dt * rate / 2),
         "gravity": -scene.gravity.acceleration if scene.gravity and scene.gravity.enabled else 0.0,
-        **own_values(scene, poke, 2),
+        **force_values(scene, poke, 2),
         "stiff": springs.largest_stiffness / mass if springs else 0.0,
         "stiff_rest": springs.largest_stiffness * springs.rest_length / mass if springs else 0.0,
     }
@@ -89,8 +89,8 @@ def rounded_record(scene: Scene, values: Mapping[str, float], fields: Mapping[st
     with np.errstate(over="ignore", under="ignore"):
         for name, exact in values.items():
             record[name] = exact
-            kept = float(record[0][name])
-            if name in fields and (not math.isfinite(kept) or (exact != 0 and abs(kept) < float(limits.tiny))):
+            rounded = float(record[0][name])
+            if name in fields and (not math.isfinite(rounded) or (exact != 0 and abs(rounded) < float(limits.tiny))):
                 field, value = _oddest(scene, fields[name], exact)
                 other = "" if field != fields[name] else " (or the mass)"
                 raise SceneError(
@@ -102,14 +102,14 @@ def rounded_record(scene: Scene, values: Mapping[str, float], fields: Mapping[st
     return record
 
 
-def require_held(name: str, part: Any, real: type) -> None:
+def require_representable(name: str, part: Any, real: type) -> None:
     """Raise SceneError for the first number of a scene's part that is too large for the arithmetic `real`."""
     largest = float(np.finfo(real).max)
     for field, value in part.model_dump().items():
         numbers = value if isinstance(value, list | tuple) else [value]
         if any(isinstance(number, float) and abs(number) > largest for number in numbers):
-            told = f"is more than {np.dtype(real).name} can hold ({largest:.2g}); use a smaller number, or float64"
-            raise SceneError(f"{name}.{field}", list(value) if isinstance(value, tuple) else value, told)
+            reason = f"is more than {np.dtype(real).name} can hold ({largest:.2g}); use a smaller number, or float64"
+            raise SceneError(f"{name}.{field}", list(value) if isinstance(value, tuple) else value, reason)
 
 
 def _oddest(scene: Scene, field: str, exact: float) -> tuple[str, object]:
@@ -118,17 +118,17 @@ def _oddest(scene: Scene, field: str, exact: float) -> tuple[str, object]:
     It is `field`, from which the constant follows, or a mass or a density of the scene where one is farther from 1 in
     its unit, as constants follow from masses, too.
     """
-    given = scene.as_dict()
+    tables = scene.as_dict()
     part, _, key = field.partition(".")
-    value = given.get(part, {}).get(key, exact)
-    found = [(_decades(value), field, value)]
-    for name, table in given.items():
+    value = tables.get(part, {}).get(key, exact)
+    candidates = [(_decades(value), field, value)]
+    for name, table in tables.items():
         for mass in ("mass", "density", "spacing") if isinstance(table, dict) else ():
             one = table.get(mass)
             if isinstance(one, float) and one != 1.0:
-                found.append((_decades(one), f"{name}.{mass}", one))
-    worst = max(found, key=lambda one: one[0])
-    return (field, value) if worst[0] <= found[0][0] + ODD else worst[1:]
+                candidates.append((_decades(one), f"{name}.{mass}", one))
+    worst = max(candidates, key=lambda one: one[0])
+    return (field, value) if worst[0] <= candidates[0][0] + ODD else worst[1:]
 
 
 def _decades(value: object) -> float:

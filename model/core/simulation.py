@@ -29,7 +29,7 @@ from softlab.model.core.stability.divergence import DIVERGED_SIZE, check_interva
 from softlab.model.core.state import State, checked_arrays, checked_family_arrays
 from softlab.model.core.stepping import Stepping
 from softlab.model.scene.scene import Scene
-from softlab.model.tables.flow import taps_at_start, turned
+from softlab.model.tables.flow import initial_emitter_state, rebased
 
 
 class Simulation(Stepping):
@@ -37,7 +37,7 @@ class Simulation(Stepping):
 
     Public attributes: `scene`, `body` (its arrays at time 0), `options`, `real` (numpy type of the precision), `plan`,
     `backend` ("cpu" or "gpu"), `device` (the processor's name), `threads` (CPU threads, or GPU threads per block),
-    `kernel` (the kernel's name), `step`, `time` [s], `limit` (largest stable dt [s]), `check_interval` (steps), `kept`
+    `kernel` (the kernel's name), `step`, `time` [s], `limit` (largest stable dt [s]), `check_interval` (steps), `snapshots`
     (number of snapshots so far).
     """
 
@@ -67,13 +67,13 @@ class Simulation(Stepping):
         self._poke_force = (0.0,) * scene.dimensions
         self._clock = START
         self._record = self._make_record(scene, self._poke_force, self._clock)
-        self._kept_step, self._kept_time = 0, 0.0
-        self.kept = 0
-        self._taps = taps_at_start(scene)
+        self._snapshot_step, self._snapshot_time = 0, 0.0
+        self.snapshots = 0
+        self._emitter_state = initial_emitter_state(scene)
 
     @cached_property
     def outputs(self) -> Mapping[str, Output]:
-        """What `read` returns, by name."""
+        """Outputs of `read`, by name."""
         return {output.name: output for output in (*OF_ALL, *family_of(self.scene).outputs(self.scene))}
 
     @property
@@ -198,8 +198,8 @@ class Simulation(Stepping):
     def _note_waiting(self, position: np.ndarray) -> None:
         """Set the inverse masses of `body` from the positions of a fluid, which mark inactive particles."""
         if self._flows:
-            found = self.scene.fluid_set
-            self.body = replace(self.body, inverse_mass=np.where(found.there(position), 1 / found.masses, 0.0))
+            fluids = self.scene.fluid_set
+            self.body = replace(self.body, inverse_mass=np.where(fluids.there(position), 1 / fluids.masses, 0.0))
 
     def reset(self) -> None:
         """Return to the scene's start."""
@@ -231,9 +231,9 @@ class Simulation(Stepping):
         SceneError
             There is no such body, or no spare copy is left.
         """
-        found, state = spare.added(self.scene, self.state(), name, origin, velocity)
+        number, state = spare.added(self.scene, self.state(), name, origin, velocity)
         self.load(state)
-        return found
+        return number
 
     def remove_body(self, number: int) -> None:
         """Deactivate a copy of a body, which is a spare one from now on.
@@ -322,10 +322,10 @@ class Simulation(Stepping):
         record = self._make_record(scene, self._poke_force, clock)
         self.check()  # so that a replay never spans a change
         if self._flows:
-            self._taps = turned(self.scene, self._taps, self.time)
+            self._emitter_state = rebased(self.scene, self._emitter_state, self.time)
         self.scene, self._record, self._clock = scene, record, clock
         self.limit = stability_limit(scene)
-        self._kept_step, self._kept_time = self.step, self.time
+        self._snapshot_step, self._snapshot_time = self.step, self.time
         self._parameters_changed()
 
     def poke(self, particle: int | None, force: Sequence[float] = ()) -> None:

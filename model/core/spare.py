@@ -24,8 +24,8 @@ def waiting(scene: Scene, inverse_mass: np.ndarray) -> np.ndarray | None:
     """
     body_set, waits = scene.body_set, inverse_mass == 0
     known = np.where(waits, 0.0, 1 / body_set.clusters.mass)
-    share = np.bincount(body_set.body, waits) / np.bincount(body_set.body)
-    return waits if np.allclose(inverse_mass, known, rtol=1e-6, atol=0) and np.isin(share, (0, 1)).all() else None
+    fraction = np.bincount(body_set.body, waits) / np.bincount(body_set.body)
+    return waits if np.allclose(inverse_mass, known, rtol=1e-6, atol=0) and np.isin(fraction, (0, 1)).all() else None
 
 
 def weights(scene: Scene, parts: frozenset[str], inverse_mass: np.ndarray) -> np.ndarray:
@@ -37,33 +37,33 @@ def weights(scene: Scene, parts: frozenset[str], inverse_mass: np.ndarray) -> np
     return np.where(waits, 0.0, 1 / scene.body_set.clusters.mass)
 
 
-def absent(scene: Scene, inverse_mass: np.ndarray | None = None) -> np.ndarray | None:
+def inactive(scene: Scene, inverse_mass: np.ndarray | None = None) -> np.ndarray | None:
     """Return the inactive particles of bodies and fluids, (particles,) bool; None where there are none.
 
     By inverse masses as in State or (None) at the scene's start.
     """
-    found = scene.grid
-    if not isinstance(found, BodySet | FluidSet):
+    particles = scene.grid
+    if not isinstance(particles, BodySet | FluidSet):
         return None
-    waits = found.waiting if inverse_mass is None else np.asarray(inverse_mass) == 0
+    waits = particles.waiting if inverse_mass is None else np.asarray(inverse_mass) == 0
     return waits if waits.any() else None
 
 
 def present(scene: Scene, position: np.ndarray, inverse_mass: np.ndarray | None = None) -> np.ndarray:
-    """Return the `position` (particles, dimensions) of active particles by `absent`, of fluids by position.
+    """Return the `position` (particles, dimensions) of active particles by `inactive`, of fluids by position.
 
     All, where none would be left, or for a fluid its nozzles.
     """
     if scene.flows:
         there = position[scene.fluid_set.there(position)]
         return there if len(there) else nozzle_points(scene, np.float64)[:, : position.shape[1]]
-    waits = absent(scene, inverse_mass)
+    waits = inactive(scene, inverse_mass)
     return position if waits is None or waits.all() else position[~waits]
 
 
 def copies_there(scene: Scene, inverse_mass: np.ndarray | None = None) -> np.ndarray:
-    """Return which copies of a scene's bodies are active by `absent`, (copies,) bool."""
-    waits = absent(scene, inverse_mass)
+    """Return which copies of a scene's bodies are active by `inactive`, (copies,) bool."""
+    waits = inactive(scene, inverse_mass)
     return np.array([waits is None or not waits[copy.first_particle] for copy in scene.copies])
 
 
@@ -82,9 +82,9 @@ class Counts:
 
 
 def counts(scene: Scene, inverse_mass: np.ndarray | None = None) -> Counts:
-    """Return the numbers of active and inactive particles and bodies, by `absent`."""
+    """Return the numbers of active and inactive particles and bodies, by `inactive`."""
     if not scene.copies:
-        waits = absent(scene, inverse_mass)
+        waits = inactive(scene, inverse_mass)
         waiting_particles = 0 if waits is None else int(waits.sum())
         return Counts(scene.grid.particle_count - waiting_particles, waiting_particles=waiting_particles)
     is_there = copies_there(scene, inverse_mass)
@@ -103,17 +103,17 @@ def added(
     weights = state.inverse_mass
     if name not in scene.bodies:
         raise SceneError("body", name, f"must be one of {', '.join(scene.bodies) or 'a scene with bodies'}")
-    part, mine = scene.bodies[name], [copy for copy in scene.copies if copy.name == name]
-    copy = next((one for one in mine if not weights[one.first_particle]), None)
+    part, copies = scene.bodies[name], [copy for copy in scene.copies if copy.name == name]
+    copy = next((one for one in copies if not weights[one.first_particle]), None)
     if copy is None:
-        told = "all spare copies are in use; raise `spare` or call remove_body() first"
-        raise SceneError(f"{name}.spare", part.spare, told)
+        reason = "all spare copies are in use; raise `spare` or call remove_body() first"
+        raise SceneError(f"{name}.spare", part.spare, reason)
     for field, value in (("origin", origin), ("velocity", velocity)):
         array = np.asarray(value if value is not None else STILL)
         if array.shape != (3,) or array.dtype.kind not in "iuf" or not np.isfinite(array).all():
             raise SceneError(field, value, "must be three finite numbers, x first")
     moved = np.subtract(part.places()[0] if origin is None else origin, part.places()[0])
-    return copy.number, _put(scene, state, copy, scene.body_set.position[mine[0].particles] + moved, velocity, True)
+    return copy.number, _put(scene, state, copy, scene.body_set.position[copies[0].particles] + moved, velocity, True)
 
 
 def removed(scene: Scene, state: State, parts: Collection[str], number: int) -> State:

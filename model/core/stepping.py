@@ -36,7 +36,7 @@ class Releasing(Backend):
     threads: int
     threads_reason: str | None
     body: Body
-    kept: int
+    snapshots: int
     lost_when_opened: Mapping[str, int]
     step: int
     time: float  # s
@@ -46,11 +46,11 @@ class Releasing(Backend):
 
     @abstractmethod
     def state(self) -> State:
-        """See Simulation."""
+        """Copy the state to the host, see Simulation."""
 
     @abstractmethod
     def load(self, state: State) -> None:
-        """See Simulation."""
+        """Continue from a state, see Simulation."""
 
     @abstractmethod
     def _apply_poke(self, particle: int, force: tuple[float, ...]) -> None:
@@ -88,7 +88,7 @@ class Releasing(Backend):
             return
         self.require_open()
 
-        poke, count, before = (self._poke_particle, self._poke_force), self.kept, lost(self)
+        poke, count, before = (self._poke_particle, self._poke_force), self.snapshots, lost(self)
         options, reason = self.options, self.threads_reason
         threads = (self.threads,) if self.backend == "cpu" else ()
         self.close()
@@ -101,7 +101,7 @@ class Releasing(Backend):
             raise
         finally:
             self._entering = False
-        self.kept, self.threads_reason = count, reason
+        self.snapshots, self.threads_reason = count, reason
         self._apply_poke(*poke)
         self.lost_when_opened = {name: now - before.get(name, 0) for name, now in lost_so_far(self).items()}
 
@@ -112,8 +112,8 @@ class Stepping(Releasing):
 
     limit: float  # s, the largest stable dt
     check_interval: int  # steps
-    _kept_step: int
-    _kept_time: float
+    _snapshot_step: int
+    _snapshot_time: float
     _clock: Clock
 
     def advance(self, steps: int) -> None:
@@ -139,24 +139,24 @@ class Stepping(Releasing):
         if not isinstance(steps, Integral) or steps < 0:
             raise SceneError("steps", steps, "must be a whole number of at least 0")
         while steps > 0:
-            batch = min(steps, self.check_interval - (self.step - self._kept_step), self._steps_to_release())
+            batch = min(steps, self.check_interval - (self.step - self._snapshot_step), self._steps_to_release())
             self._run(batch)
             self._count(batch)
             steps -= batch
             self._let_go()
-            if self.step - self._kept_step >= self.check_interval:
+            if self.step - self._snapshot_step >= self.check_interval:
                 self.check()
 
     def _count(self, steps: int) -> None:
         self.step += steps
         self.time = self._clock.at(self.step, self.scene.method.dt)
 
-    def check(self, keep: bool = True) -> None:
+    def check(self, snapshot: bool = True) -> None:
         """Check the state now.
 
         Parameters
         ----------
-        keep : bool
+        snapshot : bool
             Store a good state as the snapshot to which `rewind` returns.
 
         Raises
@@ -164,10 +164,10 @@ class Stepping(Releasing):
         Diverged
             The state is bad.
         """
-        if self.step == self._kept_step:
+        if self.step == self._snapshot_step:
             return
         if self._first_diverged() < 0:
-            if keep:
+            if snapshot:
                 self._put_aside()
             return
         last = self.step
@@ -180,8 +180,8 @@ class Stepping(Releasing):
         _, bad = self._replay(last, 1)
         step = self.step
         self.rewind()
-        found = diagnose(self.scene, self.limit, self._download()[1])
-        raise Diverged(step, bad, self.scene.method.dt, self.limit, found.cause, found.remedy)
+        diagnosis = diagnose(self.scene, self.limit, self._download()[1])
+        raise Diverged(step, bad, self.scene.method.dt, self.limit, diagnosis.cause, diagnosis.remedy)
 
     def _replay(self, last: int, interval: int) -> tuple[int, int]:
         """Advance to `last` or to the first failed check. Returns (step of the last good check, first bad particle or
@@ -196,9 +196,9 @@ class Stepping(Releasing):
         return begin, bad
 
     def _put_aside(self) -> None:
-        self._keep()
-        self._kept_step, self._kept_time = self.step, self.time
-        self.kept += 1
+        self._store_snapshot()
+        self._snapshot_step, self._snapshot_time = self.step, self.time
+        self.snapshots += 1
 
     def rewind(self) -> None:
         """Return to the last snapshot, without a copy through the host.
@@ -207,7 +207,7 @@ class Stepping(Releasing):
         `check_interval` steps) stores a newer one.
         """
         self._restore()
-        self.step, self.time = self._kept_step, self._kept_time
+        self.step, self.time = self._snapshot_step, self._snapshot_time
 
 
 def lost(simulation: Any) -> dict[str, int]:

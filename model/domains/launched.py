@@ -9,16 +9,16 @@ PLACES = ("PMI_RANK", "OMPI_COMM_WORLD_RANK", "MV2_COMM_WORLD_RANK")
 STATUS_FILE = "SOFTLAB_STATUS_FILE"  # names the file where rank 0 leaves its exit status for the lab that started it
 
 
-def _told(names: tuple[str, ...], default: int) -> int:
-    found = [os.environ[name] for name in names if os.environ.get(name, "").isdigit()]
-    return int(found[0]) if found else default
+def _from_environment(names: tuple[str, ...], default: int) -> int:
+    values = [os.environ[name] for name in names if os.environ.get(name, "").isdigit()]
+    return int(values[0]) if values else default
 
 
 def launched_ranks() -> int:
     """Return the number of processes; 1 where nothing was launched."""
-    return _told(SIZES, 1)
+    return _from_environment(SIZES, 1)
 
 
 def launched_rank() -> int:
     """Return the rank of this process."""
-    return _told(PLACES, 0)
+    return _from_environment(PLACES, 0)

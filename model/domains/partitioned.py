@@ -34,10 +34,10 @@ def partitions(scene: Scene, count: int, steps: int | None, option: str) -> Part
     exchanges, which partitions do not have.
     """
     if steps is not None:
-        told = (
+        reason = (
             "applies to a sheet that is shared by its rows: partitions of a mesh exchange once a substep; leave it out"
         )
-        raise SceneError("--exchange-every", steps, told)
+        raise SceneError("--exchange-every", steps, reason)
     of_family = family_of(scene).partitions
     assert of_family is not None
     return partition(of_family(scene), count, option)
@@ -46,17 +46,17 @@ def partitions(scene: Scene, count: int, steps: int | None, option: str) -> Part
 class PartitionedBodies(WindowedSimulation):
     """A simulation in windows of partitions, see model/domains/windows.py.
 
-    `windows` are those of the parts `mine`; one of their steps is a substep of the scene. In `exact` math the bits are
+    `windows` are those of the parts `local`; one of their steps is a substep of the scene. In `exact` math the bits are
     those of a single simulation.
     """
 
-    def __init__(self, scene: Scene, options: Options, cut: Partitions, mine: Sequence[int]):
+    def __init__(self, scene: Scene, options: Options, cut: Partitions, local: Sequence[int]):
         refuse_targets(options)
         super().__init__(scene, options)
-        self.partitions, self.mine = cut, [cut.parts[k] for k in mine]
+        self.partitions, self.local = cut, [cut.parts[k] for k in local]
         self.plan, self._sent = scene_plan(scene, options.live), scene
         parts = []
-        for part in self.mine:
+        for part in self.local:
             some = cut.mesh.some((part.particles, part.elements))
             parts.append((self._window_scene(scene, some), options, some_of(self.body, part.particles)))
         self.firsts = [0] * len(parts)
@@ -64,9 +64,9 @@ class PartitionedBodies(WindowedSimulation):
 
     def _window_scene(self, scene: Scene, some: Any) -> Scene:
         """Return the `scene` with `some` in place of all its bodies, whose step is a substep of it."""
-        found = scene.stepped(dt=scene.method.dt / scene.method.substeps, substeps=1)
-        vars(found).update({"grid": some, self.partitions.mesh.held: some})
-        return found
+        window = scene.stepped(dt=scene.method.dt / scene.method.substeps, substeps=1)
+        vars(window).update({"grid": some, self.partitions.mesh.attribute: some})
+        return window
 
     # ------------------------------------------------------------------ methods of Simulation
 
@@ -86,40 +86,40 @@ class PartitionedBodies(WindowedSimulation):
             here = np.flatnonzero(part.particles == self._poke_particle)
             self._hand_on(window, int(here[0]) if len(here) else -1)
 
-        self._each(send, self.mine)
+        self._each(send, self.local)
 
     def _weights_changed(self) -> None:
         def send(window: Any, part: Part) -> None:
             window.body = some_of(self.body, part.particles)
             window._weights_changed()
 
-        self._each(send, self.mine)
+        self._each(send, self.local)
 
     def _gathered(self, owned: Sequence[np.ndarray]) -> np.ndarray:
         """Return the rows of all particles from those of the particles that each part of this process owns."""
-        found = self.exchange.gather(np.ascontiguousarray(np.concatenate(owned)))
-        whole = np.empty_like(found)
-        whole[self.partitions.order] = found
+        rows = self.exchange.gather(np.ascontiguousarray(np.concatenate(owned)))
+        whole = np.empty_like(rows)
+        whole[self.partitions.order] = rows
         return whole
 
     def _download(self) -> tuple[np.ndarray, np.ndarray]:
-        both = self._each(lambda window, part: [state[part.places] for state in window._download()], self.mine)
+        both = self._each(lambda window, part: [state[part.places] for state in window._download()], self.local)
         return self._gathered([one for one, _ in both]), self._gathered([one for _, one in both])
 
     def _upload(self, position: np.ndarray, velocity: np.ndarray) -> None:
-        self._each(lambda window, part: window._upload(position[part.particles], velocity[part.particles]), self.mine)
+        self._each(lambda window, part: window._upload(position[part.particles], velocity[part.particles]), self.local)
 
     def _diverged(self) -> list[int]:
-        found = super()._diverged()
-        return [bad if bad < 0 else int(part.particles[bad]) for part, bad in zip(self.mine, found, strict=True)]
+        bad_of_each = super()._diverged()
+        return [bad if bad < 0 else int(part.particles[bad]) for part, bad in zip(self.local, bad_of_each, strict=True)]
 
     def _pin_velocity(self, step: int) -> Any:
         """Return the velocity of the pins in this process's windows; other processes compute those of theirs."""
-        found = np.zeros((len(self.body.pinned), 3), self.real)
+        velocity = np.zeros((len(self.body.pinned), 3), self.real)
 
         def fill(window: Any, part: Part) -> None:
             here = np.isin(self.body.pinned, part.particles)
-            found[here] = window._pin_velocity(step * self.scene.method.substeps)
+            velocity[here] = window._pin_velocity(step * self.scene.method.substeps)
 
-        self._each(fill, self.mine)
-        return found
+        self._each(fill, self.local)
+        return velocity

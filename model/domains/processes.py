@@ -17,7 +17,7 @@ from softlab.model.domains.exchange import PATIENCE
 from softlab.model.domains.launched import launched_ranks
 
 INSTALL = "pip install -e \".[mpi]\" in the lab's folder, or the system's MPI and mpi4py"
-LOOKS = 1000  # tests of a message before a waiting process yields its core
+POLLS = 1000  # tests of a message before a waiting process yields its core
 NAP = 5e-5  # s
 
 
@@ -58,10 +58,10 @@ def mpi_installed() -> None:
 def mpiexec() -> str:
     """Return the launcher of mpi4py's MPI: beside this Python, or on the path. Raises BackendUnavailable."""
     mpi_beside = Path(sys.executable).with_name("mpiexec")
-    found = str(mpi_beside) if mpi_beside.exists() else shutil.which("mpiexec")
-    if not found:
+    launcher = str(mpi_beside) if mpi_beside.exists() else shutil.which("mpiexec")
+    if not launcher:
         raise BackendUnavailable("mpiexec, which starts ranks, was not found", INSTALL)
-    return found
+    return launcher
 
 
 def abort(status: int) -> None:
@@ -76,10 +76,10 @@ def lost(who: str, patience: float) -> BackendUnavailable:
 
 def await_request(request: Any, who: str) -> None:
     """Return when a request is done. Raises BackendUnavailable after PATIENCE."""
-    looks, end = 0, None
+    polls, end = 0, None
     while not request.Test():
-        looks += 1
-        if looks % LOOKS == 0:
+        polls += 1
+        if polls % POLLS == 0:
             now = time.monotonic()
             end = end or now + PATIENCE
             if now > end:
@@ -105,21 +105,21 @@ def gather_rows(world: Any, owned: np.ndarray) -> np.ndarray:
 
 def largest_of(world: Any, numbers: np.ndarray) -> np.ndarray:
     """Return the elementwise maximum over the processes, (n,) float64."""
-    told = np.ascontiguousarray(numbers, np.float64)
-    found = np.zeros_like(told)
-    await_request(world.Iallreduce(told, found, mpi().MAX), "another process")
-    return found
+    sent = np.ascontiguousarray(numbers, np.float64)
+    largest = np.zeros_like(sent)
+    await_request(world.Iallreduce(sent, largest, mpi().MAX), "another process")
+    return largest
 
 
 def swapped(world: Any, messages: Sequence[np.ndarray]) -> list[np.ndarray]:
     """Send `messages`, bytes for each process; return those received from each."""
     sent, came = np.array([len(message) for message in messages], np.int64), np.zeros(len(messages), np.int64)
     await_request(world.Ialltoall(sent, came), "another process")
-    found, own = [np.empty(size, np.uint8) for size in came], world.Get_rank()
-    found[own] = messages[own]
-    others = [rank for rank in range(len(messages)) if rank != own]
-    pending = [(rank, world.Irecv(found[rank], rank)) for rank in others if came[rank]]
+    received, this_rank = [np.empty(size, np.uint8) for size in came], world.Get_rank()
+    received[this_rank] = messages[this_rank]
+    others = [rank for rank in range(len(messages)) if rank != this_rank]
+    pending = [(rank, world.Irecv(received[rank], rank)) for rank in others if came[rank]]
     pending += [(rank, world.Isend(messages[rank], rank)) for rank in others if sent[rank]]
     for rank, request in pending:
         await_request(request, f"rank {rank}")
-    return found
+    return received

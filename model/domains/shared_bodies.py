@@ -12,7 +12,7 @@ from softlab.model.base.errors import SceneError
 from softlab.model.core.build import some_of
 from softlab.model.core.families import family_of, scene_plan
 from softlab.model.core.options import Options
-from softlab.model.core.sharing.bodies import Apart, Division, Share, divide
+from softlab.model.core.sharing.bodies import Apart, Block, Division, divide
 from softlab.model.domains.windows import WindowedSimulation, refuse_targets
 from softlab.model.scene.scene import Scene
 
@@ -49,22 +49,22 @@ def bodies_of(scene: Scene) -> Apart:
 class SharedBodies(WindowedSimulation):
     """A simulation in windows of whole bodies, see model/domains/windows.py.
 
-    `windows` are those of the blocks `mine`. In `exact` math the bits are those of a single simulation.
+    `windows` are those of the blocks `local`. In `exact` math the bits are those of a single simulation.
     """
 
-    def __init__(self, scene: Scene, options: Options, division: Division, mine: Sequence[int]):
+    def __init__(self, scene: Scene, options: Options, division: Division, local: Sequence[int]):
         refuse_targets(options)
         super().__init__(scene, options)
-        self.division, self.mine = division, [division.shares[k] for k in mine]
+        self.division, self.local = division, [division.blocks[k] for k in local]
         self.plan, self._apart = scene_plan(scene, options.live), bodies_of(scene)
-        self.firsts = [share.first_particle for share in self.mine]
+        self.firsts = [block.first_particle for block in self.local]
         self._sent = scene
-        of_each = [self._apart.clusters(share.first, share.end) for share in division.shares]
-        self._clusters, self._of_mine = np.concatenate(of_each), [of_each[k] for k in mine]
+        of_each = [self._apart.clusters(block.first, block.end) for block in division.blocks]
+        self._clusters, self._local_clusters = np.concatenate(of_each), [of_each[k] for k in local]
         parts = []
-        for share in self.mine:
-            some = self._apart.some(share.first, share.end)
-            parts.append((self._apart.scene(scene, some), options, some_of(self.body, share.particles)))
+        for block in self.local:
+            some = self._apart.some(block.first, block.end)
+            parts.append((self._apart.scene(scene, some), options, some_of(self.body, block.particles)))
         self._open_windows(division.count, parts)
 
     def _gathered(self, arrays: Sequence[np.ndarray]) -> np.ndarray:
@@ -91,54 +91,54 @@ class SharedBodies(WindowedSimulation):
     def _parameters_changed(self) -> None:
         changed, self._sent = self.scene is not self._sent, self.scene
 
-        def send(window: Any, share: Share) -> None:
+        def send(window: Any, block: Block) -> None:
             if changed:
                 window.scene = self._apart.scene(self.scene, window.scene.grid)
-            here = share.first_particle <= self._poke_particle < share.end_particle
-            self._hand_on(window, self._poke_particle - share.first_particle if here else -1)
+            here = block.first_particle <= self._poke_particle < block.end_particle
+            self._hand_on(window, self._poke_particle - block.first_particle if here else -1)
 
-        self._each(send, self.mine)
+        self._each(send, self.local)
 
     def _weights_changed(self) -> None:
-        def send(window: Any, share: Share) -> None:
-            window.body = some_of(self.body, share.particles)
+        def send(window: Any, block: Block) -> None:
+            window.body = some_of(self.body, block.particles)
             window._weights_changed()
 
-        self._each(send, self.mine)
+        self._each(send, self.local)
 
     def _download(self) -> tuple[np.ndarray, np.ndarray]:
         both = self._each(lambda window: window._download())
         return self._gathered([one for one, _ in both]), self._gathered([one for _, one in both])
 
     def _upload(self, position: np.ndarray, velocity: np.ndarray) -> None:
-        def send(window: Any, share: Share) -> None:
-            held = share.particles
-            window._upload(np.ascontiguousarray(position[held]), np.ascontiguousarray(velocity[held]))
+        def send(window: Any, block: Block) -> None:
+            particles = block.particles
+            window._upload(np.ascontiguousarray(position[particles]), np.ascontiguousarray(velocity[particles]))
 
-        self._each(send, self.mine)
+        self._each(send, self.local)
 
     def _download_rotation(self) -> np.ndarray | None:
-        found = self._each(lambda window: window._download_rotation())
-        return None if found[0] is None else self._by_cluster(found)
+        rotations = self._each(lambda window: window._download_rotation())
+        return None if rotations[0] is None else self._by_cluster(rotations)
 
     def _upload_rotation(self, rotation: np.ndarray | None) -> None:
         self._each(
             lambda window, clusters: window._upload_rotation(None if rotation is None else rotation[clusters]),
-            self._of_mine,
+            self._local_clusters,
         )
 
     def _download_plastic(self) -> np.ndarray | None:
         if "plastic" not in self.plan.parts:
             return None
-        found = self._each(lambda window: window._download_plastic())
+        plastic = self._each(lambda window: window._download_plastic())
         empty = np.zeros((0, 3, 3), self.real)  # for a block of lattices only, which do not creep
-        return self._by_cluster([empty if one is None else one for one in found], loose=True)
+        return self._by_cluster([empty if one is None else one for one in plastic], loose=True)
 
     def _upload_plastic(self, plastic: np.ndarray | None) -> None:
         def send(window: Any, clusters: np.ndarray) -> None:
             window._upload_plastic(None if plastic is None else plastic[clusters[clusters < len(plastic)]])
 
-        self._each(send, self._of_mine)
+        self._each(send, self._local_clusters)
 
     def _read_clusters(self) -> tuple[np.ndarray, np.ndarray]:
         both = self._each(lambda window: window._read_clusters())
@@ -149,11 +149,11 @@ class SharedBodies(WindowedSimulation):
 
     def _pin_velocity(self, step: int) -> Any:
         """Return the velocity of the pins in this process's blocks; other processes compute those of theirs."""
-        found = np.zeros((len(self.body.pinned), 3), self.real)
+        velocity = np.zeros((len(self.body.pinned), 3), self.real)
 
-        def fill(window: Any, share: Share) -> None:
-            first, end = np.searchsorted(self.body.pinned, (share.first_particle, share.end_particle))
-            found[first:end] = window._pin_velocity(step)
+        def fill(window: Any, block: Block) -> None:
+            first, end = np.searchsorted(self.body.pinned, (block.first_particle, block.end_particle))
+            velocity[first:end] = window._pin_velocity(step)
 
-        self._each(fill, self.mine)
-        return found
+        self._each(fill, self.local)
+        return velocity

@@ -23,7 +23,7 @@ PREDICTED, LAST = "predict", "limit velocities"  # stages: the bounding box is j
 class SharedFluid(WindowedSimulation):
     """A simulation in windows of slabs, see model/domains/windows.py.
 
-    `windows` are those of the slabs `mine`; `slabs`: the current ones. In `exact` math the bits are those of a single
+    `windows` are those of the slabs `local`; `slabs`: the current ones. In `exact` math the bits are those of a single
     simulation.
 
     A window is a fluid of the scene, run by stages, in which some of the particles are active. It also has
@@ -33,51 +33,51 @@ class SharedFluid(WindowedSimulation):
     indices into `particles()`.
     """
 
-    def __init__(self, scene: Scene, options: Options, slabs: Slabs, mine: Sequence[int]):
+    def __init__(self, scene: Scene, options: Options, slabs: Slabs, local: Sequence[int]):
         if options.kernel not in (None, "stages"):
             raise unknown_kernel(options.kernel, ("stages",), "for fluids that are shared")
         super().__init__(scene, options)
-        self.slabs, self._kept_slabs, self.mine = slabs, slabs, list(mine)
-        self.plan, self.firsts = scene_plan(scene, options.live), [0] * len(mine)
+        self.slabs, self._snapshot_slabs, self.local = slabs, slabs, list(local)
+        self.plan, self.firsts = scene_plan(scene, options.live), [0] * len(local)
         particles = len(self.body.position)
-        self._owned = [np.zeros(particles, bool) for _ in mine]  # by particle number
-        self._last: list[tuple[np.ndarray, np.ndarray]] = [(np.zeros(0, np.int64),) * 2 for _ in mine]
+        self._owned = [np.zeros(particles, bool) for _ in local]  # by particle number
+        self._last: list[tuple[np.ndarray, np.ndarray]] = [(np.zeros(0, np.int64),) * 2 for _ in local]
         part = scene, replace(options, kernel="stages"), self.body
-        self._open_windows(slabs.count, [part for _ in mine])
+        self._open_windows(slabs.count, [part for _ in local])
 
     # ------------------------------------------------------------------ messages
 
     def _join_boxes(self) -> None:
         """Let every window make its cells from the bounding box of all particles, so that they are those of a single
         simulation."""
-        found = np.array(self._each(lambda window: window.box()))
-        found[:, :3] *= -1
-        box = self.exchange.largest_each(found.max(axis=0))
+        boxes = np.array(self._each(lambda window: window.box()))
+        boxes[:, :3] *= -1
+        box = self.exchange.largest_each(boxes.max(axis=0))
         box[:3] *= -1
         self._each(lambda window: window.take_box(box))
 
     def _send(self, slabs: Slabs, last: bool = False) -> None:
         """Send the owned particles to all windows that contain them with these slabs; `last`: right after a substep."""
-        messages, kept = [], []
+        messages, staying = [], []
         for place, (number, values) in enumerate(self._each(lambda window: window.particles())):
-            own, along, sent = self._owned[place][number], values[slabs.axis], []
+            owned, along, sent = self._owned[place][number], values[slabs.axis], []
             if last:
-                self._last[place] = np.flatnonzero(own), number[own]
-            for share in range(slabs.count):
-                some = np.flatnonzero(own & slabs.held(along, share))
-                found = number[some], values.take(some, axis=1)
-                stays = share == self.mine[place]
+                self._last[place] = np.flatnonzero(owned), number[owned]
+            for slab in range(slabs.count):
+                some = np.flatnonzero(owned & slabs.contained(along, slab))
+                contents = number[some], values.take(some, axis=1)
+                stays = slab == self.local[place]
                 if stays:
-                    kept.append(found)
-                sent.append(NOTHING if stays else _packed(*found))
+                    staying.append(contents)
+                sent.append(NOTHING if stays else _packed(*contents))
             messages.append(sent)
         self.slabs = slabs
         for place, came in enumerate(self.exchange.swap(messages)):
-            parts = [kept[place], *(_unpacked(message, self.real, self.scene.dimensions) for message in came)]
+            parts = [staying[place], *(_unpacked(message, self.real, self.scene.dimensions) for message in came)]
             numbers, values = zip(*parts, strict=True)
-            self._hold(place, np.concatenate(numbers), np.concatenate(values, axis=1))
+            self._set_particles(place, np.concatenate(numbers), np.concatenate(values, axis=1))
 
-    def _hold(self, place: int, number: np.ndarray, values: np.ndarray) -> None:
+    def _set_particles(self, place: int, number: np.ndarray, values: np.ndarray) -> None:
         with self._at(place):
             self.windows[place].hold(number, values)
         self._claim(place, number, values)
@@ -86,7 +86,7 @@ class SharedFluid(WindowedSimulation):
         """Own the particles of a window that lie in its slab."""
         owned = self._owned[place]
         owned[:] = False
-        owned[number[self.slabs.owned(values[self.slabs.axis], self.mine[place])]] = True
+        owned[number[self.slabs.owned(values[self.slabs.axis], self.local[place])]] = True
 
     def _gather(self, rows: Sequence[np.ndarray]) -> np.ndarray:
         """Return the rows of all particles, by number, from each window's rows, (particles, n).
@@ -94,9 +94,9 @@ class SharedFluid(WindowedSimulation):
         The first column of a row is the particle's number.
         """
         whole = self.exchange.gather(np.ascontiguousarray(np.concatenate(rows)))
-        found = np.empty((len(self.body.position), whole.shape[1] - 1))
-        found[whole[:, 0].astype(np.int64)] = whole[:, 1:]
-        return found
+        values = np.empty((len(self.body.position), whole.shape[1] - 1))
+        values[whole[:, 0].astype(np.int64)] = whole[:, 1:]
+        return values
 
     def _states(self) -> np.ndarray:
         """Return the states, (particles, 2 x dimensions) float64, which represents every state and particle number
@@ -135,42 +135,42 @@ class SharedFluid(WindowedSimulation):
         if halo != self.slabs.halo:  # the step size has changed
             self._send(replace(self.slabs, halo=halo))
 
-    def _keep(self) -> None:
-        super()._keep()
-        self._kept_slabs = self.slabs
+    def _store_snapshot(self) -> None:
+        super()._store_snapshot()
+        self._snapshot_slabs = self.slabs
 
     def _restore(self) -> None:
         super()._restore()
-        self.slabs = self._kept_slabs
+        self.slabs = self._snapshot_slabs
         for place, (number, values) in enumerate(self._each(lambda window: window.particles())):
             self._claim(place, number, values)
         self._send(replace(self.slabs, halo=fluid_halo_of(self.scene)))  # the halo may have changed since
 
     def _download(self) -> tuple[np.ndarray, np.ndarray]:
-        found, axes = self._states().astype(self.real), self.scene.dimensions
-        return np.ascontiguousarray(found[:, :axes]), np.ascontiguousarray(found[:, axes:])
+        states, axes = self._states().astype(self.real), self.scene.dimensions
+        return np.ascontiguousarray(states[:, :axes]), np.ascontiguousarray(states[:, axes:])
 
     def _upload(self, position: np.ndarray, velocity: np.ndarray) -> None:
         self.slabs = slabs_of(self.scene, position, self.slabs.count, fluid_halo_of(self.scene))
         values = np.ascontiguousarray(np.hstack([position, velocity]).T)
-        for place, share in enumerate(self.mine):
-            number = np.flatnonzero(self.slabs.held(values[self.slabs.axis], share)).astype(np.int32)
-            self._hold(place, number, values[:, number])
+        for place, slab in enumerate(self.local):
+            number = np.flatnonzero(self.slabs.contained(values[self.slabs.axis], slab)).astype(np.int32)
+            self._set_particles(place, number, values[:, number])
 
     def _multipliers(self) -> np.ndarray:
         rows = []
         for place, (places, number) in enumerate(self._last):
             with self._at(place):
-                found = self.windows[place].multipliers_at(places)
-            rows.append(np.stack([number, found], axis=1).astype(np.float64))
+                multipliers = self.windows[place].multipliers_at(places)
+            rows.append(np.stack([number, multipliers], axis=1).astype(np.float64))
         if not len(self.exchange.gather(np.concatenate(rows))):  # before the first substep
             return np.zeros(len(self.body.position), self.real)
         return self._gather(rows)[:, 0].astype(self.real)
 
     # ------------------------------------------------------------------ reports
 
-    def held(self) -> np.ndarray:
-        """Return the number of particles that each slab owns and contains now, (shares, 2)."""
+    def particle_counts(self) -> np.ndarray:
+        """Return the number of particles that each slab owns and contains now, (slabs, 2)."""
         counts = [
             (owned.sum(), len(number))
             for owned, (number, _) in zip(self._owned, self._each(lambda window: window.particles()), strict=True)

@@ -12,8 +12,8 @@ from softlab.model.base.errors import SceneError
 from softlab.model.core.build import some_of
 from softlab.model.core.families import family_of, scene_plan
 from softlab.model.core.options import Options
-from softlab.model.core.own_forces import own_parts
-from softlab.model.core.sharing.decomposition import Decomposition, Domain, Reach, decompose
+from softlab.model.core.own_forces import force_features
+from softlab.model.core.sharing.decomposition import Decomposition, Domain, Stencil, decompose
 from softlab.model.domains.windows import WindowedSimulation
 from softlab.model.scene.scene import Scene
 
@@ -21,16 +21,15 @@ from softlab.model.scene.scene import Scene
 def cut(scene: Scene, count: int, steps: int | None, option: str) -> Decomposition:
     """Return the scene's sheet in `count` domains. Raises SceneError where its family, or a part of it, does not
     support that yet."""
-    return decompose(scene.grid.rows, scene.grid.columns, count, reach_of(scene, count, option), steps, option)
+    return decompose(scene.grid.rows, scene.grid.columns, count, stencil_of(scene, count, option), steps, option)
 
 
-def reach_of(scene: Scene, count: int, option: str) -> Reach:
-    """Return how far a step reads along the rows of the scene's sheet. Raises SceneError where it cannot be shared
-    yet."""
+def stencil_of(scene: Scene, count: int, option: str) -> Stencil:
+    """Return the rows that a step of the scene's sheet reads. Raises SceneError if the scene cannot be shared."""
     family = family_of(scene)
-    if family.reach is None:
+    if family.stencil is None:
         raise SceneError(option, count, f"a {family.name} is not shared among processes or GPUs; leave {option} out")
-    return family.reach(scene)
+    return family.stencil(scene)
 
 
 def window_scene(scene: Scene, pinned: np.ndarray, domain: Domain, divided: int = 1) -> Scene:
@@ -41,8 +40,8 @@ def window_scene(scene: Scene, pinned: np.ndarray, domain: Domain, divided: int 
     """
     columns, name = scene.grid.columns, scene.name_of("grid", "cloth", default="grid")
     first, end = domain.window_first * columns, domain.window_end * columns
-    mine = pinned[(pinned >= first) & (pinned < end)] - first
-    places = [(int(k) // columns, int(k) % columns) for k in mine]
+    inside = pinned[(pinned >= first) & (pinned < end)] - first
+    places = [(int(k) // columns, int(k) % columns) for k in inside]
     changes: dict[str, Any] = {f"{name}.rows": domain.window_rows, f"{name}.pinned": places or "none"}
     if divided > 1:
         method = scene.method
@@ -53,22 +52,22 @@ def window_scene(scene: Scene, pinned: np.ndarray, domain: Domain, divided: int 
 class DecomposedSimulation(WindowedSimulation):
     """A simulation in windows of rows, see model/domains/windows.py.
 
-    `windows` are those of the domains `mine`. In `exact` math the bits are those of a single simulation.
+    `windows` are those of the domains `local`. In `exact` math the bits are those of a single simulation.
     """
 
-    def __init__(self, scene: Scene, options: Options, cut: Decomposition, mine: Sequence[int]):
+    def __init__(self, scene: Scene, options: Options, cut: Decomposition, local: Sequence[int]):
         super().__init__(scene, options)
-        reach = family_of(scene).reach
-        if reach is not None and not reach(scene).numbered and own_parts(scene, options.live):
+        stencil = family_of(scene).stencil
+        if stencil is not None and not stencil(scene).numbered and force_features(scene, options.live):
             raise SceneError("live", "poke", "pulls a mass of the whole sheet: run it as one, not shared")
-        self.decomposition, self.mine = cut, [cut.domains[k] for k in mine]
+        self.decomposition, self.local = cut, [cut.domains[k] for k in local]
         self.plan = scene_plan(scene, options.live)
-        self.firsts = [domain.window_first * cut.columns for domain in self.mine]
+        self.firsts = [domain.window_first * cut.columns for domain in self.local]
         parts = []
-        for first, domain in zip(self.firsts, self.mine, strict=True):
-            own = replace(options, first_particle=first)
-            held = some_of(self.body, slice(first, domain.window_end * cut.columns), domain.window_rows)
-            parts.append((window_scene(scene, self.body.pinned, domain, cut.divided), own, held))
+        for first, domain in zip(self.firsts, self.local, strict=True):
+            window_options = replace(options, first_particle=first)
+            window_body = some_of(self.body, slice(first, domain.window_end * cut.columns), domain.window_rows)
+            parts.append((window_scene(scene, self.body.pinned, domain, cut.divided), window_options, window_body))
         self._open_windows(cut.count, parts)
 
     @property
@@ -104,7 +103,7 @@ class DecomposedSimulation(WindowedSimulation):
             np.concatenate(
                 [
                     state[n][domain.owned.start * columns : domain.owned.stop * columns]
-                    for domain, state in zip(self.mine, both, strict=True)
+                    for domain, state in zip(self.local, both, strict=True)
                 ]
             )
             for n in range(2)
@@ -115,7 +114,7 @@ class DecomposedSimulation(WindowedSimulation):
         columns = self.decomposition.columns
 
         def send(window: Any, domain: Domain) -> None:
-            held = slice(domain.window_first * columns, domain.window_end * columns)
-            window._upload(np.ascontiguousarray(position[held]), np.ascontiguousarray(velocity[held]))
+            rows = slice(domain.window_first * columns, domain.window_end * columns)
+            window._upload(np.ascontiguousarray(position[rows]), np.ascontiguousarray(velocity[rows]))
 
-        self._each(send, self.mine)
+        self._each(send, self.local)

@@ -19,7 +19,7 @@ from softlab.model.scene.scene import Scene
 
 @dataclass(frozen=True, eq=False)
 class Slabs:
-    """`axis`: along which they follow each other; `bounds` (shares - 1,) float64 [m]: the planes between them (the
+    """`axis`: along which they follow each other; `bounds` (slabs - 1,) float64 [m]: the planes between them (the
     first and the last one have no outer end); `halo` [m]."""
 
     axis: int
@@ -31,20 +31,20 @@ class Slabs:
         """Number of slabs."""
         return len(self.bounds) + 1
 
-    def ends(self, share: int) -> tuple[float, float]:
+    def ends(self, slab: int) -> tuple[float, float]:
         """Return the ends of a slab [m]; the outer ends of the first and the last one are infinite."""
-        found = [-float("inf"), *self.bounds.tolist(), float("inf")]
-        return found[share], found[share + 1]
+        ends = [-float("inf"), *self.bounds.tolist(), float("inf")]
+        return ends[slab], ends[slab + 1]
 
-    def owned(self, along: np.ndarray, share: int) -> np.ndarray:
+    def owned(self, along: np.ndarray, slab: int) -> np.ndarray:
         """Return which coordinates along the axis lie in a slab, (n,) bool; NaN lies in the last one."""
-        low, high = self.ends(share)
-        beyond = ~(along < low) if share else np.ones(len(along), bool)
-        return beyond & (along < high) if share + 1 < self.count else beyond
+        low, high = self.ends(slab)
+        beyond = ~(along < low) if slab else np.ones(len(along), bool)
+        return beyond & (along < high) if slab + 1 < self.count else beyond
 
-    def held(self, along: np.ndarray, share: int) -> np.ndarray:
+    def contained(self, along: np.ndarray, slab: int) -> np.ndarray:
         """Return which coordinates lie in a slab or its halo, (n,) bool; NaN lies in all."""
-        low, high = self.ends(share)
+        low, high = self.ends(slab)
         return ~((along < low - self.halo) | (along > high + self.halo))
 
 
@@ -94,17 +94,17 @@ def slabs_at_start(scene: Scene, count: int, steps: int | None, option: str) -> 
         raise SceneError(option, count, "must be at least 1")
     position, repeats = scene.fluid_set.position, _repeats(scene)
     if len(repeats) == scene.dimensions:
-        told = "repeats along every axis, across one of which a fluid is shared: run it as one"
-        raise SceneError(f"{scene.name_of('domain')}.repeats", list(repeats), told)
+        reason = "repeats along every axis, across one of which a fluid is shared: run it as one"
+        raise SceneError(f"{scene.name_of('domain')}.repeats", list(repeats), reason)
     if count > len(position):
         raise SceneError(option, count, f"{len(position)} particles can be shared by at most as many; use fewer")
-    found = slabs_of(scene, position, count, halo)
-    length = float(np.ptp(position[:, found.axis])) + scene.fluid_set.spacing
+    slabs = slabs_of(scene, position, count, halo)
+    length = float(np.ptp(position[:, slabs.axis])) + scene.fluid_set.spacing
     if count > 1 and length / count < halo:
-        thin = f"slabs of {length / count:.3g} m along {'xyz'[found.axis]} are thinner than their halo"
-        told = f"{thin}, {halo:.3g} m for {scene.method.iterations} iterations; use fewer shares or iterations"
-        raise SceneError(option, count, told)
-    return found
+        thin = f"slabs of {length / count:.3g} m along {'xyz'[slabs.axis]} are thinner than their halo"
+        reason = f"{thin}, {halo:.3g} m for {scene.method.iterations} iterations; use fewer shares or iterations"
+        raise SceneError(option, count, reason)
+    return slabs
 
 
 def _repeats(scene: Scene) -> tuple[str, ...]:

@@ -7,7 +7,7 @@ from contextlib import AbstractContextManager, nullcontext
 from typing import Any
 
 from softlab.model.base.errors import SceneError
-from softlab.model.core.build import Body, given
+from softlab.model.core.build import Body, use_body
 from softlab.model.core.options import Options
 from softlab.model.core.simulation import Simulation
 from softlab.model.domains.exchange import Exchange
@@ -40,7 +40,7 @@ class WindowedSimulation(Simulation):
         self.windows = []
         try:
             for place, (scene, options, body) in enumerate(parts):
-                with self._at(place), given(body):
+                with self._at(place), use_body(body):
                     window = self._open(place, scene, options)
                     window._bound, window._centre = self._bound, self._centre
                     self.windows.append(window)
@@ -68,11 +68,11 @@ class WindowedSimulation(Simulation):
     def _each(self, do: Callable[..., Any], *beside: Sequence[Any]) -> list[Any]:
         """Return the results of `do(window, ...)` for each of this process; `beside`: further arguments, one per
         window."""
-        found = []
-        for place, told in enumerate(zip(self.windows, *beside, strict=True)):
+        results = []
+        for place, arguments in enumerate(zip(self.windows, *beside, strict=True)):
             with self._at(place):
-                found.append(do(*told))
-        return found
+                results.append(do(*arguments))
+        return results
 
     def _hand_on(self, window: Any, poked: int) -> None:
         """Pass changes to a window in which the poked particle has the number `poked`; -1: it is in another window."""
@@ -96,8 +96,8 @@ class WindowedSimulation(Simulation):
 
     # ------------------------------------------------------------------ methods of Simulation
 
-    def _keep(self) -> None:
-        self._each(lambda window: window._keep())
+    def _store_snapshot(self) -> None:
+        self._each(lambda window: window._store_snapshot())
 
     def _restore(self) -> None:
         self._each(lambda window: window._restore())
@@ -114,8 +114,8 @@ class WindowedSimulation(Simulation):
 
     def _diverged(self) -> list[int]:
         """Return for each window of this process the global number of its first diverged particle, or -1."""
-        found = self._each(lambda window: window._first_diverged())
-        return [bad if bad < 0 else first + bad for first, bad in zip(self.firsts, found, strict=True)]
+        bad_of_each = self._each(lambda window: window._first_diverged())
+        return [bad if bad < 0 else first + bad for first, bad in zip(self.firsts, bad_of_each, strict=True)]
 
     def synchronize(self) -> None:
         self._each(lambda window: window.synchronize())

@@ -16,9 +16,9 @@ def kinds_of(scene: Scene, samples: Samples) -> np.ndarray:
 
     See model/formulas/fluid/solids.py; `scene`: of the fluids alone.
     """
-    found = scene.fluid_set
-    kinds = np.zeros((KINDS, found.particle_count + samples.count))
-    kinds[K_VOLUME] = np.append(np.ones(found.particle_count), samples.volume)
-    kinds[K_GRIP] = np.append(np.zeros(found.particle_count), samples.volume / scene.method.iterations)
-    kinds[K_LIGHTNESS] = np.append(np.array(found.lightness)[found.fluid], samples.own_lightness)
+    fluids = scene.fluid_set
+    kinds = np.zeros((KINDS, fluids.particle_count + samples.count))
+    kinds[K_VOLUME] = np.append(np.ones(fluids.particle_count), samples.volume)
+    kinds[K_GRIP] = np.append(np.zeros(fluids.particle_count), samples.volume / scene.method.iterations)
+    kinds[K_LIGHTNESS] = np.append(np.array(fluids.lightness)[fluids.fluid], samples.mobility)
     return kinds

@@ -6,7 +6,7 @@ start, for which the lists are made. The state between substeps is only position
 each. (With a fixed number of iterations, starting at the full multipliers of the previous substep gains energy: a
 column never comes to rest.)
 
-1. `gather`. On an axis that repeats x = x + turned_round(x, low, high, side).
+1. `gather`. On an axis that repeats x = x + wrapped_offset(x, low, high, side).
 2. `sort into cells`, by x; x, v, number and fluid are sorted together. 3. `find neighbours` of x, and factors, as in
    plan.py, 3, 4.
 4. `density and divergence`. t = 0, a = 0; for each neighbour t = density_added(t, closeness(squared)), then dy =
@@ -19,7 +19,7 @@ column never comes to rest.)
    onward = led(next, iterate, lead(turn, iterations)); delta = onward - Y; Y = onward, iterate = next.
    `push apart`. m = 0; for each neighbour dy, squared, s; m = correction_added(m, delta_i + delta_j, s, d); then
    wall_added(m, delta_i, w) axis by axis. e = moved(e, F_WEIGHT, m), e = 0 before the first.
-6. `take up`. u = gained(v, e, inverse_dt); with a maximum acceleration held_back(u, v, speed_of(u - v), F_CHANGE),
+6. `take up`. u = gained(v, e, inverse_dt); with a maximum acceleration limited_change(u, v, speed_of(u - v), F_CHANGE),
    which is half of the change that it allows per substep; v = u.
 7. `normals and vorticity` and the smoothing of velocities, as in plan.py, 7 and 8, where needed; 8. `accelerate`: with
    drag braked(v, ..., C); then gravity and own forces, accelerated and `slowed`, as in plan.py, 1.
@@ -39,26 +39,26 @@ FIRST, SECOND = 0.0, 1.0  # arguments of the solves' stages
 
 
 def divergence_stages(
-    smooths: bool, shapes: bool, operations: dict[str, int], met: float, axes: int, iterations: int
+    smooths: bool, shapes: bool, operations: dict[str, int], neighbours: float, axes: int, iterations: int
 ) -> tuple[Stage | Node, ...]:
     """Return the stages of a substep.
 
-    `operations` per particle: `find`, `forces`, `touch`; `met`: neighbours. Numbers moved are per particle and axis,
+    `operations` per particle: `find`, `forces`, `touch`; `neighbours`: neighbours. Numbers moved are per particle and axis,
     with as many neighbours as at rest.
     """
-    listed, gathered = round(met / axes), round(met)
+    listed, gathered = round(neighbours / axes), round(neighbours)
 
     def around(vectors: int) -> int:
         """Return the numbers that a sum over neighbours reads, for `vectors` vectors of each."""
         return 1 + vectors * gathered + listed
 
     def solve(which: float) -> Node:
-        approach = round(met * divergence.OPERATIONS_APPROACH)
-        push = round(met * density.OPERATIONS_CORRECT)
+        approach = round(neighbours * divergence.OPERATIONS_APPROACH)
+        push = round(neighbours * density.OPERATIONS_CORRECT)
         pair = Stage("relax", around(2), 1, approach, which), Stage("push apart", around(1), 1, push, which)
         return Node("iteration", pair, iterations)
 
-    both = round(met * (density.OPERATIONS_DENSITY + divergence.OPERATIONS_APPROACH))
+    both = round(neighbours * (density.OPERATIONS_DENSITY + divergence.OPERATIONS_APPROACH))
     stages: list[Stage | Node] = [
         Stage("gather", 2, 1, 2 * axes),
         Stage("sort into cells", 4, 4, 4 * axes),
@@ -68,12 +68,12 @@ def divergence_stages(
         Stage("take up", 2, 1, divergence.OPERATIONS_MOVE),
     ]
     if shapes:
-        stages.append(Stage("normals and vorticity", 1 + around(2), 2, round(met * motion.OPERATIONS_SHAPE)))
-    own = motion.OPERATIONS_VELOCITY + operations["forces"]
-    last = Stage("accelerate", 1, 1, own)
+        stages.append(Stage("normals and vorticity", 1 + around(2), 2, round(neighbours * motion.OPERATIONS_SHAPE)))
+    velocity = motion.OPERATIONS_VELOCITY + operations["forces"]
+    last = Stage("accelerate", 1, 1, velocity)
     if smooths:
-        last = Stage("accelerate", 1 + around(2), 1, own + round(met * motion.OPERATIONS_SMOOTH))
-    foresee = Stage("foresee density", around(2), 1, round(met * divergence.OPERATIONS_APPROACH))
+        last = Stage("accelerate", 1 + around(2), 1, velocity + round(neighbours * motion.OPERATIONS_SMOOTH))
+    foresee = Stage("foresee density", around(2), 1, round(neighbours * divergence.OPERATIONS_APPROACH))
     return (
         *stages,
         last,

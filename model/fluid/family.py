@@ -17,7 +17,7 @@ from softlab.model.fluid.plan import fluid_plan
 from softlab.model.fluid.speeds import expected_speeds
 from softlab.model.scene.scene import Scene
 from softlab.model.tables.cloth import COLLIDER_KINDS
-from softlab.model.tables.flow import taps_at_start
+from softlab.model.tables.flow import initial_emitter_state
 
 PRESSURE = Output(
     "pressure", "(particles,)", "Pa", "pressure from the pairs of particles",
@@ -72,26 +72,26 @@ def scheme_notes(scene: Scene) -> list[str]:
 def fluid_note(scene: Scene) -> str:
     """Return a line on the method's effect on a motion, and on its limits."""
     slowest = min(speed_limit(scene, part) for part in scene.fluids.values())
-    kept = "positions"
+    solved_for = "positions"
     if scene.method.scheme == "divergence-free":
-        kept = (
+        solved_for = (
             f"velocities, {scene.method.iterations} iterations for their divergence and as many for the density to come"
         )
-    told = f"density is kept by {kept}, at any step size; nothing is faster than {slowest:.3g} m/s"
+    note = f"density is kept by {solved_for}, at any step size; nothing is faster than {slowest:.3g} m/s"
     for name, part in scene.fluids.items():
         most = highest_viscosity(scene, part)
         if part.viscosity > most:
-            told += f"; of {name}.viscosity only {most:.3g} Pa s act at this substep"
+            note += f"; of {name}.viscosity only {most:.3g} Pa s act at this substep"
     if scene.method.scheme == "averaged":
-        told += "; the averaged scheme lets a fluid sink together"
-    told = "; ".join([told, *scheme_notes(scene)])
+        note += "; the averaged scheme lets a fluid sink together"
+    note = "; ".join([note, *scheme_notes(scene)])
     for name, part in scene.fluids.items():
         if part.surface_tension > 0 and part.cohesion == 0:
-            told += f"; {name}.surface_tension without cohesion drives its surface apart"
+            note += f"; {name}.surface_tension without cohesion drives its surface apart"
     fast = [name for name, part in scene.all_of(*COLLIDER_KINDS).items() if hypot(*part.velocity) > slowest]
     if fast:
-        told += f"; {' and '.join(fast)} is faster than that: it pushes the fluid on, which lags behind"
-    return told
+        note += f"; {' and '.join(fast)} is faster than that: it pushes the fluid on, which lags behind"
+    return note
 
 
 def _check_taps(scene: Scene, taps: Any, real: Any) -> np.ndarray:
@@ -104,16 +104,16 @@ def _check_taps(scene: Scene, taps: Any, real: Any) -> np.ndarray:
 
 def _upload_taps(simulation: Any, taps: np.ndarray | None) -> None:
     """Set the emitter states; None: those of the scene's start."""
-    taps = taps_at_start(simulation.scene) if taps is None else taps
-    if not np.array_equal(taps, simulation._taps):
-        simulation._taps = taps
+    taps = initial_emitter_state(simulation.scene) if taps is None else taps
+    if not np.array_equal(taps, simulation._emitter_state):
+        simulation._emitter_state = taps
         simulation._parameters_changed()
 
 
 TAPS = StateArray(
     "taps",
     _check_taps,
-    lambda simulation: simulation._taps.copy() if len(simulation._taps) else None,
+    lambda simulation: simulation._emitter_state.copy() if len(simulation._emitter_state) else None,
     _upload_taps,
 )
 

@@ -43,14 +43,15 @@ SINK_FIELDS = 8
 SINK_SHAPES = ("box", "sphere", "half-space")
 
 
-def emitter_rows(scene: Any, taps: np.ndarray, real: type) -> np.ndarray:
+def emitter_rows(scene: Any, emitter_state: np.ndarray, real: type) -> np.ndarray:
     """Return the rows of emitters, (emitters, EMITTER_FIELDS), in the arithmetic `real`, in the order of the file."""
-    rows, first, found = np.zeros((len(scene.emitters), EMITTER_FIELDS)), 0, scene.fluid_set
-    for row, (name, part), tap in zip(rows, scene.emitters.items(), taps, strict=True):
-        row[E_FIRST], row[E_COUNT] = first, len(part.nozzle(found.spacing, found.dimensions))
+    rows, first, fluids = np.zeros((len(scene.emitters), EMITTER_FIELDS)), 0, scene.fluid_set
+    for row, (name, part), state in zip(rows, scene.emitters.items(), emitter_state, strict=True):
+        row[E_FIRST], row[E_COUNT] = first, len(part.nozzle(fluids.spacing, fluids.dimensions))
         first += int(row[E_COUNT])
-        row[E_FLUID], row[E_X : E_Z + 1], row[E_VX : E_VZ + 1] = fluid_of(scene, name), part.way, part.speed * part.way
-        row[E_DISTANCE], row[E_RATE], row[E_SINCE : E_BEFORE + 1] = found.spacing, part.speed / found.spacing, tap
+        along = part.unit_direction
+        row[E_FLUID], row[E_X : E_Z + 1], row[E_VX : E_VZ + 1] = fluid_of(scene, name), along, part.speed * along
+        row[E_DISTANCE], row[E_RATE], row[E_SINCE : E_BEFORE + 1] = fluids.spacing, part.speed / fluids.spacing, state
         row[E_STOP] = NEVER if part.stop is None else part.stop
     return rows.astype(real)
 
@@ -71,15 +72,15 @@ def sink_rows(scene: Any, real: type) -> np.ndarray:
 
 def fluid_starts(scene: Any) -> np.ndarray:
     """Return the number of each fluid's first particle, then the number of particles, (fluids + 1,) int64."""
-    found = scene.fluid_set
-    return np.searchsorted(found.fluid, np.arange(len(found.parts) + 1)).astype(np.int64)
+    fluids = scene.fluid_set
+    return np.searchsorted(fluids.fluid, np.arange(len(fluids.parts) + 1)).astype(np.int64)
 
 
 def rates(scene: Any, name: str) -> tuple[float, float, int]:
     """Return (m^3/s, particles/s, points of the nozzle) of an emitter at its speed; a plane has a layer one metre
     thick."""
     part: Emitter = scene.parts[name]
-    found = scene.fluid_set
-    points = len(part.nozzle(found.spacing, found.dimensions))
-    each_second = points * part.speed / found.spacing
-    return each_second * found.lattice.volume, each_second, points
+    fluids = scene.fluid_set
+    points = len(part.nozzle(fluids.spacing, fluids.dimensions))
+    each_second = points * part.speed / fluids.spacing
+    return each_second * fluids.lattice.volume, each_second, points

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from softlab.model.fluid.foam_sources import foaming_speed, full_count, sources
-from softlab.model.fluid.foam_walls import kept_out
+from softlab.model.fluid.foam_walls import pushed_out
 from softlab.model.formulas.random import make_philox
 from softlab.model.scene.scene import Scene
 from softlab.model.tables.fluid import Foam
@@ -36,7 +36,7 @@ WORD = 2.0**-32
 NOWHERE = 2.0**19  # m: nothing is drawn that far from the origin, where float32 resolves at best three centimetres
 
 
-def in_reach(position: np.ndarray) -> np.ndarray:
+def is_tracked(position: np.ndarray) -> np.ndarray:
     """Return which positions (particles, dimensions) [m] are finite and nearer than NOWHERE, (particles,) bool."""
     return np.asarray((np.abs(position) < NOWHERE).all(axis=1))
 
@@ -55,11 +55,11 @@ class FoamPoints:
 
     def forget(self) -> None:
         """Remove all points and the time."""
-        self._hold(np.zeros((0, self.scene.dimensions)), np.zeros((0, self.scene.dimensions)), np.zeros(0))
+        self._set_points(np.zeros((0, self.scene.dimensions)), np.zeros((0, self.scene.dimensions)), np.zeros(0))
         self.kind = np.zeros(0, np.int8)
         self._time, self._frame = -1.0, 0
 
-    def _hold(self, position: np.ndarray, velocity: np.ndarray, left: np.ndarray) -> None:
+    def _set_points(self, position: np.ndarray, velocity: np.ndarray, left: np.ndarray) -> None:
         self.position, self.velocity, self.left = position, velocity, left
 
     def __len__(self) -> int:
@@ -76,7 +76,7 @@ class FoamPoints:
             self._time = time
             return
         passed, self._time = min(time - self._time, LONGEST), time
-        there = np.flatnonzero(in_reach(position) & np.isfinite(velocity).all(axis=1))
+        there = np.flatnonzero(is_tracked(position) & np.isfinite(velocity).all(axis=1))
         if passed <= 0 or not len(there):
             return
         position, velocity = (np.asarray(array, np.float64)[there] for array in (position, velocity))
@@ -91,19 +91,19 @@ class FoamPoints:
         if not len(self):
             return
         count, mean = self._around(position, velocity)
-        share = count / self._full
-        self.kind = np.where(share < FEW, SPRAY, np.where(share > MANY, BUBBLE, FOAM)).astype(np.int8)
+        fullness = count / self._full
+        self.kind = np.where(fullness < FEW, SPRAY, np.where(fullness > MANY, BUBBLE, FOAM)).astype(np.int8)
         moving = self.velocity + passed * self._gravity  # spray
         risen = self.velocity - self.foam.buoyancy * passed * self._gravity
         dragged = risen + (1 - np.exp(-self._drag * passed)) * (mean - risen)
         kind = self.kind[:, None]
         moving = np.where(kind == FOAM, mean, np.where(kind == BUBBLE, dragged, moving))
         place = self._wrapped(self.position + passed * moving)
-        place, moving, met = kept_out(self.scene, place, passed * moving, moving, self._time, passed)
-        left = self.left - passed * ((self.kind == FOAM) | met)
-        middle, reach = position.mean(axis=0), FAR * self.scene.fluid_set.extent + np.ptp(position, axis=0).max()
-        stays = (left > 0) & (np.abs(place - middle) < reach).all(axis=1)
-        self._hold(place[stays], moving[stays], left[stays])
+        place, moving, touched = pushed_out(self.scene, place, passed * moving, moving, self._time, passed)
+        left = self.left - passed * ((self.kind == FOAM) | touched)
+        middle, max_distance = position.mean(axis=0), FAR * self.scene.fluid_set.extent + np.ptp(position, axis=0).max()
+        stays = (left > 0) & (np.abs(place - middle) < max_distance).all(axis=1)
+        self._set_points(place[stays], moving[stays], left[stays])
         self.kind = self.kind[stays]
 
     def _around(self, position: np.ndarray, velocity: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -150,21 +150,21 @@ class FoamPoints:
     def _make(self, position: np.ndarray, velocity: np.ndarray, passed: float) -> None:
         """Make new points from each particle's source, a fraction by chance; above the largest number the oldest are
         removed."""
-        share = sources(self.scene, self.foam, position, velocity)
-        particle = np.flatnonzero(share)
-        wanted = self.foam.rate * passed * share[particle]
+        source = sources(self.scene, self.foam, position, velocity)
+        particle = np.flatnonzero(source)
+        wanted = self.foam.rate * passed * source[particle]
         number = np.floor(wanted + self._random(particle, 0)[0]).astype(np.int64)
         each = np.repeat(particle, number)
         if not len(each):
             return
         turn = np.arange(len(each)) - np.repeat(np.cumsum(number) - number, number) + 1  # 1, 2 ... for each particle
         place, moving = self._cylinder(position[each], velocity[each], passed, self._random(each, turn))
-        way = place - position[each]
-        place, moving, _ = kept_out(self.scene, self._wrapped(place), way, moving, self._time, 0.0)
-        left = self.foam.lifetime * (YOUNGEST + (1 - YOUNGEST) * share[each])
+        displacement = place - position[each]
+        place, moving, _ = pushed_out(self.scene, self._wrapped(place), displacement, moving, self._time, 0.0)
+        left = self.foam.lifetime * (YOUNGEST + (1 - YOUNGEST) * source[each])
         most = self.foam.most
         old = self.position, self.velocity, self.left
-        self._hold(*(np.concatenate(pair)[-most:] for pair in zip(old, (place, moving, left), strict=True)))
+        self._set_points(*(np.concatenate(pair)[-most:] for pair in zip(old, (place, moving, left), strict=True)))
         self.kind = np.concatenate([self.kind, np.full(len(each), FOAM, np.int8)])[-most:]
 
     def _random(self, particle: np.ndarray, turn: Any) -> list[np.ndarray]:

@@ -54,7 +54,7 @@ def sources(scene: Scene, foam: Foam, position: np.ndarray, velocity: np.ndarray
     energy = clamped((velocity**2).sum(axis=1), (FAST[0] * speed) ** 2, (FAST[1] * speed) ** 2)
     if not energy.any():
         return energy
-    (first, second), apart = (found := differences(scene, position))[0].T, found[1]
+    (first, second), apart = (pairs := differences(scene, position))[0].T, pairs[1]
     r = np.maximum(np.sqrt((apart**2).sum(axis=1)), 1e-12)
     weight, along = 1 - r / scene.fluid_set.support, apart / r[:, None]
     relative, count = velocity[first] - velocity[second], len(position)

@@ -33,9 +33,9 @@ def outward(collider: Any, place: np.ndarray, time: float) -> tuple[np.ndarray, 
     if isinstance(collider, Sphere):
         return _ball(place - collider.center, collider.radius)
     if isinstance(collider, Capsule):
-        start, way = np.asarray(collider.start), np.subtract(collider.end, collider.start)
-        share = np.clip((place - start) @ way / max(float(way @ way), 1e-30), 0, 1)
-        return _ball(place - start - share[:, None] * way, collider.radius)
+        start, axis = np.asarray(collider.start), np.subtract(collider.end, collider.start)
+        fraction = np.clip((place - start) @ axis / max(float(axis @ axis), 1e-30), 0, 1)
+        return _ball(place - start - fraction[:, None] * axis, collider.radius)
     if isinstance(collider, Box):
         return _block(place - collider.center, np.asarray(collider.half_size))
     return None
@@ -80,16 +80,16 @@ def _field(collider: DistanceField, place: np.ndarray) -> tuple[np.ndarray, np.n
 
 
 def _before_mesh(
-    collider: MeshCollider, place: np.ndarray, way: np.ndarray, time: float, passed: float, gap: float
+    collider: MeshCollider, place: np.ndarray, displacement: np.ndarray, time: float, passed: float, gap: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return (positions (n, 3) [m], normals (n, 3), which paths touched the mesh (n,)) of points stopped by a mesh.
 
-    They lie on the side from which their displacements `way`, in `passed` [s], come; normals point to that side. The
+    They lie on the side from which their displacements `displacement`, in `passed` [s], come; normals point to that side. The
     component into the mesh is removed from a displacement, `gap` [m] before it; the rest continues along it.
     """
-    begin, end = _seen(collider, place - way, time - passed), _seen(collider, place, time)
+    begin, end = _seen(collider, place - displacement, time - passed), _seen(collider, place, time)
     corners, normal, crosses = corners_of(collider.tree), np.zeros_like(end), np.ones(len(end), bool)
-    met = np.zeros(len(end), bool)
+    touched = np.zeros(len(end), bool)
     for _ in range(ROUNDS):
         some = np.flatnonzero(crosses)
         triangle, side = first_crossings(collider.tree, begin[some], end[some])
@@ -97,16 +97,16 @@ def _before_mesh(
         some, triangle, side = (array[triangle >= 0] for array in (some, triangle, side))
         depth = gap - ((end[some] - corners[triangle, 0]) * side).sum(axis=1)
         end[some] += depth[:, None] * side
-        normal[some], met[some] = side, True
+        normal[some], touched[some] = side, True
     some = np.flatnonzero(crosses)
     stays = some[first_crossings(collider.tree, begin[some], end[some])[0] >= 0]
     end[stays] = begin[stays]
     turn = collider.turn_at(time)
     led = end @ turn.T + collider.origin + time * np.asarray(collider.velocity)
-    return np.where(met[:, None], led, place), normal @ turn.T, met
+    return np.where(touched[:, None], led, place), normal @ turn.T, touched
 
 
-def _own_velocity(collider: Any, place: np.ndarray, time: float) -> np.ndarray:
+def _wall_velocity(collider: Any, place: np.ndarray, time: float) -> np.ndarray:
     """Return the collider's velocity at positions (n, 3), (n, 3) [m/s]."""
     velocity = np.asarray(collider.velocity)
     if isinstance(collider, SurfaceCollider):
@@ -114,30 +114,30 @@ def _own_velocity(collider: Any, place: np.ndarray, time: float) -> np.ndarray:
     return velocity
 
 
-def kept_out(
-    scene: Scene, place: np.ndarray, way: np.ndarray, velocity: np.ndarray, time: float, passed: float
+def pushed_out(
+    scene: Scene, place: np.ndarray, displacement: np.ndarray, velocity: np.ndarray, time: float, passed: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return (positions (n, dimensions) [m], velocities [m/s], which touched a collider (n,)) of points after
     collisions.
 
-    `way`: their displacement [m] in the time `passed` [s]. They are pushed out along the normal, or back to the side of
-    a mesh from which they come; the velocity component into a collider, relative to its own, is removed.
+    `displacement` [m]: in the time `passed` [s]. They are pushed out along the normal, or back to the side of a mesh
+    from which they come; the velocity component into a collider, relative to the collider, is removed.
     """
     axes = place.shape[1]
-    where, moving, came = (np.pad(array, ((0, 0), (0, 3 - axes))) for array in (place, velocity, way))
-    met, start = np.zeros(len(place), bool), where - came
+    where, moving, came = (np.pad(array, ((0, 0), (0, 3 - axes))) for array in (place, velocity, displacement))
+    touched, start = np.zeros(len(place), bool), where - came
     for _, collider in scene.colliders:
         if isinstance(collider, MeshCollider):
             gap = GAP * scene.fluid_set.spacing
             where, normal, into = _before_mesh(collider, where, where - start, time, passed, gap)
         else:
-            found = outward(collider, where, time)
-            if found is None:
+            surface = outward(collider, where, time)
+            if surface is None:
                 continue
-            distance, normal = found
+            distance, normal = surface
             into = distance < 0
             where = where - np.where(into, distance, 0)[:, None] * normal
-        met |= into
-        speed = ((moving - _own_velocity(collider, where, time)) * normal).sum(axis=1)
+        touched |= into
+        speed = ((moving - _wall_velocity(collider, where, time)) * normal).sum(axis=1)
         moving = moving - np.where(into & (speed < 0), speed, 0)[:, None] * normal
-    return where[:, :axes], moving[:, :axes], met
+    return where[:, :axes], moving[:, :axes], touched

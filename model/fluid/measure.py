@@ -39,9 +39,9 @@ def density_errors(scene: Scene, position: np.ndarray) -> np.ndarray:
 
     Walls are not included: at surfaces and walls the missing neighbours lower it.
     """
-    found, lattice = scene.fluid_set, scene.fluid_set.lattice
+    fluids, lattice = scene.fluid_set, scene.fluid_set.lattice
     (first, second), apart = (array := differences(scene, position))[0].T, array[1]
-    kernel, count = closeness_cubed(np.sqrt((apart**2).sum(axis=1)), found.support), len(position)
+    kernel, count = closeness_cubed(np.sqrt((apart**2).sum(axis=1)), fluids.support), len(position)
     total = np.bincount(first, kernel, count) + np.bincount(second, kernel, count)
     return np.asarray(lattice.density_scale * (total - lattice.kernel_sum))
 
@@ -57,21 +57,23 @@ def pressures(scene: Scene, position: np.ndarray, multiplier: np.ndarray) -> np.
 
     A particle without neighbours has its own.
     """
-    found = scene.fluid_set
+    fluids = scene.fluid_set
     (first, second), apart = (array := differences(scene, position))[0].T, array[1]
     r = np.sqrt((apart**2).sum(axis=1))
-    weight, count = spiky_slope(r, found.support, scene.dimensions) * r, len(position)
+    weight, count = spiky_slope(r, fluids.support, scene.dimensions) * r, len(position)
     carried = weight * (multiplier[first] + multiplier[second]) / 2
     total, over = (np.bincount(first, each, count) + np.bincount(second, each, count) for each in (carried, weight))
     mean = np.where(over > 0, total / np.where(over > 0, over, 1), multiplier)
-    return np.asarray(-mean * found.parts[0].density * (scene.method.substeps / scene.method.dt) ** 2)
+    return np.asarray(-mean * fluids.parts[0].density * (scene.method.substeps / scene.method.dt) ** 2)
 
 
 def height(scene: Scene, position: np.ndarray) -> float:
     """Return the height [m] of the highest hundredth of the particles, on average, above the scene's lowest initial
     particle plus half its rest distance."""
-    found = scene.fluid_set
-    now, start = (np.asarray(each, np.float64)[found.there(np.asarray(each)), 1] for each in (position, found.position))
+    fluids = scene.fluid_set
+    now, start = (
+        np.asarray(each, np.float64)[fluids.there(np.asarray(each)), 1] for each in (position, fluids.position)
+    )
     highest = np.sort(now)[-max(1, round(TOP * len(now))) :]
     lowest = start if len(start) else now
-    return float(highest.mean() + found.spacing - lowest.min()) if len(now) else 0.0
+    return float(highest.mean() + fluids.spacing - lowest.min()) if len(now) else 0.0

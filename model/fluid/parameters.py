@@ -7,7 +7,7 @@ from math import floor, prod
 import numpy as np
 
 from softlab.model.base.clock import START, Clock
-from softlab.model.core.own_forces import own_fields, own_names, own_values
+from softlab.model.core.own_forces import force_fields, force_names, force_values
 from softlab.model.core.parameters import rounded_record
 from softlab.model.particles.fluid_set import FluidSet
 from softlab.model.scene.scene import Scene
@@ -42,7 +42,7 @@ FLUID_PARAMETERS = (
     "sampled",  # index of the fluid of solids' samples: the number of fluids
     *(f"{what}_{axis}" for axis in AXES for what in BOX),  # of an axis that repeats, else 0
 )
-FIELDS = {"dt": "method.dt", "gravity": "gravity.acceleration", **own_fields()}
+FIELDS = {"dt": "method.dt", "gravity": "gravity.acceleration", **force_fields()}
 
 # Row of a fluid:
 FLUID_FIELDS = 10
@@ -82,13 +82,13 @@ def highest_viscosity(scene: Scene, part: Fluid) -> float:
 def fluid_record(
     scene: Scene, real: type, poke: tuple[float, ...] = (0.0, 0.0, 0.0), clock: Clock = START
 ) -> np.ndarray:
-    """Return the constants of own forces, then FLUID_PARAMETERS, (1,), in the arithmetic `real`.
+    """Return the constants of forces on single particles, then FLUID_PARAMETERS, (1,), in the arithmetic `real`.
 
     Computed in float64, rounded once. In this order a plane's record is not a prefix of one in space, for which numba
     would take it, with a warning. Raises SceneError.
     """
-    method, found = scene.method, scene.fluid_set
-    h, lattice, support = method.dt / method.substeps, found.lattice, found.support
+    method, fluids = scene.method, scene.fluid_set
+    h, lattice, support = method.dt / method.substeps, fluids.lattice, fluids.support
     values = {
         "dt": h,
         "inverse_dt": 1 / h,
@@ -102,22 +102,22 @@ def fluid_record(
         "wall_scale": lattice.wall_scale,
         "wall_gradient": lattice.wall_gradient,
         "inverse_wall": 1 / lattice.wall_range,
-        "relaxation": method.part_of_the_way / (lattice.neighbours if method.scheme == "averaged" else 1),
+        "relaxation": method.relaxation_factor / (lattice.neighbours if method.scheme == "averaged" else 1),
         "softness": method.softness / support**2,
         "tensile": method.tensile_correction * support**2,
         "inverse_tensile": 1 / (1 - method.tensile_distance**2),
         "inverse_cell": 1 / (WIDER * support),
-        "sampled": float(len(found.parts)),
+        "sampled": float(len(fluids.parts)),
         **_box(scene),
     }
     assert tuple(values) == FLUID_PARAMETERS, f"{set(values) ^ set(FLUID_PARAMETERS)} or their order differ"
     axes = scene.dimensions
-    return rounded_record(scene, own_values(scene, poke[:axes], axes) | values, FIELDS, real)
+    return rounded_record(scene, force_values(scene, poke[:axes], axes) | values, FIELDS, real)
 
 
 def record_names(axes: int) -> tuple[str, ...]:
     """Return the names of a record's constants, in their order."""
-    return (*own_names(axes), *FLUID_PARAMETERS)
+    return (*force_names(axes), *FLUID_PARAMETERS)
 
 
 def _box(scene: Scene) -> dict[str, float]:
@@ -139,15 +139,15 @@ def fluid_rows(scene: Scene, real: type, solids: bool = False) -> np.ndarray:
 
     With `solids` there is one more, of their samples, which have no effect of their own.
     """
-    found: FluidSet = scene.fluid_set
-    h, rows = scene.method.dt / scene.method.substeps, np.zeros((len(found.parts) + solids, FLUID_FIELDS))
+    fluids: FluidSet = scene.fluid_set
+    h, rows = scene.method.dt / scene.method.substeps, np.zeros((len(fluids.parts) + solids, FLUID_FIELDS))
     free, solves = np.finfo(real).max / 4, 2 if scene.method.scheme == "divergence-free" else 1
     rows[:, F_SPEED], rows[:, F_CHANGE] = free, free
-    for row, part, weight in zip(rows, found.parts, found.lightness, strict=False):
+    for row, part, weight in zip(rows, fluids.parts, fluids.lightness, strict=False):
         row[F_WEIGHT], row[F_BUOYANCY] = weight, part.buoyancy
-        row[F_VISCOSITY] = smoothing(scene, part) * found.lattice.smoothing_scale
-        row[F_COHESION] = h * part.cohesion / (found.parts[0].density * found.support**2)
-        row[F_TENSION] = h * part.surface_tension / (found.parts[0].density * found.support)
+        row[F_VISCOSITY] = smoothing(scene, part) * fluids.lattice.smoothing_scale
+        row[F_COHESION] = h * part.cohesion / (fluids.parts[0].density * fluids.support**2)
+        row[F_TENSION] = h * part.surface_tension / (fluids.parts[0].density * fluids.support)
         row[F_CONFINEMENT] = h * part.vorticity_confinement
         row[F_DRAG], row[F_SURFACE_DRAG] = part.drag, part.free_surface_drag
         row[F_SPEED] = speed_limit(scene, part)

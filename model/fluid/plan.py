@@ -12,7 +12,7 @@ cells.py), except comparisons and integer sums.
    nothing.
 1. `predict`. a = (0, buoyant(gravity, buoyancy), 0), then own forces (model/core/own_forces.py, by the particle's
    number), gravity only where the plan has it. u = accelerated(v, dt, a) axis by axis; speed_of(u), `slowed` to
-   F_SPEED; p = drifted(x, u, dt). On an axis that repeats: shift = turned_round(p, low, high, side), added to p and to
+   F_SPEED; p = drifted(x, u, dt). On an axis that repeats: shift = wrapped_offset(p, low, high, side), added to p and to
    x. Then colliders, from x to p with u; their response velocity is discarded. Particles that exceed F_SPEED are
    counted.
 2. `sort into cells`. low = the smallest p of all particles along each axis, high = the largest, of the finite ones (on
@@ -29,7 +29,7 @@ cells.py), except comparisons and integer sums.
    MAX_NEIGHBOURS are listed; those beyond are counted and reported. d = x_i - x_j is `wrapped` on axes that repeat,
    everywhere.
 4. In the same stage, factors: g = 0, own = 0; for each neighbour: dy = apart(...), squared again, s = slope, g =
-   gradient_added, own = own_added (weight of j's fluid). Walls (below) at p. `factor` with F_WEIGHT of i; multiplier =
+   gradient_added, own = squares_added (weight of j's fluid). Walls (below) at p. `factor` with F_WEIGHT of i; multiplier =
    0.
 5. iteration, `iterations` times:
    `density`. total = 0; for each neighbour total = density_added(total, closeness(squared)); (wall density, its
@@ -40,9 +40,9 @@ cells.py), except comparisons and integer sums.
    Then a = wall_added(a, delta_i, w) axis by axis. p = moved(p, F_WEIGHT, a). Then colliders, from x to p, capsules and
    boxes by model/formulas/fluid/sweep.py, so that no path leads through them; their response velocity (for the velocity
    0) is discarded.
-6. `update velocity`. v = velocity_of(p, x, inverse_dt); with a maximum acceleration held_back(v, u, speed_of(v - u),
+6. `update velocity`. v = velocity_of(p, x, inverse_dt); with a maximum acceleration limited_change(v, u, speed_of(v - u),
    F_CHANGE). Colliders, from x to drifted(x, u, dt) with u, give q and u': where q differs from that place, v =
-   after_impact(u', p, q, inverse_dt), held_back from u'. Where the multiplier is negative, for each collider at q, as
+   after_impact(u', p, q, inverse_dt), limited_change from u'. Where the multiplier is negative, for each collider at q, as
    they are joined in Walls: push = wall_push(multiplier, F_WEIGHT, slope, rate(share, total), inverse_dt), v =
    without(v, rebound(v, u', w, n, push), n), w the velocity of its surface (model/formulas/fluid/impact.py). Then
    colliders, from x to p with v.
@@ -68,7 +68,7 @@ others by number, of one more fluid, whose row is the last. `sample solids`, bet
 middle(corners at their predicted positions, shares), x the same for their positions at the substep's start; the
 smallest and largest p of 2 include samples. Two samples are not neighbours (3). 4: C, g and `own` count neighbours by
 their volumes (model/formulas/fluid/solids.py): s' = counted_slope(volume, s), g = gradient_added(g, s', d), own =
-own_added(own, carried(lightness, volume), s, r^2); for samples the factor, the multiplier and its change are 0. An
+squares_added(own, carried(lightness, volume), s, r^2); for samples the factor, the multiplier and its change are 0. An
 iteration: `follow solids` puts samples between their corners; `density` counts by `counted`; `correct`: both =
 both(delta_i, delta_j, volume_i, volume_j), the tensile correction only for pairs of particles; a = correction_added.
 Then, with viscosity, over the list again, for pairs of a particle and a sample, share = rub(near, F_VISCOSITY_i, _j,
@@ -83,7 +83,7 @@ from __future__ import annotations
 
 from math import pi
 
-from softlab.model.core.own_forces import own_forces, own_parts
+from softlab.model.core.own_forces import force_features, own_forces
 from softlab.model.core.plan import Node, Plan, Stage
 from softlab.model.fluid.divergence_plan import divergence_stages
 from softlab.model.formulas import colliders
@@ -112,7 +112,7 @@ def fluid_parts(scene: Scene, live: frozenset[str] = frozenset(), solids: bool =
     `moving` walls), `tensile`, `walls`, `emitter`, `sink`, `swept`, kinds of colliders with `friction` and
     `restitution`, `gravity`, `drag`, `held-back`, those of OF_FLUIDS, own forces.
     """
-    parts, fluids = own_parts(scene, live), scene.fluids.values()
+    parts, fluids = force_features(scene, live), scene.fluids.values()
     parts |= {kind for kind, _ in scene.colliders}
     wanted = {
         "flat": scene.dimensions == 2,
@@ -153,17 +153,17 @@ def fluid_plan(scene: Scene, live: frozenset[str] = frozenset(), solids: bool = 
     Numbers are per particle and axis, as in model/core/plan.py, with as many neighbours as at rest.
     """
     parts, axes = fluid_parts(scene, live, solids), scene.dimensions
-    met, across = neighbours_at_rest(scene), scene.fluid_set.support / scene.fluid_set.spacing
+    neighbours, across = neighbours_at_rest(scene), scene.fluid_set.support / scene.fluid_set.spacing
     looked_at = LOOKED_AT[axes] * across**axes
-    listed = round(met / axes)  # of four bytes each, counted as scalars
-    gathered = round(met)
+    listed = round(neighbours / axes)  # of four bytes each, counted as scalars
+    gathered = round(neighbours)
     touch = sum(colliders.OPERATIONS[kind] for kind, _ in scene.colliders)
     forces = sum(force.operations for force in own_forces(parts))
-    factors = round(met * density.OPERATIONS_FACTORS)
+    factors = round(neighbours * density.OPERATIONS_FACTORS)
     if scene.method.scheme == "divergence-free":
         find = round(looked_at * density.OPERATIONS_FIND) + factors
         asked = bool(parts & SMOOTHING), bool(parts & SHAPES), {"find": find, "forces": forces, "touch": touch}
-        return _plan_of(scene, parts, divergence_stages(*asked, met, axes, scene.method.iterations))
+        return _plan_of(scene, parts, divergence_stages(*asked, neighbours, axes, scene.method.iterations))
     stages: list[Stage | Node] = [
         *([Stage("emit", 0, 0, 0)] if "emitter" in parts else []),
         Stage("predict", 2, 2, motion.OPERATIONS_VELOCITY + forces),
@@ -172,20 +172,23 @@ def fluid_plan(scene: Scene, live: frozenset[str] = frozenset(), solids: bool = 
         Stage("find neighbours", 1 + gathered, 1 + listed, round(looked_at * density.OPERATIONS_FIND) + factors),
     ]
     iteration: tuple[Stage, ...] = (
-        Stage("density", 1 + gathered + listed, 1, round(met * density.OPERATIONS_DENSITY)),
-        Stage("correct", 1 + gathered + listed, 1, round(met * density.OPERATIONS_CORRECT) + touch),
+        Stage("density", 1 + gathered + listed, 1, round(neighbours * density.OPERATIONS_DENSITY)),
+        Stage("correct", 1 + gathered + listed, 1, round(neighbours * density.OPERATIONS_CORRECT) + touch),
     )
     if solids:
         iteration = (Stage("follow solids", 1, 1, OPERATIONS_SAMPLE), *iteration, Stage("push solids", 2, 1, 4))
     stages += [Node("iteration", iteration, scene.method.iterations), Stage("update velocity", 2, 1, 20 + touch)]
     if parts & SHAPES:
         stages.append(
-            Stage("normals and vorticity", 2 + 2 * gathered + listed, 2, round(met * motion.OPERATIONS_SHAPE))
+            Stage("normals and vorticity", 2 + 2 * gathered + listed, 2, round(neighbours * motion.OPERATIONS_SHAPE))
         )
     last = Stage("limit velocities", 1, 2, motion.OPERATIONS_VELOCITY)
     if parts & SMOOTHING:
         last = Stage(
-            "limit velocities", 2 + 2 * gathered + listed, 2, last.operations + round(met * motion.OPERATIONS_SMOOTH)
+            "limit velocities",
+            2 + 2 * gathered + listed,
+            2,
+            last.operations + round(neighbours * motion.OPERATIONS_SMOOTH),
         )
     stages.append(last)
     return _plan_of(scene, parts, tuple(stages))

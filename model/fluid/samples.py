@@ -27,13 +27,13 @@ LEAST = 0.55  # and those of one solid, at least: otherwise lists of neighbours 
 class Samples:
     """Samples of solids.
 
-    `corners` (samples, 3) int32: the solids' particles that carry each; `shares` (samples, 3) float64: their weights,
+    `corners` (samples, 3) int32: the solids' particles that carry each; `weights` (samples, 3) float64: their weights,
     which sum to 1; `volume` (samples,) float64: in volumes of a fluid's particle; `lightness` (particles,) float64: for
     each of the solids' particles, the mass of a particle of the first fluid over its own, 0 where it cannot be moved.
     """
 
     corners: np.ndarray
-    shares: np.ndarray
+    weights: np.ndarray
     volume: np.ndarray
     lightness: np.ndarray
 
@@ -43,16 +43,16 @@ class Samples:
         return len(self.volume)
 
     @property
-    def own_lightness(self) -> np.ndarray:
+    def mobility(self) -> np.ndarray:
         """Mobility of each sample, (samples,) float64: the sum of its particles' weights squared times their
         lightness."""
-        return np.asarray((self.shares**2 * self.lightness[self.corners]).sum(axis=1))
+        return np.asarray((self.weights**2 * self.lightness[self.corners]).sum(axis=1))
 
     @cached_property
     def carriers(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """(offsets (particles + 1,) int32, samples (n,) int32, weights (n,) float64): the samples that each particle
         carries, in their order."""
-        there = self.shares != 0
+        there = self.weights != 0
         sample, corner = np.nonzero(there)
         particle = self.corners[sample, corner]
         order = np.lexsort((corner, sample, particle))
@@ -60,32 +60,32 @@ class Samples:
         return (
             offsets_of(counts).astype(np.int32),
             sample[order].astype(np.int32),
-            self.shares[sample, corner][order],
+            self.weights[sample, corner][order],
         )
 
     def points(self, position: np.ndarray) -> np.ndarray:
         """Return the positions of the samples, (samples, 3) [m], for the solids' particles at `position` (particles,
         3)."""
-        return np.asarray((self.shares[:, :, None] * position[self.corners]).sum(axis=1))
+        return np.asarray((self.weights[:, :, None] * position[self.corners]).sum(axis=1))
 
 
 def particle_samples(particles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return (corners, shares) of samples that are the particles themselves; `particles` (n,): their indices."""
-    corners, shares = (
+    """Return (corners, weights) of samples that are the particles themselves; `particles` (n,): their indices."""
+    corners, weights = (
         np.repeat(particles[:, None], CORNERS, axis=1).astype(np.int32),
         np.zeros((len(particles), CORNERS)),
     )
-    shares[:, 0] = 1
-    return corners, shares
+    weights[:, 0] = 1
+    return corners, weights
 
 
 def triangle_samples(position: np.ndarray, triangles: np.ndarray, apart: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return (corners, shares) of samples of triangles (n, 3) int: their vertices, and points along their sides and
+    """Return (corners, weights) of samples of triangles (n, 3) int: their vertices, and points along their sides and
     inside.
 
     They are at most `apart` [m] from each other along a side. Points that triangles share occur once.
     """
-    found: dict[tuple[tuple[int, ...], tuple[int, ...]], tuple[tuple[int, ...], tuple[float, ...]]] = {}
+    samples: dict[tuple[tuple[int, ...], tuple[int, ...]], tuple[tuple[int, ...], tuple[float, ...]]] = {}
     sides = norm(position[triangles] - position[np.roll(triangles, 1, axis=1)]).max(axis=1)
     for corners, longest in zip(np.sort(triangles, axis=1), sides, strict=True):
         steps = max(1, int(np.ceil(longest / apart)))
@@ -95,25 +95,25 @@ def triangle_samples(position: np.ndarray, triangles: np.ndarray, apart: float) 
                 has = [(int(corner), count) for corner, count in zip(corners, counts, strict=True) if count]
                 last = has[-1][0]
                 carried = tuple(corner for corner, _ in has) + (last,) * (CORNERS - len(has))
-                shares = tuple(count / steps for _, count in has) + (0.0,) * (CORNERS - len(has))
-                found.setdefault((carried, tuple(round(share * 1e6) for share in shares)), (carried, shares))
-    kept = list(found.values())
+                weights = tuple(count / steps for _, count in has) + (0.0,) * (CORNERS - len(has))
+                samples.setdefault((carried, tuple(round(weight * 1e6) for weight in weights)), (carried, weights))
+    unique = list(samples.values())
     return (
-        np.array([one for one, _ in kept], np.int32).reshape(-1, CORNERS),
-        np.array([one for _, one in kept], np.float64).reshape(-1, CORNERS),
+        np.array([one for one, _ in unique], np.int32).reshape(-1, CORNERS),
+        np.array([one for _, one in unique], np.float64).reshape(-1, CORNERS),
     )
 
 
 def thinned(points: np.ndarray, least: float) -> np.ndarray:
-    """Return the indices of `points` (n, 3) at least `least` [m] from every one selected before them, (kept,) int64,
+    """Return the indices of `points` (n, 3) at least `least` [m] from every one selected before them, (selected,) int64,
     ascending."""
     pairs = cKDTree(points).query_pairs(least * (1 - 1e-9), output_type="ndarray")
     later = grouped(pairs.min(axis=1), pairs.max(axis=1), len(points))
-    kept = np.ones(len(points), bool)
+    selected = np.ones(len(points), bool)
     for k in range(len(points)):
-        if kept[k]:
-            kept[later[k]] = False
-    return np.flatnonzero(kept)
+        if selected[k]:
+            selected[later[k]] = False
+    return np.flatnonzero(selected)
 
 
 def sample_volumes(points: np.ndarray, lattice: Lattice, support: float, solid: bool) -> np.ndarray:
@@ -140,10 +140,10 @@ def sample_volumes(points: np.ndarray, lattice: Lattice, support: float, solid: 
 def joined_samples(
     solids: Sequence[tuple[np.ndarray, np.ndarray]], volumes: Sequence[np.ndarray], lightness: np.ndarray
 ) -> Samples:
-    """Return the samples of several solids, one after the other, from (corners, shares) and volume of each."""
+    """Return the samples of several solids, one after the other, from (corners, weights) and volume of each."""
     return Samples(
         np.concatenate([corners for corners, _ in solids]),
-        np.concatenate([shares for _, shares in solids]),
+        np.concatenate([weights for _, weights in solids]),
         np.concatenate(volumes),
         np.asarray(lightness, np.float64),
     )

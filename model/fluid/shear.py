@@ -30,8 +30,8 @@ def shear_over_pressure(across: float, axes: int) -> tuple[float, float]:
     d^2(r^2)/dg^2 = x^2 + y^2 at g = 0; along the diagonals 2 x y takes the place of x^2 - y^2. Negative: the lattice is
     unstable. All directions of shear lie between the two.
     """
-    reach = ceil(across)
-    places = np.array(list(product(range(-reach, reach + 1), repeat=axes)), np.float64)
+    cells = ceil(across)
+    places = np.array(list(product(range(-cells, cells + 1), repeat=axes)), np.float64)
     r = norm(places)
     places, r = places[(r > 0) & (r < across)], r[(r > 0) & (r < across)]
     near = 1 - r / across
@@ -49,8 +49,8 @@ def shear_over_pressure(across: float, axes: int) -> tuple[float, float]:
 
 def largest_shear(scene: Scene) -> float:
     """Return the larger shear modulus over pressure of a scene's fluids."""
-    found = scene.fluid_set
-    return max(shear_over_pressure(found.support / found.spacing, scene.dimensions))
+    fluids = scene.fluid_set
+    return max(shear_over_pressure(fluids.support / fluids.spacing, scene.dimensions))
 
 
 def shear_lines(scene: Scene) -> list[str]:
@@ -59,25 +59,25 @@ def shear_lines(scene: Scene) -> list[str]:
     scene = scene.members.get("fluid", scene) if scene.is_world else scene
     if not scene.fluids or not (scene.gravity and scene.gravity.enabled) or largest_shear(scene) <= FLOWS:
         return []
-    found, freely = scene.fluid_set, max(shear_over_pressure(AMONG_BODIES, scene.dimensions))
-    told = (
+    fluids, freely = scene.fluid_set, max(shear_over_pressure(AMONG_BODIES, scene.dimensions))
+    note = (
         f"on its lattice a fluid resists shear by up to {largest_shear(scene):.2g} of its pressure with this support "
-        f"({found.support / found.spacing:.3g} rest distances; {freely:.2g} with support = "
-        f"{AMONG_BODIES * found.spacing:g}): "
+        f"({fluids.support / fluids.spacing:.3g} rest distances; {freely:.2g} with support = "
+        f"{AMONG_BODIES * fluids.spacing:g}): "
     )
-    lines = [f"{above}: {told}it may stay above {below}, which is lighter" for above, below in _stacked(scene)]
-    return lines + [f"{next(iter(scene.fluids))}: {told}bodies rise and sink in it too slowly"] * bool(bodies)
+    lines = [f"{above}: {note}it may stay above {below}, which is lighter" for above, below in _stacked(scene)]
+    return lines + [f"{next(iter(scene.fluids))}: {note}bodies rise and sink in it too slowly"] * bool(bodies)
 
 
 def _stacked(scene: Scene) -> list[tuple[str, str]]:
     """Return the pairs of fluids (above, below) of which the first is denser and starts on top of the second."""
-    found, names = scene.fluid_set, list(scene.fluids)
-    there = found.there(found.position)
+    fluids, names = scene.fluid_set, list(scene.fluids)
+    there = fluids.there(fluids.position)
     boxes = {}
     for number, name in enumerate(names):
-        own = found.position[there & (found.fluid == number)]
-        if len(own):
-            boxes[name] = own.min(axis=0), own.max(axis=0)
+        position = fluids.position[there & (fluids.fluid == number)]
+        if len(position):
+            boxes[name] = position.min(axis=0), position.max(axis=0)
 
     def on_top(above: str, below: str) -> bool:
         (low, high), (other_low, other_high) = boxes[above], boxes[below]

@@ -9,9 +9,9 @@ import numpy as np
 from softlab.model.fluid.parameters import speed_limit
 from softlab.model.scene.scene import Scene
 from softlab.model.tables.cloth import Plane
-from softlab.model.tables.fluid import SPEED_SHARE
+from softlab.model.tables.fluid import SUPPORTS_PER_SUBSTEP
 
-UPRIGHT = 0.9  # component along y of the unit normal of a floor, at least
+FLOOR_NORMAL = 0.9  # component along y of the unit normal of a floor, at least
 
 
 def fall_height(scene: Scene) -> float:
@@ -20,17 +20,17 @@ def fall_height(scene: Scene) -> float:
     It is measured from the highest initial particle to the highest floor below all of them, or to the lowest particle
     where there is no floor.
     """
-    found = scene.fluid_set
-    height = found.position[found.there(found.position), 1]
+    fluids = scene.fluid_set
+    height = fluids.position[fluids.there(fluids.position), 1]
     if not len(height):
         return 0.0
-    lowest, highest = float(height.min()) - found.spacing / 2, float(height.max()) + found.spacing / 2
+    lowest, highest = float(height.min()) - fluids.spacing / 2, float(height.max()) + fluids.spacing / 2
     floors = [
         part.point[1]
         for _, part in scene.colliders
         if isinstance(part, Plane)
-        and part.normal[1] > UPRIGHT * hypot(*part.normal)
-        and part.point[1] <= lowest + found.spacing / 2
+        and part.normal[1] > FLOOR_NORMAL * hypot(*part.normal)
+        and part.point[1] <= lowest + fluids.spacing / 2
     ]
     return highest - min(lowest, max(floors, default=lowest))
 
@@ -40,11 +40,11 @@ def expected_speeds(scene: Scene) -> dict[str, tuple[float, str]]:
 
     It is the fastest initial speed, or sqrt(2 g H) of a fall by H (E. Torricelli).
     """
-    found, speeds = scene.fluid_set, {}
+    fluids, speeds = scene.fluid_set, {}
     gravity = abs(scene.gravity.acceleration) if scene.gravity and scene.gravity.enabled else 0.0
-    height, there = fall_height(scene), found.there(found.position)
+    height, there = fall_height(scene), fluids.there(fluids.position)
     for number, (name, part) in enumerate(scene.fluids.items()):
-        start = float(np.sqrt((found.velocity[there & (found.fluid == number)] ** 2).sum(axis=1)).max(initial=0.0))
+        start = float(np.sqrt((fluids.velocity[there & (fluids.fluid == number)] ** 2).sum(axis=1)).max(initial=0.0))
         fall = sqrt(2 * gravity * abs(part.buoyancy) * height)
         speeds[name] = (
             (start, "starts with") if start > fall else (fall, f"reaches in a fall by {height:.3g} m, sqrt(2 g H)")
@@ -59,11 +59,11 @@ def speed_lines(scene: Scene) -> list[str]:
     lines = []
     for name, (speed, why) in (expected_speeds(scene) if scene.fluids else {}).items():
         part, method = scene.fluids[name], scene.method
-        limit, own = speed_limit(scene, part), SPEED_SHARE * part.support_radius
-        if limit * (1 + 1e-9) < own * method.substeps / method.dt or limit >= speed:
+        limit, stable = speed_limit(scene, part), SUPPORTS_PER_SUBSTEP * part.support_radius
+        if limit * (1 + 1e-9) < stable * method.substeps / method.dt or limit >= speed:
             continue  # a maximum_speed was stated, or nothing is slowed
         lines.append(
             f"{name}: no particle goes faster than {limit:.3g} m/s, half a support a substep, but it {why} "
-            f"{speed:.3g} m/s; method.substeps = {ceil(speed * method.dt / own)} (now {method.substeps}) would allow that"
+            f"{speed:.3g} m/s; method.substeps = {ceil(speed * method.dt / stable)} (now {method.substeps}) would allow that"
         )
     return lines

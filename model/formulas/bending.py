@@ -73,7 +73,7 @@ def make_isometric(real, compiled=plain):
         return (wa * (ka * ka) + wb * (kb * kb)) + (wc * (kc * kc) + wd * (kd * kd))
 
     @compiled
-    def kept_part(x, y, z, rest):
+    def shortening(x, y, z, rest):
         """Factor that shortens k = (x, y, z) [m] by `rest` [m]. It is 1 where the square of k is below the normal
         numbers, for which `fast` math has no root."""
         squared = squared_length(x, y, z)
@@ -84,10 +84,10 @@ def make_isometric(real, compiled=plain):
         """Change of the multiplier [m], one axis."""
         return (-(part * k) - compliance * multiplier) * reciprocal
 
-    found = SimpleNamespace(
-        curvature=curvature, square_sum=square_sum, kept_part=kept_part, isometric_change=isometric_change
+    functions = SimpleNamespace(
+        curvature=curvature, square_sum=square_sum, shortening=shortening, isometric_change=isometric_change
     )  # fmt: skip
-    return joined(make(real, compiled), found)
+    return joined(make(real, compiled), functions)
 
 
 def make_dihedral(real, compiled=plain):
@@ -152,8 +152,8 @@ def make_dihedral(real, compiled=plain):
         change = (-(four * edge * (t - rest)) - compliance * multiplier) * reciprocal
         return change, change * steep
 
-    found = SimpleNamespace(
+    functions = SimpleNamespace(
         dot=dot, hinge=hinge, by_ends=by_ends, steepness=steepness,
         gradient_sum=gradient_sum, dihedral_change=dihedral_change,
     )  # fmt: skip
-    return joined(make(real, compiled), found)
+    return joined(make(real, compiled), functions)

@@ -50,8 +50,8 @@ def make(real, compiled=plain):
             if tangential <= -normal * static_friction:
                 rx, ry, rz = zero, zero, zero
             elif dynamic_friction > zero:
-                keep = one - dynamic_friction * -normal / tangential
-                rx, ry, rz = keep * rx, keep * ry, keep * rz
+                remaining = one - dynamic_friction * -normal / tangential
+                rx, ry, rz = remaining * rx, remaining * ry, remaining * rz
         return cx + rx, cy + ry, cz + rz
 
     @compiled
@@ -77,8 +77,8 @@ def make(real, compiled=plain):
             if tangential <= taken * static_friction:
                 rx, ry, rz = zero, zero, zero
             elif dynamic_friction > zero:
-                keep = one - dynamic_friction * taken / tangential
-                rx, ry, rz = keep * rx, keep * ry, keep * rz
+                remaining = one - dynamic_friction * taken / tangential
+                rx, ry, rz = remaining * rx, remaining * ry, remaining * rz
             rx, ry, rz = rx + back * nx, ry + back * ny, rz + back * nz
         return cx + rx, cy + ry, cz + rz
 
@@ -99,7 +99,7 @@ def make(real, compiled=plain):
 def make_distances(real, compiled, root):
     """Make the distances `plane`, `sphere`, `capsule`, `box` and the swept `sphere_entry`, in the arithmetic `real`."""
     zero, one = real(0), real(1)
-    touching = real(1e-3)  # of the squared `reach`: a mass this near to a ball is in contact
+    touching = real(1e-3)  # of the squared `radius`: a mass this near to a ball is in contact
 
     @compiled
     def from_center(dx, dy, dz, radius):
@@ -140,23 +140,23 @@ def make_distances(real, compiled, root):
         return from_center(ox, oy, oz, zero)
 
     @compiled
-    def sphere_entry(ax, ay, az, bx, by, bz, reach):
-        """Fraction of the segment from a to b (relative to the ball's centre) after which a mass comes within `reach`
+    def sphere_entry(ax, ay, az, bx, by, bz, radius):
+        """Fraction of the segment from a to b (relative to the ball's centre) after which a mass comes within `radius`
         of the centre.
 
         It is 1 where the mass does not come that near or began inside. It is also 1 where the mass ends inside, in the
         half of the ball that it came from (where pushing it out is right), and where it ends in that half after it
         began in contact. A mass in contact may be outside or inside by rounding: both count as outside, and one that
-        would pass through stops where it is. |a + t (b - a)|^2 = reach^2, the smaller root: this keeps a fast ball from
+        would pass through stops where it is. |a + t (b - a)|^2 = radius^2, the smaller root: this keeps a fast ball from
         passing between two steps.
         """
         dx, dy, dz = bx - ax, by - ay, bz - az
         squared = (dx * dx + dy * dy) + dz * dz
         toward = (ax * dx + ay * dy) + az * dz
-        outside = (ax * ax + ay * ay) + az * az - reach * reach
+        outside = (ax * ax + ay * ay) + az * az - radius * radius
         beyond = (ax * bx + ay * by) + az * bz
-        inside_end = (bx * bx + by * by) + bz * bz < reach * reach
-        contact = touching * reach * reach
+        inside_end = (bx * bx + by * by) + bz * bz < radius * radius
+        contact = touching * radius * radius
         discriminant = toward * toward - squared * outside
         if (
             outside < -contact

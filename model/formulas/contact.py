@@ -177,7 +177,7 @@ def make_projection(real, compiled=plain):
     zero, one = real(0), real(1)
 
     @compiled
-    def held_distance(thickness, rest, gap, push):
+    def enforced_distance(thickness, rest, gap, push):
         """Distance [m] that the contact enforces: the thickness, but no more than the flat sheet has there (or
         neighbours would repel each other), and for a contact that began nearer no more than `push` beyond its gap."""
         return min(min(thickness, rest), gap + push)
@@ -234,10 +234,10 @@ def make_projection(real, compiled=plain):
         return (depth * n - slipping * tangential) * inverse_stiffness
 
     @compiled
-    def taken(total, share, moved):
-        """Sum of displacements minus the displacement `moved` of one contact times the corner's weight `share`, one
+    def taken(total, weight, moved):
+        """Sum of displacements minus the displacement `moved` of one contact times the corner's weight `weight`, one
         axis."""
-        return total - share * moved
+        return total - weight * moved
 
     @compiled
     def shifted(position, weight, total):
@@ -245,6 +245,6 @@ def make_projection(real, compiled=plain):
         return position + weight * total
 
     return SimpleNamespace(
-        held_distance=held_distance, away=away, mixed=mixed, first_weight=first_weight, stiffness=stiffness, inverse=inverse,
-        slip=slip, along=along, correction=correction, rubbed=rubbed, taken=taken, shifted=shifted,
+        enforced_distance=enforced_distance, away=away, mixed=mixed, first_weight=first_weight, stiffness=stiffness,
+        inverse=inverse, slip=slip, along=along, correction=correction, rubbed=rubbed, taken=taken, shifted=shifted,
     )  # fmt: skip

@@ -94,9 +94,9 @@ def make(real, compiled=plain):
         return position + weight * (scale * d)
 
     @compiled
-    def tether(squared, reach):
-        """Factor that shortens the vector d from an anchor to at most `reach` [m]."""
-        return reach * inverse_length(squared) if squared > reach * reach else one
+    def tether(squared, max_distance):
+        """Factor that shortens the vector d from an anchor to at most `max_distance` [m]."""
+        return max_distance * inverse_length(squared) if squared > max_distance * max_distance else one
 
     @compiled
     def tethered(position, anchor, d, factor):
@@ -116,12 +116,12 @@ def make_substep(real, compiled=plain):
     one = real(1)
 
     @compiled
-    def kicked(velocity, keep, h, acceleration):
-        """Velocity [m/s] of the prediction, one axis: damped by the factor `keep`, then accelerated."""
-        return velocity * keep + h * acceleration
+    def kicked(velocity, factor, h, acceleration):
+        """Velocity [m/s] of the prediction, one axis: damped by the factor `factor`, then accelerated."""
+        return velocity * factor + h * acceleration
 
     @compiled
-    def kept(drag, weight):
+    def damping_factor(drag, weight):
         """Damping factor of the velocity of a mass of that weight: 1 - h c / m."""
         return one - drag * weight
 
@@ -145,7 +145,9 @@ def make_substep(real, compiled=plain):
         """Acceleration plus that of a force over the sheet's mass [m/s^2] on a mass of that weight, one axis."""
         return acceleration + weight * force
 
-    return SimpleNamespace(kicked=kicked, kept=kept, slowed=slowed, predicted=predicted, rate=rate, added=added)
+    return SimpleNamespace(
+        kicked=kicked, damping_factor=damping_factor, slowed=slowed, predicted=predicted, rate=rate, added=added
+    )
 
 
 def make_jacobi(real, compiled=plain):
@@ -153,7 +155,7 @@ def make_jacobi(real, compiled=plain):
     zero, one = real(0), real(1)
 
     @compiled
-    def share(valence, weight):
+    def weighted_valence(valence, weight):
         """Contribution of a mass to the denominator of each of its constraints in the weighted Jacobi ordering."""
         return valence * weight
 
@@ -173,4 +175,4 @@ def make_jacobi(real, compiled=plain):
         stays."""
         return position + (weight * total) * (one / valence) if valence > zero else position
 
-    return SimpleNamespace(share=share, scaled=scaled, gathered=gathered, averaged=averaged)
+    return SimpleNamespace(weighted_valence=weighted_valence, scaled=scaled, gathered=gathered, averaged=averaged)

@@ -117,8 +117,8 @@ def make(real, compiled=plain, bounces=False, in_place=False):
     respond, rebound, touching, slid = (
         answers.respond, answers.rebound, make_frame(real, compiled).touching, answers.slid
     )  # fmt: skip
-    found = make_field(real, compiled, between)
-    sample, entry = found.sample, found.entry
+    field_functions = make_field(real, compiled, between)
+    sample, entry = field_functions.sample, field_functions.entry
 
     @compiled
     def speed_of(pair):
@@ -137,7 +137,7 @@ def make(real, compiled=plain, bounces=False, in_place=False):
         the mass is pushed along the gradient by what its distance lacks of `thickness`, at most ROUNDS times. Where
         there is no gradient, it is pushed back along its path, and up where it has not moved.
         """
-        met, reach = False, thickness
+        touched, limit = False, thickness
         wx, wy, wz = ax - x, ay - y, az - z
         length = norm(wx, wy, wz)
         part = entry(numbers, field, ax, ay, az, x, y, z, length)
@@ -145,7 +145,7 @@ def make(real, compiled=plain, bounces=False, in_place=False):
             x, y, z = between(ax, x, part), between(ay, y, part), between(az, z, part)
         for _ in range(ROUNDS):
             distance, nx, ny, nz = sample(numbers, field, x, y, z)
-            if not distance < reach:
+            if not distance < limit:
                 break
             size = norm(nx, ny, nz)
             if not size * numbers[field + 6] > null:
@@ -167,7 +167,7 @@ def make(real, compiled=plain, bounces=False, in_place=False):
                 if part == one:  # a path that was cut off has already lost what friction would remove
                     dx, dy, dz = slid(settling[1], vx, vy, vz, bx, by, bz, nx, ny, nz)
                     x, y, z = x + dx, y + dy, z + dz
-            met, reach = True, settled * thickness
-        return met, x, y, z, vx, vy, vz
+            touched, limit = True, settled * thickness
+        return touched, x, y, z, vx, vy, vz
 
-    return joined(found, SimpleNamespace(settle=settle, touch=touching(settle)))
+    return joined(field_functions, SimpleNamespace(settle=settle, touch=touching(settle)))

@@ -14,13 +14,13 @@ from softlab.model.formulas.motion import make as make_motion
 
 
 def make(real, compiled=plain):
-    """Make `turned` and `touching` in the arithmetic `real`."""
+    """Make `rotated` and `touching` in the arithmetic `real`."""
     zero, one = real(0), real(1)
     sums = make_cloth(real, compiled)
     moved, cross, sine_cosine = sums.moved, sums.cross, make_motion(real, compiled).sine_cosine
 
     @compiled
-    def turned(x, y, z, ux, uy, uz, sine, cosine):
+    def rotated(x, y, z, ux, uy, uz, sine, cosine):
         """(x, y, z) rotated about the unit axis u: O. Rodrigues' a' = a + sin t + (1 - cos) n, t = u x a, n = u x t."""
         tx, ty, tz = cross(ux, uy, uz, x, y, z)
         nx, ny, nz = cross(ux, uy, uz, tx, ty, tz)
@@ -53,22 +53,22 @@ def make(real, compiled=plain):
             sine, cosine = zero, one
             if spin != zero:
                 sine, cosine = sine_cosine(turns * begin)
-                ax, ay, az = turned(ax, ay, az, ex, ey, ez, -sine, cosine)
+                ax, ay, az = rotated(ax, ay, az, ex, ey, ez, -sine, cosine)
                 sine, cosine = sine_cosine(turns * end)
-                x, y, z = turned(x, y, z, ex, ey, ez, -sine, cosine)
-                wx, wy, wz = turned(wx, wy, wz, ex, ey, ez, -sine, cosine)
-                qx, qy, qz = turned(qx, qy, qz, ex, ey, ez, -sine, cosine)
-            met, x, y, z, wx, wy, wz = settle(
+                x, y, z = rotated(x, y, z, ex, ey, ez, -sine, cosine)
+                wx, wy, wz = rotated(wx, wy, wz, ex, ey, ez, -sine, cosine)
+                qx, qy, qz = rotated(qx, qy, qz, ex, ey, ez, -sine, cosine)
+            touched, x, y, z, wx, wy, wz = settle(
                 numbers, place, thickness, static, dynamic, spin * ex, spin * ey, spin * ez, qx, qy, qz, ax, ay, az, x, y,
                 z, wx, wy, wz, restitution, settling,
             )  # fmt: skip
-            if not met:
+            if not touched:
                 return px, py, pz, vx, vy, vz
             if spin != zero:
-                x, y, z = turned(x, y, z, ex, ey, ez, sine, cosine)
-                wx, wy, wz = turned(wx, wy, wz, ex, ey, ez, sine, cosine)
+                x, y, z = rotated(x, y, z, ex, ey, ez, sine, cosine)
+                wx, wy, wz = rotated(wx, wy, wz, ex, ey, ez, sine, cosine)
             return ox + x, oy + y, oz + z, wx, wy, wz
 
         return touch
 
-    return SimpleNamespace(turned=turned, touching=touching)
+    return SimpleNamespace(rotated=rotated, touching=touching)

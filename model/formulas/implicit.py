@@ -38,7 +38,7 @@ NEWTON_TOLERANCE = 1e-8  # of the step's first residual
 LINEAR_TOLERANCE = 1e-6  # of the residual, where one matrix is all
 LOOSEST = 1e-2  # fraction of a residual that conjugate gradients may leave to the next Newton step
 FORCING = 0.9
-TURNED = 0.9  # fraction of the slope that may have changed sign at a Newton step's end
+OVERSHOOT = 0.9  # fraction of the slope that may have changed sign at a Newton step's end
 
 
 def make(real, compiled=plain):
@@ -78,9 +78,9 @@ def make(real, compiled=plain):
         return ((begin - velocity) + dt * acceleration) - dt_rate * velocity
 
     @compiled
-    def applied(entry, pulls, own):
-        """A times the entry, one axis. `pulls`: the sum of `product_3d` over the springs; `own`: 1 + dt rate."""
-        return own * entry - pulls
+    def applied(entry, pulls, diagonal):
+        """A times the entry, one axis. `pulls`: the sum of `product_3d` over the springs; `diagonal`: 1 + dt rate."""
+        return diagonal * entry - pulls
 
     @compiled
     def added(value, factor, other):
@@ -99,7 +99,7 @@ def make_control(real, compiled=plain, linear=False):
     """
     zero, half = real(0), real(0.5)
     tolerance, most_left = real(NEWTON_TOLERANCE**2), real(LINEAR_TOLERANCE**2 if linear else LOOSEST**2)
-    least_left, forcing, of_noise, turned = real(LINEAR_TOLERANCE**2), real(FORCING**2), real(0.01), real(TURNED)
+    least_left, forcing, of_noise, overshoot = real(LINEAR_TOLERANCE**2), real(FORCING**2), real(0.01), real(OVERSHOOT)
     newton_steps = 1 if linear else MAX_NEWTON
 
     @compiled
@@ -123,7 +123,7 @@ def make_control(real, compiled=plain, linear=False):
         newton, halvings, _ = counts
         first, before, limit, slope, gamma, alpha, beta = values
         squared, along, velocity_squared = sums
-        if newton > 0 and halvings < MAX_HALVINGS and along < -(turned * slope):
+        if newton > 0 and halvings < MAX_HALVINGS and along < -(overshoot * slope):
             return RETREAT, (newton, halvings + 1, 0), (first, before, limit, half * slope, gamma, alpha, beta)
         left = most_left
         if newton == 0:

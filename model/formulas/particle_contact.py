@@ -56,7 +56,7 @@ def make(real, compiled=plain):
         return one / stiffness if stiffness > zero else zero
 
     @compiled
-    def held(distance, bx, by, bz, push):
+    def enforced_distance(distance, bx, by, bz, push):
         """Distance [m] that the contact enforces: `distance`, but for a contact that began the substep nearer (b), no
         more than `push` beyond that."""
         return min(distance, sqrt(squared_length_3d(bx, by, bz)) + push)
@@ -70,11 +70,11 @@ def make(real, compiled=plain):
         return length, zero, -one if first else one, zero
 
     @compiled
-    def depth(length, kept, distance, pull):
+    def depth(length, enforced, distance, pull):
         """Correction [m] of the distance along the normal. Negative: adhesion pulls particles beyond `distance`
         together, by at most `pull`."""
-        if length < kept:
-            return kept - length
+        if length < enforced:
+            return enforced - length
         return max(distance - length, -pull) if length > distance else zero
 
     @compiled
@@ -94,19 +94,19 @@ def make(real, compiled=plain):
         return dynamic_friction * pressed / sliding
 
     @compiled
-    def added(total, share, depth, n):
+    def added(total, fraction, depth, n):
         """Sum of displacements plus that of a contact, one axis."""
-        return total + share * (depth * n)
+        return total + fraction * (depth * n)
 
     @compiled
-    def pressed(total, share, depth):
+    def pressed(total, fraction, depth):
         """Normal impulse, times h, of a contact of two rigid bodies in a substep so far."""
-        return total + share * depth
+        return total + fraction * depth
 
     @compiled
-    def added_friction(total, share, depth, n, gripped, s):
+    def added_friction(total, fraction, depth, n, gripped, s):
         """Sum of displacements plus that of a contact with friction, one axis."""
-        return total + share * (depth * n - gripped * s)
+        return total + fraction * (depth * n - gripped * s)
 
     @compiled
     def moved(position, weight, total):
@@ -114,8 +114,8 @@ def make(real, compiled=plain):
         return position + weight * total
 
     contacts = SimpleNamespace(
-        squared=squared, scaled=scaled, within=within, split=split, held=held, direction=direction, depth=depth, slip=slip,
-        grip=grip, added=added, pressed=pressed, added_friction=added_friction, moved=moved,
+        squared=squared, scaled=scaled, within=within, split=split, enforced_distance=enforced_distance, direction=direction,
+        depth=depth, slip=slip, grip=grip, added=added, pressed=pressed, added_friction=added_friction, moved=moved,
     )  # fmt: skip
     return joined(contacts, make_end(real, compiled, squared_length_3d))
 
@@ -128,8 +128,8 @@ def make_end(real, compiled, squared_length_3d):
     @compiled
     def touching(squared_distance, distance):
         """True if two particles touch at the substep's end."""
-        reach = beside * distance
-        return squared_distance < reach * reach
+        limit = beside * distance
+        return squared_distance < limit * limit
 
     @compiled
     def lacking(ax, ay, az, bx, by, bz, nx, ny, nz, restitution, settling):
@@ -160,12 +160,12 @@ def make_end(real, compiled, squared_length_3d):
         return lack if pressed > zero and -lack > left * settling else zero
 
     @compiled
-    def impulse(share, lack, pressed, inverse_h):
+    def impulse(fraction, lack, pressed, inverse_h):
         """Impulse of a contact of two rigid bodies. It removes at most what `pressed` them apart."""
-        return max(share * lack, -(pressed * inverse_h))
+        return max(fraction * lack, -(pressed * inverse_h))
 
     @compiled
-    def struck(total, impulse, n):
+    def impulse_added(total, impulse, n):
         """Sum of impulses plus that of a contact, one axis."""
         return total + impulse * n
 
@@ -185,6 +185,6 @@ def make_end(real, compiled, squared_length_3d):
         return before if length < asleep else position
 
     return SimpleNamespace(
-        touching=touching, lacking=lacking, parting=parting, impulse=impulse, struck=struck, far=far, shortened=shortened,
-        rested=rested,
+        touching=touching, lacking=lacking, parting=parting, impulse=impulse, impulse_added=impulse_added, far=far,
+        shortened=shortened, rested=rested,
     )  # fmt: skip

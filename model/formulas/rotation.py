@@ -45,7 +45,7 @@ OPERATIONS_MATRIX = 28
 OPERATIONS_NEAR = {4: 567, 8: 779}  # by the bytes of a number
 
 # In units of eps, A's largest entry being 1.
-KEPT = 8  # |b| below which a rotation is unchanged, so that bodies at rest stay at rest: rounding of 0
+UNCHANGED = 8  # |b| below which a rotation is unchanged, so that bodies at rest stay at rest: rounding of 0
 REACHED = 16  # |b| of the nearest rotation
 SLACK = 32  # how far H's eigenvalues may be below 0: the rounding of three pivots
 LEAST = 1024  # added to H, so that where A does not determine a rotation, rounding rotates by hundredths at most
@@ -53,7 +53,7 @@ LEAST = 1024  # added to H, so that where A does not determine a rotation, round
 
 def make_2d(real, compiled=plain):
     """Make rotation_2d in the arithmetic `real`."""
-    zero, one, kept = real(0), real(1), real((KEPT * float(np.finfo(real).eps)) ** 2)
+    zero, one, unchanged = real(0), real(1), real((UNCHANGED * float(np.finfo(real).eps)) ** 2)
     normal = real(4 * np.finfo(real).tiny)  # its reciprocal is finite
 
     @compiled
@@ -68,9 +68,9 @@ def make_2d(real, compiled=plain):
         c = scale * xx + scale * yy
         s = scale * yx - scale * xy
         squared = c * c + s * s
-        found = squared > kept
-        length = sqrt(squared if found else one)
-        return c / length if found else cosine, s / length if found else sine
+        distinct = squared > unchanged
+        length = sqrt(squared if distinct else one)
+        return c / length if distinct else cosine, s / length if distinct else sine
 
     return rotation_2d
 
@@ -116,7 +116,7 @@ def make_near(real, compiled, quaternions):
     """Make `rotation_3d_near` and `normalised` in the arithmetic `real`."""
     zero, half, one, two, four = real(0), real(0.5), real(1), real(2), real(4)
     eps, normal = float(np.finfo(real).eps), real(4 * np.finfo(real).tiny)
-    kept, reached = real((KEPT * eps) ** 2), real((REACHED * eps) ** 2)
+    unchanged, reached = real((UNCHANGED * eps) ** 2), real((REACHED * eps) ** 2)
     slack, least = real(SLACK * eps), real(LEAST * eps)
     steps = 2 if real is np.float32 else 3  # enough from 30 degrees, for nearly all random matrices
     dot, matrix_of, unit = make_lengths(real, compiled).dot, quaternions.matrix_of, quaternions.unit
@@ -151,7 +151,7 @@ def make_near(real, compiled, quaternions):
         bx, by, bz, hxx, hxy, hxz, hyy, hyz, hzz = seen_from(xx, xy, xz, yx, yy, yz, zx, zy, zz, w, x, y, z)
         squared = dot(bx, by, bz, bx, by, bz)
         gx, gy, gz = dot(hxx, hxy, hxz, bx, by, bz), dot(hxy, hyy, hyz, bx, by, bz), dot(hxz, hyz, hzz, bx, by, bz)
-        along = dot(gx, gy, gz, bx, by, bz) / max(squared, kept)
+        along = dot(gx, gy, gz, bx, by, bz) / max(squared, unchanged)
         e = least + half * (sqrt(along * along + four * squared) - along)
         first = max(abs(hxx + e), least)
         lower_y, lower_z = hxy / first, hxz / first
@@ -166,7 +166,7 @@ def make_near(real, compiled, quaternions):
         nw, nx = w - ((x * ux + y * uy) + z * uz), x + ((w * ux + y * uz) - z * uy)
         ny, nz = y + ((w * uy + z * ux) - x * uz), z + ((w * uz + x * uy) - y * ux)
         nw, nx, ny, nz = unit(nw, nx, ny, nz)
-        go = squared > kept
+        go = squared > unchanged
         return nw if go else w, nx if go else x, ny if go else y, nz if go else z
 
     @compiled

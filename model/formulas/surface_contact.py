@@ -16,16 +16,16 @@ from softlab.model.formulas import plain
 from softlab.model.formulas.contact import make as make_contact
 from softlab.model.formulas.lengths import make as make_lengths
 
-UPRIGHT = 0.99999  # cosine of n with the triangle's normal above which n is that normal
+ALIGNED = 0.99999  # cosine of n with the triangle's normal above which n is that normal
 PAST = 2.0**-10  # of a triangle beyond its edges, so that a path through an edge passes one of its triangles
-NONE, ITS_OWN, PASSED, NEAREST = range(4)  # what a contact's depth is checked against, see `checked`
-SHARE = 0.25  # added to a corner's weight where its particle's mass is split: levers act where the weight is 0, too
+NONE, BY_TRIANGLE, PASSED, NEAREST = range(4)  # what a contact's depth is checked against, see `checked`
+SPLIT_OFFSET = 0.25  # added to a corner's weight where its particle's mass is split: levers act at weight 0, too
 
 
 def make(real, compiled=plain):
-    """Make `outward`, `kept_by`, `load`, `split` and the functions of `make_current`, in `real`. Vectors are three
+    """Make `outward`, `scaled_length`, `load`, `split` and the functions of `make_current`, in `real`. Vectors are three
     numbers."""
-    zero, behind, share = real(0), real(0.25), real(SHARE)
+    zero, behind, offset = real(0), real(0.25), real(SPLIT_OFFSET)
     lengths = make_lengths(real, compiled)
     dot, cross, length = lengths.dot, lengths.cross, lengths.length
 
@@ -52,7 +52,7 @@ def make(real, compiled=plain):
     @compiled
     def load(weight):
         """Part of a corner of this weight in the split of its particle's mass, where surfaces rub."""
-        return weight + share
+        return weight + offset
 
     @compiled
     def split(weight, load, total):
@@ -60,19 +60,19 @@ def make(real, compiled=plain):
         return weight * total / load
 
     @compiled
-    def kept_by(ratio, length):
+    def scaled_length(ratio, length):
         """Length of a contact for a vertex whose lengths are `ratio` times those of the surfaces."""
         return ratio * length
 
     return SimpleNamespace(
-        outward=outward, kept_by=kept_by, load=load, split=split, **vars(make_current(real, compiled))
+        outward=outward, scaled_length=scaled_length, load=load, split=split, **vars(make_current(real, compiled))
     )
 
 
 def make_current(real, compiled=plain):
     """Make `checked`, `through`, `apart`, `rub` and its parts: a contact at its particles' current positions. Vectors
     are tuples of three numbers."""
-    zero, one, upright, past = real(0), real(1), real(UPRIGHT), real(PAST)
+    zero, one, aligned, past = real(0), real(1), real(ALIGNED), real(PAST)
     lengths, search = make_lengths(real, compiled), make_contact(real, compiled)
     dot, cross, length = lengths.dot, lengths.cross, lengths.length
     nearest, away, inverse, slip = search.nearest, search.away, search.inverse, search.slip
@@ -113,13 +113,13 @@ def make_current(real, compiled=plain):
 
     @compiled
     def checked(n, r, u, v, p, q, w, depth, distance):
-        """What limits `depth` > 0 [m], by the plane of a contact, to what the vertex lacks of the `distance`.
+        """Return the check that limits `depth` > 0 [m], by a contact's plane, to what the vertex lacks of the `distance`.
 
         n and the triangle's point are fixed for the substep, and the plane has no end: it reports a depth beside the
         triangle, too, where the two are apart. r: from that point to the vertex at the substep's start; u, v: the
         triangle's edges then; q, w: its edges now; p: from its first corner to the vertex.
 
-        NONE: the vertex began inside, and is as deep as n says. ITS_OWN: depth <= distance - `apart` of the triangle.
+        NONE: the vertex began inside, and is as deep as n says. BY_TRIANGLE: depth <= distance - `apart` of the triangle.
         PASSED: so, unless the vertex, now behind the plane, came `through` this triangle or one that shares a corner
         with it: then it is as deep as n says. NEAREST: so, with `apart` of the nearest of these triangles: n is the
         triangle's own normal, and the vertex is beside it, where the surface may go on.
@@ -128,9 +128,9 @@ def make_current(real, compiled=plain):
             return NONE
         b, c, _ = over(p, q, w)
         m = cross(u[0], u[1], u[2], v[0], v[1], v[2])
-        if (b < zero or c < zero or b + c > one) and abs(along(n, m)) >= upright * length(m[0], m[1], m[2]):
+        if (b < zero or c < zero or b + c > one) and abs(along(n, m)) >= aligned * length(m[0], m[1], m[2]):
             return NEAREST
-        return PASSED if depth > distance else ITS_OWN
+        return PASSED if depth > distance else BY_TRIANGLE
 
     @compiled
     def times(part, a):

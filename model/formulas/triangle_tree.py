@@ -34,7 +34,7 @@ SLACK = 8  # eps: rounding error of the product of an edge that a path hits
 
 
 def make_triangle(real, compiled, lengths):
-    """Make `crossing` and `way_from`, of one triangle, in the arithmetic `real`."""
+    """Make `crossing` and `from_triangle`, of one triangle, in the arithmetic `real`."""
     zero, one, two, slack = real(0), real(1), real(2), real(SLACK * float(np.finfo(real).eps))
     dot, cross = lengths.dot, lengths.cross
 
@@ -79,7 +79,7 @@ def make_triangle(real, compiled, lengths):
         return dot(wx, wy, wz, wx, wy, wz), wx, wy, wz
 
     @compiled
-    def way_from(qx, qy, qz, ax, ay, az, bx, by, bz, cx, cy, cz):
+    def from_triangle(qx, qy, qz, ax, ay, az, bx, by, bz, cx, cy, cz):
         """(squared length [m^2], vector [m]) from the nearest point of the triangle a, b, c to q.
 
         Where q lies above the triangle, along its normal; otherwise from the nearest edge.
@@ -109,7 +109,7 @@ def make_triangle(real, compiled, lengths):
             best, wx, wy, wz = other, ux, uy, uz
         return best, wx, wy, wz
 
-    return SimpleNamespace(crossing=crossing, way_from=way_from)
+    return SimpleNamespace(crossing=crossing, from_triangle=from_triangle)
 
 
 def make_tree(real, compiled=plain):
@@ -117,7 +117,7 @@ def make_tree(real, compiled=plain):
     `real`."""
     zero, two, lengths = real(0), real(2), make_lengths(real, compiled)
     triangle = make_triangle(real, compiled, lengths)
-    dot, cross, crossing, way_from = lengths.dot, lengths.cross, triangle.crossing, triangle.way_from
+    dot, cross, crossing, from_triangle = lengths.dot, lengths.cross, triangle.crossing, triangle.from_triangle
 
     @compiled
     def first_crossing(numbers, tree, px, py, pz, qx, qy, qz):
@@ -161,11 +161,11 @@ def make_tree(real, compiled=plain):
         return max(max(low - x, x - high), zero)
 
     @compiled
-    def nearest(numbers, tree, x, y, z, squared_reach):
+    def nearest(numbers, tree, x, y, z, squared_radius):
         """(squared distance, vector from the nearest point, index of its triangle or -1 where none is within the
         squared radius)."""
         count, node = np.int32(numbers[tree + 6]), np.int32(0)
-        best, place, wx, wy, wz = squared_reach, np.int32(-1), zero, zero, zero
+        best, place, wx, wy, wz = squared_radius, np.int32(-1), zero, zero, zero
         while node < count:
             at = np.int32(tree + (node << 3))
             dx = outside(numbers[at], x, numbers[at + 3])
@@ -175,7 +175,7 @@ def make_tree(real, compiled=plain):
                 triangle = np.int32(numbers[at + 7])
                 if triangle >= 0:
                     t = np.int32(tree + (count << 3) + (triangle << 3) + triangle)
-                    squared, ux, uy, uz = way_from(
+                    squared, ux, uy, uz = from_triangle(
                         x, y, z, numbers[t], numbers[t + 1], numbers[t + 2], numbers[t + 3], numbers[t + 4],
                         numbers[t + 5], numbers[t + 6], numbers[t + 7], numbers[t + 8],
                     )  # fmt: skip
@@ -235,7 +235,7 @@ def make(real, compiled=plain, bounces=False, in_place=False):
         `thickness`. A moved mass is tested again, ROUNDS times. If even then a triangle lies between its old and its
         new position, it stays at the old one, so that no mass changes sides from step to step.
         """
-        met, reach = False, thickness
+        touched, limit = False, thickness
         for attempt in range(ROUNDS + 1):
             part, place = first_crossing(numbers, tree, ax, ay, az, x, y, z)
             crossing = place
@@ -249,7 +249,7 @@ def make(real, compiled=plain, bounces=False, in_place=False):
                 y = pushed(between(ay, y, part), thickness, ny)
                 z = pushed(between(az, z, part), thickness, nz)
             else:
-                squared, nx, ny, nz, place = nearest(numbers, tree, x, y, z, reach * reach)
+                squared, nx, ny, nz, place = nearest(numbers, tree, x, y, z, limit * limit)
                 if place < 0 or attempt == ROUNDS:
                     break
                 distance = sqrt(squared)
@@ -271,7 +271,7 @@ def make(real, compiled=plain, bounces=False, in_place=False):
                 if crossing < 0:  # a path that was cut off has already lost what friction would remove
                     dx, dy, dz = slid(settling[1], vx, vy, vz, bx, by, bz, nx, ny, nz)
                     x, y, z = x + dx, y + dy, z + dz
-            met, reach = True, settled * thickness
-        return met, x, y, z, vx, vy, vz
+            touched, limit = True, settled * thickness
+        return touched, x, y, z, vx, vy, vz
 
     return joined(tree_walks, SimpleNamespace(settle=settle, touch=touching(settle)))

@@ -56,42 +56,42 @@ def colour(constraints: np.ndarray, vertex_count: int, seed: int = 0) -> Colouri
             f"meet at vertex {int(np.argmax(valence))} (counted from 0), and at most {MAX_COLOURS} can; {RINGS}",
         )
     generator = np.random.default_rng(seed)
-    given = _greedy(vertices, vertex_count, generator.permutation(len(vertices)))
+    colours = _greedy(vertices, vertex_count, generator.permutation(len(vertices)))
     for turn in range(PASSES):
-        sizes = np.bincount(given)
+        sizes = np.bincount(colours)
         if not least < len(sizes) <= WORD:
             break
         order = generator.permutation(len(sizes)) if turn % 2 else np.arange(len(sizes))[::-1]
-        given = _again(vertices, vertex_count, given, order)
-    sizes = np.bincount(given)
+        colours = _again(vertices, vertex_count, colours, order)
+    sizes = np.bincount(colours)
     rank = np.empty(len(sizes), dtype=np.int64)
     rank[np.argsort(-sizes, kind="stable")] = np.arange(len(sizes))
-    order = np.argsort(rank[given], kind="stable").astype(np.int32)
+    order = np.argsort(rank[colours], kind="stable").astype(np.int32)
     return Colouring(order, offsets_of(np.sort(sizes)[::-1]), least)
 
 
 def _greedy(vertices: np.ndarray, vertex_count: int, priority: np.ndarray) -> np.ndarray:
     """Return the colours of the greedy colouring by ascending `priority` (n,), a permutation, (n,) int64."""
-    given = np.full(len(vertices), -1, dtype=np.int64)
+    colours = np.full(len(vertices), -1, dtype=np.int64)
     earliest = np.empty(vertex_count, dtype=np.int64)
     waiting, number = np.arange(len(vertices)), 0
     while len(waiting):
         blocked = np.zeros(vertex_count, dtype=bool)
         able = waiting
         while len(able):
-            at, own = vertices[able], priority[able][:, None]
+            at, ranks = vertices[able], priority[able][:, None]
             earliest[at] = len(vertices)
-            np.minimum.at(earliest, at, own)
-            takes = (earliest[at] == own).all(axis=1)
-            given[able[takes]] = number
+            np.minimum.at(earliest, at, ranks)
+            takes = (earliest[at] == ranks).all(axis=1)
+            colours[able[takes]] = number
             blocked[at[takes]] = True
             able = able[~blocked[at].any(axis=1)]
-        waiting = waiting[given[waiting] < 0]
+        waiting = waiting[colours[waiting] < 0]
         number += 1
         if len(waiting) and (vertices[waiting] == _hub(vertices[waiting])).any(axis=1).all():
-            given[waiting[np.argsort(priority[waiting])]] = number + np.arange(len(waiting))
+            colours[waiting[np.argsort(priority[waiting])]] = number + np.arange(len(waiting))
             break
-    return given
+    return colours
 
 
 def _hub(vertices: np.ndarray) -> int:
@@ -99,11 +99,11 @@ def _hub(vertices: np.ndarray) -> int:
     return int(np.bincount(vertices.ravel()).argmax())
 
 
-def _again(vertices: np.ndarray, vertex_count: int, given: np.ndarray, order: np.ndarray) -> np.ndarray:
+def _again(vertices: np.ndarray, vertex_count: int, colours: np.ndarray, order: np.ndarray) -> np.ndarray:
     """Return the lowest free colour for each constraint, all of a colour at once, colours in `order`, (n,) int64."""
-    members = np.split(np.argsort(given, kind="stable"), np.cumsum(np.bincount(given))[:-1])
+    members = np.split(np.argsort(colours, kind="stable"), np.cumsum(np.bincount(colours))[:-1])
     used = np.zeros(vertex_count, dtype=np.int64)  # a bit for each colour at the vertex
-    new = np.empty_like(given)
+    new = np.empty_like(colours)
     for old in order:
         at = vertices[members[old]]
         taken = np.bitwise_or.reduce(used[at], axis=1)

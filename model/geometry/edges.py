@@ -1,4 +1,4 @@
-"""What lies beside what in a triangle mesh: edges, the triangles at them and at each vertex, connected parts.
+"""Topology of a triangle mesh: edges, the triangles at them and at each vertex, connected parts.
 
 All by sorting, with no loop over triangles, so that a mesh of a million vertices takes seconds.
 """
@@ -57,19 +57,19 @@ class MeshEdges:
         return grouped(np.concatenate([high, low]), np.concatenate([low, high]), self.vertex_count)
 
     def boundary_loops(self) -> int:
-        """The number of holes and outer rims; two that share a vertex count as one."""
+        """Return the number of holes and outer rims; two that share a vertex count as one."""
         rim = self.edges[self.boundary]
         label = components(self.vertex_count, rim)
         return len(np.unique(label[rim[:, 0]]))
 
     def parts(self) -> int:
-        """The number of pieces that hang together by edges or vertices (vertices without a triangle are none)."""
+        """Return the number of pieces that hang together by edges or vertices (vertices without a triangle are none)."""
         label = components(self.vertex_count, self.edges)
         return len(np.unique(label[self.edges[:, 0]]))
 
 
 def mesh_edges(vertex_count: int, triangles: np.ndarray) -> MeshEdges:
-    """The edges of `triangles` (n, 3), each of three different vertices 0 ... vertex_count - 1.
+    """Return the edges of `triangles` (n, 3), each of three different vertices 0 ... vertex_count - 1.
 
     Raises NonManifold where more than two triangles meet at an edge: what bends there has no two sides.
     """
@@ -124,7 +124,7 @@ def edge_uses(vertex_count: int, triangles: np.ndarray) -> tuple[np.ndarray, np.
 
 
 def components(count: int, ends: np.ndarray) -> np.ndarray:
-    """(count,) int64: for each of `count` nodes the lowest node that edges `ends` (n, 2) join it to."""
+    """Return (count,) int64: for each of `count` nodes the lowest node that edges `ends` (n, 2) join it to."""
     from scipy.sparse import coo_array  # a tenth of a second, for those who have meshes
     from scipy.sparse.csgraph import connected_components
 

@@ -24,8 +24,8 @@ Attachments = tuple[np.ndarray, np.ndarray]
 
 
 def sheet_attachments(rest_position: np.ndarray, pinned: np.ndarray, count: int) -> Attachments:
-    """(anchor (particles, count) int32, distance (particles, count) float64 [m]) of a flat sheet: for each particle its
-    `count` nearest of the `pinned` ones, nearest first, the lower index first of equally near ones.
+    """Return (anchor (particles, count) int32, distance (particles, count) float64 [m]) of a flat sheet: for each
+    particle its `count` nearest of the `pinned` ones, nearest first, the lower index first of equally near ones.
 
     -1 and inf where there are fewer. `rest_position` (particles, dimensions) [m]. A k-d tree proposes; distances are computed
     here, rounded to KEY_BITS and sorted, so that the answer is the same on every machine. Raises SceneError (count).
@@ -38,8 +38,8 @@ def sheet_attachments(rest_position: np.ndarray, pinned: np.ndarray, count: int)
     taken = min(count, len(pinned))
     if taken == 0 or len(position) == 0:
         return anchor, distance
-    held = position[pinned]
-    tree = cKDTree(held)
+    pinned_position = position[pinned]
+    tree = cKDTree(pinned_position)
     largest = float(norm(np.ptp(position, axis=0))) or 1.0
     for begin in range(0, len(position), BLOCK):
         left, asked = np.arange(begin, min(begin + BLOCK, len(position))), taken
@@ -47,21 +47,21 @@ def sheet_attachments(rest_position: np.ndarray, pinned: np.ndarray, count: int)
             asked = min(2 * asked, len(pinned))
             here = position[left]
             near = tree.query(here, asked)[1].reshape(len(left), asked)
-            rounded = np.rint(_length(here, held, near) / largest * 2.0**KEY_BITS).astype(np.int64)
+            rounded = np.rint(_length(here, pinned_position, near) / largest * 2.0**KEY_BITS).astype(np.int64)
             key = np.sort(rounded << KEY_BITS | near, axis=1)[:, :taken]  # one number to sort by
             # who was not asked is no nearer than the last who was, but for rounding
             sure = (rounded[:, -1] > (key[:, -1] >> KEY_BITS) + 1) | (asked == len(pinned))
             chosen = key[sure] & (2**KEY_BITS - 1)
             anchor[left[sure], :taken] = pinned[chosen]
-            distance[left[sure], :taken] = _length(here[sure], held, chosen)
+            distance[left[sure], :taken] = _length(here[sure], pinned_position, chosen)
             left = left[~sure]
     return anchor, distance
 
 
 def mesh_attachments(position: np.ndarray, edges: MeshEdges, anchors: np.ndarray, count: int) -> Attachments:
-    """(anchor (vertices, count) int32, distance (vertices, count) float64 [m]) of a mesh: for each vertex its `count` nearest
-    of the vertices `anchors` along the edges of `position` (vertices, 3) [m], nearest first, the lower index first of
-    equally far ones; -1 and inf where fewer can be reached.
+    """Return (anchor (vertices, count) int32, distance (vertices, count) float64 [m]) of a mesh: for each vertex its
+    `count` nearest of the vertices `anchors` along the edges of `position` (vertices, 3) [m], nearest first, the lower
+    index first of equally far ones; -1 and inf where fewer can be reached.
 
     E. W. Dijkstra's labels (1959), `count` to a vertex, a front as deep as a mean edge at once and mended where it ran
     ahead (U. Meyer, P. Sanders, "Delta-stepping" (2003)): the same numbers as one after the other. Of our own, as those of
@@ -79,9 +79,9 @@ def mesh_attachments(position: np.ndarray, edges: MeshEdges, anchors: np.ndarray
         now = far <= far.min() + depth
         later = vertex[~now], source[~now], far[~now]
         vertex, source, far = vertex[now], source[now], far[now]
-        held = ((anchor[vertex] == source[:, None]) & (distance[vertex] == far[:, None])).any(axis=1)
-        front = _spread(vertex[held], source[held], far[held], neighbours, length)
-        new = _keep(*front, anchor, distance)
+        current = ((anchor[vertex] == source[:, None]) & (distance[vertex] == far[:, None])).any(axis=1)
+        front = _spread(vertex[current], source[current], far[current], neighbours, length)
+        new = _insert_labels(*front, anchor, distance)
         vertex, source, far = (np.concatenate(pair) for pair in zip(later, new, strict=True))
     return anchor, distance
 
@@ -90,14 +90,16 @@ Labels = tuple[np.ndarray, np.ndarray, np.ndarray]  # vertex, the anchor it has 
 
 
 def _spread(vertex: np.ndarray, source: np.ndarray, far: np.ndarray, neighbours: Lists, length: np.ndarray) -> Labels:
-    """The labels that those given hand on to all neighbours."""
+    """Return the labels that those given hand on to all neighbours."""
     start = neighbours.offsets[vertex]
     label, entry = ranges(start, neighbours.offsets[vertex + 1] - start)
     return neighbours.indices[entry].astype(np.int64), source[label], far[label] + length[entry]
 
 
-def _keep(vertex: np.ndarray, source: np.ndarray, far: np.ndarray, anchor: np.ndarray, distance: np.ndarray) -> Labels:
-    """Put the labels into the tables `anchor` and `distance` where they are among a vertex' nearest; those that were."""
+def _insert_labels(
+    vertex: np.ndarray, source: np.ndarray, far: np.ndarray, anchor: np.ndarray, distance: np.ndarray
+) -> Labels:
+    """Insert the labels that are among the nearest of their vertex into `anchor` and `distance`; return those inserted."""
     count = anchor.shape[1]
     better = far < distance[vertex, -1]
     better |= (far == distance[vertex, -1]) & (source < anchor[vertex, -1])
@@ -109,7 +111,7 @@ def _keep(vertex: np.ndarray, source: np.ndarray, far: np.ndarray, anchor: np.nd
     vertex = np.concatenate([vertex, np.repeat(touched, count)[old]])
     source = np.concatenate([source, anchor[touched].ravel()[old]])
     far = np.concatenate([far, distance[touched].ravel()[old]])
-    order = np.lexsort((far, source, vertex))  # of an anchor's several ways the shortest
+    order = np.lexsort((far, source, vertex))  # of an anchor's several paths the shortest
     order = order[_first(vertex[order], source[order])]
     order = order[np.lexsort((source[order], far[order], vertex[order]))]
     first = np.flatnonzero(_first(vertex[order]))
@@ -122,7 +124,7 @@ def _keep(vertex: np.ndarray, source: np.ndarray, far: np.ndarray, anchor: np.nd
 
 
 def _first(*columns: np.ndarray) -> np.ndarray:
-    """(n,) bool: rows that differ from the one before."""
+    """Return (n,) bool: rows that differ from the one before."""
     new = np.ones(len(columns[0]), dtype=bool)
     new[1:] = np.any([column[1:] != column[:-1] for column in columns], axis=0)
     return new
@@ -134,9 +136,9 @@ def _empty(particles: int, count: int) -> Attachments:
     return np.full((particles, count), -1, dtype=np.int32), np.full((particles, count), np.inf)
 
 
-def _length(here: np.ndarray, held: np.ndarray, candidate: np.ndarray) -> np.ndarray:
-    """(particles, candidates) [m]: from `here` (particles, dimensions) to `held[candidate]`."""
+def _length(here: np.ndarray, targets: np.ndarray, candidate: np.ndarray) -> np.ndarray:
+    """Return (particles, candidates) [m]: the distances from `here` (particles, dimensions) to `targets[candidate]`."""
     total = np.zeros(candidate.shape)
     for axis in range(here.shape[1]):
-        total += (held[candidate, axis] - here[:, None, axis]) ** 2
+        total += (targets[candidate, axis] - here[:, None, axis]) ** 2
     return np.sqrt(total)

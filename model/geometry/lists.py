@@ -34,12 +34,12 @@ def grouped(keys: np.ndarray, values: np.ndarray, count: int) -> Lists:
 
 
 def offsets_of(lengths: np.ndarray) -> np.ndarray:
-    """(lists + 1,) int32, from 0: where lists of `lengths` (lists,) begin, and where the last one ends."""
+    """Return (lists + 1,) int32, from 0: where lists of `lengths` (lists,) begin, and where the last one ends."""
     return np.concatenate([[0], np.cumsum(lengths)]).astype(np.int32)
 
 
 def ranges(first: np.ndarray, lengths: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(list, number) int64 (all entries,): of each list in turn whole numbers, from `first` (lists,) on, `lengths` (lists,)
-    of them."""
+    """Return (list, number) int64 (all entries,): of each list in turn whole numbers, from `first` (lists,) on,
+    `lengths` (lists,) of them."""
     owner = np.repeat(np.arange(len(lengths)), lengths)
     return owner, np.arange(len(owner)) + np.repeat(first - (np.cumsum(lengths) - lengths), lengths)

@@ -12,12 +12,13 @@ from softlab.model.geometry.arithmetic.ordered import combined, dot, norm, produ
 
 
 def edge_lengths(position: np.ndarray, ends: np.ndarray) -> np.ndarray:
-    """(edges,) float64 [m]: between the two points of `position` (points, 3) [m] that each row of `ends` (edges, 2) names."""
+    """Return (edges,) float64 [m]: between the two points of `position` (points, 3) [m] that each row of `ends` (edges,
+    2) names."""
     return norm(position[ends[:, 1]] - position[ends[:, 0]])
 
 
 def triangle_areas(position: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """(triangles,) float64 [m^2]: of `triangles` (n, 3) between points of `position` (points, 3) [m]."""
+    """Return (triangles,) float64 [m^2]: of `triangles` (n, 3) between points of `position` (points, 3) [m]."""
     a, b, c = (position[corner] for corner in triangles.T)
     return norm(np.cross(b - a, c - a)) / 2
 
@@ -29,7 +30,7 @@ def unit(vectors: np.ndarray) -> np.ndarray:
 
 
 def rotation_matrix(axis: np.ndarray, angle: float) -> np.ndarray:
-    """(3, 3) float64: the rotation about `axis` (3,), 1 long, by `angle` [rad], by Rodrigues' formula."""
+    """Return (3, 3) float64: the rotation about `axis` (3,), 1 long, by `angle` [rad], by Rodrigues' formula."""
     x, y, z = axis
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     s, c = sine_and_cosine(float(angle))
@@ -37,8 +38,8 @@ def rotation_matrix(axis: np.ndarray, angle: float) -> np.ndarray:
     return matrix
 
 
-def turned_about(axis: Sequence[float], degrees: float) -> np.ndarray:
-    """(3, 3) float64: the rotation about an `axis` of any length; by 0 degrees where it has none."""
+def rotation_about(axis: Sequence[float], degrees: float) -> np.ndarray:
+    """Return (3, 3) float64: the rotation about an `axis` of any length; the identity for a zero axis."""
     along = np.asarray(axis, dtype=np.float64)
     return rotation_matrix(along / (float(norm(along)) or 1.0), np.radians(fmod(degrees, 360.0)))
 
@@ -48,7 +49,7 @@ def _dots(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def nearest_weights(p: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """(n, 3) barycentric weights of the point of triangles q (n, 3, 3) nearest to points p (n, 3)."""
+    """Return (n, 3) barycentric weights of the point of triangles q (n, 3, 3) nearest to points p (n, 3)."""
     u, v, r = q[:, 1] - q[:, 0], q[:, 2] - q[:, 0], p - q[:, 0]
     uu, uv, vv, ru, rv = _dots(u, u), _dots(u, v), _dots(v, v), _dots(r, u), _dots(r, v)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -69,12 +70,15 @@ def nearest_weights(p: np.ndarray, q: np.ndarray) -> np.ndarray:
 
 
 def nearest_of(points: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(number (points,), weights (points, 3), distance (points,) [m]): of `points` (n, 3) the nearest of triangles (m, 3, 3),
-    the first of those that are as near, and its nearest point. Every triangle is looked at for every point."""
+    """Return the nearest of the triangles `corners` (m, 3, 3) to each of `points` (n, 3), by testing every pair.
+
+    Returns (number (points,), the first of equally near ones; weights (points, 3) of its nearest point; distance (points,)
+    [m]).
+    """
     number, weights, away = np.zeros(len(points), np.int64), np.zeros((len(points), 3)), np.zeros(len(points))
     for place, point in enumerate(points):
-        own = nearest_weights(np.broadcast_to(point, (len(corners), 3)), corners)
-        off = norm(combined(own, corners) - point)
+        nearest_on_each = nearest_weights(np.broadcast_to(point, (len(corners), 3)), corners)
+        off = norm(combined(nearest_on_each, corners) - point)
         number[place] = off.argmin()
-        weights[place], away[place] = own[number[place]], off[number[place]]
+        weights[place], away[place] = nearest_on_each[number[place]], off[number[place]]
     return number, weights, away

@@ -18,7 +18,7 @@ from softlab.model.base.errors import InputError
 from softlab.model.base.waiting import work
 from softlab.model.geometry.edges import MeshEdges, edge_uses, mesh_edges
 from softlab.model.geometry.mending.hull import bounding
-from softlab.model.geometry.mending.welding import many, tell, turned, welded
+from softlab.model.geometry.mending.welding import add_note, flip_mask, many, welded
 from softlab.model.geometry.mesh_files import check_indices, check_vertices, read_arrays, rows_of_three
 
 
@@ -40,7 +40,7 @@ class TriangleMesh:
     numbering: np.ndarray
 
     def lines(self) -> list[str]:
-        """What to tell a user of it: sizes, pieces, rims, repairs."""
+        """Return the lines that describe the mesh to a user: sizes, pieces, rims, repairs."""
         size = " x ".join(f"{length:.4g}" for length in np.ptp(self.position, axis=0))
         euler = len(self.position) - len(self.edges.edges) + len(self.triangles)
         rims = many(self.boundary_loops, "rim") if self.boundary_loops else "closed"
@@ -52,11 +52,11 @@ class TriangleMesh:
 
 
 def mesh_bytes(mesh: TriangleMesh | tuple[np.ndarray, np.ndarray]) -> bytes:
-    """All that tells a mesh, or its position and triangles, from another one: for keys of what is made of it."""
+    """Return bytes that identify a mesh, or its position and triangles, for keys of what is built from it."""
     position, triangles = mesh if isinstance(mesh, tuple) else (mesh.position, mesh.triangles)
     position, triangles = np.asarray(position, dtype=np.float64), np.asarray(triangles, dtype=np.int64)
-    told = [] if isinstance(mesh, tuple) else mesh.repairs
-    header = f"arrays {position.shape} {triangles.shape} {json.dumps(told)} "
+    repairs = [] if isinstance(mesh, tuple) else mesh.repairs
+    header = f"arrays {position.shape} {triangles.shape} {json.dumps(repairs)} "
     return header.encode() + position.tobytes() + triangles.tobytes()
 
 
@@ -89,50 +89,51 @@ def triangle_mesh(
     triangles = rows_of_three("triangles", triangles, np.int64)
     check_vertices(position)
     check_indices(len(position), triangles)
-    told = list(repairs or [])
-    place, triangles = welded(position, triangles, told)
+    notes = list(repairs or [])
+    place, triangles = welded(position, triangles, notes)
     if inside and (edge_uses(len(position), triangles)[1] > 2).any():
-        source, points, triangles = bounding(position, triangles, told)
+        source, points, triangles = bounding(position, triangles, notes)
         mesh = _finished(points, triangles, np.arange(len(points)), [])
         numbering = np.full(len(position), -1, dtype=np.int32)
         numbering[source[::-1]] = mesh.numbering[: len(source)][::-1]  # of several the first
-        return replace(mesh, numbering=numbering[place], repairs=(*told, *mesh.repairs))
-    return _finished(position, triangles, place, told)
+        return replace(mesh, numbering=numbering[place], repairs=(*notes, *mesh.repairs))
+    return _finished(position, triangles, place, notes)
 
 
-def _finished(position: np.ndarray, triangles: np.ndarray, place: np.ndarray, told: list[str]) -> TriangleMesh:
+def _finished(position: np.ndarray, triangles: np.ndarray, place: np.ndarray, notes: list[str]) -> TriangleMesh:
     """Return the mesh of `triangles` (n, 3) between places of vertices; `place` (vertices,): of each."""
     merged = int((place != np.arange(len(place))).sum())
-    numbering, position, triangles = _without_unused(position, triangles, place, merged, told)
+    numbering, position, triangles = _without_unused(position, triangles, place, merged, notes)
     edges = mesh_edges(len(position), triangles)
-    over = turned(edges)
+    over = flip_mask(edges)
     if over.any():
         triangles[over] = triangles[over][:, [0, 2, 1]]
         edges = mesh_edges(len(position), triangles)
         one, many = "was turned over to agree with its neighbours", "were turned over to agree with their neighbours"
-        tell(told, int(over.sum()), f"triangle {one}", f"triangles {many}")
+        add_note(notes, int(over.sum()), f"triangle {one}", f"triangles {many}")
     return TriangleMesh(
-        position, triangles, edges, tuple(told), edges.parts(), edges.boundary_loops(), numbering.astype(np.int32)
+        position, triangles, edges, tuple(notes), edges.parts(), edges.boundary_loops(), numbering.astype(np.int32)
     )
 
 
-def with_triangles(mesh: TriangleMesh, position: np.ndarray, triangles: np.ndarray, told: list[str]) -> TriangleMesh:
-    """Return `mesh` with vertices added behind its own, `position` (vertices, 3) [m] in all, other triangles, and repairs
-    `told`. Raises NonManifold."""
+def with_triangles(mesh: TriangleMesh, position: np.ndarray, triangles: np.ndarray, repairs: list[str]) -> TriangleMesh:
+    """Return `mesh` with vertices added behind the existing ones, `position` (vertices, 3) [m] in all, other triangles, and
+    `repairs`. Raises NonManifold.
+    """
     edges = mesh_edges(len(position), triangles)
     return TriangleMesh(
-        position, np.ascontiguousarray(triangles, dtype=np.int32), edges, tuple(told), edges.parts(),
+        position, np.ascontiguousarray(triangles, dtype=np.int32), edges, tuple(repairs), edges.parts(),
         edges.boundary_loops(), mesh.numbering,
     )  # fmt: skip
 
 
 def _without_unused(
-    position: np.ndarray, triangles: np.ndarray, place: np.ndarray, merged: int, told: list[str]
+    position: np.ndarray, triangles: np.ndarray, place: np.ndarray, merged: int, notes: list[str]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(numbering, position, triangles): vertices of a triangle, numbered in the file's order."""
+    """Return (numbering, position, triangles): vertices of a triangle, numbered in the file's order."""
     used = np.zeros(len(position), dtype=bool)
     used[triangles] = True
     unused = len(position) - merged - int(used.sum())
-    tell(told, unused, "vertex that no triangle uses was left out", "vertices that no triangle uses were left out")
+    add_note(notes, unused, "vertex that no triangle uses was left out", "vertices that no triangle uses were left out")
     number = np.where(used, np.cumsum(used) - 1, -1)
     return number[place], position[used], number[triangles].astype(np.int32)

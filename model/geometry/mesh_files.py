@@ -160,13 +160,13 @@ def check_vertices(position: np.ndarray, line: Callable[[int], str] = lambda _: 
 
 
 def rows_of_three(name: str, array: ArrayLike, dtype: type) -> np.ndarray:
-    """Return an array (n, 3) of a caller; none at all is (0, 3). Raises InputError for another shape."""
-    found = np.asarray(array)
-    if found.size == 0:
+    """Return a caller's array as (n, 3); an empty one as (0, 3). Raises InputError for another shape."""
+    rows = np.asarray(array)
+    if rows.size == 0:
         return np.zeros((0, 3), dtype)
-    if found.ndim != 2 or found.shape[1] != 3:
-        raise InputError(f"{name} has the shape {found.shape}; must be (n, 3)")
-    return found.astype(dtype)
+    if rows.ndim != 2 or rows.shape[1] != 3:
+        raise InputError(f"{name} has the shape {rows.shape}; must be (n, 3)")
+    return rows.astype(dtype)
 
 
 def check_indices(vertices: int, triangles: np.ndarray) -> None:

@@ -38,6 +38,6 @@ def point_moments(position: np.ndarray, weights: np.ndarray) -> Moments:
 
 
 def _about_axes(squares: np.ndarray) -> np.ndarray:
-    """(3,): of the sums of x^2, y^2, z^2 those of y^2 + z^2, z^2 + x^2, x^2 + y^2."""
+    """Return (3,): of the sums of x^2, y^2, z^2 those of y^2 + z^2, z^2 + x^2, x^2 + y^2."""
     about: np.ndarray = squares[[1, 2, 0]] + squares[[2, 0, 1]]
     return about

@@ -24,16 +24,16 @@ class TooMany(InputError):
 
 
 def pairs_within(queries: np.ndarray, points: np.ndarray, radius: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(query (n,) int64, point (n,) int64, distance (n,) float64 [m]): every pair at most `radius` [m] apart, by query, then
-    by point. `queries` (k, 3) and `points` (m, 3) [m]. Raises TooMany of them, before they fill the memory."""
+    """Return (query (n,) int64, point (n,) int64, distance (n,) float64 [m]): every pair at most `radius` [m] apart, by
+    query, then by point. `queries` (k, 3) and `points` (m, 3) [m]. Raises TooMany of them, before they fill the memory."""
     if len(queries) == 0 or len(points) == 0:
         empty = np.zeros(0, np.int64)
         return empty, empty, np.zeros(0)
     asked, tree = _tree(queries), _tree(points)
     if asked.count_neighbors(tree, radius) > MAX_PAIRS:
         raise TooMany(f"more than {MAX_PAIRS} pairs of particles lie within {radius:g} m; use a smaller radius")
-    found = asked.sparse_distance_matrix(tree, radius * SLACK, output_type="ndarray")
-    query, point = found["i"].astype(np.int64), found["j"].astype(np.int64)
+    pairs = asked.sparse_distance_matrix(tree, radius * SLACK, output_type="ndarray")
+    query, point = pairs["i"].astype(np.int64), pairs["j"].astype(np.int64)
     distance = norm(queries[query] - points[point])
     near = distance <= radius
     query, point, distance = query[near], point[near], distance[near]
@@ -48,29 +48,29 @@ def _tree(points: np.ndarray) -> Any:
 
 
 def close_pairs(points: np.ndarray, radius: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(first (n,), second (n,) int64, distance (n,) [m]): of `points` (m, 3), first < second, ascending."""
+    """Return (first (n,), second (n,) int64, distance (n,) [m]): of `points` (m, 3), first < second, ascending."""
     first, second, distance = pairs_within(points, points, radius)
     ahead = first < second
     return first[ahead], second[ahead], distance[ahead]
 
 
 def nearest(queries: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(point (k,) int64, distance (k,) float64 [m]) of the nearest of `points` (m, 3), at least one, to each of `queries`
-    (k, 3), the lowest of equally near ones."""
+    """Return (point (k,) int64, distance (k,) float64 [m]) of the nearest of `points` (m, 3), at least one, to each of
+    `queries` (k, 3), the lowest of equally near ones."""
     if len(queries) == 0:
         return np.zeros(0, np.int64), np.zeros(0)
     tree = _tree(points)
-    found, place = tree.query(queries, k=[1, 2])  # without a second point: infinitely far
+    distances, place = tree.query(queries, k=[1, 2])  # without a second point: infinitely far
     index = place[:, 0].astype(np.int64)
-    for query in np.flatnonzero(found[:, 1] <= found[:, 0] * SLACK):  # two or more that may be equally near
-        near = np.sort(np.array(tree.query_ball_point(queries[query], found[query, 0] * SLACK), dtype=np.int64))
+    for query in np.flatnonzero(distances[:, 1] <= distances[:, 0] * SLACK):  # two or more that may be equally near
+        near = np.sort(np.array(tree.query_ball_point(queries[query], distances[query, 0] * SLACK), dtype=np.int64))
         index[query] = near[np.argmin(norm(queries[query] - points[near]))]
     return index, norm(queries - points[index])
 
 
 def spread(candidates: np.ndarray, taken: np.ndarray, distance: float, urgency: np.ndarray | None = None) -> np.ndarray:
-    """(n,) int64, ascending: which of `candidates` (k, 3) to take so that none lies nearer than `distance` [m] to another or
-    to `taken` (m, 3), and no other could be added.
+    """Return (n,) int64, ascending: which of `candidates` (k, 3) to take so that none lies nearer than `distance` [m]
+    to another or to `taken` (m, 3), and no other could be added.
 
     Darts are thrown in a fixed random order, those of greater `urgency` (k,) first. They are taken in blocks, each twice as
     large as the last one: what lies near to a dart of an earlier block is shut out before its pairs are counted, so that
@@ -89,7 +89,7 @@ def spread(candidates: np.ndarray, taken: np.ndarray, distance: float, urgency: 
 
 
 def _apart(points: np.ndarray, taken: np.ndarray, distance: float) -> np.ndarray:
-    """(n,) bool: which of `points` (n, 3) lie at least `distance` [m] from each of `taken` (m, 3)."""
+    """Return (n,) bool: which of `points` (n, 3) lie at least `distance` [m] from each of `taken` (m, 3)."""
     free = np.ones(len(points), dtype=bool)
     begins = range(0, len(points), BLOCK)
     for begin in steps(begins, len(begins), "particles"):
@@ -99,7 +99,8 @@ def _apart(points: np.ndarray, taken: np.ndarray, distance: float) -> np.ndarray
 
 
 def _first_ones(points: np.ndarray, distance: float) -> np.ndarray:
-    """(n,) bool: which of `points` (n, 3) are taken one after the other, each at least `distance` [m] from those before.
+    """Return (n,) bool: which of `points` (n, 3) are taken one after the other, each at least `distance` [m] from those
+    before.
 
     In rounds, each that comes first among what is near to it is taken and shuts out the rest (M. Luby, "A simple parallel
     algorithm for the maximal independent set problem", SIAM J. Comput. 15 (1986)).
@@ -120,8 +121,8 @@ def _first_ones(points: np.ndarray, distance: float) -> np.ndarray:
 
 
 def _scrambled(count: int) -> np.ndarray:
-    """(count,) uint64, all different: the finaliser of G. L. Steele et al., "Fast splittable pseudorandom number generators",
-    OOPSLA 2014. Of our own, as NumPy may change its generators' streams."""
+    """Return (count,) uint64, all different: the finaliser of G. L. Steele et al., "Fast splittable pseudorandom number
+    generators", OOPSLA 2014. Of our own, as NumPy may change its generators' streams."""
     z = (np.arange(count, dtype=np.uint64) + np.uint64(1)) * np.uint64(0x9E3779B97F4A7C15)
     z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)

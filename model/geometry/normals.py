@@ -9,8 +9,8 @@ from softlab.model.geometry.sheets import cell_corners
 
 
 def vertex_normals(position: np.ndarray, rows: int, columns: int) -> np.ndarray:
-    """(particles, 3) float64, each 1 long: the sum of the normals, as long as twice the area, of the triangles that a mass
-    is a corner of, made 1 long; 0 where that sum is 0. `position` (particles, 3) in builder order.
+    """Return (particles, 3) float64, each 1 long: the sum of the normals, as long as twice the area, of the triangles
+    that a mass is a corner of, made 1 long; 0 where that sum is 0. `position` (particles, 3) in builder order.
 
     A cell is split from its first mass (row, column) to the one opposite, as model/tables/cloth.py says. Weighted by
     area: M. Botsch et al., "Polygon Mesh Processing" (2010), section 3.3.
@@ -27,7 +27,7 @@ def vertex_normals(position: np.ndarray, rows: int, columns: int) -> np.ndarray:
 
 
 def mesh_normals(position: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """(vertices, 3) float64: the same of any `triangles` (n, 3) between vertices at `position` (vertices, 3)."""
+    """Return (vertices, 3) float64: the same of any `triangles` (n, 3) between vertices at `position` (vertices, 3)."""
     p = np.asarray(position, dtype=np.float64)
     a, b, c = (p[corner] for corner in triangles.T)
     each = np.repeat(np.cross(b - a, c - a), 3, axis=0)

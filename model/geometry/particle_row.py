@@ -1,4 +1,4 @@
-"""All particles of a scene's bodies, to whoever asks no more than that: a row of masses."""
+"""All particles of a scene's bodies as a row of masses, for code that needs no more."""
 
 from __future__ import annotations
 
@@ -36,5 +36,5 @@ class ParticleRow:
 
     @property
     def particle_count(self) -> int:
-        """How many particles, those of inactive bodies too."""
+        """Number of particles, those of inactive bodies included."""
         return len(self.position)

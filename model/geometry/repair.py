@@ -21,8 +21,9 @@ INSTALL = 'pip install -e ".[meshing]"'
 
 
 def united(position: np.ndarray, triangles: np.ndarray) -> TriangleMesh:
-    """The closed mesh whose inside is what any piece encloses; a piece that is inside out is turned over first. `position`
-    (vertices, 3) [m], `triangles` (n, 3): pieces have no vertex in common, but may have them at the same places.
+    """Return the closed mesh whose inside is what any piece encloses; a piece that is inside out is turned over first.
+    `position` (vertices, 3) [m], `triangles` (n, 3): pieces have no vertex in common, but may have them at the same
+    places.
 
     Raises BackendUnavailable (manifold3d is not installed) and InputError (a piece that is open, or that
     `triangle_mesh` refuses).
@@ -31,9 +32,9 @@ def united(position: np.ndarray, triangles: np.ndarray) -> TriangleMesh:
     import manifold3d
 
     pieces: list[manifold3d.Manifold] = []
-    told: list[str] = []
+    notes: list[str] = []
     for k, piece in enumerate(_pieces(position, triangles), 1):
-        told += piece.repairs
+        notes += piece.repairs
         if piece.boundary_loops:
             raise InputError(
                 f"piece {k} has {_holes(piece)}, and pieces are united only where each is closed; close it "
@@ -42,16 +43,16 @@ def united(position: np.ndarray, triangles: np.ndarray) -> TriangleMesh:
         corners = (piece.position - mean(piece.position))[piece.triangles]
         outward = dot(corners[:, 0], np.cross(corners[:, 1], corners[:, 2])).sum() > 0
         faces = piece.triangles if outward else piece.triangles[:, [0, 2, 1]]
-        made = manifold3d.Manifold(manifold3d.Mesh64(piece.position, np.ascontiguousarray(faces, np.uint64)))
-        if made.status() != manifold3d.Error.NoError:
-            raise InputError(f"piece {k} bounds no volume ({made.status().name})")
-        pieces.append(made)
+        manifold = manifold3d.Manifold(manifold3d.Mesh64(piece.position, np.ascontiguousarray(faces, np.uint64)))
+        if manifold.status() != manifold3d.Error.NoError:
+            raise InputError(f"piece {k} bounds no volume ({manifold.status().name})")
+        pieces.append(manifold)
     one = manifold3d.Manifold.batch_boolean(pieces, manifold3d.OpType.Add).to_mesh64()
     if not len(one.tri_verts):
         raise InputError("its pieces enclose nothing")
     if len(pieces) > 1:
-        told.append(f"{len(pieces)} pieces were united: {len(triangles)} triangles became {len(one.tri_verts)}")
-    return triangle_mesh(one.vert_properties[:, :3], one.tri_verts.astype(np.int64), list(dict.fromkeys(told)))
+        notes.append(f"{len(pieces)} pieces were united: {len(triangles)} triangles became {len(one.tri_verts)}")
+    return triangle_mesh(one.vert_properties[:, :3], one.tri_verts.astype(np.int64), list(dict.fromkeys(notes)))
 
 
 def _holes(piece: TriangleMesh) -> str:
@@ -59,7 +60,7 @@ def _holes(piece: TriangleMesh) -> str:
 
 
 def _pieces(position: np.ndarray, triangles: np.ndarray) -> list[TriangleMesh]:
-    """What hangs together by the vertices' numbers; in a file without numbers (.stl), by their places."""
+    """Return the parts connected by the vertices' numbers; in a file without numbers (.stl), by their places."""
     number = components(len(position), triangles[:, [0, 1, 1, 2]].reshape(-1, 2))[triangles[:, 0]]
     first, count = np.unique(number, return_counts=True)
     if count.min() < FEWEST:
@@ -71,7 +72,7 @@ def _pieces(position: np.ndarray, triangles: np.ndarray) -> list[TriangleMesh]:
 
 
 def simplified(mesh: TriangleMesh, most: int) -> TriangleMesh:
-    """The mesh with at most `most` triangles, or as few as can be had without a crossing.
+    """Return the mesh with at most `most` triangles, or as few as can be had without a crossing.
 
     Raises BackendUnavailable (libigl is not installed), SceneError (most) and InputError (nothing is left).
     """
@@ -87,8 +88,8 @@ def simplified(mesh: TriangleMesh, most: int) -> TriangleMesh:
     )[:2]
     if not len(triangles):
         raise InputError(f"nothing is left of it with {most} triangles; allow more")
-    told = f"{len(mesh.triangles)} triangles were simplified to {len(triangles)}"
-    return triangle_mesh(position, triangles, [*mesh.repairs, told])
+    note = f"{len(mesh.triangles)} triangles were simplified to {len(triangles)}"
+    return triangle_mesh(position, triangles, [*mesh.repairs, note])
 
 
 def _require(module: str, name: str | None = None) -> None:

@@ -64,7 +64,7 @@ class Shape(Part):
     sides: tuple[Positive, Positive, Positive] | None = None  # m
 
     @model_validator(mode="after")
-    def _can_be_made(self) -> Shape:
+    def _check_shape(self) -> Shape:
         least, most = COARSEST[self.name], FINEST_TERRAIN if self.name == "terrain" else FINEST
         if not least <= self.resolution <= most:
             raise ValueError(f"resolution: a {self.name} takes {least} to {most} edges to a metre")
@@ -80,7 +80,7 @@ class Shape(Part):
         return {"sides"} if self.sides is None else set()
 
     def mesh(self) -> TriangleMesh:
-        """The mesh, around the origin, y up; letters side by side along x, a piece each."""
+        """Return the mesh, around the origin, y up; letters side by side along x, a piece each."""
         position, triangles = MAKERS[self.name](self)
         return triangle_mesh(position * self.scale, triangles)
 
@@ -92,8 +92,8 @@ def _net(
 
 
 def _halves(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray) -> np.ndarray:
-    """(2 n, 3): quadrilaterals by the numbers of their corners, in their order round them, each cut from a to c: first all
-    halves with b, then all with d."""
+    """Return (2 n, 3): quadrilaterals by the numbers of their corners, in their order round them, each cut from a to c:
+    first all halves with b, then all with d."""
     return np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)])
 
 
@@ -153,7 +153,7 @@ def _box(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
 def _cuboid(sides: tuple[float, float, float], resolution: int) -> tuple[np.ndarray, np.ndarray]:
     """Six sides of square cells that share their corners."""
     counts = np.array([max(1, round(length * resolution)) for length in sides])
-    found, triangles, used = [], [], 0
+    places, triangles, used = [], [], 0
     for axis in range(3):
         one, two = (axis + 1) % 3, (axis + 2) % 3
         i, j = np.meshgrid(np.arange(counts[one] + 1), np.arange(counts[two] + 1), indexing="ij")
@@ -162,10 +162,10 @@ def _cuboid(sides: tuple[float, float, float], resolution: int) -> tuple[np.ndar
         for end in (0, counts[axis]):
             place = np.empty((i.size, 3), dtype=np.int64)
             place[:, axis], place[:, one], place[:, two] = end, i.ravel(), j.ravel()
-            found.append(place)
+            places.append(place)
             triangles.append(used + (cells if end else cells[:, ::-1]))
             used += i.size
-    corners, number = np.unique(np.concatenate(found), axis=0, return_inverse=True)
+    corners, number = np.unique(np.concatenate(places), axis=0, return_inverse=True)
     return (corners / counts - 0.5) * sides, number.reshape(-1)[np.concatenate(triangles)].astype(np.int32)
 
 
@@ -227,7 +227,7 @@ def _creature(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
 
 def _letters(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
     """Each letter by itself, on a lattice of its own, so that it is the same in every text."""
-    found, triangles, x, used = [], [], 0.0, 0
+    positions, triangles, x, used = [], [], 0.0, 0
     for letter in shape.text or "":
         strokes = letters()[letter]
         points = np.concatenate(strokes)
@@ -235,11 +235,11 @@ def _letters(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
         field = extruded(union([outline(stroke, LETTER_WIDTH / 2) for stroke in strokes]), LETTER_DEPTH, EDGE)
         ends = (*low, -LETTER_DEPTH / 2), (*high, LETTER_DEPTH / 2)
         position, part = _net(field, *ends, shape.resolution)
-        found.append(position + np.array([x - low[0], 0, 0]))
+        positions.append(position + np.array([x - low[0], 0, 0]))
         triangles.append(part + used)
         used += len(position)
         x += float(high[0] - low[0]) + GAP
-    return np.concatenate(found) - np.array([(x - GAP) / 2, 0, 0]), np.concatenate(triangles)
+    return np.concatenate(positions) - np.array([(x - GAP) / 2, 0, 0]), np.concatenate(triangles)
 
 
 def _terrain(shape: Shape) -> tuple[np.ndarray, np.ndarray]:

@@ -6,8 +6,8 @@ import numpy as np
 
 
 def sheet_positions(rows: int, columns: int, spacing: float, axes: int = 3, flat: bool = False) -> np.ndarray:
-    """(rows, columns, axes) float64 [m]: (column * spacing, -row * spacing) in the plane of x and y, row 0 on top; `flat`:
-    with the rows along +z instead."""
+    """Return (rows, columns, axes) float64 [m]: (column * spacing, -row * spacing) in the plane of x and y, row 0 on
+    top; `flat`: with the rows along +z instead."""
     position = np.zeros((rows, columns, axes))
     position[..., 0] = np.arange(columns) * spacing
     down = (np.arange(rows) * spacing)[:, None]
@@ -22,8 +22,8 @@ def cell_corners(sheet: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray,
 
 
 def split_cells(numbers: np.ndarray, rising: np.ndarray | bool = False) -> np.ndarray:
-    """(rows - 1, columns - 1, 2, 3): the two triangles of each cell of `numbers` (rows, columns), split from its first corner
-    to the one opposite, or where `rising` (rows - 1, columns - 1) bool the other way.
+    """Return (rows - 1, columns - 1, 2, 3): the two triangles of each cell of `numbers` (rows, columns), split from its
+    first corner to the one opposite, or where `rising` (rows - 1, columns - 1) bool the other way.
 
     Counter-clockwise from where columns run to the right and rows down.
     """
@@ -34,8 +34,8 @@ def split_cells(numbers: np.ndarray, rising: np.ndarray | bool = False) -> np.nd
 
 
 def sheet_triangles(rows: int, columns: int, diagonals: str = "one") -> np.ndarray:
-    """(2 (rows - 1) (columns - 1), 3) uint32: two triangles a cell, split from its first mass to the one opposite; of
-    `alternating` diagonals the cells of odd row + column the other way.
+    """Return (2 (rows - 1) (columns - 1), 3) uint32: two triangles a cell, split from its first mass to the one
+    opposite; of `alternating` diagonals the cells of odd row + column the other way.
 
     Counter-clockwise from where a hanging cloth is seen from +z, a flat one from above.
     """

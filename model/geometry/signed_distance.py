@@ -30,16 +30,16 @@ WORTH_KEEPING = 1.0  # s: what takes longer is kept on disk
 def sampled(
     position: np.ndarray, triangles: np.ndarray, low: np.ndarray, counts: np.ndarray, spacing: float
 ) -> tuple[np.ndarray, bool]:
-    """`signed_distances`, from the user's cache where they took long to make before: the same bits either way."""
+    """Return `signed_distances`, from the user's cache if an earlier computation took long: the same bits either way."""
     digest = hashlib.sha256(f"{VERSION} {_sources()} {position.shape} {counts.tolist()} {spacing!r} ".encode())
     for array in (position, np.asarray(triangles, dtype=np.int64), low):
         digest.update(np.ascontiguousarray(array).tobytes())
     key = digest.hexdigest()[:32]
     file = cache_folder("fields") / f"field-{key}.npz"
-    held = read_arrays(file) or {}
-    distance = held.get("distance")
-    if distance is not None and distance.shape == tuple(counts) and str(held.get("key")) == key:
-        return distance, bool(held.get("overlaps", False))
+    cached = read_arrays(file) or {}
+    distance = cached.get("distance")
+    if distance is not None and distance.shape == tuple(counts) and str(cached.get("key")) == key:
+        return distance, bool(cached.get("overlaps", False))
     begin = perf_counter()
     distance, overlaps = signed_distances(position, triangles, low, counts, spacing)
     if perf_counter() - begin > WORTH_KEEPING:
@@ -55,8 +55,8 @@ def _sources() -> str:
 def signed_distances(
     position: np.ndarray, triangles: np.ndarray, low: np.ndarray, counts: np.ndarray, spacing: float
 ) -> tuple[np.ndarray, bool]:
-    """(distances `counts` float64 [m], negative inside; whether the mesh overlaps itself) at the points low + (i, j, k)
-    `spacing` [m], `counts` (3,) of them, of a mesh that is closed, outer sides outwards."""
+    """Return (distances `counts` float64 [m], negative inside; whether the mesh overlaps itself) at the points low +
+    (i, j, k) `spacing` [m], `counts` (3,) of them, of a mesh that is closed, outer sides outwards."""
     distance = np.sqrt(squared_distances(position[triangles], low, counts, spacing))
     runs = runs_inside(position, triangles, spacing, (low, counts))
     for index, _ in runs.points():

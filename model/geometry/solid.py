@@ -27,7 +27,7 @@ EMPTY = 2.0**-20  # volume over that of the box around the mesh: what float32 co
 @dataclass(frozen=True, eq=False)
 class Solid:
     """A closed mesh, outer sides outwards: `position` (vertices, 3) float64 [m], `triangles` (n, 3) int32; `volume` [m^3],
-    what overlaps counted as often as it does; `area` [m^2]; `pieces` that are no cavities; `told`: a sentence for each
+    what overlaps counted as often as it does; `area` [m^2]; `pieces` that are no cavities; `notes`: a sentence for each
     thing that was made good."""
 
     position: np.ndarray
@@ -35,7 +35,7 @@ class Solid:
     volume: float
     area: float
     pieces: int
-    told: tuple[str, ...]
+    notes: tuple[str, ...]
 
 
 CLOTH = 'a cloth: kind = "soft_sheet" or "mesh", or a mesh_collider'  # what a mesh without an inside can be instead
@@ -50,8 +50,8 @@ def solid(mesh: TriangleMesh, widest: float, instead: str = CLOTH, fill_holes: b
     Raises InputError: wider holes, nothing inside.
     """
     mesh = filled(mesh, np.inf if fill_holes else widest, instead)
-    told = list(mesh.repairs)
-    triangles, pieces = _outwards(mesh.position, mesh.triangles, mesh.edges, told)
+    notes = list(mesh.repairs)
+    triangles, pieces = _outwards(mesh.position, mesh.triangles, mesh.edges, notes)
     volume = total(_volumes(mesh.position, triangles))
     finest = float(np.finfo(np.float32).eps) * float(np.abs(mesh.position).max())
     box = float(np.prod(np.maximum(np.ptp(mesh.position, axis=0), finest)))
@@ -61,7 +61,7 @@ def solid(mesh: TriangleMesh, widest: float, instead: str = CLOTH, fill_holes: b
             f"thickness, or make it {instead}"
         )
     area = total(triangle_areas(mesh.position, triangles))
-    return Solid(mesh.position, np.ascontiguousarray(triangles, dtype=np.int32), volume, area, pieces, tuple(told))
+    return Solid(mesh.position, np.ascontiguousarray(triangles, dtype=np.int32), volume, area, pieces, tuple(notes))
 
 
 def as_mesh(mesh: TriangleMesh | tuple[np.ndarray, np.ndarray], inside: bool = False) -> TriangleMesh:
@@ -71,7 +71,7 @@ def as_mesh(mesh: TriangleMesh | tuple[np.ndarray, np.ndarray], inside: bool = F
 
 
 def _volumes(position: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """(triangles,) [m^3]: of the tetrahedra over each triangle, whose sum over a closed mesh is its volume."""
+    """Return (triangles,) [m^3]: of the tetrahedra over each triangle, whose sum over a closed mesh is its volume."""
     a, b, c = (position[corner] - mean(position) for corner in triangles.T)
     return dot(a, np.cross(b, c)) / 6
 
@@ -95,13 +95,13 @@ def filled(mesh: TriangleMesh, widest: float, instead: str = CLOTH) -> TriangleM
             f"the mesh is not closed ({others} {across[worst]:.3g} m across, with {edges_of}, at ({where})), so "
             f"it has no inside{limit}: {OTHERWISE}, or make it {instead}"
         )
-    position, made = caps(mesh.position, mesh.triangles, loops)
+    position, cap_triangles = caps(mesh.position, mesh.triangles, loops)
     hole = f"hole, up to {across[worst]:.3g} m across,", f"holes, up to {across[worst]:.3g} m across,"
     slit = "slit without a width", "slits without a width"
     were = "was" if len(loops) == 1 else "were"
-    told = f"{many(len(loops), *(hole if across[worst] else slit))} {were} filled with {many(len(made), 'triangle')}"
+    note = f"{many(len(loops), *(hole if across[worst] else slit))} {were} filled with {many(len(cap_triangles), 'triangle')}"
     try:
-        return with_triangles(mesh, position, np.concatenate([mesh.triangles, made]), [*mesh.repairs, told])
+        return with_triangles(mesh, position, np.concatenate([mesh.triangles, cap_triangles]), [*mesh.repairs, note])
     except NonManifold:
         raise InputError(
             "the mesh is not closed, and its holes touch each other or run into a thin edge; close them in the program that "
@@ -109,8 +109,10 @@ def filled(mesh: TriangleMesh, widest: float, instead: str = CLOTH) -> TriangleM
         ) from None
 
 
-def _outwards(position: np.ndarray, triangles: np.ndarray, edges: MeshEdges, told: list[str]) -> tuple[np.ndarray, int]:
-    """(triangles with outer sides outwards, pieces that are no cavities)."""
+def _outwards(
+    position: np.ndarray, triangles: np.ndarray, edges: MeshEdges, notes: list[str]
+) -> tuple[np.ndarray, int]:
+    """Return (triangles with outer sides outwards, pieces that are no cavities)."""
     if edges.boundary.any():
         raise InputError(
             "the mesh is not closed, and its holes touch each other; close them in the program that made it"
@@ -123,7 +125,7 @@ def _outwards(position: np.ndarray, triangles: np.ndarray, edges: MeshEdges, tol
     volume = np.bincount(piece, each)
     if total(volume) < 0:  # the whole of it, with its cavities
         triangles, volume = triangles[:, [0, 2, 1]], -volume
-        told.append("the mesh was inside out, and turned over")
+        notes.append("the mesh was inside out, and turned over")
     inwards = volume < 0
     cavity = np.zeros(len(pieces), dtype=bool)
     if inwards.any():
@@ -132,9 +134,9 @@ def _outwards(position: np.ndarray, triangles: np.ndarray, edges: MeshEdges, tol
             probe = np.unique(triangles[piece == k])
             probe = position[probe[:: max(1, len(probe) // PROBES)]]
             cavity[k] = bool((winding_numbers(probe, position, proper[piece != k]) > 0.5).all())
-    turned = inwards & ~cavity
-    if turned.any():
-        triangles = np.where(turned[piece][:, None], triangles[:, [0, 2, 1]], triangles)
-        one = turned.sum() == 1
-        told.append(f"{turned.sum()} of {len(pieces)} pieces {'was' if one else 'were'} inside out, and turned over")
+    flipped = inwards & ~cavity
+    if flipped.any():
+        triangles = np.where(flipped[piece][:, None], triangles[:, [0, 2, 1]], triangles)
+        one = flipped.sum() == 1
+        notes.append(f"{flipped.sum()} of {len(pieces)} pieces {'was' if one else 'were'} inside out, and turned over")
     return triangles, int((~cavity).sum())

@@ -16,11 +16,12 @@ from softlab.model.geometry.surfaces.surface_nets import Field
 
 
 def _segments(points: np.ndarray, nodes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(distance, place along in [0, 1]) (n, segments) of `points` (n, d) from the segments between `nodes` (k, d)."""
-    start, way = nodes[:-1], np.diff(nodes, axis=0).T
-    away = [points[:, axis, None] - start[:, axis] for axis in range(len(way))]
-    along = np.clip(_dot(away, way) / _dot(way, way), 0, 1)
-    left = [(one - along * step) ** 2 for one, step in zip(away, way, strict=True)]
+    """Return (distance, place along in [0, 1]) (n, segments) of `points` (n, d) from the segments between `nodes` (k,
+    d)."""
+    start, span = nodes[:-1], np.diff(nodes, axis=0).T
+    away = [points[:, axis, None] - start[:, axis] for axis in range(len(span))]
+    along = np.clip(_dot(away, span) / _dot(span, span), 0, 1)
+    left = [(one - along * step) ** 2 for one, step in zip(away, span, strict=True)]
     return np.sqrt(sum(left[1:], start=left[0])), along
 
 
@@ -52,7 +53,7 @@ def outline(nodes: np.ndarray, radius: float) -> Field:
 
 
 def polygon(corners: np.ndarray, radius: float) -> Field:
-    """What lies in a closed polygon of `corners` (k, 2) [m], or within `radius` [m] of it."""
+    """Return the field of a closed polygon of `corners` (k, 2) [m], grown by `radius` [m]."""
     closed = np.concatenate([corners, corners[:1]])
     (ax, ay), (bx, by) = closed[:-1].T, closed[1:].T
 
@@ -68,7 +69,8 @@ def polygon(corners: np.ndarray, radius: float) -> Field:
 
 
 def extruded(flat: Field, depth: float, edge: float) -> Field:
-    """What the flat field cuts from a plate of `depth` [m] about z = 0, its edges rounded with the radius `edge` [m]."""
+    """Return the field of the part of a plate of `depth` [m] about z = 0 inside `flat`, its edges rounded with radius
+    `edge` [m]."""
 
     def field(points: np.ndarray) -> np.ndarray:
         across, away = flat(points) + edge, np.abs(points[:, 2]) - depth / 2 + edge
@@ -82,7 +84,7 @@ def extruded(flat: Field, depth: float, edge: float) -> Field:
 
 
 def union(fields: Sequence[Field]) -> Field:
-    """What lies in any of them."""
+    """Return the field of the union."""
 
     def field(points: np.ndarray) -> np.ndarray:
         return np.min([one(points) for one in fields], axis=0)
@@ -105,16 +107,17 @@ def blended(fields: Sequence[Field], width: float) -> Field:
 
 
 def _arc(x: float, y: float, wide: float, high: float, first: float, last: float) -> np.ndarray:
-    """(k, 2): of an ellipse with half axes `wide` and `high` about (x, y), from one angle to another [degrees]."""
+    """Return (k, 2): of an ellipse with half axes `wide` and `high` about (x, y), from one angle to another [degrees]."""
     angle = np.radians(np.linspace(first, last, max(2, round(abs(last - first) / 12) + 1)))
     return np.stack([x + wide * cosine(angle), y + high * sine(angle)], axis=1)
 
 
 @cache
 def letters() -> dict[str, list[np.ndarray]]:
-    """The middle lines of letters: strokes (k, 2) [m], from -0.39 to 0.39 along y, so that a stroke 0.22 wide ends at 1 m."""
+    """Return the middle lines of letters: strokes (k, 2) [m], from -0.39 to 0.39 along y, so that a stroke 0.22 wide
+    ends at 1 m."""
     top, low = 0.39, -0.39
-    found: dict[str, list[Sequence[tuple[float, float]] | np.ndarray]] = {
+    glyphs: dict[str, list[Sequence[tuple[float, float]] | np.ndarray]] = {
         "A": [[(-0.36, low), (0, top), (0.36, low)], [(-0.26, -0.18), (0.26, -0.18)]],
         "B": [
             [(-0.22, low), (-0.22, top), (0.03, top)],
@@ -132,4 +135,4 @@ def letters() -> dict[str, list[np.ndarray]]:
         "T": [[(-0.3, top), (0.3, top)], [(0, top), (0, low)]],
         "Y": [[(-0.28, top), (0, 0.02), (0.28, top)], [(0, 0.02), (0, low)]],
     }
-    return {name: [np.asarray(stroke, dtype=float) for stroke in strokes] for name, strokes in found.items()}
+    return {name: [np.asarray(stroke, dtype=float) for stroke in strokes] for name, strokes in glyphs.items()}

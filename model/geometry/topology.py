@@ -23,7 +23,7 @@ TOP = 0.1  # of the mean edge: what lies so near to the highest vertex counts as
 
 
 class MeshPart(Protocol):
-    """What a scene tells of a mesh (model/tables/mesh.py has the part itself): a file, or rows and columns."""
+    """A scene's description of a mesh (model/tables/mesh.py has the part itself): a file, or rows and columns."""
 
     file: str | None
     scale: float
@@ -38,14 +38,14 @@ class MeshPart(Protocol):
     pinned: Any
 
 
-def own_meshes() -> dict[str, Path]:
-    """The meshes that come with the lab, by the name that a scene gives them."""
+def bundled_meshes() -> dict[str, Path]:
+    """Return the meshes that come with the lab, by the name that a scene gives them."""
     folder = Path(str(resources.files("softlab.model"))) / "catalogue" / "meshes"
     return {path.name: path for path in sorted(folder.iterdir())}
 
 
 def is_file(path: Path) -> bool:
-    """Whether there is such a file; no name is too odd to ask for."""
+    """Return True if there is such a file; no name is too odd to ask for."""
     try:
         return path.is_file()
     except (OSError, ValueError):
@@ -53,14 +53,16 @@ def is_file(path: Path) -> bool:
 
 
 def mesh_path(file: str) -> Path:
-    """The file that a part names: one of the lab's own meshes, or else a path from the current folder. What a scene file
-    names was looked for beside it before, see model/scene/reader.py. Raises InputError."""
-    own = own_meshes()
-    path = own.get(file) or Path(file)
+    """Return the file that a part names: a bundled mesh, or else a path from the current folder. Raises InputError.
+
+    A name in a scene file was searched for beside that file before, see model/scene/reader.py.
+    """
+    bundled = bundled_meshes()
+    path = bundled.get(file) or Path(file)
     if not is_file(path):
         raise InputError(
             f"file = {file}: no such file ({path.absolute()}); a path from the current folder, or one of the lab's own: "
-            f"{', '.join(own)}"
+            f"{', '.join(bundled)}"
         )
     return path
 
@@ -71,7 +73,7 @@ def file_digest(path: Path) -> str:
 
 
 def mesh_of(part: MeshPart) -> TriangleMesh:
-    """The mesh of the part, around its own origin; kept while few others are asked for. Raises InputError."""
+    """Return the mesh of the part, around its own origin; kept while few others are asked for. Raises InputError."""
     if part.file is None:
         return _sheet(part.rows, part.columns, part.spacing, part.diagonals, part.placement)
     path = mesh_path(part.file)
@@ -96,15 +98,16 @@ def _sheet(rows: int, columns: int, spacing: float, diagonals: str, placement: s
 
 
 def describe(part: MeshPart) -> dict[str, Any]:
-    """The fields of a part that follow from its mesh. Raises InputError (the file), SceneError (not that file, pins)."""
-    found: dict[str, Any] = {}
+    """Return the fields of a part that follow from its mesh. Raises InputError (the file), SceneError (not that file,
+    pins)."""
+    derived: dict[str, Any] = {}
     if part.file is not None:
         mesh, path = mesh_of(part), mesh_path(part.file)
         stamp = path.stat()
         digest = _read(path, part.scale, stamp.st_mtime_ns, stamp.st_size)[1]
         if part.digest not in (None, digest):
             raise SceneError("mesh.digest", part.digest, f"{part.file} is another file by now ({digest}); leave it out")
-        found |= {"digest": digest, "columns": len(mesh.position), "spacing": _mean_edge(mesh)}
+        derived |= {"digest": digest, "columns": len(mesh.position), "spacing": _mean_edge(mesh)}
         pinned_vertices(part)
     elif min(part.rows, part.columns) < 2:
         raise SceneError(
@@ -114,8 +117,8 @@ def describe(part: MeshPart) -> dict[str, Any]:
         allowed = f"gives triangles whose area float64 cannot hold; use a spacing of {FINEST:g} to {WIDEST:g} m"
         raise SceneError("mesh.spacing", part.spacing, allowed)
     if part.density is not None:
-        found["mass"] = mean(vertex_masses(part))
-    return found
+        derived["mass"] = mean(vertex_masses(part))
+    return derived
 
 
 def _mean_edge(mesh: TriangleMesh) -> float:
@@ -123,7 +126,7 @@ def _mean_edge(mesh: TriangleMesh) -> float:
 
 
 def vertex_masses(part: MeshPart) -> np.ndarray:
-    """(vertices,) float64 [kg]: a third of each triangle for each of its corners, or the same for all."""
+    """Return (vertices,) float64 [kg]: a third of each triangle for each of its corners, or the same for all."""
     mesh = mesh_of(part)
     if part.density is None:
         return np.full(len(mesh.position), part.mass)
@@ -132,27 +135,27 @@ def vertex_masses(part: MeshPart) -> np.ndarray:
 
 
 def pinned_vertices(part: MeshPart) -> np.ndarray:
-    """(pins,) int64, ascending: of a mesh from a file. Raises SceneError for vertices that it does not have."""
+    """Return (pins,) int64, ascending: of a mesh from a file. Raises SceneError for vertices that it does not have."""
     mesh = mesh_of(part)
     if part.pinned == "top":
         height = mesh.position[:, 1]
-        found = np.flatnonzero(height >= height.max() - TOP * _mean_edge(mesh))
-        if len(found) == len(height):
+        pins = np.flatnonzero(height >= height.max() - TOP * _mean_edge(mesh))
+        if len(pins) == len(height):
             raise SceneError(
                 "mesh.pinned", "top",
                 f"the mesh is level (its heights differ by {np.ptp(height):.3g} m), so that all {len(height)} vertices "
                 "would be pinned; give a list of vertices, or turn the mesh until y points up",
             )  # fmt: skip
-        return found
+        return pins
     if part.pinned == "none":
         return np.zeros(0, np.int64)
-    told = np.array(part.pinned, dtype=np.int64)
-    outside = (told < 0) | (told >= len(mesh.numbering))
+    listed = np.array(part.pinned, dtype=np.int64)
+    outside = (listed < 0) | (listed >= len(mesh.numbering))
     if outside.any():
         raise SceneError(
-            "mesh.pinned", int(told[outside][0]), f"the file has vertices 0 to {len(mesh.numbering) - 1}"
+            "mesh.pinned", int(listed[outside][0]), f"the file has vertices 0 to {len(mesh.numbering) - 1}"
         )  # fmt: skip
-    found = mesh.numbering[told].astype(np.int64)
-    if (found < 0).any():
-        raise SceneError("mesh.pinned", int(told[found < 0][0]), "this vertex belongs to no triangle and was left out")
-    return np.unique(found)
+    pins = mesh.numbering[listed].astype(np.int64)
+    if (pins < 0).any():
+        raise SceneError("mesh.pinned", int(listed[pins < 0][0]), "this vertex belongs to no triangle and was left out")
+    return np.unique(pins)

@@ -32,7 +32,7 @@ def parts_of(count: int) -> list[np.ndarray]:
 
 @work("sorting triangles")
 def order_of(corners: np.ndarray) -> np.ndarray:
-    """(n,) int64: the order in which triangles `corners` (n, 3, 3) stand in the tree."""
+    """Return (n,) int64: the order in which triangles `corners` (n, 3, 3) stand in the tree."""
     middles, order = corners.mean(axis=1), np.arange(len(corners))
     for level in parts_of(len(corners)):
         first, last, _ = level[level[:, 1] - level[:, 0] > 1].T
@@ -47,7 +47,8 @@ def order_of(corners: np.ndarray) -> np.ndarray:
 
 
 def tree_numbers(corners: np.ndarray, real: Any) -> np.ndarray:
-    """(NODE (2 n - 1) + CORNERS n,) in the arithmetic `real`: the tree of triangles (n, 3, 3), in their `order_of`."""
+    """Return (NODE (2 n - 1) + CORNERS n,) in the arithmetic `real`: the tree of triangles (n, 3, 3), in their
+    `order_of`."""
     count = len(corners)
     rounded = corners.reshape(count, CORNERS).astype(real)
     low, high = rounded.reshape(-1, 3, 3).min(axis=1), rounded.reshape(-1, 3, 3).max(axis=1)

@@ -1,4 +1,4 @@
-"""What lies inside a closed mesh, on a lattice: winding numbers along its columns.
+"""Points of a lattice inside a closed mesh, by winding numbers along its columns.
 
 Each triangle is scan converted: rows from the heights of its corners, columns from where its sides cross a row, each side
 counted from the same end for both triangles beside it. Both are whole numbers that neighbours share, so that they tile the
@@ -38,11 +38,11 @@ class Runs:
 
     @property
     def count(self) -> int:
-        """How many points."""
+        """Number of points."""
         return int((self.high - self.low).sum())
 
     def points(self) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-        """(index (n, 3) int64, position (n, 3) float64 [m]), in order, some BATCH at a time."""
+        """Yield (index (n, 3) int64, position (n, 3) float64 [m]), in order, some BATCH at a time."""
         length = self.high - self.low
         ends = np.cumsum(length)
         begin = 0
@@ -60,9 +60,9 @@ Lattice = tuple[np.ndarray, np.ndarray]
 
 
 def lattice(position: np.ndarray, pitch: float) -> Lattice:
-    """(origin (3,) [m], counts (3,) int64) of the lattice of `pitch` [m] that lies evenly in the box around `position`
-    (vertices, 3): as many points along each axis as pitches fit, rounded, at least one; of a box of whole pitches the
-    centres of its cells."""
+    """Return (origin (3,) [m], counts (3,) int64) of the lattice of `pitch` [m] that lies evenly in the box around
+    `position` (vertices, 3): as many points along each axis as pitches fit, rounded, at least one; of a box of whole
+    pitches the centres of its cells."""
     low, high = position.min(axis=0), position.max(axis=0)
     counts = np.maximum(1, np.floor((high - low) / pitch + 0.5)).astype(np.int64)
     return (low + high) / 2 - (counts - 1) / 2 * pitch, counts
@@ -71,16 +71,16 @@ def lattice(position: np.ndarray, pitch: float) -> Lattice:
 def divided(position: np.ndarray, pitch: float, parts: int) -> Lattice:
     """`lattice(position, pitch)` with an odd number of `parts` to each pitch, and a pitch more on all sides.
 
-    The old points are among its points and none lies halfway between two of them, so that each is nearest to one: nobody's
-    share hangs on a tie, which would go the same way everywhere.
+    The old points are among its points and none lies halfway between two of them, so that each is nearest to one: no
+    weight depends on a tie, which would be decided the same way everywhere.
     """
     origin, counts = lattice(position, pitch)
     return origin - pitch, (counts + 1) * parts + 1
 
 
 def runs_inside(position: np.ndarray, triangles: np.ndarray, pitch: float, place: Lattice | None = None) -> Runs:
-    """The points of a lattice, `lattice(position, pitch)` unless given, inside a mesh: `position` (vertices, 3) [m] and
-    `triangles` (n, 3), closed, outer sides outwards."""
+    """Return the points of a lattice, `lattice(position, pitch)` unless given, inside a mesh: `position` (vertices, 3)
+    [m] and `triangles` (n, 3), closed, outer sides outwards."""
     origin, counts = lattice(position, pitch) if place is None else place
     row, column, height, sign, _ = crossings((position - origin) / pitch, np.asarray(triangles, dtype=np.int64), counts)
     level = np.clip(np.ceil(height), -1, counts[2] + 1).astype(np.int64)  # the first point at or above the crossing
@@ -112,8 +112,8 @@ def runs_inside(position: np.ndarray, triangles: np.ndarray, pitch: float, place
 def crossings(
     place: np.ndarray, triangles: np.ndarray, counts: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """(row, column, height, sign, triangle) (n,), int64 but for the heights: where triangles cross columns, of `place`
-    (vertices, 3) in pitches from the lattice's origin. Sign: +1 where the outer side looks up."""
+    """Return (row, column, height, sign, triangle) (n,), int64 but for the heights: where triangles cross columns, of
+    `place` (vertices, 3) in pitches from the lattice's origin. Sign: +1 where the outer side looks up."""
     above = np.clip(np.ceil(place[:, 1]), 0, counts[1]).astype(np.int64)  # the first row at or above each vertex
     corner = above[triangles]
     first, last = corner.min(axis=1), corner.max(axis=1)
@@ -140,7 +140,7 @@ def crossings(
 
 
 def winding_numbers(points: np.ndarray, position: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """(points,) float64: how often the mesh goes round each of `points` (n, 3): whole numbers of a closed mesh.
+    """Return (points,) float64: how often the mesh goes round each of `points` (n, 3): whole numbers of a closed mesh.
 
     Solid angles: A. Van Oosterom, J. Strackee, "The Solid Angle of a Plane Triangle", IEEE Trans. Biomed. Eng. 30 (1983).
     Takes points x triangles; for whole lattices there is `runs_inside`.
@@ -159,5 +159,5 @@ def winding_numbers(points: np.ndarray, position: np.ndarray, triangles: np.ndar
 
 
 def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    found: np.ndarray = a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-    return found
+    total: np.ndarray = a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+    return total

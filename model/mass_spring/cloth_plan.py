@@ -45,8 +45,8 @@ def cloth_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
         return (Stage("pins", 0, 0, 0, offset),) if "pins" in parts else ()
 
     if integrator in IMPLICIT:
-        own = force_stages(parts - {"damping"}, pulls, 3, 0.0)[1:]
-        return _implicit_plan(integrator, parts, own, operations, len(springs), (*touch, *pins(1.0)))
+        start_forces = force_stages(parts - {"damping"}, pulls, 3, 0.0)[1:]
+        return _implicit_plan(integrator, parts, start_forces, operations, len(springs), (*touch, *pins(1.0)))
     acting = parts - {"damping"} if integrator == "velocity-verlet" else parts  # its damper is part of the kicks
     kick = 3 * integrators.OPERATIONS[integrator] // 2
     forces = partial(force_stages, acting, pulls, 3)
@@ -55,11 +55,11 @@ def cloth_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
 
 
 def _implicit_plan(
-    integrator: str, parts: frozenset[str], own: tuple[Stage, ...], pulls: int, kinds: int, last: tuple[Stage, ...]
+    integrator: str, parts: frozenset[str], forces: tuple[Stage, ...], pulls: int, kinds: int, last: tuple[Stage, ...]
 ) -> Plan:
     """Return the plan of implicit Euler.
 
-    `own`: the forces at the step's start; `pulls`: operations of all springs of a mass; `kinds`: number of kinds of
+    `forces`: the forces at the step's start; `pulls`: operations of all springs of a mass; `kinds`: number of kinds of
     springs; `last`: stages after the new state. Residuals decide at run time how often its two inner nodes run: bytes
     and operations are of one pass each.
     """
@@ -80,7 +80,7 @@ def _implicit_plan(
         (residual, solve, Stage("move", 3, 2, 12)),
     )
     children: tuple[Node | Stage, ...] = (
-        Node("forces at the start, but springs and dampers", own), Stage("begin", 3, 3, 6), newton,
+        Node("forces at the start, but springs and dampers", forces), Stage("begin", 3, 3, 6), newton,
         Stage("take over", 2, 2, 0), *last,
     )  # fmt: skip
     return Plan(Node("step", children), 5 + 5 + 3 + 9 + 5 + 5, parts, dimensions=3)

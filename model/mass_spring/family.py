@@ -10,7 +10,7 @@ from softlab.model.contact.sheet_plan import cloth_parts
 from softlab.model.core.family import ANY_SHEET, SolverFamily
 from softlab.model.core.integrators import IMPLICIT, explicit_limit, integrators_for
 from softlab.model.core.parameters import parameter_record
-from softlab.model.core.sharing.decomposition import Reach, require_local
+from softlab.model.core.sharing.decomposition import Stencil, require_local
 from softlab.model.core.stability.springs import sheet_spring_count, sheet_strain, stored_in_springs
 from softlab.model.mass_spring.cloth_plan import cloth_plan, kicks_meet
 from softlab.model.mass_spring.plan import mass_spring_plan
@@ -26,15 +26,15 @@ def _is_stepped(scene: Scene) -> bool:
     return not (scene.bodies or scene.tetrahedra or scene.fluids) and not scene.method.position_based
 
 
-def _grid_reach(scene: Scene) -> Reach:
+def _grid_stencil(scene: Scene) -> Stencil:
     """Return the rows that a step reads: springs extend to the next row."""
     integrator = integrators_for(scene)[scene.method.integrator]
     alternate = scene.springs is not None and scene.springs.alternate
     verlet = scene.method.integrator == "velocity-verlet"
-    return Reach(1, integrator.forces, int(verlet), 2 if alternate else 1, numbered=True)
+    return Stencil(1, integrator.forces, int(verlet), 2 if alternate else 1, numbered=True)
 
 
-def _cloth_reach(scene: Scene) -> Reach:
+def _cloth_stencil(scene: Scene) -> Stencil:
     """Return the rows that a step reads: springs extend to the next row, those against bending to the one after it.
 
     Velocity Verlet evaluates forces twice where its kicks are not shared. Raises SceneError for parts that depend on a
@@ -47,7 +47,7 @@ def _cloth_reach(scene: Scene) -> Reach:
     apart = name == "velocity-verlet" and not kicks_meet(cloth_parts(scene))
     forces = 2 if apart else integrators_for(scene)[name].forces
     rows = 2 if "bending" in scene.cloth_springs else 1
-    return Reach(rows, forces, rows if name == "velocity-verlet" and not apart else 0)
+    return Stencil(rows, forces, rows if name == "velocity-verlet" and not apart else 0)
 
 
 GRID = SolverFamily(
@@ -68,14 +68,14 @@ GRID = SolverFamily(
     },
     passes={"cpu": "softlab.app.plan.grid:grid_on_cpu", "gpu": "softlab.app.plan.grid:grid_on_gpu"},
     reference="softlab.bench.reference.mass_spring",
-    reach=_grid_reach,
+    stencil=_grid_stencil,
 )
 
 CLOTH = replace(
     GRID,
     name="mass-spring cloth",
     accepts=lambda scene: _is_stepped(scene) and scene.cloth is not None,
-    reach=_cloth_reach,
+    stencil=_cloth_stencil,
     knows=ANY_SHEET | {"cloth", "wind", "motion", "fold", *SPRING_KINDS, *COLLIDER_KINDS},
     plan=cloth_plan,
     record=cloth_record,

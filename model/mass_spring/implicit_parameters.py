@@ -13,28 +13,28 @@ from softlab.model.core.parameters import rounded_record
 from softlab.model.scene.scene import Scene
 from softlab.model.tables.cloth import SPRING_KINDS
 
-OWN = (  # only in the matrix
+MATRIX_PARAMETERS = (  # only in the matrix
     "damping_of_step",  # dt rate
     "mass_entry",  # 1 + dt rate: diagonal entry of a mass without springs
     "speed_squared",  # of all masses: the speed [m/s] that springs of twice their length would cause in a step
     "roundoff",  # half of the distance from 1 to the next number
 )
-SYSTEM_PARAMETERS = (*OWN, *CLOTH_PARAMETERS)
+SYSTEM_PARAMETERS = (*MATRIX_PARAMETERS, *CLOTH_PARAMETERS)
 
 
 def system_record(scene: Scene, real: type) -> np.ndarray:
     """Return SYSTEM_PARAMETERS in the arithmetic `real`, (1,): computed in float64, rounded once. Raises SceneError."""
     dt = scene.method.dt
-    given = cloth_values(scene, 1, (0.0, 0.0, 0.0))
+    cloth = cloth_values(scene, 1, (0.0, 0.0, 0.0))
     values = dict.fromkeys(SYSTEM_PARAMETERS, 0.0)
     values["dt"] = dt
     for kind in SPRING_KINDS:
-        values[kind] = dt * dt * given[kind]
-        values[f"{kind}_rest"] = dt * dt * given[f"{kind}_rest"]
-        values[f"{kind}_damping"] = dt * given[f"{kind}_damping"]
-    speed = dt * 4 * sum(given[f"{kind}_rest"] for kind in SPRING_KINDS)
-    values["damping_of_step"] = dt * given["damping"]
-    values["mass_entry"] = 1 + dt * given["damping"]
+        values[kind] = dt * dt * cloth[kind]
+        values[f"{kind}_rest"] = dt * dt * cloth[f"{kind}_rest"]
+        values[f"{kind}_damping"] = dt * cloth[f"{kind}_damping"]
+    speed = dt * 4 * sum(cloth[f"{kind}_rest"] for kind in SPRING_KINDS)
+    values["damping_of_step"] = dt * cloth["damping"]
+    values["mass_entry"] = 1 + dt * cloth["damping"]
     values["speed_squared"] = scene.grid.particle_count * speed**2
     values["roundoff"] = float(np.finfo(real).eps) / 2
     return rounded_record(scene, values, FIELDS | {"damping_of_step": FIELDS["damping"]}, real)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 
-from softlab.model.contact.sheet_plan import WIND, Stages, own_stages, present_parts
+from softlab.model.contact.sheet_plan import WIND, Stages, particle_force_stages, present_parts
 from softlab.model.core.plan import Node, Plan, Stage
 from softlab.model.formulas import integrators, springs
 from softlab.model.scene.scene import Scene
@@ -19,7 +19,7 @@ def force_stages(parts: frozenset[str], pulls: Stage | None, axes: int, offset: 
     return (
         pulls or Stage("no forces", 0, 1, 0),
         *(stage for part, stage in fields.items() if part in parts),
-        *own_stages(parts),
+        *particle_force_stages(parts),
         *damping,
     )
 

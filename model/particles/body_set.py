@@ -133,31 +133,31 @@ def make_body_set(parts: Mapping[str, Placed]) -> BodySet:
     lattices, particle = [], 0
     first_clusters = _first_clusters(parts)
     for name, part in parts.items():
-        made, turn, cluster = part.baked, part.turn(), first_clusters[name]
-        here = applied(turn, made.position)
-        centre = total(made.mass[:, None] * here) / total(made.mass)
+        baked, turn, cluster = part.baked, part.turn(), first_clusters[name]
+        here = applied(turn, baked.position)
+        centre = total(baked.mass[:, None] * here) / total(baked.mass)
         moving = np.asarray(part.velocity) + np.cross(np.asarray(part.spin), here - centre)
         places = part.places()
-        if made.lattice and is_summed(made):
-            stiffness = float(made.clusters.stiffness[0])
-            lattices.append(LatticeCopies(made.lattice, particle, cluster, part.count + part.spare, stiffness, turn))
+        if baked.lattice and is_summed(baked):
+            stiffness = float(baked.clusters.stiffness[0])
+            lattices.append(LatticeCopies(baked.lattice, particle, cluster, part.count + part.spare, stiffness, turn))
         for number, place in enumerate([*places, *places[:1].repeat(part.spare, axis=0)]):
             waits = number >= part.count
-            copies.append(Copy(name, made, len(copies), particle, cluster, waits))
+            copies.append(Copy(name, baked, len(copies), particle, cluster, waits))
             positions.append(here + place)
             velocities.append(0 * moving if waits else moving)
-            particle, cluster = particle + len(here), cluster + made.clusters.count
+            particle, cluster = particle + len(here), cluster + baked.clusters.count
     position, mass = np.concatenate(positions), np.concatenate([copy.baked.mass for copy in copies])
     in_order = _by_cluster(copies)
-    made_of = [copy.baked.clusters for copy in in_order]
+    cluster_sets = [copy.baked.clusters for copy in in_order]
     clusters = Clusters(
-        offsets_of(np.concatenate([np.diff(one.offsets) for one in made_of])),
+        offsets_of(np.concatenate([np.diff(one.offsets) for one in cluster_sets])),
         np.concatenate([copy.baked.clusters.indices + copy.first_particle for copy in in_order]).astype(np.int32),
-        np.concatenate([one.coefficients for one in made_of]),
-        np.concatenate([one.stiffness for one in made_of]),
+        np.concatenate([one.coefficients for one in cluster_sets]),
+        np.concatenate([one.stiffness for one in cluster_sets]),
         mass,
         position,
-        joined([one.material for one in made_of], [one.count for one in made_of]),
+        joined([one.material for one in cluster_sets], [one.count for one in cluster_sets]),
     )
     spacing = mean(np.array([copy.baked.spacing for copy in copies]))
     return BodySet(
@@ -197,20 +197,20 @@ def is_summed(body: BakedBody) -> bool:
 
 def _first_clusters(parts: Mapping[str, Placed]) -> dict[str, int]:
     """Return the first cluster of each part: those of lattices come last."""
-    found, cluster = {}, 0
+    first, cluster = {}, 0
     for summed in (False, True):
         for name, part in parts.items():
             if is_summed(part.baked) == summed:
-                found[name] = cluster
+                first[name] = cluster
                 cluster += (part.count + part.spare) * part.baked.clusters.count
-    return found
+    return first
 
 
 def _linked(copies: list[Copy]) -> list[LinkedCopies]:
     """Return the links of each part with its copies."""
-    found = []
+    linked = []
     for _, group in groupby(copies, key=lambda copy: copy.name):
         same = list(group)
-        made, firsts = same[0].baked, np.array([copy.first_particle for copy in same])
-        found.append(LinkedCopies(made.links, made.rest_length, made.link_stiffness, firsts, len(made.position)))
-    return found
+        baked, firsts = same[0].baked, np.array([copy.first_particle for copy in same])
+        linked.append(LinkedCopies(baked.links, baked.rest_length, baked.link_stiffness, firsts, len(baked.position)))
+    return linked

@@ -68,8 +68,8 @@ class Lattice:
 @cache
 def lattice_of(rest_distance: float, support: float, axes: int) -> Lattice:
     """Return the sums, computed in float64."""
-    reach = ceil(support / rest_distance)
-    places = np.array(list(product(range(-reach, reach + 1), repeat=axes)), np.float64) * rest_distance
+    cells = ceil(support / rest_distance)
+    places = np.array(list(product(range(-cells, cells + 1), repeat=axes)), np.float64) * rest_distance
     r = norm(places)
     smooth = poly6(r, support, axes)
     volume = 1 / total(smooth)

@@ -120,9 +120,9 @@ def vortices(place: np.ndarray, domain: Domain) -> np.ndarray:
     There is one wave along x and along y.
     """
     x, y = (2 * np.pi * (place[:, axis] - domain.origin[axis]) / domain.size[axis] for axis in (0, 1))
-    found = np.zeros_like(place)
-    found[:, 0], found[:, 1] = sine(x) * cosine(y), -cosine(x) * sine(y) * domain.size[1] / domain.size[0]
-    return found
+    velocity = np.zeros_like(place)
+    velocity[:, 0], velocity[:, 1] = sine(x) * cosine(y), -cosine(x) * sine(y) * domain.size[1] / domain.size[0]
+    return velocity
 
 
 def make_fluid_set(parts: Mapping[str, Fluid], domain: Domain | None = None) -> FluidSet:

@@ -13,7 +13,7 @@ from softlab.model.geometry.colouring import Colouring, colour
 from softlab.model.geometry.lists import offsets_of
 from softlab.model.particles.constraints import Projection
 
-LINKS = Projection("links", distance.make, corners=2, values=2, flags=(("own_compliance", True),))
+LINKS = Projection("links", distance.make, corners=2, values=2, flags=(("per_constraint", True),))
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,16 +68,16 @@ def make_links(bodies: Sequence[LinkedCopies]) -> Links:
 
     Raises SceneError where too many links share a particle.
     """
-    made: list[tuple[LinkedCopies, Colouring]] = [
+    coloured: list[tuple[LinkedCopies, Colouring]] = [
         (body, colour(body.ends, body.particles)) for body in bodies if len(body.ends)
     ]
     ends, lengths, compliance, sizes = [], [], [], []
-    for number in range(max((found.colours for _, found in made), default=0)):
+    for number in range(max((colouring.colours for _, colouring in coloured), default=0)):
         size = 0
-        for body, found in made:
-            if number >= found.colours:
+        for body, colouring in coloured:
+            if number >= colouring.colours:
                 continue
-            chosen = found.order[found.starts[number] : found.starts[number + 1]]
+            chosen = colouring.order[colouring.starts[number] : colouring.starts[number + 1]]
             copies = len(body.firsts)
             ends.append((body.ends[chosen][None] + body.firsts[:, None, None]).reshape(-1, 2))
             lengths.append(np.tile(body.rest_length[chosen], copies))

@@ -32,7 +32,7 @@ ELEMENT_BYTES = (
     400  # on the host, per tetrahedron: corners, values in float64 and in the kernels' arithmetic, multipliers
 )
 NO_REGIONS: Mapping[str, Region] = {}
-NOT_HELD: Mapping[str, Attachment] = {}
+NO_ATTACHMENTS: Mapping[str, Attachment] = {}
 ONE_MATERIAL: Mapping[str, Material] = {}
 NO_CLOTH: Mapping[str, Mesh] = {}
 NONE = np.zeros(0, np.int64)
@@ -45,7 +45,7 @@ class TetrahedraSet(ParticleRow):
 
     `position`, `velocity` (particles, 3) float64 [m], [m/s] at the start, without strain; `masses` (particles,) [kg];
     `pinned_vertices`, ascending; `body` (tetrahedra,) int32: index into `parts`; `tetrahedra` (tetrahedra, 4) int32;
-    `names`: of the bodies, and of the cloth; `own` (particles, 3) [m]: positions in the meshes' own coordinates,
+    `names`: of the bodies, and of the cloth; `mesh_position` (particles, 3) [m]: positions in the meshes' coordinates,
     neither rotated nor moved; `matter`; `regions`, `attachments`: of the scene; `rest_inverse` (tetrahedra, 3, 3):
     inverse of the matrix with the edges from the first corner as columns; `volume` (tetrahedra,) [m^3]: of the part of
     each within the body's surface, which scales its mass and stiffness, and `fraction` (tetrahedra,): that over all of
@@ -73,7 +73,7 @@ class TetrahedraSet(ParticleRow):
     skin: Skin
     voxel: np.ndarray
     run: np.ndarray
-    own: np.ndarray
+    mesh_position: np.ndarray
     matter: Matter
     regions: Mapping[str, Region] = field(default_factory=dict)
     attachments: Mapping[str, Attachment] = field(default_factory=dict)
@@ -119,10 +119,10 @@ class TetrahedraSet(ParticleRow):
     def edges(self) -> tuple[np.ndarray, np.ndarray]:
         """(ends (edges, 2) int32, the lower one first, rows ascending; lengths at rest (edges,) [m])."""
         ends = np.concatenate([self.tetrahedra[:, pair] for pair in PAIRS])
-        found = np.unique(np.sort(ends, axis=1), axis=0)
+        ends = np.unique(np.sort(ends, axis=1), axis=0)
         if self.sheet:
-            found = np.concatenate([found, self.sheet.mesh.edges.edges + self.first_particle[-1]]).astype(np.int32)
-        return found, edge_lengths(self.position, found)
+            ends = np.concatenate([ends, self.sheet.mesh.edges.edges + self.first_particle[-1]]).astype(np.int32)
+        return ends, edge_lengths(self.position, ends)
 
     @cached_property
     def spacing(self) -> float:
@@ -162,11 +162,11 @@ class TetrahedraSet(ParticleRow):
         Raises SceneError, which names the `field`, where there is no such body.
         """
         ends = [*self.first_particle[1:], self.particle_count]
-        found = [np.zeros(0, np.int64)]
+        vertices = [np.zeros(0, np.int64)]
         for number in body_numbers(field, body, self.names):
             some = slice(self.first_particle[number], ends[number])
-            found.append(vertices_of(word, self.own[some], self.position[some], self.regions) + some.start)
-        return np.concatenate(found)
+            vertices.append(vertices_of(word, self.mesh_position[some], self.position[some], self.regions) + some.start)
+        return np.concatenate(vertices)
 
     def pin_motions(self, motions: Mapping[str, Motion]) -> np.ndarray:
         """Return the number in `motions` of each pinned vertex's motion, or -1, (pins,) int64. Raises SceneError."""
@@ -203,7 +203,7 @@ class TetrahedraSet(ParticleRow):
 def make_tetrahedra_set(
     parts: Mapping[str, TetrahedralBody],
     regions: Mapping[str, Region] = NO_REGIONS,
-    attachments: Mapping[str, Attachment] = NOT_HELD,
+    attachments: Mapping[str, Attachment] = NO_ATTACHMENTS,
     materials: Mapping[str, Material] = ONE_MATERIAL,
     cloths: Mapping[str, Mesh] = NO_CLOTH,
 ) -> TetrahedraSet:
@@ -217,10 +217,10 @@ def make_tetrahedra_set(
         name: [one.vertices for one in attachments.values() if one.body == name and pins(one, names)] for name in names
     }
     bodies = [placed_body(name, part, materials, regions, words[name]) for name, part in parts.items()]
-    found = _joined(parts, bodies, regions, attachments)
+    body_set = _joined(parts, bodies, regions, attachments)
     for name, cloth in cloths.items():
-        found = _beside(found, sheet_of(name, cloth, words[name], regions))
-    return found
+        body_set = _beside(body_set, sheet_of(name, cloth, words[name], regions))
+    return body_set
 
 
 def _joined(
@@ -261,19 +261,19 @@ def _joined(
     )
 
 
-def _beside(found: TetrahedraSet, sheet: Sheet) -> TetrahedraSet:
+def _beside(body_set: TetrahedraSet, sheet: Sheet) -> TetrahedraSet:
     """Return the set with the cloth's vertices after its particles."""
-    first, triangles = found.particle_count, sheet.mesh.triangles
+    first, triangles = body_set.particle_count, sheet.mesh.triangles
     return replace(
-        found,
-        names=(*found.names, sheet.name),
-        position=np.concatenate([found.position, sheet.position]),
-        velocity=np.concatenate([found.velocity, np.zeros_like(sheet.position)]),
-        masses=np.concatenate([found.masses, sheet.masses]),
-        pinned_vertices=np.concatenate([found.pinned_vertices, sheet.pinned + first]),
-        surface=np.concatenate([found.surface, triangles + first]).astype(np.int32),
-        first_particle=np.append(found.first_particle, first),
-        skin=found.skin.beside(plain_skin(np.arange(first, first + len(sheet.position)), (triangles,))),
-        own=np.concatenate([found.own, sheet.mesh.position]),
+        body_set,
+        names=(*body_set.names, sheet.name),
+        position=np.concatenate([body_set.position, sheet.position]),
+        velocity=np.concatenate([body_set.velocity, np.zeros_like(sheet.position)]),
+        masses=np.concatenate([body_set.masses, sheet.masses]),
+        pinned_vertices=np.concatenate([body_set.pinned_vertices, sheet.pinned + first]),
+        surface=np.concatenate([body_set.surface, triangles + first]).astype(np.int32),
+        first_particle=np.append(body_set.first_particle, first),
+        skin=body_set.skin.beside(plain_skin(np.arange(first, first + len(sheet.position)), (triangles,))),
+        mesh_position=np.concatenate([body_set.mesh_position, sheet.mesh.position]),
         sheet=sheet,
     )

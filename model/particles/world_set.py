@@ -73,14 +73,14 @@ def make_world_set(members: Mapping[str, Any]) -> WorldSet:
     return WorldSet(tuple(members), first, position, velocity, masses, pinned, spacing)
 
 
-def _of(found: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def _of(part: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Return (position, velocity, masses, pinned) of a member's own set."""
-    if isinstance(found, Mesh):
-        position = mesh_of(found).position + found.origin
+    if isinstance(part, Mesh):
+        position = mesh_of(part).position + part.origin
         pinned = (
-            pin_indices(found.pinned, found.rows, found.columns)  # type: ignore[arg-type]
-            if found.file is None
-            else pinned_vertices(found)
+            pin_indices(part.pinned, part.rows, part.columns)  # type: ignore[arg-type]
+            if part.file is None
+            else pinned_vertices(part)
         )
-        return position, np.zeros_like(position), vertex_masses(found), pinned
-    return found.position, found.velocity, found.masses, found.pinned_vertices
+        return position, np.zeros_like(position), vertex_masses(part), pinned
+    return part.position, part.velocity, part.masses, part.pinned_vertices

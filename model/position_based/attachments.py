@@ -15,22 +15,25 @@ UNREACHED = 1e18  # m: the length of an attachment to nothing; its square is a n
 
 
 def sheet_reaches(scene: Scene, body: Body, real: Any) -> tuple[np.ndarray, np.ndarray]:
-    """(anchors (masses, count) int32, how far from them (masses, count) [m]) of a sheet of rows and columns; a mass without
-    that many repeats the nearest. The way through a sheet of springs is as long as their rest lengths add up to, not as the
-    sheet begins; but springs that give and begin stretched may be held so by pins, and keep what they begin with."""
+    """Return the anchors of a sheet of rows and columns and the largest distances from them.
+
+    Returns (anchors (masses, count) int32, distances (masses, count) [m]); a mass without that many repeats the
+    nearest. The path through a sheet of springs is as long as their rest lengths add up to, not as the sheet begins;
+    but compliant springs that begin stretched may be held so by pins, and keep their initial length.
+    """
     part, springs, spacing = scene.attachments, scene.springs, scene.grid.spacing
     assert part is not None
-    anchor, way = sheet_attachments(rest_positions(scene.grid), body.pinned, part.anchors)
-    anchor, way = np.where(anchor < 0, anchor[:, :1], anchor), np.where(anchor < 0, way[:, :1], way)
+    anchor, distance = sheet_attachments(rest_positions(scene.grid), body.pinned, part.anchors)
+    anchor, distance = np.where(anchor < 0, anchor[:, :1], anchor), np.where(anchor < 0, distance[:, :1], distance)
     scale = springs.rest_length / spacing if springs else 1.0
     if springs and not springs.inextensible:
         scale = max(scale, 1.0)
-    return anchor.astype(np.int32), (way * scale * (1 + part.slack)).astype(real)
+    return anchor.astype(np.int32), (distance * scale * (1 + part.slack)).astype(real)
 
 
 def vertex_attachments(scene: Scene, body: Body, real: Any, wanted: bool = True) -> tuple[np.ndarray, np.ndarray]:
-    """(anchors (vertices, count) int32, how far from them (vertices, count) [m]); a vertex without that many repeats the
-    nearest, one that no pinned vertex is connected with is its own anchor, with UNREACHED."""
+    """Return (anchors (vertices, count) int32, how far from them (vertices, count) [m]); a vertex without that many
+    repeats the nearest, one that no pinned vertex is connected with is its own anchor, with UNREACHED."""
     part, attachments = scene.mesh, scene.attachments
     if part is None or attachments is None or not wanted:
         return np.zeros((1, 1), np.int32), np.zeros((1, 1), real)

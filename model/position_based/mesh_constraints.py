@@ -40,7 +40,7 @@ Arrays = tuple[np.ndarray, np.ndarray]
 class Model:
     """A constraint's projection, of `corners`, `values` and `multipliers`, and its `operations`.
 
-    `made(mesh, kind)`: (corners (n, corners) int32, values (n, values) float64) of the scene's part `kind` on a mesh.
+    `build(mesh, kind)`: (corners (n, corners) int32, values (n, values) float64) of the scene's part `kind` on a mesh.
     `violation(position (vertices, 3), corners, values)`: (violations, divisor of the stiffness), with the energy
     stiffness / divisor * violation^2 / 2 [J]. `can_damp`: it supports a damper.
     """
@@ -49,7 +49,7 @@ class Model:
     corners: int
     values: int
     operations: int
-    made: Callable[[TriangleMesh, str], Arrays]
+    build: Callable[[TriangleMesh, str], Arrays]
     violation: Callable[[np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray | float]]
     multipliers: int = 1
     can_damp: bool = False
@@ -66,7 +66,7 @@ def constraint_sets(scene: Scene) -> tuple[ConstraintSet, ...]:
         if (kind, name) not in known:
             if name == "isometric":
                 check_flat(scene.name_of(kind), quarter_tangents(mesh.position, mesh.edges.winged))
-            corners, values = MODELS[name].made(mesh, kind)
+            corners, values = MODELS[name].build(mesh, kind)
             known[kind, name] = coloured(kind, name, corners, values, len(mesh.position))
     return tuple(known[name] for name in wanted(scene))
 
@@ -76,9 +76,9 @@ def wanted(scene: Scene) -> tuple[tuple[str, str], ...]:
     return tuple((kind, model_of(kind, getattr(part, "model", None))) for kind, part in scene.constraints.items())
 
 
-def model_of(kind: str, told: str | None = None) -> str:
-    """Return the model of a kind of part: `told` by the part, or the kind's own name, or distances."""
-    return told or (kind if kind in MODELS else "distance")
+def model_of(kind: str, stated: str | None = None) -> str:
+    """Return the model of a kind of part: `stated` by the part, or the kind's own name, or distances."""
+    return stated or (kind if kind in MODELS else "distance")
 
 
 _known: WeakKeyDictionary[TriangleMesh, dict[tuple[str, str], ConstraintSet]] = WeakKeyDictionary()  # colouring is slow
@@ -88,10 +88,10 @@ def attachment_set(scene: Scene, body: Body) -> ConstraintSet:
     """Return the long-range attachments of every vertex to all its anchors. These are pinned, so that each attachment
     moves one vertex alone, and all have one colour."""
     anchors, reaches = vertex_attachments(scene, body, np.float64)
-    held = (body.inverse_mass > 0) & (reaches[:, 0] < UNREACHED)
-    vertices = np.flatnonzero(held).astype(np.int32)
-    corners = np.concatenate([vertices[:, None], anchors[held]], axis=1)
-    return ConstraintSet("attachments", "tether", corners, reaches[held], np.array([0, len(vertices)], np.int32))
+    attached = (body.inverse_mass > 0) & (reaches[:, 0] < UNREACHED)
+    vertices = np.flatnonzero(attached).astype(np.int32)
+    corners = np.concatenate([vertices[:, None], anchors[attached]], axis=1)
+    return ConstraintSet("attachments", "tether", corners, reaches[attached], np.array([0, len(vertices)], np.int32))
 
 
 def tether_of(anchors: int) -> Projection:
@@ -242,8 +242,8 @@ def tetrahedra_within(mesh: TriangleMesh) -> np.ndarray:
     corners = corners[inside & (np.abs(sixfold_volumes(p, corners)) > FLAT_TETRAHEDRON * edge**3)]
     if not len(corners):
         raise InputError("volume: nothing lies inside this mesh; leave it out")
-    turned = sixfold_volumes(p, corners) < 0
-    corners[turned] = corners[turned][:, [0, 2, 1, 3]]
+    inverted = sixfold_volumes(p, corners) < 0
+    corners[inverted] = corners[inverted][:, [0, 2, 1, 3]]
     return corners[np.lexsort(corners.T[::-1])]
 
 
@@ -282,8 +282,8 @@ def edge_strain(scene: Scene, position: np.ndarray, kind: str = "structural") ->
 
 def mesh_energy(scene: Scene, position: np.ndarray, kind: str) -> float:
     """Return the energy [J] of a mesh's constraints of a kind at `position` (vertices, 3)."""
-    (found,) = (one for one in constraint_sets(scene) if one.kind == kind)
-    violation, divisor = MODELS[found.model].violation(np.asarray(position, np.float64), found.corners, found.values)
+    (rows,) = (one for one in constraint_sets(scene) if one.kind == kind)
+    violation, divisor = MODELS[rows.model].violation(np.asarray(position, np.float64), rows.corners, rows.values)
     return float(np.sum(scene.constraints[kind].storing_stiffness / divisor * violation**2) / 2)
 
 

@@ -61,7 +61,7 @@ def xpbd_mesh_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
     """Return the plan of a mesh."""
     parts = with_friction_in_place(mesh_parts(scene, live))
     return constrained_plan(
-        scene, parts, [(found, operations_of(projection_of(found.kind, parts))) for found in constraint_sets(scene)]
+        scene, parts, [(one, operations_of(projection_of(one.kind, parts))) for one in constraint_sets(scene)]
     )
 
 
@@ -76,12 +76,10 @@ def constrained_plan(scene: Scene, parts: frozenset[str], sets: Sequence[tuple[C
     forces += WIND * ("wind" in parts)
     particles = scene.grid.particle_count
     colours: list[Stage] = []
-    for found, operations in sets:
-        for number in range(found.colours):
-            many = int(found.starts[number + 1] - found.starts[number])
-            colours.append(
-                Stage(stage_name(found.kind, found.model, number), 1, 1, round(operations * many / particles))
-            )
+    for rows, operations in sets:
+        for number in range(rows.colours):
+            many = int(rows.starts[number + 1] - rows.starts[number])
+            colours.append(Stage(stage_name(rows.kind, rows.model, number), 1, 1, round(operations * many / particles)))
     if "attachments" in parts and scene.attachments:
         operations = scene.attachments.anchors * distance.OPERATIONS_ATTACHMENT
         colours.append(Stage(stage_name("attachments", "tether", 0), 1, 1, operations))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from softlab.model.contact.sheet_plan import WIND, Stages, cloth_parts, own_stages
+from softlab.model.contact.sheet_plan import WIND, Stages, cloth_parts, particle_force_stages
 from softlab.model.core.plan import Node, Plan, Stage
 from softlab.model.formulas import colliders, contact, distance
 from softlab.model.scene.scene import Scene
@@ -142,7 +142,7 @@ def position_based_step(
         outside.append(Stage("gravity", 0, 0, 1))
     if "wind" in parts:
         outside.append(Stage("wind", 3, 1, WIND))
-    outside.extend(own_stages(parts, memory=0))
+    outside.extend(particle_force_stages(parts, memory=0))
     predict = Stage("predict", 2, 2, axes * distance.OPERATIONS_PREDICT)
     update = Stage("update velocity", 2, 1, axes * distance.OPERATIONS_UPDATE)
     iteration = Node("iteration", iterated, method.iterations)

@@ -18,7 +18,7 @@ from softlab.model.tables.mesh_source import MeshSource
 from softlab.model.tables.parts import CAMERA, CameraPart
 from softlab.model.tables.tank import TANK, Tank
 
-TOLD = KINDS | {TANK: Tank, CAMERA: CameraPart, "shape": Shape}  # a shape is a field of a body or mesh, not a table
+TABLES = KINDS | {TANK: Tank, CAMERA: CameraPart, "shape": Shape}  # a shape is a field of a body or mesh, not a table
 REQUIRED = "(must be given)"
 WIDE = 2**31 - 1  # no bound for a reader: the limit of an index or a seed
 
@@ -35,9 +35,9 @@ class Row:
 
 def kind_named(kind: str) -> type[Part]:
     """Return the class of the part of that kind. Raises SceneError."""
-    if kind not in TOLD:
-        raise SceneError("--fields", kind, f"unknown kind{suggestion(kind, TOLD)}; known: {', '.join(TOLD)}")
-    return TOLD[kind]
+    if kind not in TABLES:
+        raise SceneError("--fields", kind, f"unknown kind{suggestion(kind, TABLES)}; known: {', '.join(TABLES)}")
+    return TABLES[kind]
 
 
 def about(kind: str) -> str:
@@ -47,7 +47,7 @@ def about(kind: str) -> str:
     Other kinds from which it is derived are left out. Raises SceneError.
     """
     part = kind_named(kind)
-    untold = (Part, MeshSource, *TOLD.values())
+    untold = (Part, MeshSource, *TABLES.values())
     owners = [part, *(owner for owner in part.__mro__[1:] if issubclass(owner, Part) and owner not in untold)]
     return " ".join(" ".join((owner.__doc__ or "").split()) for owner in owners)
 
@@ -90,12 +90,12 @@ def _number(value: Any) -> str:
 
 def _marks(annotation: Any) -> list[Any]:
     """Return the bounds within an annotation: of `Positive | None`, of a list's numbers."""
-    found: list[Any] = []
+    marks: list[Any] = []
     for part in get_args(annotation):
         if isinstance(part, FieldInfo):
-            found += part.metadata
-        found += _marks(part)
-    return found
+            marks += part.metadata
+        marks += _marks(part)
+    return marks
 
 
 def _leaves(annotation: Any) -> list[Any]:
@@ -285,7 +285,7 @@ def document() -> str:
         "| release | pins that let go at a time, of masses, of cloths and of tetrahedral bodies |",
         "| camera | where pictures are taken from; changes nothing of what is simulated |",
     ]
-    for kind in TOLD:
+    for kind in TABLES:
         lines += ["", f"## {kind}", about(kind), "", "| field | default | allowed | |", "|---|---|---|---|"]
         cells = ((row.name, row.default, row.allowed, row.note) for row in rows_of(kind))
         lines += ["| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in cells]

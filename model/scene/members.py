@@ -55,10 +55,10 @@ def members_of(kinds: Mapping[str, str]) -> tuple[str, ...]:
     """Return the members of a world with parts of these kinds (name -> kind); none where one family solves the
     scene."""
     there = set(kinds.values())
-    found = [name for name, member in MEMBERS.items() if there & set(member.kinds)]
-    if "tetrahedra" in found and "cloth" in found:  # tetrahedra include the cloth beside them
-        found.remove("cloth")
-    return tuple(found) if len(found) > 1 else ()
+    names = [name for name, member in MEMBERS.items() if there & set(member.kinds)]
+    if "tetrahedra" in names and "cloth" in names:  # tetrahedra include the cloth beside them
+        names.remove("cloth")
+    return tuple(names) if len(names) > 1 else ()
 
 
 def member_tables(kinds: Mapping[str, str], tables: Mapping[str, Any], method: Method) -> dict[str, dict[str, Any]]:
@@ -72,31 +72,33 @@ def member_tables(kinds: Mapping[str, str], tables: Mapping[str, Any], method: M
         owners = [one for one in names if kind in (*MEMBERS[one].kinds, *MEMBERS[one].takes)]
         if kind not in (*SHARED, RELEASE) and not owners:  # pins let go in all members at once
             mended = 'a sheet in a world is kind = "mesh" with shape = "sheet"' if kind in SHEETS else "leave it out"
-            told = f"is not supported in a world of {' and '.join(names)}; {mended}"
-            raise SceneError(f"{name}.kind", kind, told)
+            reason = f"is not supported in a world of {' and '.join(names)}; {mended}"
+            raise SceneError(f"{name}.kind", kind, reason)
     return {name: _tables_of(MEMBERS[name], kinds, tables, method) for name in names}
 
 
 def _tables_of(member: Member, kinds: Mapping[str, str], tables: Mapping[str, Any], method: Method) -> dict[str, Any]:
-    found: dict[str, Any] = {}
+    selected: dict[str, Any] = {}
     solver = method.tetrahedra if member is TETRAHEDRA else member.solver
     for name, kind in kinds.items():
         if kind == "method":
             known = set(FIELDS_OF_SOLVER[OF_WORLDS]) & set(FIELDS_OF_SOLVER[solver]) - {"solver"}
-            told = {field: getattr(method, field) for field in sorted(known)}
-            found[name] = dict(tables[name]) | {"solver": solver} | told
-            found[name] = {field: value for field, value in found[name].items() if field in (*told, "kind", "solver")}
-        elif kind == "contact" and member.contact is not None and _meets(member, kinds, tables):
-            found[name] = {field: value for field, value in tables[name].items() if field not in member.contact}
+            stated = {field: getattr(method, field) for field in sorted(known)}
+            selected[name] = dict(tables[name]) | {"solver": solver} | stated
+            selected[name] = {
+                field: value for field, value in selected[name].items() if field in (*stated, "kind", "solver")
+            }
+        elif kind == "contact" and member.contact is not None and _may_collide(member, kinds, tables):
+            selected[name] = {field: value for field, value in tables[name].items() if field not in member.contact}
         elif kind in {*member.kinds, *member.takes, *SHARED} - {"contact", *member.lacks}:
-            found[name] = tables[name]
-    return found
+            selected[name] = tables[name]
+    return selected
 
 
-def _meets(member: Member, kinds: Mapping[str, str], tables: Mapping[str, Any]) -> bool:
+def _may_collide(member: Member, kinds: Mapping[str, str], tables: Mapping[str, Any]) -> bool:
     """Return True if parts of a member may collide: for tetrahedra, several bodies, a cloth, or a body with
     self-collision."""
     if member is not TETRAHEDRA:
         return True
-    own = [name for name, kind in kinds.items() if kind in (*member.kinds, "mesh")]
-    return len(own) > 1 or any(tables[name].get("self_collision") for name in own)
+    bodies = [name for name, kind in kinds.items() if kind in (*member.kinds, "mesh")]
+    return len(bodies) > 1 or any(tables[name].get("self_collision") for name in bodies)

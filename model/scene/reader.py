@@ -15,7 +15,7 @@ from softlab.model.base.errors import InputError, SceneError, shown
 from softlab.model.base.files import is_there, read_text
 from softlab.model.base.words import suggestion
 from softlab.model.geometry.mesh_files import FORMATS
-from softlab.model.geometry.topology import is_file, own_meshes
+from softlab.model.geometry.topology import bundled_meshes, is_file
 from softlab.model.tables.bodies import BODY_KINDS
 from softlab.model.tables.cloth import SURFACE_KINDS
 from softlab.model.tables.tetrahedra import TETRAHEDRAL_KINDS
@@ -48,8 +48,8 @@ def scene_tables(name_or_path: str | Path) -> tuple[dict[str, Any], str]:
         path = Path(text)
         folders = {name.split("/")[0] for name in known if "/" in name}
         inside = len(path.parts) <= 1 or path.parts[0] in folders
-        looks_like_a_name = path.suffix == "" and inside and not is_there(path)
-        if looks_like_a_name:
+        is_name = path.suffix == "" and inside and not is_there(path)
+        if is_name:
             raise InputError(
                 f"unknown scene {shown(text)}{suggestion(text, known)}; `softlab scenes` lists those that come with the lab, "
                 "or give a .toml file"
@@ -74,28 +74,28 @@ def with_meshes(tables: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     file is searched beside the scene, then among the lab's own, which keep their name, then from the current folder.
     Raises InputError, with the places searched.
     """
-    found = dict(tables)
+    resolved = dict(tables)
     for name, table in tables.items():
         if not isinstance(table, Mapping) or table.get("kind", name) not in OF_MESHES:
             continue
         file = table.get("file")
         if isinstance(file, str):
-            found[name] = {**table, "file": _found(f"{name}.file", file, folder)}
-    return found
+            resolved[name] = {**table, "file": _resolved(f"{name}.file", file, folder)}
+    return resolved
 
 
-def _found(field: str, file: str, folder: Path) -> str:
-    beside, here, own = (folder / file).absolute(), Path(file).absolute(), own_meshes()
+def _resolved(field: str, file: str, folder: Path) -> str:
+    beside, here, bundled = (folder / file).absolute(), Path(file).absolute(), bundled_meshes()
     if is_file(beside):
         return str(beside)
-    if file in own:
+    if file in bundled:
         return file
     if is_file(here):
         return str(here)
     places = f"neither {beside} (beside the scene) nor {here} (from the current folder)"
     if beside == here:
         places = f"looked for {here}"
-    raise InputError(f"{field} = {file}: no such file: {places}; the lab's own meshes: {', '.join(own)}")
+    raise InputError(f"{field} = {file}: no such file: {places}; the lab's own meshes: {', '.join(bundled)}")
 
 
 def tables_of(text: str) -> dict[str, Any]:

@@ -27,7 +27,7 @@ from softlab.model.tables.motion import RELEASE, Release
 from softlab.model.tables.parts import CAMERA, CameraPart
 from softlab.model.tables.tank import TANK, Tank
 
-OWN_NAMES = KINDS | {TANK: Tank, CAMERA: CameraPart}  # names of tables that need no `kind`
+NAMED_KINDS = KINDS | {TANK: Tank, CAMERA: CameraPart}  # names of tables that need no `kind`
 
 
 class Scene(SceneParts):
@@ -59,11 +59,11 @@ class Scene(SceneParts):
                 raise SceneError(kind, list(self.all_of(kind)), "one part of this kind a scene")
         sheets = list(self.all_of(*SHEETS))
         if len(sheets) > 1:
-            told = [name if name == self.kinds[name] else f"{name} (kind {self.kinds[name]})" for name in sheets]
+            described = [name if name == self.kinds[name] else f"{name} (kind {self.kinds[name]})" for name in sheets]
             raise SceneError(
                 sheets[1],
                 None,
-                f"a scene has one part of kind grid, cloth or mesh; this one has {len(sheets)}: {', '.join(told)}",
+                f"a scene has one part of kind grid, cloth or mesh; this one has {len(sheets)}: {', '.join(described)}",
             )
         free = self.bodies or self.tetrahedra or self.fluids or self.is_world
         if not sheets and not free:
@@ -107,21 +107,22 @@ class Scene(SceneParts):
         """(time [s], the scene from then on) of each time at which pins let go, ascending. Raises SceneError for a release
         that lets go of nothing, or leaves no possible scene."""
         releases: dict[str, Release] = self.all_of(RELEASE)
-        found: list[tuple[float, Scene]] = []
+        phases: list[tuple[float, Scene]] = []
         for time in sorted({release.time for release in releases.values()}):
             over = sorted((name for name, one in releases.items() if one.time <= time), key=lambda n: releases[n].time)
             tables = tables_without(self, over)
             try:
                 scene = Scene(tables, self.name)
             except SceneError as error:
-                told = f"leaves a scene that cannot be simulated: {error}"
-                raise SceneError(f"{over[-1]}.pins", releases[over[-1]].pins, told) from None
+                reason = f"leaves a scene that cannot be simulated: {error}"
+                raise SceneError(f"{over[-1]}.pins", releases[over[-1]].pins, reason) from None
             scene._whole = self
-            found.append((time, scene))
-        return tuple(found)
+            phases.append((time, scene))
+        return tuple(phases)
 
     def at(self, time: float) -> Scene:
-        """The whole scene with the pins that it has at `time` [s]; the same object at any time between two releases."""
+        """Return the whole scene with the pins that it has at `time` [s]; the same object at any time between two
+        releases."""
         whole = self.whole
         begun = time + UNSEEN * whole.method.dt
         return next((scene for begin, scene in reversed(whole.phases) if begun >= begin), whole)
@@ -130,13 +131,13 @@ class Scene(SceneParts):
         """Return this scene, with its cached bodies, with other `fields` of the method, which are not validated
         again."""
         _ = self.grid  # built once, for both
-        found = copy(self)
-        found._whole = None
-        found.__dict__.pop("phases", None)
+        changed = copy(self)
+        changed._whole = None
+        changed.__dict__.pop("phases", None)
         method = self.name_of("method")
-        found.parts = self.parts | {method: self.method.model_copy(update=fields)}
-        found.derived = self.derived | {method: self.derived.get(method, frozenset()) - fields.keys()}
-        return found
+        changed.parts = self.parts | {method: self.method.model_copy(update=fields)}
+        changed.derived = self.derived | {method: self.derived.get(method, frozenset()) - fields.keys()}
+        return changed
 
     def replace(self, changes: Mapping[str, Any]) -> Scene:
         """Return a new, validated scene with some fields replaced.
@@ -168,10 +169,10 @@ class Scene(SceneParts):
                 )
             if kind in REMOVED:
                 raise SceneError(path, value, REMOVED[kind])
-            if kind not in OWN_NAMES:
-                names = [*self.kinds, *(name for name in OWN_NAMES if name not in self.kinds)]
+            if kind not in NAMED_KINDS:
+                names = [*self.kinds, *(name for name in NAMED_KINDS if name not in self.kinds)]
                 raise SceneError(path, value, f"unknown part{suggestion(part_name, names)}; known: {', '.join(names)}")
-            known = OWN_NAMES[kind].model_fields
+            known = NAMED_KINDS[kind].model_fields
             if field not in known:
                 raise SceneError(path, value, f"unknown key{suggestion(field, known)}; known: {', '.join(known)}")
             table = tables.setdefault(part_name, {})
@@ -186,7 +187,7 @@ def _contradicted(kind: str, field: str, value: Any, table: Mapping[str, Any]) -
     """Return the fields of a part that become invalid when `field` gets a `value`: a solver has its own fields."""
     if kind == "method" and field == "solver" and isinstance(value, str) and value in FIELDS_OF_SOLVER:
         return [name for name in table if name not in FIELDS_OF_SOLVER[value]]
-    return list(OWN_NAMES[kind].contradicts.get(field, ()))
+    return list(NAMED_KINDS[kind].contradicts.get(field, ()))
 
 
 def load_scene(name_or_path: str | Path) -> Scene:

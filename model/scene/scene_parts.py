@@ -58,14 +58,14 @@ from softlab.model.tables.tetrahedra import TETRAHEDRAL_KINDS, Material, Tetrahe
 from softlab.model.tables.xpbd import Attachments, Load
 
 
-def _build_part(name: str, made: Any, fields: dict[str, Any]) -> Any:
-    """Return the part of class `made` with these fields. Raises SceneError or InputError that name the part."""
+def _build_part(name: str, part_class: Any, fields: dict[str, Any]) -> Any:
+    """Return the part of class `part_class` with these fields. Raises SceneError or InputError that name the part."""
     try:
-        return made(**fields)
+        return part_class(**fields)
     except ValidationError as error:
-        raise scene_error(name, error, made) from None
+        raise scene_error(name, error, part_class) from None
     except SceneError as error:  # of a mesh, which does not know the part's name
-        kind = next((kind for kind, known in KINDS.items() if known is made), name)
+        kind = next((kind for kind, known in KINDS.items() if known is part_class), name)
         field = re.sub(rf"\b{kind}\.", f"{name}.", error.field)
         raise SceneError(field, error.value, error.allowed) from None
     except InputError as error:
@@ -149,7 +149,7 @@ class SceneParts:
 
     def one(self, kind: str) -> Any:
         """Return the part of a kind that occurs at most once, or None."""
-        return next((self.parts[name] for name, found in self.kinds.items() if found == kind), None)
+        return next((self.parts[name] for name, known in self.kinds.items() if known == kind), None)
 
     def name_of(self, *kinds: str, default: str = "") -> str:
         """Return the name of the scene's first part of these kinds; `default` where it has none."""
@@ -197,21 +197,21 @@ class SceneParts:
         for name, part in self.all_of("fluid").items():
             tables[name]["support"] = part.support  # among bodies derived, which its member has none of
         tables = member_tables(self.kinds, tables, self.method)
-        return {name: type(self)(own, self.name) for name, own in tables.items()}  # type: ignore[call-arg]
+        return {name: type(self)(direct_parts, self.name) for name, direct_parts in tables.items()}  # type: ignore[call-arg]
 
     @cached_property
     def world_set(self) -> WorldSet:
         """All particles of a world, one member after the other."""
         return make_world_set({name: member.grid for name, member in self.members.items()})
 
-    def own(self, *kinds: str) -> dict[str, Any]:
+    def direct_parts(self, *kinds: str) -> dict[str, Any]:
         """Return the parts as by `all_of`; none in a world, whose members have them."""
         return {} if self.is_world else self.all_of(*kinds)
 
     @property
     def bodies(self) -> dict[str, Placed]:
         """The scene's soft and rigid bodies, by the part's name."""
-        return self.own(*BODY_KINDS)
+        return self.direct_parts(*BODY_KINDS)
 
     @cached_property
     def body_set(self) -> BodySet:
@@ -233,18 +233,20 @@ class SceneParts:
     @property
     def tetrahedra(self) -> dict[str, TetrahedralBody]:
         """The scene's tetrahedral bodies, by the part's name."""
-        return self.own(*TETRAHEDRAL_KINDS)
+        return self.direct_parts(*TETRAHEDRAL_KINDS)
 
     @cached_property
     def tetrahedra_set(self) -> TetrahedraSet:
         """All tetrahedral bodies together and the cloth beside them, made on first use. Raises SceneError, InputError
         (a body)."""
-        return make_tetrahedra_set(self.tetrahedra, self.regions, self.held_parts, self.materials, self.all_of("mesh"))
+        return make_tetrahedra_set(
+            self.tetrahedra, self.regions, self.attachment_parts, self.materials, self.all_of("mesh")
+        )
 
     @property
     def fluids(self) -> dict[str, Fluid]:
         """The scene's fluids, by the part's name."""
-        return self.own("fluid")
+        return self.direct_parts("fluid")
 
     @property
     def emitters(self) -> dict[str, Emitter]:
@@ -269,7 +271,7 @@ class SceneParts:
     @cached_property
     def mesh(self) -> Mesh | None:
         """The cloth of triangles."""
-        return next(iter(self.own("mesh").values()), None)
+        return next(iter(self.direct_parts("mesh").values()), None)
 
     @cached_property
     def cloth(self) -> Cloth | None:
@@ -301,23 +303,23 @@ class SceneParts:
     @property
     def motions(self) -> dict[str, Motion]:
         """The motions of pinned masses, by the part's name, including attachments to a moving collider."""
-        found: dict[str, Motion] = self.all_of("motion")
-        for name, part in self.held_parts.items():
+        motions: dict[str, Motion] = self.all_of("motion")
+        for name, part in self.attachment_parts.items():
             collider: Any = self.parts.get(part.to or "")
             motion = motion_with(part, collider) if pins(part, self.holdable) and collider else None
             if motion is not None:
-                found[name] = motion
-        return found
+                motions[name] = motion
+        return motions
 
     @property
-    def held_parts(self) -> dict[str, Attachment]:
+    def attachment_parts(self) -> dict[str, Attachment]:
         """Attachments of tetrahedral bodies and a cloth to the world, colliders and one another, by the part's name."""
-        return self.own("attachment")
+        return self.direct_parts("attachment")
 
     @property
     def holdable(self) -> dict[str, Part]:
         """The parts that can be attached, by name: tetrahedral bodies, then a cloth beside them."""
-        return self.tetrahedra | self.own("mesh")
+        return self.tetrahedra | self.direct_parts("mesh")
 
     @property
     def regions(self) -> dict[str, Region]:

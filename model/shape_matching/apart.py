@@ -19,13 +19,13 @@ from softlab.model.scene.scene import Scene
 def bodies_apart(scene: Scene) -> Apart:
     """Return the bodies of a scene, balanced by their particles. Raises SceneError where particles may collide."""
     require_apart(scene)
-    found = scene.body_set
-    firsts = np.array([*(one.first_particle for one in found.copies), found.particle_count])
+    body_set = scene.body_set
+    firsts = np.array([*(one.first_particle for one in body_set.copies), body_set.particle_count])
     return Apart(
-        tuple(copy.name for copy in found.copies),
+        tuple(copy.name for copy in body_set.copies),
         np.diff(firsts), "particles", firsts, "body_set",
-        lambda first, end: some_bodies(found, first, end),
-        lambda first, end: clusters_of(found.copies[first:end]),
+        lambda first, end: some_bodies(body_set, first, end),
+        lambda first, end: clusters_of(body_set.copies[first:end]),
     )  # fmt: skip
 
 
@@ -84,21 +84,21 @@ def _some_clusters(whole: Clusters, chosen: np.ndarray, begin: int, stop: int) -
 
 def _some_links(whole: Links, begin: int, stop: int) -> Links:
     """Return the links within the particles, in the colours and the order that they have among all."""
-    mine = (whole.ends[:, 0] >= begin) & (whole.ends[:, 0] < stop)
-    before = np.concatenate([[0], np.cumsum(mine)])
+    inside = (whole.ends[:, 0] >= begin) & (whole.ends[:, 0] < stop)
+    before = np.concatenate([[0], np.cumsum(inside)])
     return Links(
-        (whole.ends[mine] - begin).astype(np.int32), whole.rest_length[mine], whole.compliance[mine],
+        (whole.ends[inside] - begin).astype(np.int32), whole.rest_length[inside], whole.compliance[inside],
         before[whole.starts].astype(np.int32),
     )  # fmt: skip
 
 
 def _some_lattices(whole: BodySet, copies: Sequence[Copy], new_cluster: dict[int, int]) -> list[LatticeCopies]:
     begin, numbers = copies[0].first_particle, {copy.first_particle: copy.number for copy in copies}
-    found = []
+    lattices = []
     for one in whole.lattices:
         places = one.first_particle + one.lattice.size * np.arange(one.copies)
-        mine = [int(place) for place in places if int(place) in numbers]
-        if mine:
-            cluster = new_cluster[numbers[mine[0]]]
-            found.append(replace(one, first_particle=mine[0] - begin, first_cluster=cluster, copies=len(mine)))
-    return found
+        firsts = [int(place) for place in places if int(place) in numbers]
+        if firsts:
+            cluster = new_cluster[numbers[firsts[0]]]
+            lattices.append(replace(one, first_particle=firsts[0] - begin, first_cluster=cluster, copies=len(firsts)))
+    return lattices

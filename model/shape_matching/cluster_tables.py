@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from softlab.model.assets.clusters import Clusters, binned, matching_share
+from softlab.model.assets.clusters import Clusters, binned, matching_factor
 from softlab.model.formulas.shape_matching.deformation import S_CREEP, S_INVERSE, S_LIMIT, S_LINEAR, S_THRESHOLD, SHAPE
 from softlab.model.geometry.arithmetic.functions import expm1
 
@@ -13,10 +13,10 @@ def matching_factors(clusters: Clusters, substep: float, iterations: int) -> np.
     """Return the fraction of the displacement to its goal that an entry moves its particle per iteration, (entries,)
     float64.
 
-    Its weight in the particle times `matching_share` of its cluster, for `iterations` of a substep [s].
+    Its weight in the particle times `matching_factor` of its cluster, for `iterations` of a substep [s].
     """
-    b = matching_share(clusters.stiffness, substep, iterations)
-    factors: np.ndarray = clusters.shares * b[clusters.owner]
+    b = matching_factor(clusters.stiffness, substep, iterations)
+    factors: np.ndarray = clusters.weights * b[clusters.owner]
     return factors
 
 
@@ -54,16 +54,16 @@ def damping_factors(clusters: Clusters, substep: float) -> np.ndarray:
     Its weight in the particle times 1 - exp(-d h).
     """
     rate = np.zeros(clusters.count) if clusters.material is None else clusters.material.damping
-    factors: np.ndarray = clusters.shares * -expm1(-rate * substep)[clusters.owner]
+    factors: np.ndarray = clusters.weights * -expm1(-rate * substep)[clusters.owner]
     return factors
 
 
 def first_particles(clusters: Clusters) -> np.ndarray:
     """Return the particle to which positions are relative, (clusters,) int32; 0 for a cluster without particles."""
-    found = np.zeros(clusters.count, np.int32)
+    particles = np.zeros(clusters.count, np.int32)
     some = np.diff(clusters.offsets) > 0
-    found[some] = clusters.indices[clusters.offsets[:-1][some]]
-    return found
+    particles[some] = clusters.indices[clusters.offsets[:-1][some]]
+    return particles
 
 
 def leans(clusters: Clusters, real: type) -> np.ndarray:

@@ -22,7 +22,7 @@ def window_energy(scene: Scene, position: np.ndarray) -> float:
     rest = scene.springs.rest_length if scene.springs else grid.spacing
     here = np.asarray(position, dtype=np.float64).reshape(grid.rows, grid.columns, 2).transpose(2, 0, 1)
     placed = np.pad(here, ((0, 0), (n, n), (n, n)))
-    weight = np.pad(grid.mass * down.share[:, None] * across.share, n)  # nothing outside has mass
+    weight = np.pad(grid.mass * down.weight[:, None] * across.weight, n)  # nothing outside has mass
 
     def members() -> Iterator[tuple[np.ndarray, ...]]:
         """Yield (mass, x and y from the window's middle, rest offset along x and y) of a member of every window."""
@@ -31,15 +31,15 @@ def window_energy(scene: Scene, position: np.ndarray) -> float:
             x, y = placed[:, *window] - here
             yield weight[window], x, y, (j - n - across.centre)[None, :] * rest, -(i - n - down.centre)[:, None] * rest
 
-    centre_x, centre_y, along, turned = (np.zeros((grid.rows, grid.columns)) for _ in range(4))
+    centre_x, centre_y, along, across_sum = (np.zeros((grid.rows, grid.columns)) for _ in range(4))
     for mass, x, y, rest_x, rest_y in members():
         centre_x += mass * x
         centre_y += mass * y
         along += mass * (x * rest_x + y * rest_y)
-        turned += mass * (y * rest_x - x * rest_y)
+        across_sum += mass * (y * rest_x - x * rest_y)
     inverse = down.inverse_mass[:, None] * across.inverse_mass / grid.mass
     centre_x, centre_y = centre_x * inverse, centre_y * inverse
-    angle = np.arctan2(turned, along)
+    angle = np.arctan2(across_sum, along)
     cosine, sine = np.cos(angle), np.sin(angle)
     total = 0.0
     for mass, x, y, rest_x, rest_y in members():

@@ -18,12 +18,12 @@ def lattice_clusters(scene: Scene) -> Clusters:
     """Return the windows of a scene's grid in compressed form, row by row, as represented by the tables."""
     grid, region = scene.grid, scene.method.region
     row, column = np.divmod(np.arange(grid.particle_count), grid.columns)
-    found = windows((grid.rows, grid.columns), region)
+    members = windows((grid.rows, grid.columns), region)
     rest = scene.springs.rest_length if scene.springs else grid.spacing
     return Clusters(
-        found.offsets,
-        found.indices,
-        np.ones(len(found.indices)),
+        members.offsets,
+        members.indices,
+        np.ones(len(members.indices)),
         np.full(grid.particle_count, matching_stiffness(scene)),
         np.broadcast_to(masses(scene), (grid.particle_count, 1))[:, 0].astype(np.float64),
         np.stack([column * rest, -row * rest], axis=1).astype(np.float64),

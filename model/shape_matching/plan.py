@@ -13,7 +13,7 @@ from softlab.model.scene.scene import Scene
 from softlab.model.tables.cloth import SPRING_KINDS
 
 BODIES_LOOKED_AT = 27  # particles of the cells around one, in a lattice
-BODIES_MET = 4  # contacts of a particle at a body's surface; an interior one has none
+CONTACTS_PER_PARTICLE = 4  # contacts of a particle at a body's surface; an interior one has none
 
 
 def window_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset[str]:
@@ -157,10 +157,12 @@ def body_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
     search: Stages = ()
     if scene.contact:
         search = (Stage("find neighbours", 3, 1, BODIES_LOOKED_AT * particle_contact.OPERATIONS_SEARCH),)
-        met = BODIES_MET * (particle_contact.OPERATIONS_COUNT + particle_contact.OPERATIONS_PROJECT)
+        met = CONTACTS_PER_PARTICLE * (particle_contact.OPERATIONS_COUNT + particle_contact.OPERATIONS_PROJECT)
         iterated += (Stage("project contacts", 4, 1, scene.contact.sweeps * met),)
     turned = (couple_stage(scene),) if "couples" in parts else ()
-    bounces = Stage("bounce", 6, 1, BODIES_MET * particle_contact.OPERATIONS_BOUNCE)  # positions, velocities of pairs
+    bounces = Stage(
+        "bounce", 6, 1, CONTACTS_PER_PARTICLE * particle_contact.OPERATIONS_BOUNCE
+    )  # positions, velocities of pairs
     bounce = (bounces,) if "contact-restitution" in parts else ()
     steady = (momentum_stage(scene),) if "rigid-motion" in parts else ()
     slow = (damping_stage(scene),) if "cluster_damping" in parts else ()

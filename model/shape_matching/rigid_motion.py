@@ -21,7 +21,7 @@ def goal_slack(clusters: Clusters, real: type) -> np.ndarray:
     extent = np.zeros(clusters.count)
     np.maximum.at(extent, clusters.owner, norm(clusters.rest))
     slack = float(np.finfo(real).eps) * extent * (ROTATION + np.sqrt(sizes / LANES))
-    found = np.zeros(len(clusters.mass))
-    own = whole[clusters.owner]
-    found[clusters.indices[own]] = np.maximum(slack, float(np.finfo(real).tiny))[clusters.owner[own]]
-    return found
+    slack_of_particle = np.zeros(len(clusters.mass))
+    rigid = whole[clusters.owner]
+    slack_of_particle[clusters.indices[rigid]] = np.maximum(slack, float(np.finfo(real).tiny))[clusters.owner[rigid]]
+    return slack_of_particle

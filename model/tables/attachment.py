@@ -52,15 +52,15 @@ def pins(attachment: Attachment, bodies: Collection[str]) -> bool:
 
 
 def motion_with(attachment: Attachment, collider: Collider) -> Motion | None:
-    """Return the motion of what is attached to a collider; None where the collider rests."""
-    given: dict[str, Any] = collider.model_dump()
-    spin = given.get("spin", (0.0, 0.0, 0.0))
+    """Return the motion of vertices attached to a collider; None if the collider is at rest."""
+    fields: dict[str, Any] = collider.model_dump()
+    spin = fields.get("spin", (0.0, 0.0, 0.0))
     speed = hypot(*spin)
     if not speed and not any(collider.velocity):
         return None
     return Motion(
         pins=attachment.vertices, body=attachment.body, velocity=collider.velocity, angular_velocity=speed,
-        axis=tuple(spin) if speed else (1.0, 0.0, 0.0), center=given.get("origin", (0.0, 0.0, 0.0)),
+        axis=tuple(spin) if speed else (1.0, 0.0, 0.0), center=fields.get("origin", (0.0, 0.0, 0.0)),
         duration=LONGEST / max(1.0, speed),
     )  # fmt: skip
 
@@ -68,14 +68,16 @@ def motion_with(attachment: Attachment, collider: Collider) -> Motion | None:
 def check_attachment(name: str, part: Attachment, bodies: Mapping[str, Any], colliders: Mapping[str, Collider]) -> None:
     """Raise SceneError if the body or the target of the attachment does not exist, or cannot be attached to."""
     if part.body not in bodies:
-        told = f"must be a tetrahedral body or a cloth of the scene: {', '.join(bodies)}{suggestion(part.body, bodies)}"
-        raise SceneError(f"{name}.body", part.body, told)
+        reason = (
+            f"must be a tetrahedral body or a cloth of the scene: {', '.join(bodies)}{suggestion(part.body, bodies)}"
+        )
+        raise SceneError(f"{name}.body", part.body, reason)
     others = [body for body in bodies if body != part.body]
     if part.to is not None and part.to not in (*others, *colliders):
         known = (*others, *colliders)
-        told = f"must be a collider or another tetrahedral body or cloth{suggestion(part.to, known)}; there "
-        told += f"are {', '.join(known)}" if known else "is none: leave it out for the world"
-        raise SceneError(f"{name}.to", part.to, told)
+        reason = f"must be a collider or another tetrahedral body or cloth{suggestion(part.to, known)}; there "
+        reason += f"are {', '.join(known)}" if known else "is none: leave it out for the world"
+        raise SceneError(f"{name}.to", part.to, reason)
     collider = colliders.get(part.to or "")
     if collider and part.compliance > 0 and motion_with(part, collider):
         raise SceneError(f"{name}.compliance", part.compliance, f"must be 0, since {part.to} moves")

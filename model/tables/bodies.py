@@ -15,7 +15,7 @@ from softlab.model.assets.soft_body import MATERIAL, RigidBody, SoftBody
 from softlab.model.assets.soft_lattice import SoftLattice
 from softlab.model.assets.soft_sheet import SoftSheet
 from softlab.model.base.table import ZERO, Count, NotNegative, Part, Positive, Vector
-from softlab.model.geometry.measures import turned_about
+from softlab.model.geometry.measures import rotation_about
 from softlab.model.geometry.topology import mesh_path
 from softlab.model.tables.mesh_source import MeshSource
 
@@ -65,7 +65,7 @@ class Placed(MeshSource):
         return self.baked.spacing / 2 if self.radius is None else self.radius
 
     @property
-    def meets_itself(self) -> bool:
+    def self_colliding(self) -> bool:
         """True if the body's particles collide with those of the same copy."""
         return isinstance(self, SoftBody) if self.self_collision is None else self.self_collision
 
@@ -74,9 +74,9 @@ class Placed(MeshSource):
         """The body, from the user's cache if it was made before. Raises SceneError, InputError."""
         if not isinstance(self, RigidBody):
             raise TypeError("a placed body is a soft or a rigid one")
-        made_of = next(kind for kind in (SoftSheet, SoftLattice, SoftBody, RigidBody) if isinstance(self, kind))
-        given = {name: getattr(self, name) for name in made_of.model_fields if name in self.model_fields_set}
-        parameters = made_of(**given)
+        body_class = next(kind for kind in (SoftSheet, SoftLattice, SoftBody, RigidBody) if isinstance(self, kind))
+        stated = {name: getattr(self, name) for name in body_class.model_fields if name in self.model_fields_set}
+        parameters = body_class(**stated)
         source = self.shape if self.shape is not None else mesh_path(self.file or "")
         return baked(parameters, source, scale=self.scale)
 
@@ -89,12 +89,12 @@ class Placed(MeshSource):
 
     def turn(self) -> np.ndarray:
         """Return the initial rotation, (3, 3) float64."""
-        return turned_about(self.axis, self.angle)
+        return rotation_about(self.axis, self.angle)
 
     def _idle_fields(self) -> set[str]:
-        made: Any = self  # a RigidBody, too
-        idle = {*made.lacks, "density" if made.mass is not None else "mass"}
-        return super()._idle_fields() | idle | {name for name in MATERIAL if not getattr(made, name, None)}
+        body: Any = self  # a RigidBody, too
+        idle = {*body.lacks, "density" if body.mass is not None else "mass"}
+        return super()._idle_fields() | idle | {name for name in MATERIAL if not getattr(body, name, None)}
 
 
 class SoftBodyPart(Placed, SoftBody):

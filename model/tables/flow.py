@@ -63,27 +63,27 @@ class Emitter(Part):
         return super()._idle_fields() | {name for name in type(self).model_fields if getattr(self, name) is None}
 
     @property
-    def way(self) -> np.ndarray:
+    def unit_direction(self) -> np.ndarray:
         """Unit direction, (3,)."""
-        found = spatial(self.direction)
-        return found / norm(found)
+        vector = spatial(self.direction)
+        return vector / norm(vector)
 
     @property
     def axes(self) -> tuple[np.ndarray, np.ndarray]:
         """Two unit vectors perpendicular to the direction, (3,) each; 0 where `across` points along it."""
-        way, across = self.way, spatial(self.across)
-        first = across - dot(across, way) * way
+        along, across = self.unit_direction, spatial(self.across)
+        first = across - dot(across, along) * along
         if self.size is None and not norm(first) > SMALL:  # a disc does not depend on it
-            first = np.cross(way, np.eye(3)[np.argmin(np.abs(way))])
+            first = np.cross(along, np.eye(3)[np.argmin(np.abs(along))])
         length = norm(first)
         first = first / length if length > SMALL else np.zeros(3)
-        return first, np.cross(way, first)
+        return first, np.cross(along, first)
 
     def nozzle(self, rest_distance: float, dimensions: int) -> np.ndarray:
         """Return the positions of a layer's particles in the nozzle, (points, 3) [m]; none where it is narrower than
         the rest distance."""
         if dimensions == 2:
-            first, second = np.array([-self.way[1], self.way[0], 0.0]), np.zeros(3)
+            first, second = np.array([-self.unit_direction[1], self.unit_direction[0], 0.0]), np.zeros(3)
         else:
             first, second = self.axes
         if self.radius is not None:
@@ -124,8 +124,8 @@ class Sink(Part):
         return self
 
     def _idle_fields(self) -> set[str]:
-        own = OF_SHAPE[self.shape]
-        return super()._idle_fields() | {name for names in OF_SHAPE.values() for name in names if name not in own}
+        used = OF_SHAPE[self.shape]
+        return super()._idle_fields() | {name for names in OF_SHAPE.values() for name in names if name not in used}
 
     def holds(self, place: np.ndarray) -> np.ndarray:
         """Return which of the points (n, 3) [m] lie in the sink, (n,) bool."""
@@ -141,29 +141,29 @@ class Sink(Part):
 FLOW_KINDS: dict[str, type[Part]] = {"emitter": Emitter, "sink": Sink}
 
 
-def taps_at_start(scene: Any) -> np.ndarray:
+def initial_emitter_state(scene: Any) -> np.ndarray:
     """Return the initial emitter states, (emitters, 2) float64: the time [s] since which each has its speed, and the
     layers that had passed by then."""
     return np.array([(part.start, 0.0) for part in scene.emitters.values()], np.float64).reshape(-1, 2)
 
 
-def layers_passed(scene: Any, taps: np.ndarray, time: float) -> np.ndarray:
+def layers_passed(scene: Any, emitter_state: np.ndarray, time: float) -> np.ndarray:
     """Return the number of layers that have passed each nozzle by `time` [s], (emitters,) float64."""
-    found, distance = [], scene.fluid_set.spacing
-    for part, (since, before) in zip(scene.emitters.values(), taps, strict=True):
+    layers, distance = [], scene.fluid_set.spacing
+    for part, (since, before) in zip(scene.emitters.values(), emitter_state, strict=True):
         stop = NEVER if part.stop is None else part.stop
-        found.append(before + part.speed / distance * (min(max(time, since), stop) - since))
-    return np.array(found)
+        layers.append(before + part.speed / distance * (min(max(time, since), stop) - since))
+    return np.array(layers)
 
 
-def turned(scene: Any, taps: np.ndarray, time: float) -> np.ndarray:
+def rebased(scene: Any, emitter_state: np.ndarray, time: float) -> np.ndarray:
     """Return the emitter states from `time` [s] on, when speeds change from those of `scene`."""
     starts = [part.start for part in scene.emitters.values()]
-    return np.stack([np.maximum(time, starts), layers_passed(scene, taps, time)], axis=1).reshape(-1, 2)
+    return np.stack([np.maximum(time, starts), layers_passed(scene, emitter_state, time)], axis=1).reshape(-1, 2)
 
 
 def nozzle_points(scene: Any, real: type) -> np.ndarray:
     """Return the points of all emitters, (points, 3) [m], in the arithmetic `real`."""
-    found = scene.fluid_set
-    points = [part.nozzle(found.spacing, found.dimensions) for part in scene.emitters.values()]
+    fluids = scene.fluid_set
+    points = [part.nozzle(fluids.spacing, fluids.dimensions) for part in scene.emitters.values()]
     return np.concatenate([np.zeros((0, 3)), *points]).astype(real)

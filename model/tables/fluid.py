@@ -13,7 +13,7 @@ SUPPORT = 1 / 0.55  # rest distances, by default
 AMONG_BODIES = 2.0  # rest distances, by default with bodies: a lattice that hardly resists shear (model/fluid/shear.py)
 NARROWEST, WIDEST = 1.2, 4.0  # supports in rest distances: 6 and 250 neighbours on the lattice
 WIDER = 1.001  # a cell's edge over the support: particles that rounding brings within it lie in an adjacent cell
-SPEED_SHARE = 0.5  # supports that a particle moves in a substep, at most
+SUPPORTS_PER_SUBSTEP = 0.5  # supports that a particle moves in a substep, at most
 REPEATED = 3  # cells along a periodic side, at least: the cells around a particle must be three different ones
 MOST_ALONG = 1e9  # particles along a side of a block: no memory can hold more in one row
 Flat = tuple[Number, Number]
@@ -70,11 +70,11 @@ class Fluid(Part):
         one: Any
         if self.size is None and self.capacity is None:
             raise ValueError("size: must be given, or a capacity, of a fluid that an emitter gives")
-        own = [("size", self)] if self.size is not None else []
-        for field, one in (*own, *(("blocks", block) for block in self.blocks)):
+        main_block = [("size", self)] if self.size is not None else []
+        for field, one in (*main_block, *(("blocks", block) for block in self.blocks)):
             if len(one.size) != self.dimensions:
-                told = f"must have {self.dimensions} numbers in {self.dimensions} dimensions"
-                raise ValueError(f"{field}: {told}")
+                reason = f"must have {self.dimensions} numbers in {self.dimensions} dimensions"
+                raise ValueError(f"{field}: {reason}")
             if min(one.size) < self.rest_distance / 2:
                 raise ValueError(f"{field}: holds no particle; a side is half a rest distance long at least")
             if max(one.size) / self.rest_distance > MOST_ALONG:
@@ -117,8 +117,8 @@ class Fluid(Part):
 
     def speed_limit(self, substep: float) -> float:
         """Speed limit [m/s]: half a support radius per substep [s], or `maximum_speed` if that is smaller."""
-        own = SPEED_SHARE * self.support_radius / substep
-        return own if self.maximum_speed is None else min(own, self.maximum_speed)
+        stable = SUPPORTS_PER_SUBSTEP * self.support_radius / substep
+        return stable if self.maximum_speed is None else min(stable, self.maximum_speed)
 
     def counts(self, block: Any) -> tuple[int, ...]:
         """Return the number of particles along each side of a block."""

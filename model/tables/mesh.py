@@ -73,7 +73,7 @@ class Mesh(Cloth):
         if self.file is not None and not (self.pinned in ("none", "top") or _vertices(self.pinned)):
             raise ValueError(f"pinned: {FILE_PINS}")
         if self.file is None and self.pinned and _vertices(self.pinned):
-            raise ValueError("pinned: a sheet's masses are told as [[row, column], ...]")
+            raise ValueError("pinned: a sheet's masses must be given as [[row, column], ...]")
         if self.file is None:
             Grid._pins_lie_inside(self)  # type: ignore[operator]
         self.__dict__.update(describe(self))  # the part is frozen for other code

@@ -107,7 +107,7 @@ class Method(Part):
         return f"{self.solver} {self.ordering if self.position_based else self.integrator}{blocks}"
 
     @property
-    def part_of_the_way(self) -> float:
+    def relaxation_factor(self) -> float:
         """Relaxation factor of an iteration of `pbf`."""
         if self.relaxation is not None:
             return self.relaxation
@@ -116,13 +116,13 @@ class Method(Part):
     def _idle_fields(self) -> set[str]:
         if self.solver == OF_FLUIDS and self.relaxation is None:
             return set(type(self).model_fields) - (set(FIELDS_OF_SOLVER[self.solver]) - {"relaxation"})
-        told = set(FIELDS_OF_SOLVER[self.solver]) - ({"rows"} if self.rows == "scalar" else set())
+        used = set(FIELDS_OF_SOLVER[self.solver]) - ({"rows"} if self.rows == "scalar" else set())
         if self.solver == OF_WORLDS:  # the fluid's fields are the defaults unless stated
             fields = type(self).model_fields
-            told -= {name for name in ("tetrahedra", *ABOUT_FLUIDS) if getattr(self, name) == fields[name].default}
-        told -= {name for name in ("chebyshev", "sleeping_speed") if getattr(self, name) == 0}
-        told -= {"order"} if self.order == 1 else set()
-        return set(type(self).model_fields) - told
+            used -= {name for name in ("tetrahedra", *ABOUT_FLUIDS) if getattr(self, name) == fields[name].default}
+        used -= {name for name in ("chebyshev", "sleeping_speed") if getattr(self, name) == 0}
+        used -= {"order"} if self.order == 1 else set()
+        return set(type(self).model_fields) - used
 
 
 ABOUT_FLUIDS = ("scheme", "relaxation", "softness", "tensile_correction", "tensile_distance")

@@ -97,8 +97,8 @@ def check_inside(places: Iterable[tuple[int, int]], sheet: Any, field: str) -> N
     """Raise SceneError, which names `field`, for a (row, column) outside a sheet of `rows` and `columns`."""
     for row, column in places:
         if not (0 <= row < sheet.rows and 0 <= column < sheet.columns):
-            told = f"lies outside the sheet; rows are 0 to {sheet.rows - 1}, columns 0 to {sheet.columns - 1}"
-            raise SceneError(field, [row, column], told)
+            reason = f"lies outside the sheet; rows are 0 to {sheet.rows - 1}, columns 0 to {sheet.columns - 1}"
+            raise SceneError(field, [row, column], reason)
 
 
 def masses_of(pins: Any, sheet: Any, field: str) -> np.ndarray:
@@ -115,8 +115,8 @@ def motions_of_pins(sheet: Grid | Any, motions: Mapping[str, Motion]) -> np.ndar
     masses that are not pinned, or that another motion moves.
     """
     if not isinstance(sheet, Grid):
-        found: np.ndarray = sheet.pin_motions(motions)
-        return found
+        by_set: np.ndarray = sheet.pin_motions(motions)
+        return by_set
     pinned = pin_indices(sheet.pinned, sheet.rows, sheet.columns)
     numbers = np.full(len(pinned), -1, np.int64)
     names = list(motions)

@@ -13,7 +13,7 @@ from pydantic import model_validator
 from softlab.model.base.errors import InputError
 from softlab.model.base.table import ZERO, Flag, Number, Part, Positive, Vector
 from softlab.model.geometry.arithmetic.ordered import applied, dot, norm
-from softlab.model.geometry.measures import turned_about
+from softlab.model.geometry.measures import rotation_about
 from softlab.model.geometry.mesh import TriangleMesh, read_mesh
 from softlab.model.geometry.shapes import Shape
 from softlab.model.geometry.solid import solid
@@ -24,7 +24,8 @@ from softlab.model.tables.mesh_source import check_axis, check_digest
 Side = Literal["left", "right", "bottom", "top", "back", "front"]  # of x, y and z: the lower one first
 SIDES: tuple[Side, ...] = ("left", "right", "bottom", "top", "back", "front")
 WORDS = (*SIDES, "all")
-WAYS = (("low", "high"), ("center",), ("start", "end"), ("point", "normal"), ("shape",), ("file",))  # one per region
+# a region has one of these
+FIELD_SETS = (("low", "high"), ("center",), ("start", "end"), ("point", "normal"), ("shape",), ("file",))
 OF_MESHES = ("scale", "fill_holes", "origin", "angle", "axis")
 
 
@@ -37,7 +38,7 @@ class Region(Part):
     moved to `origin`.
     """
 
-    told_by: ClassVar[str] = "low and high, center and radius, start, end and radius, point and normal, shape, or file"
+    choices: ClassVar[str] = "low and high, center and radius, start, end and radius, point and normal, shape, or file"
 
     low: Vector | None = None  # m
     high: Vector | None = None  # m
@@ -58,15 +59,15 @@ class Region(Part):
 
     @model_validator(mode="after")
     def _is_one_of_them(self) -> Region:
-        given = [way for way in WAYS if any(getattr(self, field) is not None for field in way)]
-        if len(given) != 1:
-            raise ValueError(f"shape: a region is told by one of: {self.told_by}")
-        (way,) = given
-        missing = [field for field in way if getattr(self, field) is None and way != ("low", "high")]
-        round_one = way in (("center",), ("start", "end"))
+        stated = [fields for fields in FIELD_SETS if any(getattr(self, field) is not None for field in fields)]
+        if len(stated) != 1:
+            raise ValueError(f"shape: a region is given by one of: {self.choices}")
+        (fields,) = stated
+        missing = [field for field in fields if getattr(self, field) is None and fields != ("low", "high")]
+        round_one = fields in (("center",), ("start", "end"))
         if missing or round_one != (self.radius is not None):
             field = (missing or ["radius"])[0]
-            raise ValueError(f"{field}: a region is told by one of: {self.told_by}")
+            raise ValueError(f"{field}: a region is given by one of: {self.choices}")
         if self.normal is not None and hypot(*self.normal) == 0:
             raise ValueError("normal: must not be zero")
         check_axis(self)
@@ -96,10 +97,10 @@ class Region(Part):
             return np.asarray(dot(position - self.point, normal) >= -near)
         if self.radius is not None:
             start = np.asarray(self.start or self.center)
-            way = np.asarray(self.end or start) - start
-            squared = float(dot(way, way))
-            share = np.clip(dot(position - start, way) / squared, 0, 1) if squared else np.zeros(len(position))
-            apart = position - start - share[:, None] * way
+            axis = np.asarray(self.end or start) - start
+            squared = float(dot(axis, axis))
+            fraction = np.clip(dot(position - start, axis) / squared, 0, 1) if squared else np.zeros(len(position))
+            apart = position - start - fraction[:, None] * axis
             return np.asarray(norm(apart) <= self.radius + near)
         if self.shape is not None or self.file is not None:
             return np.asarray(winding_numbers(position, *self._surface) > 0.5)
@@ -114,7 +115,7 @@ class Region(Part):
             self.shape.mesh() if self.shape else read_mesh(mesh_path(self.file or ""), self.scale, True)
         )
         try:
-            found = solid(mesh, 0.0, "a box, a ball or a capsule", self.fill_holes)
+            body = solid(mesh, 0.0, "a box, a ball or a capsule", self.fill_holes)
         except InputError as error:
             raise InputError(f"{self.file or 'shape'}: {error}") from None
-        return applied(turned_about(self.axis, self.angle), found.position) + self.origin, found.triangles
+        return applied(rotation_about(self.axis, self.angle), body.position) + self.origin, body.triangles

@@ -19,20 +19,20 @@ def check_word(field: str, word: str, regions: Mapping[str, Region]) -> None:
     """Raise SceneError for a word that is neither a side nor `all` nor a region of the scene."""
     if word not in (*WORDS, *regions):
         known = (*WORDS, *regions)
-        told = "" if regions else "; a table of kind region has others"
-        raise SceneError(field, word, f"must be one of {', '.join(known)}{suggestion(word, known)}{told}")
+        hint = "" if regions else "; a table of kind region has others"
+        raise SceneError(field, word, f"must be one of {', '.join(known)}{suggestion(word, known)}{hint}")
 
 
-def vertices_of(word: str, own: np.ndarray, here: np.ndarray, regions: Mapping[str, Region]) -> np.ndarray:
+def vertices_of(word: str, local: np.ndarray, here: np.ndarray, regions: Mapping[str, Region]) -> np.ndarray:
     """Return the vertices of a body that `word` selects, (vertices,) int64, ascending.
 
-    `own`, `here`: (particles, 3) [m], positions in its mesh's coordinates and in the scene. Raises SceneError,
+    `local`, `here`: (particles, 3) [m], positions in its mesh's coordinates and in the scene. Raises SceneError,
     InputError (a region's mesh).
     """
     check_word("pinned", word, regions)
     if word == "all":
-        return np.arange(len(own))
-    low, high = own.min(axis=0), own.max(axis=0)
+        return np.arange(len(local))
+    low, high = local.min(axis=0), local.max(axis=0)
     near = AT_THE_SIDE * float((high - low).max())
     if word in regions:
         try:
@@ -40,7 +40,7 @@ def vertices_of(word: str, own: np.ndarray, here: np.ndarray, regions: Mapping[s
         except InputError as error:
             raise InputError(f"{word}.{error}") from None
     axis, upper = divmod(SIDES.index(word), 2)
-    away = high[axis] - own[:, axis] if upper else own[:, axis] - low[axis]
+    away = high[axis] - local[:, axis] if upper else local[:, axis] - low[axis]
     return np.flatnonzero(away <= near)
 
 
@@ -49,8 +49,8 @@ def body_numbers(field: str, body: str | None, names: Sequence[str]) -> list[int
     if body is None:
         return list(range(len(names)))
     if body not in names:
-        told = f"must be one of {', '.join(names)}{suggestion(body, names)}"
-        raise SceneError(field, body, told)
+        reason = f"must be one of {', '.join(names)}{suggestion(body, names)}"
+        raise SceneError(field, body, reason)
     return [names.index(body)]
 
 
@@ -67,12 +67,12 @@ def motion_numbers(
         vertices, field = chosen[name], f"{name}.pins"
         whose = motion.body or (names[0] if len(names) == 1 else "its body")
         if not len(pinned) or not len(vertices):
-            told = "no vertex lies there" if len(pinned) else f"no vertex is pinned; name some in {whose}.pinned"
-            raise SceneError(field, motion.pins, told)
+            reason = "no vertex lies there" if len(pinned) else f"no vertex is pinned; name some in {whose}.pinned"
+            raise SceneError(field, motion.pins, reason)
         loose = vertices[~np.isin(vertices, pinned)]
         if len(loose):
-            told = f"{len(loose)} of these {len(vertices)} vertices are not pinned; name them in {whose}.pinned"
-            raise SceneError(field, motion.pins, told)
+            reason = f"{len(loose)} of these {len(vertices)} vertices are not pinned; name them in {whose}.pinned"
+            raise SceneError(field, motion.pins, reason)
         at = np.searchsorted(pinned, vertices)
         taken = np.flatnonzero(numbers[at] >= 0)
         if len(taken):

@@ -47,15 +47,15 @@ class Tank(Collider):
             del shared["thickness"]
         x, y, z = (*self.origin, 0.0)[:3]
         width, height, *depth = self.size
-        found = {
+        planes = {
             "floor": ((x, y, z), (0.0, 1.0, 0.0)),
             "left": ((x, y, z), (1.0, 0.0, 0.0)),
             "right": ((x + width, y, z), (-1.0, 0.0, 0.0)),
         }
         if depth:
-            found |= {"back": ((x, y, z), (0.0, 0.0, 1.0)), "front": ((x, y, z + depth[0]), (0.0, 0.0, -1.0))}
+            planes |= {"back": ((x, y, z), (0.0, 0.0, 1.0)), "front": ((x, y, z + depth[0]), (0.0, 0.0, -1.0))}
         if not self.open_top:
-            found["top"] = (x, y + height, z), (0.0, -1.0, 0.0)
+            planes["top"] = (x, y + height, z), (0.0, -1.0, 0.0)
         return {
-            f"{name}-{side}": Plane(point=point, normal=normal, **shared) for side, (point, normal) in found.items()
+            f"{name}-{side}": Plane(point=point, normal=normal, **shared) for side, (point, normal) in planes.items()
         }

@@ -44,22 +44,22 @@ class Aggregates:
         return self.starts, self.members, self.group, self.reach
 
 
-def aggregates(found: TetrahedraSet, rows: BlockRows, free: np.ndarray) -> Aggregates:
+def aggregates(body_set: TetrahedraSet, rows: BlockRows, free: np.ndarray) -> Aggregates:
     """Return the groups of each body's `free` particles, (particles,) bool, by repeated cuts across the longest
     side."""
     groups: list[np.ndarray] = []
-    ends = [*found.first_particle[1:], found.particle_count]
-    for first, last in zip(found.first_particle, ends, strict=True):
-        own = np.flatnonzero(free[first:last]) + first
-        if len(own):
-            groups.extend(_cut(found.position, own, max(1, min(MOST, len(own) // FEWEST))))
-    group = np.full(found.particle_count, -1)
+    ends = [*body_set.first_particle[1:], body_set.particle_count]
+    for first, last in zip(body_set.first_particle, ends, strict=True):
+        free_particles = np.flatnonzero(free[first:last]) + first
+        if len(free_particles):
+            groups.extend(_cut(body_set.position, free_particles, max(1, min(MOST, len(free_particles) // FEWEST))))
+    group = np.full(body_set.particle_count, -1)
     for number, members in enumerate(groups):
         group[members] = number
     of_row = np.repeat(group, np.diff(rows.starts))
     there = group[rows.columns]
     furthest = np.arange(len(groups))
-    body = np.searchsorted(found.first_particle, np.arange(found.particle_count), side="right")
+    body = np.searchsorted(body_set.first_particle, np.arange(body_set.particle_count), side="right")
     same = (
         np.repeat(body, np.diff(rows.starts)) == body[rows.columns]
     )  # what attachments connect is left to the fine level
@@ -103,14 +103,14 @@ def couplings(groups: Aggregates, rows: BlockRows) -> Couplings:
     chosen = chosen[MODES * second[chosen] <= groups.reach[MODES * first[chosen]]]  # of one body
     key = first[chosen] * max(groups.count, 1) + second[chosen]
     order = np.argsort(key, kind="stable")
-    found, starts = np.unique(key[order], return_index=True)
+    keys, starts = np.unique(key[order], return_index=True)
     furthest = groups.reach[MODES - 1 :: MODES] // MODES
     bodies = np.append(0, np.flatnonzero(furthest == np.arange(groups.count)) + 1)
     sizes = np.diff(bodies)
     return Couplings(*(
         np.ascontiguousarray(one, np.int32)
         for one in (
-            np.append(starts, len(order)), found // max(groups.count, 1), found % max(groups.count, 1), chosen[order], row,
+            np.append(starts, len(order)), keys // max(groups.count, 1), keys % max(groups.count, 1), chosen[order], row,
             bodies, np.repeat(np.arange(len(sizes)), sizes), np.cumsum([0, *(MODES * sizes.astype(np.int64)) ** 2]),
         )
     ))  # fmt: skip

@@ -24,27 +24,27 @@ def tetrahedra_apart(scene: Scene) -> Apart:
     if scene.mesh is not None:
         raise SceneError(f"{scene.name_of('mesh')}.kind", "mesh", "a cloth beside bodies is not shared: run it as one")
     if scene.external is not None and scene.external.magnitude > 0:
-        told = "draws a number for each vertex of all bodies: leave it out, or run it as one"
-        raise SceneError(f"{scene.name_of('external')}.kind", "external", told)
-    for name, held in scene.held_parts.items():
-        if not pins(held, scene.holdable):
-            told = (
+        reason = "draws a number for each vertex of all bodies: leave it out, or run it as one"
+        raise SceneError(f"{scene.name_of('external')}.kind", "external", reason)
+    for name, attachment in scene.attachment_parts.items():
+        if not pins(attachment, scene.holdable):
+            reason = (
                 "ties what it holds by springs: shared bodies are pinned alone, or follow a collider; or run it as one"
             )
-            raise SceneError(f"{name}.kind", "attachment", told)
-    found = scene.tetrahedra_set
+            raise SceneError(f"{name}.kind", "attachment", reason)
+    body_set = scene.tetrahedra_set
     return Apart(
-        found.names, np.bincount(found.body, minlength=len(found.names)), "tetrahedra",
-        np.array([*found.first_particle, found.particle_count]), "tetrahedra_set",
-        lambda first, end: _whole_bodies(found, first, end),
+        body_set.names, np.bincount(body_set.body, minlength=len(body_set.names)), "tetrahedra",
+        np.array([*body_set.first_particle, body_set.particle_count]), "tetrahedra_set",
+        lambda first, end: _whole_bodies(body_set, first, end),
         lambda first, end: np.zeros(0, np.int64),
     )  # fmt: skip
 
 
 def none_apart(scene: Scene) -> NoReturn:
     """Raise SceneError for a solver that solves for all bodies together."""
-    told = "solves for all bodies at once, and stops by what is left of all: --set method.solver=xpbd to share them"
-    raise SceneError("method.solver", scene.method.solver, told)
+    reason = "solves for all bodies at once, and stops by what is left of all: --set method.solver=xpbd to share them"
+    raise SceneError("method.solver", scene.method.solver, reason)
 
 
 def some_tetrahedra(whole: TetrahedraSet, particles: np.ndarray, tetrahedra: np.ndarray) -> TetrahedraSet:
@@ -60,7 +60,7 @@ def some_tetrahedra(whole: TetrahedraSet, particles: np.ndarray, tetrahedra: np.
     def numbered(corners: np.ndarray) -> np.ndarray:
         return np.searchsorted(particles, corners).astype(np.int32)
 
-    found = replace(
+    part = replace(
         whole,
         names=tuple(whole.names[k] for k in bodies),
         parts=tuple(whole.parts[k] for k in bodies),
@@ -77,14 +77,14 @@ def some_tetrahedra(whole: TetrahedraSet, particles: np.ndarray, tetrahedra: np.
         first_particle=first,
         voxel=whole.voxel[tetrahedra],
         run=whole.run[tetrahedra],
-        own=whole.own[particles],
+        mesh_position=whole.mesh_position[particles],
         matter=whole.matter.some(tetrahedra),
         attachments={},
         whole=whole,
         of_whole=(particles, tetrahedra),
     )
-    vars(found).update(mass=whole.mass, spacing=whole.spacing)
-    return found
+    vars(part).update(mass=whole.mass, spacing=whole.spacing)
+    return part
 
 
 def _whole_bodies(whole: TetrahedraSet, first: int, end: int) -> TetrahedraSet:

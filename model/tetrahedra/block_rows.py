@@ -53,15 +53,15 @@ def block_rows(tetrahedra: np.ndarray, particles: int, others: Pairs = NO_PAIRS)
     item = np.concatenate([item, 2 * (BLOCKS * count + others[2])])
     here = np.arange(particles, dtype=np.int64)
     key = np.concatenate([row * particles + column, here * particles + here])  # with a diagonal in every row
-    found, place = np.unique(key, return_inverse=True)
-    of_tetrahedra, own = place[: len(row)], place[len(row) :]
+    keys, place = np.unique(key, return_inverse=True)
+    of_tetrahedra, diagonal = place[: len(row)], place[len(row) :]
     order = np.argsort(of_tetrahedra, kind="stable")
     corner = np.argsort(wide.ravel(), kind="stable")
     return BlockRows(*(
         np.ascontiguousarray(one, np.int32)
         for one in (
-            np.searchsorted(found, np.arange(particles + 1, dtype=np.int64) * particles), found % particles, own,
-            np.searchsorted(of_tetrahedra[order], np.arange(len(found) + 1)), item[order],
+            np.searchsorted(keys, np.arange(particles + 1, dtype=np.int64) * particles), keys % particles, diagonal,
+            np.searchsorted(of_tetrahedra[order], np.arange(len(keys) + 1)), item[order],
             np.searchsorted(wide.ravel()[corner], np.arange(particles + 1)), corner,
         )
     ))  # fmt: skip

@@ -42,18 +42,18 @@ def tetrahedra_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozen
 
     Every mass has its own weight (`load`).
     """
-    found = scene.tetrahedra_set
-    damped = {DAMPED} if found.alike.matter.damping.any() else set()
+    body_set = scene.tetrahedra_set
+    damped = {DAMPED} if body_set.alike.matter.damping.any() else set()
     blocks = {BLOCKS} if scene.method.rows == "blocks" else set()
     iterated = {ITERATED} if scene.method.iterations > 1 else set()
     sleeping = {SLEEPING} if scene.method.sleeping_speed > 0 else set()
-    told = {"motion"} if "targets" in live and len(found.pinned_vertices) else set()
-    parts = xpbd_parts(scene, live) | {"load"} | {part.material for part in found.parts}
-    slowed = {BODY_DAMPING} if any(part.mass_damping > 0 for part in found.alike.parts) else set()
+    movable = {"motion"} if "targets" in live and len(body_set.pinned_vertices) else set()
+    parts = xpbd_parts(scene, live) | {"load"} | {part.material for part in body_set.parts}
+    slowed = {BODY_DAMPING} if any(part.mass_damping > 0 for part in body_set.alike.parts) else set()
     cloth = model_parts(scene) | ({CLOTH} if scene.mesh else frozenset())
-    whole = {WHOLE} if any(part.volume == "voxels" for part in found.parts) else set()
-    own = damped | blocks | iterated | told | slowed | sleeping | cloth | whole
-    return parts | own | attachment_parts(found)
+    whole = {WHOLE} if any(part.volume == "voxels" for part in body_set.parts) else set()
+    features = damped | blocks | iterated | movable | slowed | sleeping | cloth | whole
+    return parts | features | attachment_parts(body_set)
 
 
 def materials(parts: frozenset[str]) -> tuple[str, ...]:
@@ -72,15 +72,15 @@ def projections_of(parts: frozenset[str]) -> tuple[Projection, ...]:
 
     Then those of a cloth, and of attachments.
     """
-    own: list[Projection] = []
+    projections: list[Projection] = []
     for name in materials(parts):
         kinds = [(run, whole) for run in KINDS for whole in (False, True) if part_of_run(name, run, whole) in parts]
         for run, whole in kinds or [(1, False)]:
-            own.append(_projection(name, run, whole, parts))
+            projections.append(_projection(name, run, whole, parts))
             if whole:
-                own.append(_of_volumes(name, parts))
+                projections.append(_of_volumes(name, parts))
     return (
-        tuple(own)
+        tuple(projections)
         + of_cloths.projections_of(parts)
         + tuple(attachment_projections(parts, ITERATED in parts, CONSTANTS))
     )
@@ -88,25 +88,25 @@ def projections_of(parts: frozenset[str]) -> tuple[Projection, ...]:
 
 def _projection(material: str, run: int, whole: bool, parts: frozenset[str]) -> Projection:
     """Return the projection of tetrahedra; only of their shapes where voxels conserve the volume as a `whole`."""
-    damped, blocks, kept = DAMPED in parts, BLOCKS in parts, ITERATED in parts
+    damped, blocks, soft = DAMPED in parts, BLOCKS in parts, ITERATED in parts
     nine = blocks or material == tetrahedron.MATERIALS[tetrahedron.HOOKEAN]
     flags = {
-        "material": tetrahedron.MATERIALS.index(material), "damped": damped, "blocks": blocks, "kept": kept,
+        "material": tetrahedron.MATERIALS.index(material), "damped": damped, "blocks": blocks, "soft": soft,
         "alone": not whole,
     }  # fmt: skip
     return Projection(
         f"{'shapes' if whole else 'tetrahedra'}_{material.replace('-', '_')}", tetrahedron.make, 4, tetrahedron.COUNT,
-        tetrahedron.BLOCKS if nine else tetrahedron.ROWS, damped=damped, soft=kept, constants=CONSTANTS,
+        tetrahedron.BLOCKS if nine else tetrahedron.ROWS, damped=damped, soft=soft, constants=CONSTANTS,
         flags=tuple(flags.items()), run=run,
     )  # fmt: skip
 
 
 def _of_volumes(material: str, parts: frozenset[str]) -> Projection:
     """Return the projection of the volumes of voxels of such a material."""
-    damped, kept = DAMPED in parts, ITERATED in parts
+    damped, soft = DAMPED in parts, ITERATED in parts
     return Projection(
         f"volumes_{material.replace('-', '_')}", voxel_volume.make, voxel_volume.CORNERS, voxel_volume.COUNT,
-        damped=damped, soft=kept, constants=CONSTANTS, flags=(("damped", damped), ("kept", kept)),
+        damped=damped, soft=soft, constants=CONSTANTS, flags=(("damped", damped), ("soft", soft)),
     )  # fmt: skip
 
 
@@ -116,62 +116,62 @@ def constraint_sets(scene: Scene) -> tuple[ConstraintSet, ...]:
 
     Cached with the bodies, and with the cloth's mesh.
     """
-    found = scene.tetrahedra_set
+    body_set = scene.tetrahedra_set
     cloth: list[ConstraintSet] = []
-    if found.sheet:
-        start = np.int32(found.first_particle[-1])
+    if body_set.sheet:
+        start = np.int32(body_set.first_particle[-1])
         cloth = [replace(one, corners=one.corners + start) for one in of_cloths.constraint_sets(scene)]
-    return (*_known_sets(found)[1], *cloth, *attachment_sets(found))
+    return (*_known_sets(body_set)[1], *cloth, *attachment_sets(body_set))
 
 
-def tetrahedra_of_sets(found: TetrahedraSet) -> tuple[np.ndarray, ...]:
+def tetrahedra_of_sets(body_set: TetrahedraSet) -> tuple[np.ndarray, ...]:
     """Return the tetrahedron of each constraint, (n,) int64, for each of the constraint sets of tetrahedra.
 
     For voxels' volumes it is the first one of each.
     """
-    return _known_sets(found)[0]
+    return _known_sets(body_set)[0]
 
 
-def _known_sets(found: TetrahedraSet) -> Sets:
+def _known_sets(body_set: TetrahedraSet) -> Sets:
     """Return (the tetrahedra of each set, the sets); for a part those of the whole set, in its colours and order."""
-    if found not in _known and found.whole is not None:
-        particles, tetrahedra = found.of_whole
-        own = []
-        for chosen, one in zip(*_known_sets(found.whole), strict=True):
-            mine = np.isin(chosen, tetrahedra)
-            if mine.any():
-                own.append((one.some(mine, particles), np.searchsorted(tetrahedra, chosen[mine])))
-        _known[found] = tuple(chosen for _, chosen in own), tuple(one for one, _ in own)
-    elif found not in _known:
-        whole = np.array([part.volume == "voxels" for part in found.parts])[found.body]
-        kinds = np.stack([material_of(found), found.run, whole])
+    if body_set not in _known and body_set.whole is not None:
+        particles, tetrahedra = body_set.of_whole
+        pairs = []
+        for chosen, one in zip(*_known_sets(body_set.whole), strict=True):
+            inside = np.isin(chosen, tetrahedra)
+            if inside.any():
+                pairs.append((one.some(inside, particles), np.searchsorted(tetrahedra, chosen[inside])))
+        _known[body_set] = tuple(chosen for _, chosen in pairs), tuple(one for one, _ in pairs)
+    elif body_set not in _known:
+        whole = np.array([part.volume == "voxels" for part in body_set.parts])[body_set.body]
+        kinds = np.stack([material_of(body_set), body_set.run, whole])
         each = (np.flatnonzero((kinds == kind[:, None]).all(axis=0)) for kind in np.unique(kinds, axis=1).T)
-        own = [both for chosen in each for both in _coloured(found, chosen, bool(whole[chosen[0]]))]
-        _known[found] = tuple(chosen for _, chosen in own), tuple(one for one, _ in own)
-    return _known[found]
+        pairs = [both for chosen in each for both in _coloured(body_set, chosen, bool(whole[chosen[0]]))]
+        _known[body_set] = tuple(chosen for _, chosen in pairs), tuple(one for one, _ in pairs)
+    return _known[body_set]
 
 
-def _coloured(found: TetrahedraSet, chosen: np.ndarray, whole: bool) -> list[tuple[ConstraintSet, np.ndarray]]:
+def _coloured(body_set: TetrahedraSet, chosen: np.ndarray, whole: bool) -> list[tuple[ConstraintSet, np.ndarray]]:
     """Return the set of the chosen tetrahedra, all of one material and run, and their indices in its order.
 
     Where voxels conserve their volume as a `whole`, their set follows. Large tetrahedra are treated as any other: only
     places count.
     """
-    run = int(found.run[chosen[0]])
+    run = int(body_set.run[chosen[0]])
     if run > 1:
-        order, starts, corners = voxel_order(found, chosen, run)
+        order, starts, corners = voxel_order(body_set, chosen, run)
     else:
-        colours = colour(found.tetrahedra[chosen], found.particle_count)
-        order, starts, corners = colours.order, colours.starts, found.tetrahedra[chosen[colours.order]]
+        colours = colour(body_set.tetrahedra[chosen], body_set.particle_count)
+        order, starts, corners = colours.order, colours.starts, body_set.tetrahedra[chosen[colours.order]]
     chosen = chosen[order]
-    name = found.parts[found.body[chosen[0]]].material
-    values = constraint_values(found, chosen, corners)
+    name = body_set.parts[body_set.body[chosen[0]]].material
+    values = constraint_values(body_set, chosen, corners)
     one = ConstraintSet(SHAPES if whole else KINDS[run], name, corners, values, starts, run)
     if not whole:
         return [(one, chosen)]
     voxels = corners.reshape(-1, run, 4)
     eight = np.ascontiguousarray(np.concatenate([voxels[:, :-1, 0], voxels[:, -1]], axis=1))
-    volumes = ConstraintSet(VOLUMES, name, eight, voxel_values(found, chosen, run), starts // run)
+    volumes = ConstraintSet(VOLUMES, name, eight, voxel_values(body_set, chosen, run), starts // run)
     return [(one, chosen), (volumes, chosen[::run])]
 
 
@@ -199,7 +199,7 @@ def tetrahedra_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
     material, colour by colour."""
     sets = constraint_sets(scene)
     kinds = {SHAPES, *KINDS.values()}
-    runs = {part_of_run(found.model, found.run, found.kind == SHAPES) for found in sets if found.kind in kinds}
+    runs = {part_of_run(rows.model, rows.run, rows.kind == SHAPES) for rows in sets if rows.kind in kinds}
     parts = with_friction_in_place(tetrahedra_parts(scene, live) | runs)
     operations = [operations_of(one) for one in projections_of(parts)]
     plan = constrained_plan(scene, parts, list(zip(sets, operations, strict=True)))

@@ -19,10 +19,10 @@ def damping_load(scene: Scene) -> np.ndarray:
     damper undoes what earlier visits moved, and the difference is a force that acts at rest, too. It grows and vanishes
     with this number.
     """
-    found, method = scene.tetrahedra_set, scene.method
+    body_set, method = scene.tetrahedra_set, scene.method
     h = method.dt / method.substeps
-    edge = contact_surface(found).edge[: len(found.parts)]
-    viscosity = np.array([part.damping * part.young_modulus / part.density for part in found.parts])
+    edge = contact_surface(body_set).edge[: len(body_set.parts)]
+    viscosity = np.array([part.damping * part.young_modulus / part.density for part in body_set.parts])
     return viscosity * h / (edge**2 * method.iterations)
 
 

@@ -18,7 +18,7 @@ from softlab.model.scene.scene import Scene
 from softlab.model.tables.cloth import COLLIDER_KINDS
 from softlab.model.tetrahedra.constraints import DAMPED, tetrahedra_parts
 from softlab.model.tetrahedra.material import material_of, stiffnesses
-from softlab.model.tetrahedra.springs import PARTS, held_bodies, springs
+from softlab.model.tetrahedra.springs import PARTS, springs, supported_particles
 
 CORNERS = 4
 CHEBYSHEV, ACCELERATE = "chebyshev", "accelerate"  # a part of a plan, a stage
@@ -50,19 +50,19 @@ class Descent:
         """Return the tables of `particles` (n,), ascending, renumbered from 0, and of the tetrahedra with only these
         corners."""
         here = np.isin(self.order, particles)
-        mine = np.flatnonzero(np.isin(self.corners, particles).all(axis=1))
+        inside = np.flatnonzero(np.isin(self.corners, particles).all(axis=1))
         vertex = np.repeat(np.arange(len(self.order)), np.diff(self.offsets))
-        kept = here[vertex] & np.isin(self.entries // CORNERS, mine)
-        entries, before = self.entries[kept], np.concatenate([[0], np.cumsum(here)])
+        selected = here[vertex] & np.isin(self.entries // CORNERS, inside)
+        entries, before = self.entries[selected], np.concatenate([[0], np.cumsum(here)])
         return replace(
             self,
             order=np.searchsorted(particles, self.order[here]).astype(np.int32),
             starts=np.unique(before[self.starts]).astype(np.int32),
-            offsets=offsets_of(np.bincount(vertex[kept], minlength=len(self.order))[here]),
-            entries=(CORNERS * np.searchsorted(mine, entries // CORNERS) + entries % CORNERS).astype(np.int32),
+            offsets=offsets_of(np.bincount(vertex[selected], minlength=len(self.order))[here]),
+            entries=(CORNERS * np.searchsorted(inside, entries // CORNERS) + entries % CORNERS).astype(np.int32),
             falls=self.falls[here],
-            corners=np.searchsorted(particles, self.corners[mine]).astype(np.int32),
-            values=self.values[mine],
+            corners=np.searchsorted(particles, self.corners[inside]).astype(np.int32),
+            values=self.values[inside],
         )
 
     @property
@@ -86,45 +86,47 @@ def descents(scene: Scene) -> tuple[Descent, ...]:
     return _descents(scene.tetrahedra_set)
 
 
-def _descents(found: TetrahedraSet) -> tuple[Descent, ...]:
+def _descents(body_set: TetrahedraSet) -> tuple[Descent, ...]:
     """Return the tables; for a part those of the whole set, in its colours and order."""
-    if found not in _known and found.whole is not None:
-        some = (one.some(found.of_whole[0]) for one in _descents(found.whole))
-        _known[found] = tuple(one for one in some if len(one.corners))
-    elif found not in _known:
-        made = material_of(found)
-        together = np.concatenate([found.tetrahedra, springs(found, "vbd").fours])
-        colours = vertex_colours(together, found.particle_count)
-        _known[found] = tuple(_of_material(found, colours, np.flatnonzero(made == kind)) for kind in np.unique(made))
-    return _known[found]
+    if body_set not in _known and body_set.whole is not None:
+        some = (one.some(body_set.of_whole[0]) for one in _descents(body_set.whole))
+        _known[body_set] = tuple(one for one in some if len(one.corners))
+    elif body_set not in _known:
+        materials = material_of(body_set)
+        together = np.concatenate([body_set.tetrahedra, springs(body_set, "vbd").fours])
+        colours = vertex_colours(together, body_set.particle_count)
+        _known[body_set] = tuple(
+            _of_material(body_set, colours, np.flatnonzero(materials == kind)) for kind in np.unique(materials)
+        )
+    return _known[body_set]
 
 
-def _of_material(found: TetrahedraSet, colours: np.ndarray, chosen: np.ndarray) -> Descent:
+def _of_material(body_set: TetrahedraSet, colours: np.ndarray, chosen: np.ndarray) -> Descent:
     """Return the tables of the `chosen` tetrahedra (n,), ascending, with the `colours` of all vertices; larger colours
     first."""
-    corners = np.ascontiguousarray(found.tetrahedra[chosen])
+    corners = np.ascontiguousarray(body_set.tetrahedra[chosen])
     here = np.unique(corners)
-    pinned = np.isin(here, found.pinned_vertices)
-    free, held = here[~pinned], here[pinned]
+    pinned = np.isin(here, body_set.pinned_vertices)
+    free, fixed = here[~pinned], here[pinned]
     sizes = np.bincount(colours[free])
     rank = np.empty(len(sizes), np.int64)
     rank[np.argsort(-sizes, kind="stable")] = np.arange(len(sizes))
     free = free[np.argsort(rank[colours[free]], kind="stable")]
-    order = np.concatenate([free, held]).astype(np.int32)
-    place = np.full(found.particle_count, len(order), np.int64)
+    order = np.concatenate([free, fixed]).astype(np.int32)
+    place = np.full(body_set.particle_count, len(order), np.int64)
     place[free] = np.arange(len(free))
     at = grouped(place[corners.ravel()], np.arange(corners.size), len(order) + 1)
     offsets = at.offsets[: len(order) + 1]
     sizes = np.sort(sizes[sizes > 0])[::-1]
-    values = descent_values(found, chosen)
-    material = found.parts[found.body[chosen[0]]].material
-    falls = (~held_bodies(found)[order]).astype(np.int32)
+    values = descent_values(body_set, chosen)
+    material = body_set.parts[body_set.body[chosen[0]]].material
+    falls = (~supported_particles(body_set)[order]).astype(np.int32)
     return Descent(material, order, offsets_of(sizes), offsets, at.indices[: offsets[-1]], falls, corners, values)
 
 
-def descent_values(found: TetrahedraSet, chosen: np.ndarray) -> np.ndarray:
+def descent_values(body_set: TetrahedraSet, chosen: np.ndarray) -> np.ndarray:
     """Return the values of the two constraints, (n, COUNT) float64, with stiffnesses in place of compliances."""
-    values = np.column_stack([found.rest_inverse[chosen].reshape(-1, 9), stiffnesses(found, chosen)])
+    values = np.column_stack([body_set.rest_inverse[chosen].reshape(-1, 9), stiffnesses(body_set, chosen)])
     assert values.shape[1] == descent.COUNT
     return values
 
@@ -171,19 +173,19 @@ def vbd_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
     damped, item = DAMPED in parts, np.dtype(np.float32).itemsize
     begin: list[Stage] = []
     colours: list[Stage] = []
-    for found in descents(scene):
-        each = descent.operations(found.number, item, damped)
-        each += descent.OPERATIONS_TURNING * (found.material == "corotated")
+    for table in descents(scene):
+        each = descent.operations(table.number, item, damped)
+        each += descent.OPERATIONS_TURNING * (table.material == "corotated")
         if damped:
             begin.append(
-                Stage(stage_name("strain", found.material), 1, 2, round(each * len(found.corners) / particles))
+                Stage(stage_name("strain", table.material), 1, 2, round(each * len(table.corners) / particles))
             )
-        begin.append(Stage(stage_name("start", found.material), 3, 1, descent.OPERATIONS_START))
-        for colour in range(found.colours):
-            first, last = found.starts[colour], found.starts[colour + 1]
-            visits = found.offsets[last] - found.offsets[first]
+        begin.append(Stage(stage_name("start", table.material), 3, 1, descent.OPERATIONS_START))
+        for colour in range(table.colours):
+            first, last = table.starts[colour], table.starts[colour + 1]
+            visits = table.offsets[last] - table.offsets[first]
             operations = (each * visits + descent.OPERATIONS_MOVE * (last - first)) / particles
-            colours.append(Stage(stage_name("descend", found.material, colour), 2, 1, round(float(operations))))
+            colours.append(Stage(stage_name("descend", table.material, colour), 2, 1, round(float(operations))))
     (substep,) = bare.root.children
     assert isinstance(substep, Node)
     at = next(place for place, one in enumerate(substep.children) if isinstance(one, Node))

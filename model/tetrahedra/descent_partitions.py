@@ -16,8 +16,8 @@ def descent_partitions(scene: Scene) -> SharedMesh:
 
 
 def descended(scene: Scene, needed: np.ndarray) -> Window:
-    """Return what all sweeps of a substep read so that the `needed` (particles,) bool are as in the whole."""
-    found, needed = scene.tetrahedra_set, needed.copy()
+    """Return the window that all sweeps of a substep read so that the `needed` (particles,) bool are as in the whole."""
+    body_set, needed = scene.tetrahedra_set, needed.copy()
     for _ in range(scene.method.iterations):
         before = needed.sum()
         for one in reversed(descents(scene)):
@@ -28,4 +28,4 @@ def descended(scene: Scene, needed: np.ndarray) -> Window:
                 needed[one.corners[visited[one.corners].any(axis=1)]] = True
         if needed.sum() == before:
             break
-    return np.flatnonzero(needed), np.flatnonzero(needed[found.tetrahedra].all(axis=1))
+    return np.flatnonzero(needed), np.flatnonzero(needed[body_set.tetrahedra].all(axis=1))

@@ -29,15 +29,15 @@ def tetrahedra_record(
     """Return CONSTANTS, then those of every position-based solver, (1,). Compliances [1/J] are in units of h^2 over the
     mean mass."""
     h = scene.method.dt / scene.method.substeps
-    own = dict(zip(CONSTANTS, (scene.grid.mass / h**2, 1 / h, 1.0), strict=True))
-    return rounded_record(scene, own | xpbd_values(scene, poke, clock), XPBD_FIELDS, real)
+    constants = dict(zip(CONSTANTS, (scene.grid.mass / h**2, 1 / h, 1.0), strict=True))
+    return rounded_record(scene, constants | xpbd_values(scene, poke, clock), XPBD_FIELDS, real)
 
 
 def _stored(scene: Scene, position: np.ndarray, arrays: Arrays) -> tuple[float, dict[str, float]]:
-    found = scene.tetrahedra_set
-    own = position[found.first_particle[-1] :]
-    cloth = {kind: mesh_energy(scene, own, kind) for kind in scene.constraints}
-    return float(energies(found, position).sum()) + stored(found, position) + sum(cloth.values()), cloth
+    body_set = scene.tetrahedra_set
+    cloth_position = position[body_set.first_particle[-1] :]
+    cloth = {kind: mesh_energy(scene, cloth_position, kind) for kind in scene.constraints}
+    return float(energies(body_set, position).sum()) + stored(body_set, position) + sum(cloth.values()), cloth
 
 
 def _strain(scene: Scene, position: np.ndarray, kind: str, arrays: Arrays) -> np.ndarray:
@@ -74,7 +74,7 @@ TETRAHEDRA = SolverFamily(
     note=lambda scene: projection_note(scene) + through_note(scene),
     stored=_stored,
     strain=_strain,
-    spring_count=lambda scene: sum(len(found.corners) for found in constraint_sets(scene) if found.kind != KIND),
+    spring_count=lambda scene: sum(len(one.corners) for one in constraint_sets(scene) if one.kind != KIND),
     solvers={backend: f"softlab.{backend}_backend.tetrahedra.solver:Tetrahedra" for backend in ("cpu", "gpu")},
     passes={"cpu": "softlab.app.plan.mesh:mesh_on_cpu", "gpu": "softlab.app.plan.mesh:tetrahedra_on_gpu"},
     reference="softlab.bench.reference.tetrahedra",

@@ -24,71 +24,71 @@ LEAST_RATIO = 0.05  # of volumes: smallest divisor of a stress, which would be u
 LEAST_PRESSURE = 1e-12  # of the stiffness against shape changes: a Poisson ratio of 0 would need an infinite compliance
 
 
-def deformation(found: TetrahedraSet, position: np.ndarray) -> np.ndarray:
+def deformation(body_set: TetrahedraSet, position: np.ndarray) -> np.ndarray:
     """Return F at `position` (particles, 3), (tetrahedra, 3, 3) float64."""
-    corners = np.asarray(position, np.float64)[found.tetrahedra]
+    corners = np.asarray(position, np.float64)[body_set.tetrahedra]
     edges: np.ndarray = np.swapaxes(corners[:, 1:] - corners[:, :1], 1, 2)
-    return edges @ found.rest_inverse
+    return edges @ body_set.rest_inverse
 
 
 def stretches(gradient: np.ndarray) -> np.ndarray:
     """Return the singular values, descending, the last one with the sign of the determinant, (tetrahedra, 3)
     float64."""
-    found: np.ndarray = np.linalg.svd(gradient, compute_uv=False)
-    found[:, 2] *= np.where(np.linalg.det(gradient) < 0, -1.0, 1.0)
-    return found
+    singular: np.ndarray = np.linalg.svd(gradient, compute_uv=False)
+    singular[:, 2] *= np.where(np.linalg.det(gradient) < 0, -1.0, 1.0)
+    return singular
 
 
-def volume_ratios(found: TetrahedraSet, ratio: np.ndarray) -> np.ndarray:
+def volume_ratios(body_set: TetrahedraSet, ratio: np.ndarray) -> np.ndarray:
     """Return det F, (tetrahedra,) float64: `ratio` (tetrahedra,), or its mean by volume over tetrahedra with a common
     volume."""
-    if found.patch[-1] == len(ratio) - 1:
+    if body_set.patch[-1] == len(ratio) - 1:
         return ratio
-    volume = found.whole_volume
-    whole = np.bincount(found.patch, volume)
-    mean: np.ndarray = (np.bincount(found.patch, volume * ratio) / whole)[found.patch]
+    volume = body_set.whole_volume
+    whole = np.bincount(body_set.patch, volume)
+    mean: np.ndarray = (np.bincount(body_set.patch, volume * ratio) / whole)[body_set.patch]
     return mean
 
 
-def material_of(found: TetrahedraSet) -> np.ndarray:
+def material_of(body_set: TetrahedraSet) -> np.ndarray:
     """Return the index in MATERIALS of each tetrahedron, (tetrahedra,) int64."""
-    kinds: np.ndarray = np.array([MATERIALS.index(part.material) for part in found.parts], np.int64)[found.body]
+    kinds: np.ndarray = np.array([MATERIALS.index(part.material) for part in body_set.parts], np.int64)[body_set.body]
     return kinds
 
 
-def energies(found: TetrahedraSet, position: np.ndarray) -> np.ndarray:
+def energies(body_set: TetrahedraSet, position: np.ndarray) -> np.ndarray:
     """Return the energy of each tetrahedron, (tetrahedra,) float64 [J]; nan where a position is not finite."""
-    gradient = deformation(found, position)
+    gradient = deformation(body_set, position)
     finite = np.isfinite(gradient).all(axis=(1, 2))
     s = stretches(np.where(finite[:, None, None], gradient, 0.0))
-    mu, lame = found.lame()
+    mu, lame = body_set.lame()
     local = np.linalg.det(np.where(finite[:, None, None], gradient, 0.0))
-    volume_ratio, off = volume_ratios(found, local), s - 1
+    volume_ratio, off = volume_ratios(body_set, local), s - 1
     alpha = rest_ratio(mu, lame)
     hookean = mu / 2 * ((s**2).sum(axis=1) - 3) + (lame + mu) / 2 * ((volume_ratio - alpha) ** 2 - (1 - alpha) ** 2)
     hookean += mu / 2 * (local - volume_ratio) * (local + volume_ratio - 4)
     shape = mu * (off**2).sum(axis=1)
     density = np.choose(
-        material_of(found),
+        material_of(body_set),
         [shape + lame / 2 * (volume_ratio - 1) ** 2, shape + lame / 2 * off.sum(axis=1) ** 2, hookean],
     )
-    return np.where(finite, density * found.volume, np.nan)
+    return np.where(finite, density * body_set.volume, np.nan)
 
 
-def von_mises(found: TetrahedraSet, position: np.ndarray) -> np.ndarray:
+def von_mises(body_set: TetrahedraSet, position: np.ndarray) -> np.ndarray:
     """Return the von Mises stress of each tetrahedron without dampers, (tetrahedra,) float64 [Pa].
 
     sqrt(((t1 - t2)^2 + (t2 - t3)^2 + (t3 - t1)^2) / 2) of its principal values t = s dPsi/ds / J, J at least
     LEAST_RATIO; nan where a position is not finite.
     """
-    gradient = deformation(found, position)
+    gradient = deformation(body_set, position)
     finite = np.isfinite(gradient).all(axis=(1, 2))
     s = stretches(np.where(finite[:, None, None], gradient, 0.0))
-    mu, lame = (one[:, None] for one in found.lame())
-    volume_ratio = volume_ratios(found, np.linalg.det(np.where(finite[:, None, None], gradient, 0.0)))[:, None]
+    mu, lame = (one[:, None] for one in body_set.lame())
+    volume_ratio = volume_ratios(body_set, np.linalg.det(np.where(finite[:, None, None], gradient, 0.0)))[:, None]
     shape = 2 * mu * (s - 1) * s
     pulled = np.select(
-        [kind[:, None] for kind in (material_of(found) == k for k in range(2))],
+        [kind[:, None] for kind in (material_of(body_set) == k for k in range(2))],
         [shape + lame * (volume_ratio - 1) * volume_ratio, shape + lame * (s - 1).sum(axis=1, keepdims=True) * s],
         mu * s**2 + (lame + mu) * (volume_ratio - rest_ratio(mu, lame)) * volume_ratio,
     )
@@ -97,22 +97,22 @@ def von_mises(found: TetrahedraSet, position: np.ndarray) -> np.ndarray:
     return np.where(finite, np.sqrt((apart**2).sum(axis=1) / 2), np.nan)
 
 
-def largest_strain(found: TetrahedraSet, position: np.ndarray) -> np.ndarray:
+def largest_strain(body_set: TetrahedraSet, position: np.ndarray) -> np.ndarray:
     """Return the largest |stretch - 1| of each tetrahedron, (tetrahedra,) float64; nan where a position is not
     finite."""
-    gradient = deformation(found, position)
+    gradient = deformation(body_set, position)
     finite = np.isfinite(gradient).all(axis=(1, 2))
     s = stretches(np.where(finite[:, None, None], gradient, 0.0))
     return np.where(finite, np.abs(s - 1).max(axis=1), np.nan)
 
 
-def at_particles(found: TetrahedraSet, value: np.ndarray) -> np.ndarray:
+def at_particles(body_set: TetrahedraSet, value: np.ndarray) -> np.ndarray:
     """Return the mean by volume of a value (tetrahedra,) over those at each particle, (particles,); 0 where there is
     none."""
-    weight = np.repeat(found.volume, 4)
-    corner = found.tetrahedra.ravel()
-    total = np.bincount(corner, weight * np.repeat(value, 4), found.particle_count)
-    mean: np.ndarray = total / np.maximum(np.bincount(corner, weight, found.particle_count), np.finfo(float).tiny)
+    weight = np.repeat(body_set.volume, 4)
+    corner = body_set.tetrahedra.ravel()
+    total = np.bincount(corner, weight * np.repeat(value, 4), body_set.particle_count)
+    mean: np.ndarray = total / np.maximum(np.bincount(corner, weight, body_set.particle_count), np.finfo(float).tiny)
     return mean
 
 
@@ -121,35 +121,35 @@ def rest_ratio(mu: np.ndarray, lame: np.ndarray) -> np.ndarray:
     return 1 + mu / (lame + mu)
 
 
-def stiffnesses(found: TetrahedraSet, chosen: np.ndarray) -> np.ndarray:
+def stiffnesses(body_set: TetrahedraSet, chosen: np.ndarray) -> np.ndarray:
     """Return V k_D, V k_H [J] of the `chosen` tetrahedra (n,), alpha, or 1, and a damper's time [s], (n, 4) float64."""
-    mu, lame = (one[chosen] for one in found.lame())
-    hookean = np.array([part.material == "neo-hookean" for part in found.parts])[found.body[chosen]]
+    mu, lame = (one[chosen] for one in body_set.lame())
+    hookean = np.array([part.material == "neo-hookean" for part in body_set.parts])[body_set.body[chosen]]
     pressure, alpha = np.where(hookean, lame + mu, lame), np.where(hookean, rest_ratio(mu, lame), 1.0)
-    return _values(found, chosen, pressure, alpha)
+    return _values(body_set, chosen, pressure, alpha)
 
 
-def row_stiffnesses(found: TetrahedraSet, chosen: np.ndarray) -> np.ndarray:
+def row_stiffnesses(body_set: TetrahedraSet, chosen: np.ndarray) -> np.ndarray:
     """Return the values of `stiffnesses` for position-based rows, each of which is at rest by itself: k_H is lambda, J
     at rest 1."""
-    return _values(found, chosen, found.lame()[1][chosen], np.ones(len(chosen)))
+    return _values(body_set, chosen, body_set.lame()[1][chosen], np.ones(len(chosen)))
 
 
-def _values(found: TetrahedraSet, chosen: np.ndarray, pressure: np.ndarray, rest: np.ndarray) -> np.ndarray:
-    mu, volume = found.lame()[0][chosen], found.volume[chosen]
-    hookean = np.array([part.material == "neo-hookean" for part in found.parts])[found.body[chosen]]
+def _values(body_set: TetrahedraSet, chosen: np.ndarray, pressure: np.ndarray, rest: np.ndarray) -> np.ndarray:
+    mu, volume = body_set.lame()[0][chosen], body_set.volume[chosen]
+    hookean = np.array([part.material == "neo-hookean" for part in body_set.parts])[body_set.body[chosen]]
     shape = np.where(hookean, mu, 2 * mu)
     pressure = np.maximum(pressure, LEAST_PRESSURE * shape)
-    return np.column_stack([shape * volume, pressure * volume, rest, found.matter.damping[chosen]])
+    return np.column_stack([shape * volume, pressure * volume, rest, body_set.matter.damping[chosen]])
 
 
-def constraint_values(found: TetrahedraSet, chosen: np.ndarray, corners: np.ndarray) -> np.ndarray:
+def constraint_values(body_set: TetrahedraSet, chosen: np.ndarray, corners: np.ndarray) -> np.ndarray:
     """Return the values of the two constraints of the `chosen` tetrahedra (n,), (n, COUNT) float64 (see the formula).
 
     Their corners are in the order of `corners` (n, 4).
     """
-    stiff = row_stiffnesses(found, chosen)
-    values = np.column_stack([framed_rest(found.position[corners]), 1 / stiff[:, :2], stiff[:, 2:]])
+    stiff = row_stiffnesses(body_set, chosen)
+    values = np.column_stack([framed_rest(body_set.position[corners]), 1 / stiff[:, :2], stiff[:, 2:]])
     assert values.shape[1] == COUNT
     return values
 
@@ -172,13 +172,13 @@ def framed_rest(corners: np.ndarray) -> np.ndarray:
     )
 
 
-def voxel_values(found: TetrahedraSet, chosen: np.ndarray, run: int) -> np.ndarray:
+def voxel_values(body_set: TetrahedraSet, chosen: np.ndarray, run: int) -> np.ndarray:
     """Return the values of the constraint of each voxel's volume, (voxels, COUNT) float64 (voxel_volume.py).
 
     The `chosen` tetrahedra (n,) are in runs of `run` per voxel; several materials in one are averaged.
     """
-    stiff, volume = row_stiffnesses(found, chosen).reshape(-1, run, 4), found.volume[chosen].reshape(-1, run)
-    whole, pressure = found.whole_volume[chosen].reshape(-1, run).sum(axis=1), stiff[..., 1].sum(axis=1)
+    stiff, volume = row_stiffnesses(body_set, chosen).reshape(-1, run, 4), body_set.volume[chosen].reshape(-1, run)
+    whole, pressure = body_set.whole_volume[chosen].reshape(-1, run).sum(axis=1), stiff[..., 1].sum(axis=1)
     rest, time = ((volume * stiff[..., k]).sum(axis=1) / volume.sum(axis=1) for k in (2, 3))
     values = np.column_stack([1 / (6 * whole), 1 / pressure, rest, time])
     assert values.shape[1] == VOXEL_COUNT

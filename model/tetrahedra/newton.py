@@ -44,31 +44,31 @@ DAMPED, STAGED = "tetrahedra-damping", "two-stages"  # parts of a plan
 PRODUCTS = "conjugate gradients, until the residual is small enough"
 
 
-def element_values(found: TetrahedraSet) -> np.ndarray:
+def element_values(body_set: TetrahedraSet) -> np.ndarray:
     """Return the values of tetrahedra, (tetrahedra, VALUES) float64."""
-    mu, lame = found.lame()
-    damping = found.matter.damping
+    mu, lame = body_set.lame()
+    damping = body_set.matter.damping
     return np.column_stack(
-        [found.rest_inverse.reshape(-1, 9), found.volume, mu, lame, rest_ratio(mu, lame), damping]
+        [body_set.rest_inverse.reshape(-1, 9), body_set.volume, mu, lame, rest_ratio(mu, lame), damping]
     )  # fmt: skip
 
 
-def holding(found: TetrahedraSet) -> np.ndarray:
+def holding(body_set: TetrahedraSet) -> np.ndarray:
     """Return the stiffness of the tetrahedra at each particle at rest, along the axis where it is largest, (particles,)
     [N/m]."""
-    mu, lame = found.lame()
-    rows = np.concatenate([-found.rest_inverse.sum(axis=1, keepdims=True), found.rest_inverse], axis=1)
-    each = ((2 * mu + lame) * found.volume)[:, None] * (rows**2).sum(axis=2)
-    return np.bincount(found.tetrahedra.ravel(), each.ravel(), found.particle_count)
+    mu, lame = body_set.lame()
+    rows = np.concatenate([-body_set.rest_inverse.sum(axis=1, keepdims=True), body_set.rest_inverse], axis=1)
+    each = ((2 * mu + lame) * body_set.volume)[:, None] * (rows**2).sum(axis=2)
+    return np.bincount(body_set.tetrahedra.ravel(), each.ravel(), body_set.particle_count)
 
 
-def rounding_floor(found: TetrahedraSet, real: Any) -> float:
+def rounding_floor(body_set: TetrahedraSet, real: Any) -> float:
     """Return the residual [J], in the norm of the inverse diagonal blocks, below which iterations stop.
 
     It is that of strains of a tenth of the rounding error.
     """
-    mu, lame = found.lame()
-    return float((0.1 * np.finfo(real).eps) ** 2 * total((2 * mu + lame) * found.volume))
+    mu, lame = body_set.lame()
+    return float((0.1 * np.finfo(real).eps) ** 2 * total((2 * mu + lame) * body_set.volume))
 
 
 def newton_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset[str]:
@@ -111,22 +111,22 @@ def newton_record(
     """Return CONSTANTS, then those of every position-based solver, (1,); h is the length of a solve."""
     one = solved(scene)
     h = one.method.dt / one.method.substeps
-    own = dict(zip(CONSTANTS, (scene.grid.mass / h**2, 1 / h), strict=True))
-    return rounded_record(scene, own | xpbd_values(one, poke, clock), XPBD_FIELDS, real)
+    constants = dict(zip(CONSTANTS, (scene.grid.mass / h**2, 1 / h), strict=True))
+    return rounded_record(scene, constants | xpbd_values(one, poke, clock), XPBD_FIELDS, real)
 
 
 def newton_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
     """Return the plan of a step. Residuals decide how often its inner node runs: bytes and operations are of one pass
     each."""
     refuse_unsteady(scene, live)
-    parts, method, found = newton_parts(scene, live), scene.method, scene.tetrahedra_set
-    particles = found.particle_count
-    each = len(found.tetrahedra) / particles  # tetrahedra per particle
-    blocks = 1 + 2 * len(found.edges[0]) / particles
+    parts, method, body_set = newton_parts(scene, live), scene.method, scene.tetrahedra_set
+    particles = body_set.particle_count
+    each = len(body_set.tetrahedra) / particles  # tetrahedra per particle
+    blocks = 1 + 2 * len(body_set.edges[0]) / particles
     turns = deformation.OPERATIONS_ROTATION[4]
     forces = 3 * distance.OPERATIONS_PREDICT + ("gravity" in parts)
     forces += sum(force.operations + 3 for force in own_forces(parts) if force.operations)
-    look = Stage("forces and energy of tetrahedra", 4, 2, round(each * (turns + tangent.OPERATIONS_STRESS)) + 20)
+    evaluation = Stage("forces and energy of tetrahedra", 4, 2, round(each * (turns + tangent.OPERATIONS_STRESS)) + 20)
     shape = tangent.operations_axes(4) + tangent.OPERATIONS_MODULI + 6 * tangent.OPERATIONS_BLOCK
     rows = Stage("rows of the matrix", round(each * 30), round(3 * blocks), round(each * (turns + shape + 16 * 9)))
     solve = Node(
@@ -136,13 +136,13 @@ def newton_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
             Stage("update of the solution", 8, 4, 12 + 15 + 12),
         ),
     )
-    newton = Node("iteration", (rows, solve, Stage("move", 2, 1, 6), look), method.iterations)
+    newton = Node("iteration", (rows, solve, Stage("move", 2, 1, 6), evaluation), method.iterations)
     pins = (PINS,) if "motion" in parts else ()
     last: list[Node | Stage] = [Stage("update velocity", 2, 1, 3 * distance.OPERATIONS_UPDATE), *pins]
     if scene.colliders:
         touched = sum(colliders.OPERATIONS[kind] for kind, _ in scene.colliders)
         last.append(Stage("collide", 2, 2, touched, 1.0))
-    solves: list[Node | Stage] = [Stage("predict", 2, 3, forces), *pins, look, newton, *last]
+    solves: list[Node | Stage] = [Stage("predict", 2, 3, forces), *pins, evaluation, newton, *last]
     if STAGED in parts:
         between = Stage("begin of a stage", 3, 2, stages.OPERATIONS_AHEAD)
         solves = [Node("stage", (between, *solves), stages_of(scene))]

@@ -36,30 +36,30 @@ def partitions_by(scene: Scene, walk: Callable[[Scene, np.ndarray], Window]) -> 
     `walk(scene, needed)`: what its sweeps read so that the `needed` (particles,) bool are as in the whole.
     """
     tetrahedra_apart(scene)
-    found = scene.tetrahedra_set
+    body_set = scene.tetrahedra_set
 
     def window(owned: np.ndarray) -> Window:
         return walk(scene, _looked_at(scene, owned))
 
-    weights = np.bincount(found.tetrahedra.ravel(), minlength=found.particle_count) / 4
+    weights = np.bincount(body_set.tetrahedra.ravel(), minlength=body_set.particle_count) / 4
     return SharedMesh(
-        layers_of(found), weights, window, len(found.tetrahedra), "tetrahedra", scene.method.substeps,
-        "tetrahedra_set", lambda window: some_tetrahedra(found, *window),
+        layers_of(body_set), weights, window, len(body_set.tetrahedra), "tetrahedra", scene.method.substeps,
+        "tetrahedra_set", lambda window: some_tetrahedra(body_set, *window),
     )  # fmt: skip
 
 
-def layers_of(found: TetrahedraSet) -> np.ndarray:
+def layers_of(body_set: TetrahedraSet) -> np.ndarray:
     """Return each particle's layer across the longest axis of its body, (particles,) int64, one body after the
     other."""
-    body = bodies_of_particles(found.first_particle, found.particle_count)
-    along = np.empty(found.particle_count)
-    for number in range(len(found.names)):
-        mine = body == number
-        own = found.own[mine]
-        along[mine] = own[:, np.ptp(own, axis=0).argmax()]
+    body = bodies_of_particles(body_set.first_particle, body_set.particle_count)
+    along = np.empty(body_set.particle_count)
+    for number in range(len(body_set.names)):
+        of_body = body == number
+        position = body_set.mesh_position[of_body]
+        along[of_body] = position[:, np.ptp(position, axis=0).argmax()]
     order = np.lexsort((along, body))
-    apart = (np.diff(along[order]) > ALIKE * found.spacing) | (np.diff(body[order]) != 0)
-    layers = np.empty(found.particle_count, np.int64)
+    apart = (np.diff(along[order]) > ALIKE * body_set.spacing) | (np.diff(body[order]) != 0)
+    layers = np.empty(body_set.particle_count, np.int64)
     layers[order] = np.concatenate([[0], np.cumsum(apart)])
     return layers
 
@@ -75,11 +75,11 @@ def _looked_at(scene: Scene, owned: np.ndarray) -> np.ndarray:
 
 
 def _projected(scene: Scene, needed: np.ndarray) -> Window:
-    found = scene.tetrahedra_set
-    needed, touched = needed.copy(), np.zeros(len(found.tetrahedra), bool)
+    body_set = scene.tetrahedra_set
+    needed, touched = needed.copy(), np.zeros(len(body_set.tetrahedra), bool)
     for _ in range(scene.method.iterations):
         before = needed.sum()
-        for which, one in zip(reversed(tetrahedra_of_sets(found)), reversed(constraint_sets(scene)), strict=True):
+        for which, one in zip(reversed(tetrahedra_of_sets(body_set)), reversed(constraint_sets(scene)), strict=True):
             for colour in reversed(range(one.colours)):
                 run = slice(one.starts[colour], one.starts[colour + 1])
                 corners = one.corners[run].reshape(-1, one.run * one.corners.shape[1])

@@ -48,8 +48,8 @@ class Springs:
         """Rows that contain any two corners of a spring between bodies together, as those of tetrahedra do, (n, 4)
         int32."""
         chosen = self.corners[self.bodies]
-        found: np.ndarray = np.concatenate([np.delete(chosen, n, axis=1) for n in range(CORNERS)])
-        return found
+        fours: np.ndarray = np.concatenate([np.delete(chosen, n, axis=1) for n in range(CORNERS)])
+        return fours
 
     @property
     def pairs(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -69,11 +69,11 @@ class Springs:
         return each.reshape(-1, 1) * np.eye(3).reshape(1, 9)
 
 
-def springs(found: TetrahedraSet, solver: str) -> Springs:
+def springs(body_set: TetrahedraSet, solver: str) -> Springs:
     """Return the springs for a solver of HARD. Raises SceneError."""
     corners, values, bodies = [np.zeros((0, CORNERS), np.int64)], [np.zeros((0, COUNT))], [np.zeros(0, bool)]
-    held = holding(found)
-    for one in attachment_sets(found):
+    stiffness = holding(body_set)
+    for one in attachment_sets(body_set):
         many, compliance = len(one.corners), one.values[:, -1]
         rows = np.zeros((many, COUNT))
         to_body = one.model == "bodies"
@@ -81,27 +81,27 @@ def springs(found: TetrahedraSet, solver: str) -> Springs:
             rows[:, :AT_POINT] = one.values[:, :4]
         else:
             rows[:, AT_POINT : AT_POINT + 3] = one.values[:, :3]
-        ends = held[one.corners[:, 0]]
+        ends = stiffness[one.corners[:, 0]]
         if to_body:
-            ends = np.minimum(ends, (held[one.corners[:, 1:]] * np.abs(one.values[:, :4])).sum(axis=1))
+            ends = np.minimum(ends, (stiffness[one.corners[:, 1:]] * np.abs(one.values[:, :4])).sum(axis=1))
         gives = compliance > 0
         rows[:, AT_STIFFNESS] = np.where(gives, 1 / np.where(gives, compliance, 1.0), HARD[solver] * ends)
         corners.append(one.corners if to_body else np.repeat(one.corners, CORNERS, axis=1))
         values.append(rows)
         bodies.append(np.full(many, to_body))
     all_corners, carried = np.concatenate(corners).astype(np.int32), np.concatenate(bodies)
-    return Springs(all_corners, np.concatenate(values), *_entries(found, all_corners, carried), carried)
+    return Springs(all_corners, np.concatenate(values), *_entries(body_set, all_corners, carried), carried)
 
 
-def _entries(found: TetrahedraSet, corners: np.ndarray, bodies: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _entries(body_set: TetrahedraSet, corners: np.ndarray, bodies: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return (meets, entries)."""
-    free = np.ones(found.particle_count, bool)
-    free[found.pinned_vertices] = False
+    free = np.ones(body_set.particle_count, bool)
+    free[body_set.pinned_vertices] = False
     place = np.arange(CORNERS)
     there = bodies[:, None] | (place == 0)
     first = np.argmax(free[corners] & there, axis=1)
     entry = 16 * np.arange(len(corners))[:, None] + 2 * place + (place == first[:, None])
-    lists = grouped(corners[there].astype(np.int64), entry[there], found.particle_count)
+    lists = grouped(corners[there].astype(np.int64), entry[there], body_set.particle_count)
     return lists.offsets, lists.indices
 
 
@@ -110,20 +110,20 @@ def rounding_of(one: Springs, extent: float, real: type) -> float:
     return float((0.1 * np.finfo(real).eps * extent) ** 2 * total(one.values[:, AT_STIFFNESS]))
 
 
-def held_bodies(found: TetrahedraSet) -> np.ndarray:
+def supported_particles(body_set: TetrahedraSet) -> np.ndarray:
     """Return the particles of bodies that are pinned anywhere, or attached to the world, or to a body that is,
     (particles,) bool."""
-    bodies = bodies_of_particles(found.first_particle, found.particle_count)
-    held = np.zeros(len(found.parts), bool)
-    held[bodies[found.pinned_vertices]] = True
+    bodies = bodies_of_particles(body_set.first_particle, body_set.particle_count)
+    supported = np.zeros(len(body_set.parts), bool)
+    supported[bodies[body_set.pinned_vertices]] = True
     joined = np.zeros((0, 2), np.int64)
-    for one in attachment_sets(found):
+    for one in attachment_sets(body_set):
         if one.model == "bodies":
             joined = np.concatenate([joined, np.unique(bodies[one.corners[:, :2]], axis=0)])
         else:
-            held[bodies[one.corners[:, 0]]] = True
-    for _ in range(len(found.parts) if len(joined) else 0):
-        either = held[joined].any(axis=1)
-        held[joined[either]] = True
-    found_held: np.ndarray = held[bodies]
-    return found_held
+            supported[bodies[one.corners[:, 0]]] = True
+    for _ in range(len(body_set.parts) if len(joined) else 0):
+        either = supported[joined].any(axis=1)
+        supported[joined[either]] = True
+    supported_particle: np.ndarray = supported[bodies]
+    return supported_particle

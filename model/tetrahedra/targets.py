@@ -37,32 +37,32 @@ LIVE = "targets"
 class Targets:
     """Rows of targets.
 
-    `rows`: colliders, motions of the scene, those of pins, pins, flat; the last begin at `first`. `own` (pins,) bool:
-    pins with targets; `held`, `wanted` (pins, 3) float64 [m]: previous positions, and those at the end of `step`.
+    `rows`: colliders, motions of the scene, those of pins, pins, flat; the last begin at `first`. `settable` (pins,) bool:
+    pins with targets; `resting`, `wanted` (pins, 3) float64 [m]: previous positions, and those at the end of `step`.
     """
 
     def __init__(self, scene: Scene, body: Body, real: Any):
         colliders, motions = collider_numbers(scene, real), motion_rows(scene, real)
         pins = pin_rows(scene, body, real, colliders.size)
-        self.own, count = pins[:, P_MOTION] < 0, len(pins)
+        self.settable, count = pins[:, P_MOTION] < 0, len(pins)
         begin = colliders.size + motions.size
         self.first = begin + MOTION_FIELDS * count
         most = 2 ** (np.finfo(real).nmant + 1)  # integers are exact up to there
         if self.first > most:
-            told = f"{np.dtype(real).name} counts to {most}, and a pin takes {MOTION_FIELDS} numbers: use float64"
-            raise SceneError("live", f"{count} pins with targets", told)
+            reason = f"{np.dtype(real).name} counts to {most}, and a pin takes {MOTION_FIELDS} numbers: use float64"
+            raise SceneError("live", f"{count} pins with targets", reason)
         moving = np.zeros((count, MOTION_FIELDS), real)
         moving[:, M_V], moving[:, M_DURATION] = 1, 1  # an axis and a time, which have no effect without a speed
-        pins[self.own, P_MOTION] = (begin + MOTION_FIELDS * np.arange(count))[self.own]
+        pins[self.settable, P_MOTION] = (begin + MOTION_FIELDS * np.arange(count))[self.settable]
         self.rows = np.concatenate([colliders, motions.reshape(-1), moving.reshape(-1), pins.reshape(-1)])
         self._moving = self.rows[begin : self.first].reshape(count, MOTION_FIELDS)
         self._pins = self.rows[self.first :].reshape(count, PIN_FIELDS)
-        self.hold(body.position[body.pinned])
+        self.rest_at(body.position[body.pinned])
 
-    def hold(self, position: np.ndarray) -> None:
+    def rest_at(self, position: np.ndarray) -> None:
         """Let all rest at `position` (pins, 3) [m]."""
-        self.held, self.wanted, self.step = position, position, -1
-        self._pins[self.own, :P_MOTION] = position[self.own]
+        self.resting, self.wanted, self.step = position, position, -1
+        self._pins[self.settable, :P_MOTION] = position[self.settable]
         self.rest()
 
     def rest(self) -> None:
@@ -72,8 +72,8 @@ class Targets:
     def send(self, position: np.ndarray, step: int, time: float, dt: float) -> None:
         """Move all to `position` (pins, 3) [m] within step number `step`, which begins at `time` [s]."""
         self.wanted, self.step = position, step
-        self._pins[self.own, :P_MOTION] = self.held[self.own]
-        self._moving[:, M_VX : M_VZ + 1] = (position - self.held) / dt
+        self._pins[self.settable, :P_MOTION] = self.resting[self.settable]
+        self._moving[:, M_VX : M_VZ + 1] = (position - self.resting) / dt
         self._moving[:, M_START], self._moving[:, M_DURATION] = time, 2 * dt  # it still moves at the step's end
 
 
@@ -106,23 +106,23 @@ class Targeted(Simulation):
         """
         place = np.asarray(position, np.float64)
         if self._goals is None:
-            told = (
+            reason = (
                 "no vertex is pinned"
                 if LIVE in self.options.live
                 else "not live; open the simulation with live=targets"
             )
-            raise SceneError("targets", None, told)
+            raise SceneError("targets", None, reason)
         if place.shape != self.body.position.shape:
-            told = f"must be {self.body.position.shape}: a place for every particle"
-            raise SceneError("targets", place.shape, told)
+            reason = f"must be {self.body.position.shape}: a place for every particle"
+            raise SceneError("targets", place.shape, reason)
         wanted = place[self.body.pinned]
-        bad = np.flatnonzero(~np.isfinite(wanted).all(axis=1) & self._goals.own)
+        bad = np.flatnonzero(~np.isfinite(wanted).all(axis=1) & self._goals.settable)
         if len(bad):
             vertex = int(self.body.pinned[bad[0]])
             raise SceneError("targets", place[vertex].tolist(), f"of vertex {vertex}, which is pinned: must be finite")
         self._settle()
         self.check()  # so that a replay never spans a change
-        wanted = np.where(self._goals.own[:, None], wanted, self._goals.held)
+        wanted = np.where(self._goals.settable[:, None], wanted, self._goals.resting)
         self._goals.send(wanted, self.step, self.time, self.scene.method.dt)
         self._send_rows(self._goals.rows)
 
@@ -139,7 +139,7 @@ class Targeted(Simulation):
         """Let vertices rest once the step with their targets is over."""
         if self._goals is not None and -1 < self._goals.step != self.step:
             self.check()
-            self._goals.hold(self._goals.wanted)
+            self._goals.rest_at(self._goals.wanted)
             self._send_rows(self._goals.rows)
 
     def load(self, state: State) -> None:
@@ -149,5 +149,5 @@ class Targeted(Simulation):
             self._send_rows(self._goals.rows)
         super().load(state)
         if self._goals is not None:
-            self._goals.hold(np.asarray(state.position, np.float64)[self.body.pinned])
+            self._goals.rest_at(np.asarray(state.position, np.float64)[self.body.pinned])
             self._send_rows(self._goals.rows)

@@ -32,8 +32,8 @@ def vbd_record(scene: Scene, real: Any, poke: tuple[float, ...] = (0.0, 0.0, 0.0
     of every position-based solver, (1,)."""
     h = scene.method.dt / scene.method.substeps
     fields = {**XPBD_FIELDS, SCALE: "method.dt"}
-    own = dict(zip((SCALE, *CONSTANTS), (h**2 / scene.grid.mass, scene.grid.mass / h**2, 1 / h), strict=True))
-    return rounded_record(scene, own | xpbd_values(scene, poke, clock), fields, real)
+    constants = dict(zip((SCALE, *CONSTANTS), (h**2 / scene.grid.mass, scene.grid.mass / h**2, 1 / h), strict=True))
+    return rounded_record(scene, constants | xpbd_values(scene, poke, clock), fields, real)
 
 
 def vbd_note(scene: Scene) -> str:

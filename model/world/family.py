@@ -28,11 +28,11 @@ OF_MEMBERS = {"bodies": (BODIES,), "tetrahedra": (TETRAHEDRA, TETRAHEDRA_VBD), "
 def _members(scene: Scene) -> dict[str, tuple[SolverFamily, Scene]]:
     """Return each member's family and scene, by name."""
     every = scene.members.items()
-    return {name: (next(one for one in OF_MEMBERS[name] if one.accepts(own)), own) for name, own in every}
+    return {name: (next(one for one in OF_MEMBERS[name] if one.accepts(member)), member) for name, member in every}
 
 
 def _plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
-    plans = {name: family.plan(own, live) for name, (family, own) in _members(scene).items()}
+    plans = {name: family.plan(member, live) for name, (family, member) in _members(scene).items()}
     if "fluid" in plans:
         plans["fluid"] = fluid_plan(scene.members["fluid"], live, solids=True)
     return world_plan(scene, plans)
@@ -44,17 +44,17 @@ def _record(scene: Scene, real: Any, poke: tuple[float, ...] = (0.0, 0.0, 0.0), 
 
 
 def _limit(scene: Scene, frequency: float | None = None) -> float:
-    return min((family.limit(own, None) for family, own in _members(scene).values()), default=inf)
+    return min((family.limit(member, None) for family, member in _members(scene).values()), default=inf)
 
 
 def _note(scene: Scene) -> str:
-    told = "each member by its own method, in common substeps"
+    note = "each member by its own method, in common substeps"
     if "fluid" in scene.members:
-        told += "; " + fluid_note(scene.members["fluid"])
+        note += "; " + fluid_note(scene.members["fluid"])
     return (
-        told
+        note
         if coupled(scene) or len(scene.members.keys() - {"fluid"}) < 2
-        else told + "; members pass through each other, since it has no [contact]"
+        else note + "; members pass through each other, since it has no [contact]"
     )
 
 
@@ -65,19 +65,19 @@ def _stored(scene: Scene, position: np.ndarray, arrays: Arrays) -> tuple[float, 
     members = _members(scene)
     for name, place in scene.world_set.slices().items():
         family, part = members[name]
-        own, kinds = family.stored(part, position[place], arrays)
-        total, by_kind = total + own, by_kind | kinds
+        energy, kinds = family.stored(part, position[place], arrays)
+        total, by_kind = total + energy, by_kind | kinds
     return total, by_kind
 
 
 def _strain(scene: Scene, position: np.ndarray, kind: str, arrays: Arrays) -> np.ndarray:
     """Return the strains of one member after the other."""
     members = _members(scene)
-    found = [
+    strains = [
         members[name][0].strain(members[name][1], position[place], kind, arrays)
         for name, place in scene.world_set.slices().items()
     ]
-    return np.concatenate(found)
+    return np.concatenate(strains)
 
 
 def _lost(simulation: Any) -> dict[str, int]:
@@ -103,7 +103,7 @@ WORLD = SolverFamily(
     note=_note,
     stored=_stored,
     strain=_strain,
-    spring_count=lambda scene: sum(family.spring_count(own) for family, own in _members(scene).values()),
+    spring_count=lambda scene: sum(family.spring_count(member) for family, member in _members(scene).values()),
     solvers={"cpu": "softlab.cpu_backend.world.solver:World", "gpu": "softlab.gpu_backend.world.solver:World"},
     passes={"cpu": "softlab.app.plan.world:world_on_cpu", "gpu": "softlab.app.plan.world:world_on_gpu"},
     reference="softlab.bench.reference.world",

@@ -14,8 +14,8 @@ import numpy as np
 from softlab.model.contact.particle_parameters import G_DISTANCE, G_REACH, PAIR_FIELDS, kinds_of_particles
 from softlab.model.contact.surface_parameters import (
     APPROACH,
+    EDGE_FRACTION,
     MARGIN,
-    SHARE,
     STRETCH,
     ContactSurface,
     Meeting,
@@ -47,17 +47,17 @@ _known: WeakKeyDictionary[WorldSet, CrossSurface] = WeakKeyDictionary()
 
 def cross_surface(scene: Scene) -> CrossSurface:
     """Return the surface of a world, cached with its particles."""
-    found = scene.world_set
-    if found not in _known:
-        first = dict(zip(found.names, found.first.tolist(), strict=False))
-        _known[found] = _joined(
+    world_set = scene.world_set
+    if world_set not in _known:
+        first = dict(zip(world_set.names, world_set.first.tolist(), strict=False))
+        _known[world_set] = _joined(
             [
                 _moved(one, first[name], number)
                 for number, (name, member) in enumerate(scene.members.items())
                 if (one := _of_member(name, member)) is not None
             ]
         )
-    return _known[found]
+    return _known[world_set]
 
 
 def _of_member(name: str, scene: Scene) -> CrossSurface | None:
@@ -91,24 +91,24 @@ def _balls(scene: Scene) -> CrossSurface:
 
 def _compact(surface: ContactSurface) -> CrossSurface:
     """Return a surface with only the particles that are its vertices."""
-    own = surface.vertices
+    vertices = surface.vertices
     place = np.full(len(surface.rest), -1, np.int32)
-    place[own] = np.arange(len(own))
+    place[vertices] = np.arange(len(vertices))
     groups = len(surface.edge)
-    found = ContactSurface(
-        np.arange(len(own), dtype=np.int32), place[surface.triangles], surface.owned, surface.at_vertex,
-        surface.body[own], surface.rest[own], surface.edge, surface.corner,
+    compact = ContactSurface(
+        np.arange(len(vertices), dtype=np.int32), place[surface.triangles], surface.owned, surface.at_vertex,
+        surface.body[vertices], surface.rest[vertices], surface.edge, surface.corner,
     )  # fmt: skip
-    return CrossSurface(own.astype(np.int64), found, np.zeros(groups, np.int64), np.full(groups, np.nan))
+    return CrossSurface(vertices.astype(np.int64), compact, np.zeros(groups, np.int64), np.full(groups, np.nan))
 
 
 def _moved(one: CrossSurface, first: int, member: int) -> CrossSurface:
     return CrossSurface(one.particles + first, one.surface, np.full_like(one.member, member), one.radius)
 
 
-def _joined(found: list[CrossSurface]) -> CrossSurface:
+def _joined(members: list[CrossSurface]) -> CrossSurface:
     """Return surfaces one after the other, numbered consecutively."""
-    surfaces = [one.surface for one in found]
+    surfaces = [one.surface for one in members]
     vertex, triangle, group = (
         np.append(0, np.cumsum([len(array(one)) for one in surfaces]))
         for array in (lambda s: s.vertices, lambda s: s.triangles, lambda s: s.edge)
@@ -125,7 +125,7 @@ def _joined(found: list[CrossSurface]) -> CrossSurface:
 
     ends = [one.at_vertex.offsets for one in surfaces]
     entries = np.append(0, np.cumsum([offsets[-1] for offsets in ends]))
-    offsets = joined(*(own[:-1] + start for own, start in zip(ends, entries, strict=False)), entries[-1:])
+    offsets = joined(*(stops[:-1] + start for stops, start in zip(ends, entries, strict=False)), entries[-1:])
     at_vertex = joined(
         *(one.at_vertex.indices + np.int32(start) for one, start in zip(surfaces, triangle, strict=False))
     )
@@ -134,7 +134,7 @@ def _joined(found: list[CrossSurface]) -> CrossSurface:
         Lists(offsets.astype(np.int32), at_vertex.astype(np.int32)), shifted("body", group), whole("rest"), whole("edge"),
         whole("corner"),
     )  # fmt: skip
-    parts: list[Any] = [(one.particles, one.member, one.radius) for one in found]
+    parts: list[Any] = [(one.particles, one.member, one.radius) for one in members]
     particles, member, radius = (joined(*arrays) for arrays in zip(*parts, strict=True))
     return CrossSurface(particles, surface, member, radius)
 
@@ -143,7 +143,7 @@ def cross_distance(scene: Scene) -> float:
     """Return the distance between surfaces [m]; half of it is a triangle's own."""
     assert scene.contact is not None
     edge = cross_surface(scene).surface.edge
-    return scene.contact.distance or SHARE * float(edge[edge > 0].min())
+    return scene.contact.distance or EDGE_FRACTION * float(edge[edge > 0].min())
 
 
 def distances_of_groups(scene: Scene) -> np.ndarray:
@@ -157,11 +157,13 @@ def distances_of_groups(scene: Scene) -> np.ndarray:
 
 def _pairs(scene: Scene) -> np.ndarray:
     """Return rows as by `surface_pairs` of model/contact/surface_parameters.py, for groups of different members."""
-    found, kept = cross_surface(scene), distances_of_groups(scene)
-    meets = (found.member[:, None] != found.member) & (found.surface.edge > 0)
-    rows = np.zeros((*meets.shape, PAIR_FIELDS))
-    rows[:, :, G_DISTANCE] = kept[:, None] * meets
-    rows[:, :, G_REACH] = np.hypot(kept[:, None] * (1 + MARGIN + APPROACH), STRETCH * found.surface.corner) * meets
+    surface, distance = cross_surface(scene), distances_of_groups(scene)
+    collide = (surface.member[:, None] != surface.member) & (surface.surface.edge > 0)
+    rows = np.zeros((*collide.shape, PAIR_FIELDS))
+    rows[:, :, G_DISTANCE] = distance[:, None] * collide
+    rows[:, :, G_REACH] = (
+        np.hypot(distance[:, None] * (1 + MARGIN + APPROACH), STRETCH * surface.surface.corner) * collide
+    )
     return rows
 
 

@@ -36,17 +36,17 @@ def coupled(scene: Scene) -> bool:
 def world_plan(scene: Scene, plans: Mapping[str, Plan]) -> Plan:
     """Return the plan from the members' own `plans`, by name. Numbers are per particle of the world."""
     method, count = scene.method, scene.world_set.particle_count
-    shares = {name: len(range(*own.indices(count))) / count for name, own in scene.world_set.slices().items()}
+    fractions = {name: len(range(*place.indices(count))) / count for name, place in scene.world_set.slices().items()}
     three = {name: _parts_of_substep(plan.root) for name, plan in plans.items()}
 
     def nodes(place: int) -> list[Node | Stage]:
-        return [_named(name, three[name][place], shares[name]) for name in plans if three[name][place]]
+        return [_named(name, three[name][place], fractions[name]) for name in plans if three[name][place]]
 
     find, project = _contact_stages(scene)
     stages = *nodes(0), *find, Node("iteration", (*nodes(1), *project), method.iterations), *nodes(2)
     root = Node("step", (Node("substep", stages, method.substeps),))
     parts = frozenset[str]().union(*(plan.parts for plan in plans.values()))
-    fused = sum(plan.fused_scalars * shares[name] for name, plan in plans.items())
+    fused = sum(plan.fused_scalars * fractions[name] for name, plan in plans.items())
     return Plan(root, round(fused), parts, dimensions=3)
 
 
@@ -63,16 +63,16 @@ def _parts_of_substep(root: Node) -> tuple[Children, Children, Children]:
     return substep.children[:place], iteration.children, substep.children[place + 1 :]
 
 
-def _named(member: str, children: Children, share: float) -> Node:
-    """Return a member's stages, scaled by its fraction `share` of the world's particles."""
-    made: list[Node | Stage] = []
+def _named(member: str, children: Children, fraction: float) -> Node:
+    """Return a member's stages, scaled by its fraction `fraction` of the world's particles."""
+    scaled: list[Node | Stage] = []
     for child in children:
         if isinstance(child, Stage):
-            reads, writes, operations = (round(n * share) for n in (child.reads, child.writes, child.operations))
-            made.append(Stage(name_of_stage(member, child.name), reads, writes, operations, child.argument))
+            reads, writes, operations = (round(n * fraction) for n in (child.reads, child.writes, child.operations))
+            scaled.append(Stage(name_of_stage(member, child.name), reads, writes, operations, child.argument))
         else:
-            made.append(replace(_named(member, child.children, share), name=child.name, times=child.times))
-    return Node(member, tuple(made))
+            scaled.append(replace(_named(member, child.children, fraction), name=child.name, times=child.times))
+    return Node(member, tuple(scaled))
 
 
 def _contact_stages(scene: Scene) -> tuple[list[Stage], list[Stage]]:

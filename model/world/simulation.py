@@ -36,9 +36,9 @@ class WorldSimulation(Simulation):
 
     def _open_members(self, kernel: str) -> None:
         """Open each member with this kernel."""
-        own = replace(self.options, kernel=kernel)
+        options = replace(self.options, kernel=kernel)
         for name, scene in self.scene.members.items():
-            self.members[name] = self._open(scene, own)
+            self.members[name] = self._open(scene, options)
 
     @abstractmethod
     def _open(self, scene: Scene, options: Options) -> Simulation:
@@ -50,21 +50,21 @@ class WorldSimulation(Simulation):
 
     def _all_stages(self) -> dict[str, StageRun]:
         """Return the functions that run each stage of the plan."""
-        own = {
+        stages = {
             name_of_stage(name, stage): run
             for name, member in self.members.items()
             for stage, run in member.stages.items()
         }
-        return own | self._cross_stages()
+        return stages | self._cross_stages()
 
     # ------------------------------------------------------------------ a step
 
     def _run(self, steps: int) -> None:
         self._executor.run(self.step, steps)
 
-    def _keep(self) -> None:
+    def _store_snapshot(self) -> None:
         for member in self.members.values():
-            member._keep()
+            member._store_snapshot()
 
     def _restore(self) -> None:
         for member in self.members.values():
@@ -82,8 +82,8 @@ class WorldSimulation(Simulation):
     def _parameters_changed(self) -> None:
         for name, member in self.members.items():
             place, particle = self.slices[name], self._poke_particle
-            own = particle - place.start if place.start <= particle < place.stop else -1
-            member.follow(self.scene.members[name], own, self._poke_force, self._clock)
+            poked = particle - place.start if place.start <= particle < place.stop else -1
+            member.follow(self.scene.members[name], poked, self._poke_force, self._clock)
 
     def _set_clock(self, clock: Clock) -> None:
         if clock != self._clock:

@@ -48,9 +48,9 @@ class _Sampled:
 
     name: str
     corners: np.ndarray
-    shares: np.ndarray
+    weights: np.ndarray
     volume: np.ndarray
-    kept: float
+    clearance: float
 
 
 _known: WeakKeyDictionary[WorldSet, Solids] = WeakKeyDictionary()
@@ -61,23 +61,23 @@ def solids_of(scene: Scene) -> Solids:
 
     Raises SceneError where a fluid begins inside a solid, or could flow through one.
     """
-    found = scene.world_set
-    if found not in _known:
+    world_set = scene.world_set
+    if world_set not in _known:
         fluid = scene.members["fluid"]
         parts = list(_sampled(scene))
         _check_start(scene, parts)
         corners = np.concatenate([part.corners for part in parts])
         particles, places = np.unique(corners, return_inverse=True)
-        lightness = fluid.fluid_set.mass / found.masses[particles]
-        lightness[np.isin(particles, found.pinned_vertices)] = 0
+        lightness = fluid.fluid_set.mass / world_set.masses[particles]
+        lightness[np.isin(particles, world_set.pinned_vertices)] = 0
         first = 0
         solids: list[tuple[np.ndarray, np.ndarray]] = []
         for part in parts:
             last = first + part.corners.size
-            solids.append((places.reshape(-1)[first:last].reshape(-1, 3).astype(np.int32), part.shares))
+            solids.append((places.reshape(-1)[first:last].reshape(-1, 3).astype(np.int32), part.weights))
             first = last
-        _known[found] = Solids(particles, joined_samples(solids, [part.volume for part in parts], lightness))
-    return _known[found]
+        _known[world_set] = Solids(particles, joined_samples(solids, [part.volume for part in parts], lightness))
+    return _known[world_set]
 
 
 def _sampled(scene: Scene) -> Iterator[_Sampled]:
@@ -86,18 +86,18 @@ def _sampled(scene: Scene) -> Iterator[_Sampled]:
     if "bodies" in scene.members:
         yield from _bodies(scene, slices["bodies"].start)
     if "tetrahedra" in scene.members:
-        found, first = scene.members["tetrahedra"].tetrahedra_set, slices["tetrahedra"].start
-        ends = [*found.first_particle.tolist(), found.particle_count]
+        body_set, first = scene.members["tetrahedra"].tetrahedra_set, slices["tetrahedra"].start
+        ends = [*body_set.first_particle.tolist(), body_set.particle_count]
         names = [*scene.members["tetrahedra"].tetrahedra, *scene.members["tetrahedra"].all_of("mesh")]
         for name, (start, stop) in zip(names, pairwise(ends), strict=False):
-            own = (found.surface >= start).all(axis=1) & (found.surface < stop).all(axis=1)
+            inside = (body_set.surface >= start).all(axis=1) & (body_set.surface < stop).all(axis=1)
             thick = THIN if scene.members["tetrahedra"].kinds[name] == "mesh" else 1.0
-            yield _surface(scene, name, found.surface[own].astype(np.int64), found.position, first, thick)
+            yield _surface(scene, name, body_set.surface[inside].astype(np.int64), body_set.position, first, thick)
     if "cloth" in scene.members:
-        own_scene, first = scene.members["cloth"], slices["cloth"].start
-        mesh = mesh_of(own_scene.mesh)
+        cloth_scene, first = scene.members["cloth"], slices["cloth"].start
+        mesh = mesh_of(cloth_scene.mesh)
         position = scene.world_set.position[slices["cloth"]]
-        yield _surface(scene, own_scene.name_of("mesh"), mesh.triangles.astype(np.int64), position, first, THIN)
+        yield _surface(scene, cloth_scene.name_of("mesh"), mesh.triangles.astype(np.int64), position, first, THIN)
 
 
 def _bodies(scene: Scene, first: int) -> Iterator[_Sampled]:
@@ -106,22 +106,22 @@ def _bodies(scene: Scene, first: int) -> Iterator[_Sampled]:
     A copy's volumes are those of the first one.
     """
     member, fluid = scene.members["bodies"], scene.members["fluid"].fluid_set
-    kept: dict[str, np.ndarray] = {}
+    selected: dict[str, np.ndarray] = {}
     volumes: dict[str, np.ndarray] = {}
     for copy in member.body_set.copies:
         if copy.name not in volumes:
             apart, most = copy.baked.spacing, COARSEST * fluid.spacing
             if apart > most * (1 + 1e-9):
-                told = (
+                reason = (
                     f"must be {most:g} m at most, {COARSEST:g} rest distances of the fluid, which else runs through it"
                 )
-                raise SceneError(f"{copy.name}.particle_spacing", apart, told)
-            kept[copy.name] = thinned(copy.baked.position, LEAST * fluid.spacing)
-            points = copy.baked.position[kept[copy.name]]
+                raise SceneError(f"{copy.name}.particle_spacing", apart, reason)
+            selected[copy.name] = thinned(copy.baked.position, LEAST * fluid.spacing)
+            points = copy.baked.position[selected[copy.name]]
             volumes[copy.name] = BEARING * sample_volumes(points, fluid.lattice, fluid.support, True)
-        own = kept[copy.name] + copy.particles.start + first
+        particles = selected[copy.name] + copy.particles.start + first
         away = NEAREST * (copy.baked.spacing + fluid.spacing) / 2
-        yield _Sampled(copy.name, *particle_samples(own), volumes[copy.name], away)
+        yield _Sampled(copy.name, *particle_samples(particles), volumes[copy.name], away)
 
 
 def _surface(
@@ -129,11 +129,11 @@ def _surface(
 ) -> _Sampled:  # fmt: skip
     """Return the samples of one surface; `position`: of the member's particles; `thick`: factor of volumes."""
     fluid = scene.members["fluid"].fluid_set
-    corners, shares = triangle_samples(position, triangles, CLOSE * fluid.spacing)
-    points = (shares[:, :, None] * position[corners]).sum(axis=1)
-    kept = thinned(points, LEAST * fluid.spacing)
-    volume = thick * sample_volumes(points[kept], fluid.lattice, fluid.support, False)
-    return _Sampled(name, corners[kept] + first, shares[kept], volume, NEAREST * fluid.spacing / 2)
+    corners, weights = triangle_samples(position, triangles, CLOSE * fluid.spacing)
+    points = (weights[:, :, None] * position[corners]).sum(axis=1)
+    selected = thinned(points, LEAST * fluid.spacing)
+    volume = thick * sample_volumes(points[selected], fluid.lattice, fluid.support, False)
+    return _Sampled(name, corners[selected] + first, weights[selected], volume, NEAREST * fluid.spacing / 2)
 
 
 def _check_start(scene: Scene, parts: list[_Sampled]) -> None:
@@ -141,11 +141,11 @@ def _check_start(scene: Scene, parts: list[_Sampled]) -> None:
     fluid, position = scene.members["fluid"].fluid_set, scene.world_set.position
     tree = cKDTree(fluid.position)
     for part in parts:
-        points = (part.shares[:, :, None] * position[part.corners]).sum(axis=1)
-        _refuse(scene, part.name, tree.query_ball_point(points, part.kept))
+        points = (part.weights[:, :, None] * position[part.corners]).sum(axis=1)
+        _refuse(scene, part.name, tree.query_ball_point(points, part.clearance))
     if "tetrahedra" in scene.members:
-        found = scene.members["tetrahedra"].tetrahedra_set
-        corners = found.position[found.tetrahedra]
+        body_set = scene.members["tetrahedra"].tetrahedra_set
+        corners = body_set.position[body_set.tetrahedra]
         centre = combined(np.full((1, 4), 0.25), corners)
         near = tree.query_ball_point(centre, norm(corners - centre[:, None]).max(axis=1))
         inside = [
@@ -157,15 +157,15 @@ def _check_start(scene: Scene, parts: list[_Sampled]) -> None:
 def _within(corners: np.ndarray, position: np.ndarray, some: np.ndarray) -> np.ndarray:
     """Return the particles among `some` inside the tetrahedron of `corners` (4, 3)."""
     edges = (corners[1:] - corners[0]).T
-    shares = applied(inverse(edges), position[some] - corners[0]).T if len(some) else np.zeros((3, 0))
-    return some[(shares >= 0).all(axis=0) & (shares.sum(axis=0) <= 1)]
+    weights = applied(inverse(edges), position[some] - corners[0]).T if len(some) else np.zeros((3, 0))
+    return some[(weights >= 0).all(axis=0) & (weights.sum(axis=0) <= 1)]
 
 
-def _refuse(scene: Scene, name: str, met: Iterable[np.ndarray | list[int]]) -> None:
-    """Raise SceneError where any of a fluid's particles is among those `met` by a solid."""
+def _refuse(scene: Scene, name: str, touched: Iterable[np.ndarray | list[int]]) -> None:
+    """Raise SceneError where any of a fluid's particles is among those `touched` by a solid."""
     fluid = scene.members["fluid"].fluid_set
-    inside = np.unique(np.concatenate([np.array(one, int) for one in met]))
+    inside = np.unique(np.concatenate([np.array(one, int) for one in touched]))
     if len(inside):
         owner = fluid.names[fluid.fluid[inside[0]]]
-        told = f"{len(inside)} of its particles begin inside {name}: move one of them, or leave room by blocks"
-        raise SceneError(f"{owner}.origin", list(scene.members["fluid"].fluids[owner].origin), told)
+        reason = f"{len(inside)} of its particles begin inside {name}: move one of them, or leave room by blocks"
+        raise SceneError(f"{owner}.origin", list(scene.members["fluid"].fluids[owner].origin), reason)

@@ -8,7 +8,7 @@ import numpy as np
 
 from softlab.model.contact.substep_parameters import xpbd_record
 from softlab.model.core.family import ANY_SHEET, Arrays, SolverFamily
-from softlab.model.core.sharing.decomposition import Reach, require_local
+from softlab.model.core.sharing.decomposition import Stencil, require_local
 from softlab.model.core.stability.projection import projection_limit, projection_note
 from softlab.model.core.stability.springs import sheet_spring_count, sheet_strain, stored_in_springs
 from softlab.model.position_based.mesh_constraints import constraint_sets, edge_strain, mesh_energy
@@ -24,7 +24,7 @@ def _stored_in_mesh(scene: Scene, position: np.ndarray, arrays: Arrays) -> tuple
     return sum(by_kind.values()), by_kind
 
 
-def _sheet_reach(scene: Scene) -> Reach:
+def _sheet_stencil(scene: Scene) -> Stencil:
     """Return the rows that a substep reads in its iterations; windows may exchange after each.
 
     Raises SceneError for parts that depend on a mass's number in the whole sheet, or connect masses across it.
@@ -32,7 +32,7 @@ def _sheet_reach(scene: Scene) -> Reach:
     require_local(scene)
     parts = xpbd_parts(scene)
     rows, more = substep_rows(parts, scene.method.iterations)
-    return Reach(rows, more=more, unit=period(parts), parts=scene.method.substeps)
+    return Stencil(rows, more=more, unit=period(parts), parts=scene.method.substeps)
 
 
 SHEET = SolverFamily(
@@ -60,7 +60,7 @@ SHEET = SolverFamily(
     },
     passes={"cpu": "softlab.app.plan.xpbd:xpbd_on_cpu", "gpu": "softlab.app.plan.xpbd:xpbd_on_gpu"},
     reference="softlab.bench.reference.xpbd",
-    reach=_sheet_reach,
+    stencil=_sheet_stencil,
 )
 
 MESH = replace(
@@ -72,10 +72,10 @@ MESH = replace(
     limited_by_net=False,
     stored=_stored_in_mesh,
     strain=lambda scene, position, kind, arrays: edge_strain(scene, position, kind),
-    spring_count=lambda scene: sum(len(found.corners) for found in constraint_sets(scene)),
+    spring_count=lambda scene: sum(len(one.corners) for one in constraint_sets(scene)),
     solvers={backend: f"softlab.{backend}_backend.position_based.mesh:MeshPositionBased" for backend in ("cpu", "gpu")},
     passes={"cpu": "softlab.app.plan.mesh:mesh_on_cpu", "gpu": "softlab.app.plan.mesh:mesh_on_gpu"},
     reference="softlab.bench.reference.xpbd_mesh",
-    reach=None,
+    stencil=None,
     unknown="a mesh has no converged reference; grids and cloths of rows and columns have one, and a [cloth] is such a sheet",
 )

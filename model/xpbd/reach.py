@@ -33,16 +33,16 @@ def dependencies(parts: frozenset[str], along_rows: bool, first: int, end: int, 
     """Return (first, end) of the masses along an axis on which the masses first ... end - 1 depend after `iterations`
     of all colours."""
     if "gauss-seidel" not in parts:
-        reach = max((max(f.rows, abs(f.columns)) for f in families(parts)), default=0)
-        return first - reach * iterations, end + reach * iterations
+        stencil = max((max(f.rows, abs(f.columns)) for f in families(parts)), default=0)
+        return first - stencil * iterations, end + stencil * iterations
     for _ in range(iterations):
         for family, colour in reversed(colour_order(parts)):
-            found = [
+            others = [
                 other
                 for place in {*range(first, min(first + 4, end)), *range(max(first, end - 4), end)}
                 for other in partners(family, colour, along_rows, place)
             ]
-            first, end = min([first, *found]), max([end, *(place + 1 for place in found)])
+            first, end = min([first, *others]), max([end, *(place + 1 for place in others)])
     return first, end
 
 
@@ -65,6 +65,6 @@ def substep_rows(parts: frozenset[str], iterations: int) -> tuple[int, int]:
         first, end = dependencies(parts, True, *edges[-1], iterations)
         edges.append((first - wind, end + wind))
     sides = [-first for first, _ in edges], [end - edges[0][1] for _, end in edges]
-    rows = max(later - now for reach in sides for now, later in pairwise(reach[1:]))
-    more = max(far - rows * number for reach in sides for number, far in enumerate(reach))
+    rows = max(later - now for extent in sides for now, later in pairwise(extent[1:]))
+    more = max(far - rows * number for extent in sides for number, far in enumerate(extent))
     return rows, more if "gauss-seidel" in parts else more + max((family.rows for family in families(parts)), default=0)

@@ -27,7 +27,7 @@ from softlab.app.window.demo import Demo
 from softlab.app.window.demo_report import demo_state, masses_text
 from softlab.app.window.mouse import Mouse
 from softlab.model.core.energy import energies
-from softlab.model.core.spare import Counts, absent, counts, present
+from softlab.model.core.spare import Counts, counts, inactive, present
 from softlab.model.scene.scene import Scene, load_scene
 
 SPARE = beams_and_torus(torus=TORUS | {"spare": 2})
@@ -70,7 +70,7 @@ def test_what_waits_has_no_energy_and_is_in_no_count() -> None:
     assert (
         counts(ALONE) == Counts(COUNT, ALONE.body_set.clusters.count, 3) and counts(load_scene("lab-grid")).waiting == 0
     )
-    assert absent(ALONE) is None and absent(ALONE, np.zeros(COUNT)) is not None
+    assert inactive(ALONE) is None and inactive(ALONE, np.zeros(COUNT)) is not None
     assert len(present(SPARE, state.position)) == COUNT
     assert present(ALONE, alone.position, np.zeros(COUNT)) is alone.position  # none would be left
 

@@ -11,7 +11,8 @@ from test_mesh import binary_stl, write
 
 import softlab.model.assets.baked
 import softlab.model.base.disk_cache
-from softlab.model.assets.baked import ROOMS, baked, body_key
+import softlab.model.core.disk_cache
+from softlab.model.assets.baked import PACKAGES, baked, body_key
 from softlab.model.assets.baked_body import BakedBody
 from softlab.model.assets.soft_body import MATERIAL, RigidBody, SoftBody
 from softlab.model.base.digest import ROOT
@@ -131,7 +132,7 @@ def test_what_does_nothing_is_told_once(kind, tmp_path):
         Shape(name="box", resolution=4),
     )
     for keep in (True, True, False):
-        told = baked(parameters, box, folder=tmp_path, keep=keep).report.told
+        told = baked(parameters, box, folder=tmp_path, use_cache=keep).report.notes
         assert [sentence.split()[0] for sentence in told] == ["volume_sampling", "surface_sampling"]
 
 
@@ -154,7 +155,7 @@ def test_the_rooms_are_those_that_bake():
                 module = node.module.removeprefix("softlab.model.").replace(".", "/")
                 if module.split("/")[0] not in described:
                     waiting.append(module)
-    assert {name.split("/")[0] for name in found} == set(ROOMS)
+    assert {name.split("/")[0] for name in found} == set(PACKAGES)
 
 
 def test_damaged_files_are_made_anew(tmp_path, bakes):
@@ -209,7 +210,7 @@ def test_a_body_without_a_place_to_be_kept(tmp_path, bakes):
     for _ in range(2):
         baked(PARAMETERS, BEAM, folder=occupied)
     assert len(bakes) == 2
-    baked(PARAMETERS, BEAM, folder=tmp_path / "new", keep=False)
+    baked(PARAMETERS, BEAM, folder=tmp_path / "new", use_cache=False)
     assert files(tmp_path) == ["file"]
 
 

@@ -82,7 +82,7 @@ def test_what_is_damaged_in_the_cache_is_made_again(tmp_path):
 def test_a_file_of_triangles_and_one_of_tetrahedra(tmp_path):
     mesh = write(tmp_path, "ball.obj", obj(*ball()))
     body = cooked(mesh, voxels=4, scale=2.0, folder=tmp_path)
-    assert same(body, cooked((ball()[0] * 2, ball()[1]), voxels=4, keep=False))
+    assert same(body, cooked((ball()[0] * 2, ball()[1]), voxels=4, use_cache=False))
     write_arrays(tmp_path / "bare.npz", {"position": body.mesh.position, "tetrahedra": body.mesh.tetrahedra})
     bare = cooked(tmp_path / "bare.npz", folder=tmp_path)
     assert np.array_equal(bare.mesh.tetrahedra, body.mesh.tetrahedra) and bare.report.voxels == 0 == len(bare.voxel)
@@ -90,7 +90,7 @@ def test_a_file_of_triangles_and_one_of_tetrahedra(tmp_path):
     assert np.array_equal(carried(bare), bare.hull_position) and len(bare.hull_triangles) == len(body.mesh.surface)
     save(tmp_path / "body.npz", body)
     assert same(cooked(tmp_path / "body.npz", folder=tmp_path), body)
-    half = cooked(tmp_path / "body.npz", scale=0.5, keep=False)
+    half = cooked(tmp_path / "body.npz", scale=0.5, use_cache=False)
     assert half.report.volume == pytest.approx(body.report.volume / 8) and half.report.edge == body.report.edge / 2
     assert np.abs(carried(half) - half.hull_position).max() < 1e-15
     with pytest.raises(SceneError, match="voxels = 3: a file of tetrahedra is taken as it is"):
@@ -103,7 +103,7 @@ def test_a_file_of_triangles_and_one_of_tetrahedra(tmp_path):
 def test_an_edge_may_be_inside_a_body_of_one_tetrahedron():
     corner = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
     mesh = TetrahedralMesh(corner, np.array([[0, 1, 2, 3]]))
-    body = cooked((mesh.position, mesh.surface), voxels=1, keep=False)
+    body = cooked((mesh.position, mesh.surface), voxels=1, use_cache=False)
     assert body.report.voxels == 1 and body.mesh.volumes.sum() == pytest.approx(1)
 
 
@@ -156,7 +156,7 @@ def test_the_command_prints_its_report_and_writes_the_body(command):
     assert status == 0 and err == ""
     body = load("body.npz")
     assert out.splitlines() == [*body.with_density(2000.0).report.lines(), "wrote body.npz"]
-    assert same(body, cooked("torus", voxels=12, per_voxel=6, scale=0.5, density=2000.0, keep=False))
+    assert same(body, cooked("torus", voxels=12, per_voxel=6, scale=0.5, density=2000.0, use_cache=False))
     assert command("cook body.npz again.npz")[0] == 0 and same(load("again.npz"), body.with_density(1000.0))
     assert "softlab cook blob" in command("cook --help")[1]
 

@@ -60,7 +60,7 @@ from softlab.bench.experiments.body_laws import (
 )
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import measures
-from softlab.model.assets.clusters import matching_share
+from softlab.model.assets.clusters import matching_factor
 from softlab.model.base.errors import Diverged
 
 FEW = 8  # links
@@ -122,7 +122,7 @@ def test_a_jelly_bar_swings_as_its_clusters_say(backend: str) -> None:
     def pull(position: np.ndarray) -> np.ndarray:
         found = np.zeros_like(position)
         ways = position[clusters.indices] - clusters.goals(position)
-        np.add.at(found, clusters.indices, clusters.shares[:, None] * ways)
+        np.add.at(found, clusters.indices, clusters.weights[:, None] * ways)
         return found.ravel()
 
     step = 1e-5 * np.eye(at.size).reshape(at.size, -1, 3)
@@ -132,7 +132,7 @@ def test_a_jelly_bar_swings_as_its_clusters_say(backend: str) -> None:
     shape[:, 0] = np.sin(pi * at[:, 0] / LENGTH)
     e = values[np.argmax(np.abs(np.linalg.solve(modes, shape.ravel())))].real
     h = FRAME / FINEST
-    b = matching_share(clusters.stiffness[0], h, 1)
+    b = matching_factor(clusters.stiffness[0], h, 1)
     found = sway(scene, backend, layers, overlap)
     assert value(found, FREQUENCY) == pytest.approx(np.arccos(np.sqrt(1 - b * e)) / (2 * pi * h), rel=0.02)
     # one material: drawn out evenly it stores M c^2 e^2 / 2, less what askew clusters spare by turning

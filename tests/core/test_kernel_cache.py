@@ -20,11 +20,11 @@ from softlab.model.base.kernel_cache import KernelCacheWarning, watched
 def kept(tmp_path, monkeypatch):
     """A folder of its own, nothing told yet."""
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    for memory in (kernel_cache.folder, kernel_cache._seconds, kernel_cache._make_room):
+    for memory in (kernel_cache.folder, kernel_cache._seconds, kernel_cache._delete_oldest):
         memory.cache_clear()
-    monkeypatch.setattr(kernel_cache, "_told", set())
+    monkeypatch.setattr(kernel_cache, "_warned", set())
     yield tmp_path / "softlab-kernels"
-    for memory in (kernel_cache.folder, kernel_cache._seconds, kernel_cache._make_room):
+    for memory in (kernel_cache.folder, kernel_cache._seconds, kernel_cache._delete_oldest):
         memory.cache_clear()
 
 
@@ -96,8 +96,8 @@ def test_the_longest_unused_goes_first(kept, monkeypatch):
     os.utime(new, (1e9, 1e9))
     held = sum(file.stat().st_size for file in kept.glob("*.nb?"))
     monkeypatch.setattr(kernel_cache, "MAX_BYTES", held - 1)
-    kernel_cache._make_room.cache_clear()
-    kernel_cache._make_room()
+    kernel_cache._delete_oldest.cache_clear()
+    kernel_cache._delete_oldest()
     left = {file.name.split(".")[0] for file in kept.glob("*.nb?")}
     assert left <= {old.name.split(".")[0]} and not new.exists()
 

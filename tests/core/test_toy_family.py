@@ -47,7 +47,7 @@ class Falling(Simulation):
     def _run(self, steps: int) -> None:
         self._executor.run(self.step, steps)
 
-    def _keep(self) -> None:
+    def _store_snapshot(self) -> None:
         self._kept = self._position.copy(), self._velocity.copy()
 
     def _restore(self) -> None:

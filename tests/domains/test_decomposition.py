@@ -6,16 +6,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from softlab.model.base.errors import SceneError
-from softlab.model.core.sharing.decomposition import Reach, decompose
+from softlab.model.core.sharing.decomposition import Stencil, decompose
 
 REACHES = [
-    Reach(),
-    Reach(forces=4),
-    Reach(more=1),
-    Reach(rows=2),
-    Reach(unit=2),
-    Reach(more=1, unit=2),
-    Reach(rows=4, more=2, unit=4, parts=6),
+    Stencil(),
+    Stencil(forces=4),
+    Stencil(more=1),
+    Stencil(rows=2),
+    Stencil(unit=2),
+    Stencil(more=1, unit=2),
+    Stencil(rows=4, more=2, unit=4, parts=6),
 ]
 
 SIZES, COUNTS, STEPS = st.integers(1, 400), st.integers(1, 40), st.none() | st.integers(1, 20)
@@ -101,7 +101,7 @@ def test_the_halo_lasts_until_the_next_exchange(rows, count, steps, reach):
 def test_a_step_that_reaches_too_far_is_shared_in_parts():
     """30 substeps of 4 rows, and 2 more: 122 rows for a whole step, rounded up to 124 of a share's 2048; 6 of them ask for
     26, so 28: a sixty-fourth at most. --exchange-every counts whole steps."""
-    reach = Reach(rows=4, more=2, unit=4, parts=30)
+    reach = Stencil(rows=4, more=2, unit=4, parts=30)
     found = decompose(4096, 10, 2, reach)
     assert (found.divided, found.steps, found.halo, found.interval) == (5, 1, 28, pytest.approx(1 / 5))
     whole = decompose(4096, 10, 2, reach, 1)
@@ -113,29 +113,29 @@ def test_a_step_that_reaches_too_far_is_shared_in_parts():
 @pytest.mark.parametrize("rows, count", [(3, 4), (1, 2), (16, 17)])
 def test_more_domains_than_rows_are_refused(rows, count):
     with pytest.raises(SceneError, match=f"at most {rows}"):
-        decompose(rows, 5, count, Reach())
+        decompose(rows, 5, count, Stencil())
 
 
 def test_a_share_must_hold_a_halo():
     """Runge-Kutta's step evaluates forces four times, one after another: it reads four rows beyond."""
-    assert decompose(16, 5, 4, Reach(forces=4)).halo == 4
+    assert decompose(16, 5, 4, Stencil(forces=4)).halo == 4
     with pytest.raises(SceneError, match="use at most 4"):
-        decompose(16, 5, 5, Reach(forces=4))
+        decompose(16, 5, 5, Stencil(forces=4))
     with pytest.raises(SceneError, match="use at most 1"):
-        decompose(16, 5, 4, Reach(forces=4), steps=2)
+        decompose(16, 5, 4, Stencil(forces=4), steps=2)
 
 
 @pytest.mark.parametrize("count, steps", [(0, None), (-1, None), (2, 0), (2, -3)])
 def test_what_is_no_number_of_them_is_refused(count, steps):
     with pytest.raises(SceneError, match="at least 1"):
-        decompose(16, 5, count, Reach(), steps)
+        decompose(16, 5, count, Stencil(), steps)
 
 
 def test_one_owns_all_and_sends_nothing():
-    alone = decompose(16, 5, 1, Reach())
+    alone = decompose(16, 5, 1, Stencil())
     assert not alone.borders and alone.repeated == 1 and alone.bytes_sent(16) == 0
 
 
 def test_the_bytes_of_a_message():
     """A halo of 8 rows of 100 masses of 16 bytes."""
-    assert decompose(1024, 100, 2, Reach(), steps=8).bytes_sent(16) == 8 * 100 * 16
+    assert decompose(1024, 100, 2, Stencil(), steps=8).bytes_sent(16) == 8 * 100 * 16

@@ -98,8 +98,8 @@ def test_a_mesh_in_any_order_has_the_bits_of_one(method: dict[str, Any], tmp_pat
     order, file, lattice = np.random.default_rng(0), tmp_path / "bar.npz", bars("turned", method=METHOD)
     found = lattice.tetrahedra_set
     numbers = order.permutation(found.particle_count)
-    position = np.empty_like(found.own)
-    position[numbers] = found.own + order.uniform(-0.01, 0.01, found.own.shape)
+    position = np.empty_like(found.mesh_position)
+    position[numbers] = found.mesh_position + order.uniform(-0.01, 0.01, found.mesh_position.shape)
     np.savez(file, position=position, tetrahedra=order.permutation(numbers[found.tetrahedra]))
     bar = {"kind": "tetrahedral_body", "file": str(file), "young_modulus": 1e4, "pinned": ["left"]}
     scene = scene_of("turned", turned=bar, method=method)

@@ -128,7 +128,7 @@ def test_they_diverge_where_one_does() -> None:
 @pytest.mark.parametrize(
     "names, more, count, said",
     [
-        (("soft", "rigid"), {"contact": {}}, 2, "lets bodies meet"),
+        (("soft", "rigid"), {"contact": {}}, 2, "lets bodies collide"),
         (("soft", "rigid"), {}, 4, "at most 3; use fewer"),
         (("clay",), {}, 2, "1 body is never cut; use 1"),
         (("soft",), {}, 0, "at least 1"),
@@ -165,7 +165,7 @@ def test_no_share_is_heavier_than_a_fair_one_and_a_body(weights: list[int], data
         lambda first, end: None,
         lambda first, end: firsts,
     )
-    shares = divide(apart, count, "--gpus").shares
+    shares = divide(apart, count, "--gpus").blocks
     assert [n for share in shares for n in range(share.first, share.end)] == list(range(len(weights)))
     assert all(share.end > share.first and share.weight == sum(weights[share.first : share.end]) for share in shares)
     assert max(share.weight for share in shares) <= sum(weights) / count + max(weights)

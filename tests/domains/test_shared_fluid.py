@@ -48,7 +48,7 @@ def shared(scene: Scene, count: int, steps: int, **options: Any) -> list[tuple[S
         with on_ranks(scene, Options(math="exact", **options), ranks, 1) as simulation:
             simulation.advance(steps // 2)
             simulation.advance(steps - steps // 2)
-            return simulation.state(), simulation.held()  # type: ignore[union-attr]
+            return simulation.state(), simulation.particle_counts()  # type: ignore[union-attr]
 
     return run_in_threads(count, program, patience=60)
 

@@ -114,7 +114,7 @@ SPRING = {"kind": "attachment", "body": "hookean", "vertices": "left", "complian
 @pytest.mark.parametrize(
     "more, said",
     [
-        ({"contact": {}}, "lets bodies meet"),
+        ({"contact": {}}, "lets bodies collide"),
         ({"method": METHOD | {"solver": "newton"}}, 'scene.replace.*"method.solver": "xpbd"'),
         ({"tie": SPRING | {"to": "six"}}, "ties what it holds"),
         ({"external": {"magnitude": 1.0}}, "a number for each vertex"),

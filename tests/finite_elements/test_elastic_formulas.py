@@ -147,8 +147,8 @@ def test_a_damper_brakes_strains_and_no_rigid_motion(material: str) -> None:
     strained = rest + np.random.default_rng(2).normal(0, 0.05, rest.shape)
     turn = np.linalg.qr(np.random.default_rng(7).normal(size=(3, 3)))[0]
     turn *= np.sign(np.linalg.det(turn))
-    before = formulas.held(tuple(map(tuple, strained)), values)
-    nothing = formulas.held(tuple(map(tuple, rest)), values)
+    before = formulas.initial_strain(tuple(map(tuple, strained)), values)
+    nothing = formulas.initial_strain(tuple(map(tuple, rest)), values)
     assert np.abs(nothing).max() < 1e-9 * MU
     for corner in range(4):
         there = formulas.element(tuple(map(tuple, strained @ turn.T + 1.0)), values, before, corner, 100.0)[:3]

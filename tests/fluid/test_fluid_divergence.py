@@ -139,6 +139,6 @@ def test_what_is_told_and_refused() -> None:
     told = family_of(scene).note(scene)
     assert "5 iterations for their divergence and as many for the density to come" in told
     assert [stage.name for stage in family_of(scene).plan(scene).root.stages()].count("relax") == 4 * 2 * 5
-    assert scene.method.name == "pbf divergence-free" and scene.method.part_of_the_way == 0.5
+    assert scene.method.name == "pbf divergence-free" and scene.method.relaxation_factor == 0.5
     with pytest.raises(SceneError, match=r"method\.tensile_correction .* applies to the schemes macklin and averaged"):
         drop(tensile_correction=0.001)

@@ -12,7 +12,7 @@ from softlab.bench.reference.contact.mesh_collider import first_crossing
 from softlab.model.base.errors import SceneError
 from softlab.model.fluid.foam import BUBBLE, FOAM, RISING, SPRAY, YOUNGEST, FoamPoints
 from softlab.model.fluid.foam_sources import CREST, FAST, SURFACE, TRAPPED, WEIGHT, foaming_speed, full_count, sources
-from softlab.model.fluid.foam_walls import GAP, kept_out, outward
+from softlab.model.fluid.foam_walls import GAP, outward, pushed_out
 from softlab.model.scene.scene import Scene
 from softlab.model.tables.colliders.mesh_collider import MeshCollider
 from softlab.model.tables.fluid import Foam
@@ -30,7 +30,7 @@ def water(axes: int = 3, size: float = 1.0, **others: Any) -> Scene:
 def one_point(scene: Scene, foam: Foam, place: np.ndarray, velocity: np.ndarray, left: float = 1.0) -> FoamPoints:
     points = FoamPoints(scene, foam)
     points.follow(scene.fluid_set.position, scene.fluid_set.velocity, 0.0)
-    points._hold(place[None].astype(float), velocity[None].astype(float), np.array([left]))
+    points._set_points(place[None].astype(float), velocity[None].astype(float), np.array([left]))
     points.kind = np.zeros(1, np.int8)
     return points
 
@@ -177,7 +177,7 @@ def test_points_are_kept_out_of_colliders(name: str, axes: int) -> None:
     collider, time = scene.parts[name], 0.25
     solid = np.pad(place, ((0, 0), (0, 3 - axes)))
     distance, normal = outward(collider, solid, time) or (np.zeros(0), np.zeros(0))
-    put, moving, met = kept_out(scene, place, 0 * place, velocity, time, 0.0)
+    put, moving, met = pushed_out(scene, place, 0 * place, velocity, time, 0.0)
     assert met.any() and not met.all() and (met == (distance < 0)).all()
     assert (put[~met] == place[~met]).all() and (moving[~met] == velocity[~met]).all()
     after, _ = outward(collider, np.pad(put, ((0, 0), (0, 3 - axes))), time) or (np.zeros(0), None)
@@ -200,7 +200,7 @@ def test_no_point_passes_a_mesh_that_moves_and_turns() -> None:
     mesh, time, random = scene.parts["ground"], 0.25, np.random.default_rng(4)
     assert isinstance(mesh, MeshCollider)
     place, way = random.uniform((-0.2, 0.0, -0.4), (0.8, 1.0, 0.6), (150, 3)), random.uniform(-0.4, 0.4, (150, 3))
-    put, moving, met = kept_out(scene, place, way, way / DT, time, DT)
+    put, moving, met = pushed_out(scene, place, way, way / DT, time, DT)
     begin, end, led = (
         (where - mesh.origin - np.array(mesh.velocity) * when) @ mesh.turn_at(when)
         for where, when in ((place - way, time - DT), (place, time), (put, time))
@@ -234,7 +234,7 @@ def test_points_are_kept_out_of_a_distance_field() -> None:
     known, _ = outward(water(3, block=box).parts["block"], place, 0.0) or (np.zeros(0), np.zeros(0))
     wrong = np.sqrt(3) / 2 * spacing
     assert np.abs(distance - known).max() < wrong
-    put, moving, met = kept_out(scene, place, 0 * place, -normal, 0.0, 0.0)
+    put, moving, met = pushed_out(scene, place, 0 * place, -normal, 0.0, 0.0)
     assert (met == (distance < 0)).all() and met.sum() > 50
     np.testing.assert_allclose(np.linalg.norm(put - place, axis=1), np.maximum(-distance, 0), atol=1e-12)
     assert (moving[met] * normal[met]).sum(axis=1).min() > -1e-12 and (moving[~met] == -normal[~met]).all()

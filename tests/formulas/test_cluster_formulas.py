@@ -27,7 +27,7 @@ def test_a_cluster_finds_where_it_was_turned_and_moved_to_whatever_its_lean() ->
     for way, r in zip(ways, rest, strict=True):
         moments = np.array([[made.added(moments[a, b], way[a], r[b]) for b in range(3)] for a in range(3)])
     way = ways.sum(axis=0)
-    upright = np.array([[made.upright(moments[a, b], way[a], lean[b]) for b in range(3)] for a in range(3)])
+    upright = np.array([[made.corrected(moments[a, b], way[a], lean[b]) for b in range(3)] for a in range(3)])
     offset = rest - lean
     assert upright == pytest.approx(TURN @ ((mass[:, None] * offset).T @ offset))
     middle = [made.centre(now[0, a], way[a], 1 / mass.sum(), *TURN[a], *lean) for a in range(3)]
@@ -35,7 +35,7 @@ def test_a_cluster_finds_where_it_was_turned_and_moved_to_whatever_its_lean() ->
     assert goals == pytest.approx(now)
     lanes = RANDOM.normal(size=16)
     assert made.total(*lanes) == pytest.approx(lanes.sum())
-    assert made.arrived(1.0, made.added_way(0.1, 0.25, 3.0, 2.0)) == pytest.approx(1.35)
+    assert made.arrived(1.0, made.displacement_added(0.1, 0.25, 3.0, 2.0)) == pytest.approx(1.35)
 
 
 def test_the_motion_of_a_cluster_is_found_from_its_sums_and_slows_to_it() -> None:
@@ -51,7 +51,7 @@ def test_the_motion_of_a_cluster_is_found_from_its_sums_and_slows_to_it() -> Non
     sums = [*w, *m, *turn, second[0, 0], second[1, 1], second[2, 2], second[0, 1], second[0, 2], second[1, 2]]
     found = made.motion(*sums, 1 / mass.sum(), *place[0], *velocity[0])
     assert found == pytest.approx([*centre, *drift, *spin])
-    assert made.turned(1.0, 2.0, 3.0, 4.0, 5.0) == 1 + 6 - 20 and made.weighted(2.0, 5.0, 3.0) == 4
+    assert made.cross_added(1.0, 2.0, 3.0, 4.0, 5.0) == 1 + 6 - 20 and made.weighted(2.0, 5.0, 3.0) == 4
     assert made.slowed(0.1, 0.5, 1.0, 2.0, 3.0, 4.0, 0.5, 0.4) == pytest.approx(0.1 + 0.5 * (1 + 6 - 2 - 0.4))
 
 

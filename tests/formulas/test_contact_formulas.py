@@ -34,7 +34,7 @@ def test_particles_that_are_too_near_part_to_their_distance_whatever_their_masse
 def test_how_much_of_a_depth_is_taken() -> None:
     made = particle_contact.make(REAL)
     assert (
-        made.held(1.5, *D, 0.1) == pytest.approx(1.4) and made.held(1.5, *D, 0.3) == 1.5
+        made.enforced_distance(1.5, *D, 0.1) == pytest.approx(1.4) and made.enforced_distance(1.5, *D, 0.3) == 1.5
     )  # no more than a push beyond
     assert made.depth(1.4, 1.45, 1.5, 0.02) == pytest.approx(0.05)
     assert made.depth(1.47, 1.45, 1.5, 0.02) == 0  # parting fast enough, nothing pulls
@@ -73,8 +73,11 @@ def test_a_cloths_contact_is_divided_by_gershgorins_bound_and_rubs_by_coulomb() 
     stiffness = made.stiffness(2.0, 3.0, 1.0, 1.5, 0.5, 2.0, 4.0, 0.7, b, c)
     assert stiffness == pytest.approx(2 * 3 + 0.3 * 1.5 + 0.2 * 0.5 * 2 + 0.5 * 4 * 0.7)
     assert made.inverse(stiffness) == pytest.approx(1 / stiffness) and made.inverse(0.0) == 0
-    assert made.held_distance(0.02, 0.05, 0.01, 0.003) == pytest.approx(0.013)
-    assert made.held_distance(0.02, 0.05, 0.03, 0.003) == 0.02 and made.held_distance(0.02, 0.015, 0.03, 0.003) == 0.015
+    assert made.enforced_distance(0.02, 0.05, 0.01, 0.003) == pytest.approx(0.013)
+    assert (
+        made.enforced_distance(0.02, 0.05, 0.03, 0.003) == 0.02
+        and made.enforced_distance(0.02, 0.015, 0.03, 0.003) == 0.015
+    )
     assert made.slip(0.0099, 0.02, 0.5, 0.3) == 1 and made.slip(0.0101, 0.02, 0.5, 0.3) == pytest.approx(0.006 / 0.0101)
     assert made.along(0.7, 0.6, 0.5) == pytest.approx(0.4)
     assert made.correction(0.02, 0.6, 0.25) == pytest.approx(0.003)

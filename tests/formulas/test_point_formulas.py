@@ -61,7 +61,7 @@ def test_gusts_go_smoothly_from_one_number_to_the_next() -> None:
 
 def test_a_prediction_and_what_it_came_to() -> None:
     made, h = distance.make(REAL), 0.01
-    keep = made.kept(h * 0.3, 5.0)  # c = 0.3 N s/m, 0.2 kg
+    keep = made.damping_factor(h * 0.3, 5.0)  # c = 0.3 N s/m, 0.2 kg
     assert keep == pytest.approx(1 - h * 0.3 / 0.2)
     velocity = made.kicked(2.0, keep, h, -9.81)
     assert velocity == pytest.approx(2 * keep - 0.0981)
@@ -98,7 +98,7 @@ def test_a_compliant_constraint_solves_its_equation(damping: float | None) -> No
 
 def test_jacobi_sums_or_averages_and_a_tether_only_pulls() -> None:
     made = distance.make(REAL)
-    assert made.gathered(1.0, 2.0, 0.3) == pytest.approx(1.6) and made.share(4.0, 2.0) == 8
+    assert made.gathered(1.0, 2.0, 0.3) == pytest.approx(1.6) and made.weighted_valence(4.0, 2.0) == 8
     assert made.averaged(1.0, 2.0, 0.3, 4.0) == pytest.approx(1.15) and made.averaged(1.0, 2.0, 0.3, 0.0) == 1
     factor = made.tether(4.0, 0.5)
     assert made.tethered(9.0, 1.0, 2.0, factor) == pytest.approx(1.5)  # 2 m from its anchor at 1, where 0.5 m are left
@@ -119,12 +119,12 @@ def test_one_projection_of_an_isometric_hinge_is_exact() -> None:
     reciprocal = 1 / made.square_sum(*w, *k)
     assert reciprocal == pytest.approx(1 / (w @ k**2))
     for rest in (0.0, 0.02):
-        part = made.kept_part(*way, rest)
+        part = made.shortening(*way, rest)
         change = np.array([made.isometric_change(part, way[axis], reciprocal, 0.0, 9.0) for axis in range(3)])
         after = np.array([[made.shifted(x[c, a], w[c], k[c], change[a]) for a in range(3)] for c in range(4)])
         assert k @ after == pytest.approx(rest * way / np.linalg.norm(way), abs=1e-14)
-    assert made.kept_part(0.0, 0.0, 0.0, 0.02) == 1
-    assert made.kept_part(0.0, 0.0, 1e-160, 0.02) == 1  # whose square is no normal number, and has no approximate root
+    assert made.shortening(0.0, 0.0, 0.0, 0.02) == 1
+    assert made.shortening(0.0, 0.0, 1e-160, 0.02) == 1  # whose square is no normal number, and has no approximate root
     soft = made.isometric_change(1.0, 0.4, 1 / (5 + 0.7), 0.7, -0.05)
     assert (5 + 0.7) * soft == pytest.approx(-0.4 + 0.7 * 0.05)
     assert made.softness(0.2, 0.3) == pytest.approx(0.06)

@@ -251,7 +251,7 @@ def test_in_two_dimensions(entries: list[float], angle: float) -> None:
         best = np.hypot(A[0, 0] + A[1, 1], A[1, 0] - A[0, 1])
         missing = best - (c * (A[0, 0] + A[1, 1]) + s * (A[1, 0] - A[0, 1]))
         # kept: the one given may be any; of two numbers up to 4 the products' and the sum's rounding
-        assert abs(missing) <= (2 * rotation.KEPT + 8) * eps
+        assert abs(missing) <= (2 * rotation.UNCHANGED + 8) * eps
         left, values, right = np.linalg.svd(A)
         side = np.sign(np.linalg.det(left) * np.linalg.det(right))
         # LAPACK: each singular value within a few roundings of the largest one

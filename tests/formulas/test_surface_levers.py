@@ -68,7 +68,7 @@ def limited(real: Any, formulas: SimpleNamespace, depth: Any, *of: np.ndarray) -
         return depth
     (x, u, v), (p, q, w) = ([tuple(some[k] - some[1]) for k in (0, 2, 3)] for some in (before, now))
     check = formulas.checked(tuple(n), tuple(before[0] - b @ before[1:]), u, v, p, q, w, depth, real(DISTANCE))
-    passed = check != surface_contact.ITS_OWN and formulas.through(formulas.over(x, u, v), formulas.over(p, q, w))
+    passed = check != surface_contact.BY_TRIANGLE and formulas.through(formulas.over(x, u, v), formulas.over(p, q, w))
     if check == surface_contact.NONE or passed:
         return depth
     return min(depth, real(DISTANCE) - formulas.apart(p, q, w))

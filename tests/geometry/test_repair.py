@@ -53,7 +53,7 @@ def test_a_cube_in_a_cube_is_the_outer_one() -> None:
 
 def test_a_body_of_united_pieces_weighs_them_once() -> None:
     pytest.importorskip("manifold3d")
-    body = cooked(both(moved(BOX, 0.0), moved(BOX, 0.5)), edge=0.25, unite=True, keep=False)
+    body = cooked(both(moved(BOX, 0.0), moved(BOX, 0.5)), edge=0.25, unite=True, use_cache=False)
     assert body.report.volume == pytest.approx(1.5, rel=1e-9)
 
 

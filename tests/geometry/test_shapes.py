@@ -38,7 +38,7 @@ def check_clean(mesh, euler: int, pieces: int = 1) -> None:
     assert (mesh.repairs, mesh.boundary_loops, mesh.pieces) == ((), 0, pieces)
     assert len(mesh.position) - len(mesh.edges.edges) + len(mesh.triangles) == euler
     body = solid(mesh, 1e-9)
-    assert (body.told, body.pieces) == ((), pieces)
+    assert (body.notes, body.pieces) == ((), pieces)
     assert np.array_equal(body.triangles, mesh.triangles)  # nothing was turned over: the outer sides are outwards
 
 

@@ -26,12 +26,12 @@ def test_wide_holes_are_refused_and_small_ones_filled():
     with pytest.raises(InputError, match=rf"not closed \(a hole, {across:.3g} m across, with 3 edges, at .*close it"):
         solid(triangle_mesh(*mesh), 0.99 * across)
     body = solid(triangle_mesh(*mesh), across)
-    assert body.told == (f"1 hole, up to {across:.3g} m across, was filled with 1 triangle",)
+    assert body.notes == (f"1 hole, up to {across:.3g} m across, was filled with 1 triangle",)
     assert np.isclose(body.volume, volume_of(ball(halvings=3)), rtol=1e-12)
     two = solid(triangle_mesh(*without(mesh, 100, 101)), 0.5)
-    assert re.match(r"\d holes, up to .* were filled with \d triangles", two.told[0])
+    assert re.match(r"\d holes, up to .* were filled with \d triangles", two.notes[0])
     assert abs(two.volume / volume_of(mesh) - 1) < 0.05
-    assert soft(mesh, particle_spacing=0.2).report.told[0].startswith("1 hole")
+    assert soft(mesh, particle_spacing=0.2).report.notes[0].startswith("1 hole")
 
 
 @pytest.mark.parametrize("size", [0.3, 3.0])
@@ -63,8 +63,8 @@ def test_sheets_strips_and_flat_bodies_have_no_inside():
 
 def test_inside_out_is_turned_over():
     plain, over = (soft(mesh, surface_sampling=0.0) for mesh in (ball(), turned_over(ball())))
-    assert over.report.told == ("the mesh was inside out, and turned over",)
-    assert plain.report.told == ()
+    assert over.report.notes == ("the mesh was inside out, and turned over",)
+    assert plain.report.notes == ()
     assert np.array_equal(plain.position, over.position)
     assert np.allclose(plain.skin.normal, over.skin.normal, rtol=0, atol=1e-12)
     assert (np.einsum("ij,ij->i", over.skin.normal, over.skin.position) > 0).all()
@@ -74,12 +74,12 @@ def test_pieces_inside_out_and_cavities():
     """A ball beside a box, one of them inside out; a hollow box, whose inner side rightly looks inwards; all inside out."""
     ball_aside = ball()[0] + [2.0, 0, 0], ball()[1]
     one = solid(triangle_mesh(*both(box(), turned_over(ball_aside))), 0.1)
-    assert one.told == ("1 of 2 pieces was inside out, and turned over",)
+    assert one.notes == ("1 of 2 pieces was inside out, and turned over",)
     assert (one.pieces, one.volume) == (2, pytest.approx(1 + volume_of(ball())))
     hollow = both(box(), turned_over(box((0.6, 0.6, 0.6))))
     for mesh, told in ((hollow, ()), (turned_over(hollow), ("the mesh was inside out, and turned over",))):
         body = solid(triangle_mesh(*mesh), 0.1)
-        assert (body.told, body.pieces, body.volume) == (told, 1, pytest.approx(1 - 0.6**3))
+        assert (body.notes, body.pieces, body.volume) == (told, 1, pytest.approx(1 - 0.6**3))
         found = RigidBody.from_mesh(mesh, particle_spacing=0.1, volume_sampling=1.0, surface_sampling=0.0)
         assert len(found.position) == 1000 - 216
         assert np.abs(found.position).max(axis=1).min() > 0.3

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from meshes import octahedron
 
-from softlab.model.assets.sampling import CLOSEST, MAX_PARTICLES, REACH, sample
+from softlab.model.assets.sampling import CLOSEST, COVERED_WITHIN, MAX_PARTICLES, sample
 from softlab.model.base.errors import InputError, SceneError
 from softlab.model.geometry.mesh import triangle_mesh
 from softlab.model.geometry.neighbours import TooMany, close_pairs, nearest, pairs_within, spread
@@ -94,7 +94,7 @@ def test_overlaps_and_cavities():
     one = both(box(), box(middle=(0.5, 0.25, 0.25)))
     runs = runs_inside(*one, 0.1)
     assert (runs.least, runs.most) == (0, 2)
-    assert abs(runs.count * 1e-3 - (2 - 0.5 * 0.75**2)) < 2 * area_of(one) * 0.1 * REACH
+    assert abs(runs.count * 1e-3 - (2 - 0.5 * 0.75**2)) < 2 * area_of(one) * 0.1 * COVERED_WITHIN
     hollow = both(box(), turned_over(box((0.6, 0.6, 0.6))))
     assert runs_inside(*hollow, 0.1).count == 1000 - 216
     assert (runs_inside(*turned_over(box()), 0.1).count, runs_inside(*turned_over(box()), 0.1).least) == (0, -1)

@@ -16,8 +16,8 @@ FORMULAS: tuple[Mistake, ...] = (
             "the kernel is squared and not cubed": ("return total + (t * t) * t", "return total + (t * t)"),
             "a wall draws": ("return -(wall_gradient * (t * t))", "return wall_gradient * (t * t)"),
             "walls in a corner are counted twice": (
-                "return larger + min(total, share) * max(one - larger, zero)",
-                "return total + share",
+                "return larger + min(total, density) * max(one - larger, zero)",
+                "return total + density",
             ),
             "a wall does not push": ("return total + change * w", "return total"),
             "factors forget what neighbours move": (
@@ -46,15 +46,15 @@ FORMULAS: tuple[Mistake, ...] = (
         "test_fluid_cpu.py",
         {
             "smoothing drives velocities apart": (
-                "return total + share * (other_velocity - velocity)",
-                "return total - share * (other_velocity - velocity)",
+                "return total + weight * (other_velocity - velocity)",
+                "return total - weight * (other_velocity - velocity)",
             ),
             "cohesion drives apart": ("return total - pull * d", "return total + pull * d"),
             "vorticity is confined the other way": (
                 "((ra * wb - rb * wa) / rise_length)",
                 "((rb * wa - ra * wb) / rise_length)",
             ),
-            "a surface has no drag": ("dt * (drag + surface_drag * share)", "dt * drag"),
+            "a surface has no drag": ("dt * (drag + surface_drag * fraction)", "dt * drag"),
         },
     ),
     *in_file(
@@ -187,7 +187,10 @@ FORMULAS: tuple[Mistake, ...] = (
                 "if tangential <= taken * static_friction:",
                 "if tangential <= -normal * static_friction:",
             ),
-            "friction pushes": ("keep = one - dynamic_friction * -normal", "keep = one + dynamic_friction * -normal"),
+            "friction pushes": (
+                "remaining = one - dynamic_friction * -normal",
+                "remaining = one + dynamic_friction * -normal",
+            ),
             "restitution takes the velocity along": (
                 "back = restitution * -normal if",
                 "back = restitution * normal if",

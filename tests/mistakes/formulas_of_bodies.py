@@ -46,7 +46,7 @@ BODIES: tuple[Mistake, ...] = (
         "model/formulas/shape_matching/cluster.py",
         "test_cluster_formulas.py",
         {
-            "a body leans": ("return moment - way * lean", "return moment"),
+            "a body leans": ("return moment - position_sum * rest_offset", "return moment"),
             "goals are rotated backwards": (
                 "return centre + ((a * x + b * y) + c * z)",
                 "return centre - ((a * x + b * y) + c * z)",
@@ -101,7 +101,7 @@ BODIES: tuple[Mistake, ...] = (
         "test_particle_pairs.py",
         {
             "a cell smaller than the search": ('"inverse_cell": 1 / float(rows[:, :, G_REACH].max())', '"inverse_cell": 2 / float(rows[:, :, G_REACH].max())'),
-            "groups that avoid each other meet": ("meets = one.group not in other.avoids and", "meets = one.group not in other.avoids or"),
+            "groups that avoid each other meet": ("collide = one.group not in other.avoids and", "collide = one.group not in other.avoids or"),
         },
     ),
     *in_file(
@@ -125,12 +125,12 @@ BODIES: tuple[Mistake, ...] = (
     *in_file(
         "model/particles/tetrahedra/masses.py",
         "test_matter.py::test_a_limit_of_masses_keeps_the_total",
-        {"a limit of masses is one of their logarithms": ("asked = found[near.indices] / ratio", "asked = found[near.indices] / ratio**2")},
+        {"a limit of masses is one of their logarithms": ("asked = bounds[near.indices] / ratio", "asked = bounds[near.indices] / ratio**2")},
     ),
     *in_file(
         "model/tetrahedra/targets.py",
         "test_kinematic.py::test_pinned_vertices_go_to_their_targets_and_rest_there",
-        {"a target is reached in half a step": ("(position - self.held) / dt", "2 * (position - self.held) / dt")},
+        {"a target is reached in half a step": ("(position - self.resting) / dt", "2 * (position - self.resting) / dt")},
     ),
     *in_file(
         "model/core/stability/divergence.py",

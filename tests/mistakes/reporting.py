@@ -129,7 +129,7 @@ RESULTS: tuple[Mistake, ...] = (
             "one's own time is a neighbour's": ("max(0.0, (used - self._seen[1]) - (own - self._seen[2])) / passed", "max(0.0, used - self._seen[1]) / passed"),
             "a sample does not wait for the device": ("simulation.advance(steps)\n            simulation.synchronize()\n            return", "simulation.advance(steps)\n            return"),
             "a drawn sample does not wait for the device": ("            self.renderer.show(simulation)\n        simulation.synchronize()", "            self.renderer.show(simulation)"),
-            "restoring is a part of the sample": ("self._kept = simulation.kept\n        simulation.synchronize()", "self._kept = simulation.kept"),
+            "restoring is a part of the sample": ("self._kept = simulation.snapshots\n        simulation.synchronize()", "self._kept = simulation.snapshots"),
             "short samples are not marked": ("if seconds < SHORTEST_SAMPLE:", "if seconds < 0 * SHORTEST_SAMPLE:"),
         },
     ),

@@ -214,7 +214,7 @@ def test_roles_that_need_no_manifold_take_the_file(tmp_path: Path) -> None:
         body = kind.from_mesh(read_mesh(file, inside=True), particle_spacing=0.2)
         assert body.mass.sum() == pytest.approx(2000.0, rel=1e-9)
         assert any("winding numbers" in line for line in body.report.lines())
-    cut = cooked(str(file), edge=0.5, keep=False)
+    cut = cooked(str(file), edge=0.5, use_cache=False)
     assert cut.report.volume == pytest.approx(2.0) and any("winding numbers" in line for line in cut.report.told)
     (field,) = (collider for _, collider in Scene(body_tables("distance_field", file, spacing=0.2)).colliders)
     assert isinstance(field, DistanceField)
@@ -248,16 +248,16 @@ def test_holes_are_filled_on_request(tmp_path: Path) -> None:
     body = solid(mesh, 0.1, fill_holes=True)
     cap = np.pi * (0.5 - 0.3) ** 2 * (3 * 0.5 - (0.5 - 0.3)) / 3  # a ball's below 0.3 m
     assert body.volume == pytest.approx(volume_of(ball(halvings=3)) - cap, rel=0.03)
-    assert "1 hole, up to" in body.told[-1]
+    assert "1 hole, up to" in body.notes[-1]
     file = write(tmp_path, "open.obj", obj(position, triangles))
     part = RigidBodyPart(file=str(file), particle_spacing=0.1, fill_holes=True)
     assert part.baked.mass.sum() == pytest.approx(1000 * body.volume, rel=1e-6)
     with pytest.raises(InputError, match="fill_holes"):
         _ = RigidBodyPart(file=str(file), particle_spacing=0.1).baked
-    cut = cooked(str(file), voxels=8, keep=False, fill_holes=True)
+    cut = cooked(str(file), voxels=8, use_cache=False, fill_holes=True)
     assert cut.report.hull_volume == pytest.approx(body.volume)
     with pytest.raises(InputError, match="fill_holes"):
-        cooked(str(file), voxels=8, keep=False)
+        cooked(str(file), voxels=8, use_cache=False)
     assert Region(file=str(file), fill_holes=True).holds(np.zeros((1, 3)), 0.0).all()
     (field,) = (c for _, c in Scene(body_tables("distance_field", file, fill_holes=True, spacing=0.1)).colliders)
     assert isinstance(field, DistanceField) and field.field.at(np.zeros((1, 3)))[0] < -0.25
@@ -286,7 +286,7 @@ def test_a_concave_rim_and_rims_that_touch() -> None:
     middle = position[triangles].mean(axis=1)
     lids = (middle[:, 2] == 1) & ((middle[:, 0] < 1) == (middle[:, 1] < 1))
     body = solid(triangle_mesh(position, triangles[~lids]), 0.0, fill_holes=True)
-    assert body.volume == pytest.approx(4.0, rel=1e-12) and body.told[-1].startswith("2 holes")
+    assert body.volume == pytest.approx(4.0, rel=1e-12) and body.notes[-1].startswith("2 holes")
 
 
 def test_a_rim_that_crosses_itself_gets_a_middle() -> None:
@@ -327,7 +327,7 @@ def test_an_edge_that_a_surface_passes_twice(tmp_path: Path) -> None:
     assert (edge_uses(len(body.position), body.triangles)[1] == 2).all()
     for part in (RigidBody, SoftBody):
         assert part.from_mesh(read_mesh(file, inside=True), particle_spacing=0.25).mass.sum() == pytest.approx(8000.0)
-    assert cooked(file, voxels=6, keep=False).report.hull_volume == pytest.approx(8.0)
+    assert cooked(file, voxels=6, use_cache=False).report.hull_volume == pytest.approx(8.0)
     assert DistanceField(file=str(file), spacing=0.1).field.distance.min() < -0.4
 
 
@@ -351,11 +351,11 @@ def test_a_slit_without_a_width_is_closed(tmp_path: Path, scale: float) -> None:
     file = write(tmp_path, "a.obj", obj(np.concatenate([position, middle[None]]), torn))
     body = solid(read_mesh(file, scale, inside=True), 0.0)
     assert body.volume == pytest.approx(scale**3, rel=1e-12)
-    assert body.told[-1] == "1 slit without a width was filled with 1 triangle"
+    assert body.notes[-1] == "1 slit without a width was filled with 1 triangle"
     spacing = 0.2 * scale
     mass = RigidBody.from_mesh(read_mesh(file, scale, inside=True), particle_spacing=spacing).mass.sum()
     assert mass == pytest.approx(1000 * scale**3)
-    report = cooked(file, voxels=5, keep=False, scale=scale).report
+    report = cooked(file, voxels=5, use_cache=False, scale=scale).report
     assert report.hull_volume == pytest.approx(scale**3)
     field = DistanceField(file=str(file), scale=scale, spacing=0.1 * scale, thickness=0.05 * scale).field
     assert np.isfinite(field.distance).all() and field.distance.min() == pytest.approx(-0.5 * scale, rel=0.2)

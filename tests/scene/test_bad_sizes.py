@@ -160,7 +160,7 @@ def test_every_field_of_a_body_acts(fields: dict[str, float]) -> None:
         )
     )  # fmt: skip
     assert not same
-    assert not [line for line in other.report.told if "adds no particle" in line]
+    assert not [line for line in other.report.notes if "adds no particle" in line]
 
 
 @pytest.mark.parametrize("fields", [{"volume_sampling": 3.0}, {"surface_sampling": 9.0}], ids=str)
@@ -169,12 +169,12 @@ def test_sampling_that_finds_no_room_says_so(fields: dict[str, float]) -> None:
     (name, value), plain = *fields.items(), SoftBody.from_mesh(BOX, particle_spacing=0.25)
     found = SoftBody.from_mesh(BOX, particle_spacing=0.25, **fields)
     assert np.array_equal(found.position, plain.position)
-    assert [f"{name} = {value:g} adds no particle" in line for line in found.report.told] == [True]
-    assert plain.report.told == ()
+    assert [f"{name} = {value:g} adds no particle" in line for line in found.report.notes] == [True]
+    assert plain.report.notes == ()
 
 
 def test_links_that_reach_nobody() -> None:
-    with pytest.raises(SceneError, match=r"link_radius = 0\.05: links nobody.*try 0\.15") as refused:
+    with pytest.raises(SceneError, match=r"link_radius = 0\.05: links no particles.*try 0\.15") as refused:
         SoftBody.from_mesh(STAR, particle_spacing=0.1, link_radius=0.05, link_stiffness=1.0)
     assert refused.value.field == "link_radius"
     assert len(SoftBody.from_mesh(STAR, particle_spacing=0.1, link_radius=0.15, link_stiffness=1.0).links)

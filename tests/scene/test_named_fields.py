@@ -10,7 +10,7 @@ from softlab.model.base.errors import InputError, SceneError
 from softlab.model.core.build import build
 from softlab.model.core.families import family_of, stability_limit
 from softlab.model.core.stability.diagnosis import diagnose, refusal
-from softlab.model.geometry.measures import turned_about
+from softlab.model.geometry.measures import rotation_about
 from softlab.model.scene.scene import Scene, load_scene
 
 SHEET = {"shape": "sheet", "rows": 3, "columns": 3, "spacing": 0.1}
@@ -142,8 +142,8 @@ def test_a_number_that_no_step_can_be_computed_with() -> None:
 
 def test_any_angle_is_a_turn() -> None:
     """1e60 degrees were no number, and the mesh was to be exported again."""
-    assert np.array_equal(turned_about((0.0, 1.0, 0.0), 1e60), turned_about((0.0, 1.0, 0.0), 1e60 % 360))
-    assert np.array_equal(turned_about((1.0, 2.0, 0.0), 380.0), turned_about((1.0, 2.0, 0.0), 20.0))
+    assert np.array_equal(rotation_about((0.0, 1.0, 0.0), 1e60), rotation_about((0.0, 1.0, 0.0), 1e60 % 360))
+    assert np.array_equal(rotation_about((1.0, 2.0, 0.0), 380.0), rotation_about((1.0, 2.0, 0.0), 20.0))
 
 
 def test_a_velocity_is_not_blamed_on_an_origin() -> None:

@@ -161,7 +161,7 @@ def test_an_attachment_lets_go() -> None:
     glue = {"kind": "attachment", "body": "beam", "vertices": "right"}
     scene = Scene(BEAM | {"method": XPBD, "glue": glue, "let_go": {"kind": "release", "pins": "glue", "time": 0.01}})
     assert [len(build(one).pinned) for one in (scene, scene.at(0.02))] == [8, 4]
-    assert not scene.at(0.02).held_parts and scene.at(0.02).at(0.0) is scene
+    assert not scene.at(0.02).attachment_parts and scene.at(0.02).at(0.0) is scene
 
 
 def test_the_step_size_must_hold_without_the_pins() -> None:

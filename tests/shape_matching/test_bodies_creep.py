@@ -19,7 +19,7 @@ from bodies_scenes import (
 from closed_meshes import rotation as rotation_by
 from test_bodies_material import CORNERS, EPS, SQUEEZE, H, block, placed, run_of
 
-from softlab.model.assets.clusters import Clusters, matching_share
+from softlab.model.assets.clusters import Clusters, matching_factor
 from softlab.model.core.plan import Moment
 
 # ---------------------------------------------------------------------- creep
@@ -60,7 +60,7 @@ def test_a_squeezed_block_keeps_what_is_over_the_threshold() -> None:
     assert np.linalg.norm(kept - np.eye(3)) > np.linalg.norm(SQUEEZE - np.eye(3)) - 1.3 * threshold
     scene = by_hand(clusters, method=method(1, 1, H))
     begin = replace(start(scene, placed(CORNERS @ SQUEEZE)), plastic=np.array([kept, np.eye(3)]))
-    state, a = end_state(scene, start=begin, steps=200), matching_share(3600.0, H, 1)
+    state, a = end_state(scene, start=begin, steps=200), matching_factor(3600.0, H, 1)
     assert np.array_equal(state.plastic[0], kept)
     assert np.abs(state.position[:8] - CORNERS @ kept.T).max() < (1 - a) ** 100 + 200 * 64 * EPS
 
@@ -69,7 +69,7 @@ def test_under_the_threshold_nothing_is_kept() -> None:
     clusters = block(3600.0, threshold=0.5, creep=1000.0, limit=0.9)
     state = run_of(clusters, CORNERS @ SQUEEZE, 200)
     assert np.array_equal(state.plastic[0], np.eye(3))
-    a = matching_share(3600.0, H, 1)
+    a = matching_factor(3600.0, H, 1)
     assert np.abs(state.position[:8] - CORNERS).max() < (1 - a) ** 100 + 200 * 64 * EPS
 
 

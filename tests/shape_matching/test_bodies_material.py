@@ -31,7 +31,7 @@ from softlab.app.output.files import read_state, write_state
 from softlab.app.render.bodies.skinning import ClusterFrames
 from softlab.bench.reference import shape_matching as reference
 from softlab.model.assets.baked import baked, body_key
-from softlab.model.assets.clusters import Clusters, matching_share
+from softlab.model.assets.clusters import Clusters, matching_factor
 from softlab.model.assets.material import Material, even
 from softlab.model.assets.skin import make_skin
 from softlab.model.assets.soft_body import MATERIAL, RigidBody, SoftBody
@@ -141,7 +141,7 @@ def test_a_flat_body_is_told_of() -> None:
     position, triangles = box()
     body = SoftBody.from_mesh((position * [1.0, 1.0, 0.005], triangles), particle_spacing=0.2, linear=0.5)
     flat = int(body.clusters.flat.sum())
-    assert flat and f"{flat} of {body.clusters.count} clusters are flat: they only turn" in "".join(body.report.told)
+    assert flat and f"{flat} of {body.clusters.count} clusters are flat: they only turn" in "".join(body.report.notes)
 
 
 # ---------------------------------------------------------------------- linear goals
@@ -169,7 +169,7 @@ def test_a_goal_is_mixed_of_map_and_rotation(linear: float) -> None:
 def test_a_linear_cluster_is_softer_in_shear(linear: float) -> None:
     """x = (1 + E) r with E small and without a trace, along the block's axes, has the goal (1 + b E) r, so that a step goes
     a (1 - b) of the way back: the square of the frequency of shear is (1 - b) w^2. What is left out is E^2, a step."""
-    a, size, shear = matching_share(3600.0, H, 1), 1e-5, np.diag([1.0, -1.0, 0.0])
+    a, size, shear = matching_factor(3600.0, H, 1), 1e-5, np.diag([1.0, -1.0, 0.0])
     before = now = size
     for _ in range(STEPS):
         before, now = now, (1 - a * (1 - linear)) * (2 * now - before)

@@ -29,7 +29,7 @@ from closed_meshes import rotation as rotation_by
 from softlab.app.output.files import read_state, write_state
 from softlab.bench.reference import shape_matching as reference
 from softlab.bench.stress.rotations import matrices_of
-from softlab.model.assets.clusters import matching_share
+from softlab.model.assets.clusters import matching_factor
 from softlab.model.base.errors import Diverged, InputError, SceneError
 from softlab.model.shape_matching.cluster_tables import matching_factors
 
@@ -135,7 +135,7 @@ def test_a_stretch_decays_as_a_step_of_implicit_euler_says(iterations: int) -> N
     """One cluster: e' = (1 - a) (2 e - e_before), a = w^2 h^2 / (1 + w^2 h^2), so that its envelope falls by sqrt(1 - a) a
     step (NUMERICS A10), for any number of iterations."""
     scene = by_hand(clusters_of(CORNERS, np.arange(8), stiffness=3600.0), method=method(1, iterations))
-    a = matching_share(3600.0, 0.01, 1)
+    a = matching_factor(3600.0, 0.01, 1)
     before = now = 0.1
     for _ in range(STEPS):
         before, now = now, (1 - a) * (2 * now - before)

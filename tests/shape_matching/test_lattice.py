@@ -51,7 +51,7 @@ def test_tables_are_the_windows(counts: tuple[int, int, int], region: int) -> No
 
     np.testing.assert_allclose(product("mass"), clusters.cluster_mass / 0.5, rtol=1e-13)
     np.testing.assert_array_equal(product("count"), np.diff(clusters.offsets))
-    np.testing.assert_allclose(product("share")[clusters.indices], clusters.shares, rtol=1e-13)
+    np.testing.assert_allclose(product("weight")[clusters.indices], clusters.weights, rtol=1e-13)
     away = (clusters.rest_centre - lattice.positions()) / 0.1
     grids = np.meshgrid(z.centre, y.centre, x.centre, indexing="ij")
     np.testing.assert_allclose(away, np.stack([grid.ravel() for grid in grids[::-1]], axis=1), atol=1e-12)
@@ -243,5 +243,5 @@ def test_a_report_says_what_the_particles_fill(
     filled = float(np.prod(np.minimum(size, sides)) / np.prod(sides))
     assert made.report.covered == pytest.approx(filled, rel=1e-9)
     assert made.mass.sum() == pytest.approx(1000 * np.prod(sides), rel=1e-12)
-    told = " ".join(made.report.told)
+    told = " ".join(made.report.notes)
     assert ("fill the box exactly" in told) == (spacing != asked) and ("the box is" in told) == (covered < 1)

@@ -9,7 +9,7 @@ import pytest
 
 from softlab.app.driver import open_simulation
 from softlab.bench.reference import shape_matching as reference
-from softlab.model.assets.clusters import Clusters, matching_share, stiffness_of_coefficient
+from softlab.model.assets.clusters import Clusters, matching_factor, stiffness_of_coefficient
 from softlab.model.assets.lattice import matching_axis
 from softlab.model.base.errors import InputError, SceneError
 from softlab.model.core.simulation import State
@@ -99,8 +99,8 @@ def test_tables_are_those_of_the_clusters() -> None:
     scene = jelly(5, 7, method__region=2)
     clusters = lattice_clusters(scene)
     rows, columns = matching_axis(5, 2), matching_axis(7, 2)
-    shares = np.outer(rows.share, columns.share).ravel()
-    assert clusters.shares == pytest.approx(shares[clusters.indices], rel=1e-12)
+    shares = np.outer(rows.weight, columns.weight).ravel()
+    assert clusters.weights == pytest.approx(shares[clusters.indices], rel=1e-12)
     inverse = np.outer(rows.inverse_mass, columns.inverse_mass).ravel()
     assert clusters.cluster_mass * inverse == pytest.approx(scene.grid.mass, rel=1e-12)
     place = np.stack(np.meshgrid(np.arange(7) + columns.centre, -np.arange(5) - rows.centre), axis=-1).reshape(-1, 2)
@@ -117,7 +117,7 @@ def test_a_stretch_decays_as_a_step_of_implicit_euler_says(iterations: int) -> N
     scene = free(2, 2, method__iterations=iterations)
     rest = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, -1.0], [1.0, -1.0]])
     centre = rest.mean(axis=0)
-    a = matching_share(matching_stiffness(scene), scene.method.dt, 1)
+    a = matching_factor(matching_stiffness(scene), scene.method.dt, 1)
     before = now = 0.1
     for _ in range(STEPS):
         before, now = now, (1 - a) * (2 * now - before)
@@ -198,9 +198,9 @@ def test_a_hanging_strip_sags_as_one_of_springs(region: int) -> None:
     np.add.at(centre, (owner, clusters.indices), clusters.masses / clusters.cluster_mass[owner])
     matrix, rest = np.zeros((n, n)), np.zeros(n)
     for entry, particle in enumerate(clusters.indices):
-        matrix[particle] -= clusters.shares[entry] * centre[owner[entry]]
-        matrix[particle, particle] += clusters.shares[entry]
-        rest[particle] += clusters.shares[entry] * clusters.rest[entry, 1]
+        matrix[particle] -= clusters.weights[entry] * centre[owner[entry]]
+        matrix[particle, particle] += clusters.weights[entry]
+        rest[particle] += clusters.weights[entry] * clusters.rest[entry, 1]
     gravity = np.concatenate([[0.0], np.full(n - 1, -9.81)])
 
     def at_rest(h: float) -> np.ndarray:
@@ -218,12 +218,12 @@ def test_a_material_does_not_hang_on_the_substeps() -> None:
     """A mode of one cluster swings at w whatever the step (A10): 60 rad/s to 0.2 % at h = 1/6000, for any iterations."""
     for iterations in (1, 4):
         h = 1 / 6000
-        share = matching_share(3600.0, h, 1)
+        share = matching_factor(3600.0, h, 1)
         assert share == pytest.approx(3600 * h**2 / (1 + 3600 * h**2), rel=1e-12)
-        split = matching_share(3600.0, h, iterations)
+        split = matching_factor(3600.0, h, iterations)
         assert 1 - (1 - split) ** iterations == pytest.approx(share, rel=1e-12)
         assert np.arccos(np.sqrt(1 - share)) / h == pytest.approx(60, rel=2e-3)
-    assert stiffness_of_coefficient(matching_share(3600.0, 1 / 60, 1), 1 / 60) == pytest.approx(3600)
+    assert stiffness_of_coefficient(matching_factor(3600.0, 1 / 60, 1), 1 / 60) == pytest.approx(3600)
 
 
 @pytest.mark.parametrize(
@@ -288,6 +288,6 @@ def test_arrays_that_are_no_clusters_are_refused(changes: dict[str, Any], word: 
 
 def test_shares_of_a_particle_add_up_to_one() -> None:
     found = clusters_of(coefficients=np.array([1.0, 0.25, 0.75, 0.0]))
-    assert found.shares.tolist() == [1.0, 0.25, 0.75, 0.0]
+    assert found.weights.tolist() == [1.0, 0.25, 0.75, 0.0]
     assert found.orphans.tolist() == [2]
     assert found.of_particle[0].tolist() == [0, 1, 3, 4] and found.of_particle[1].tolist() == [0, 1, 2, 3]

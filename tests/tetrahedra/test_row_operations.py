@@ -47,17 +47,17 @@ def carried_out(project: Any, corners: Any, values: Any, multipliers: int) -> in
     return counted[0]
 
 
-@pytest.mark.parametrize("kept", [False, True])
+@pytest.mark.parametrize("soft", [False, True])
 @pytest.mark.parametrize("damped", [False, True])
 @pytest.mark.parametrize("alone", [False, True])
 @pytest.mark.parametrize(
     "material,blocks", [(FIXED, False), (FIXED, True), (COROTATED, False), (COROTATED, True), (HOOKEAN, False)],
     ids=lambda word: ("rows", "blocks")[word] if isinstance(word, bool) else MATERIALS[word],
 )  # fmt: skip
-def test_rows_of_a_tetrahedron(material: int, blocks: bool, alone: bool, damped: bool, kept: bool) -> None:
+def test_rows_of_a_tetrahedron(material: int, blocks: bool, alone: bool, damped: bool, soft: bool) -> None:
     """To a tenth: roots and what a compiler takes out of three axes are counted by hand, a rotation at its usual length."""
     flags: dict[str, Any] = {
-        "material": material, "damped": damped, "blocks": blocks, "kept": kept, "alone": alone,
+        "material": material, "damped": damped, "blocks": blocks, "soft": soft, "alone": alone,
     }  # fmt: skip
     corners = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
     values = [1, 0, 0, 1, 0, 1, 0.1, 0.1, 1, 0.1]

@@ -11,7 +11,7 @@ from kinematic_scenes import BAR, ENDS, LOOSE, kinematic_scene, run
 
 from softlab.app.driver import open_simulation
 from softlab.model.base.errors import SceneError
-from softlab.model.formulas.elastic.sleep import SHARE
+from softlab.model.formulas.elastic.sleep import GRAVITY_FRACTION
 from softlab.model.scene.scene import Scene, load_scene
 
 SPEED = 0.05  # m/s
@@ -40,7 +40,7 @@ def test_what_falls_slowly_goes_on() -> None:
     anew: v = g / a (1 - exp(-a t)) until t = ln(1 / SHARE) / a, on average (1 - (1 - SHARE) / ln(1 / SHARE)) of g / a."""
     slow = CUBE | {"mass_damping": 20.0}
     state = run(asleep(bar=slow, gravity={"acceleration": 0.1}), 200, **EXACT)
-    share = 1 - (1 - SHARE) / log(1 / SHARE)
+    share = 1 - (1 - GRAVITY_FRACTION) / log(1 / GRAVITY_FRACTION)
     assert state.position[:, 1].max() - 0.05 == pytest.approx(-0.1 / 20.0 * 2 * share, rel=0.05)
 
 

@@ -27,7 +27,7 @@ class FakeCloth(Simulation):
         self.asked: list[str] = []
         self._velocity = np.zeros_like(self.body.position)
         self._position = self.body.position.copy()
-        self._keep()
+        self._store_snapshot()
 
     def _run(self, steps: int) -> None:
         gravity, dt = self.scene.gravity, self.scene.method.dt
@@ -41,7 +41,7 @@ class FakeCloth(Simulation):
             self._velocity += dt * (pull + push - DAMPING * self._velocity) * free
             self._position += dt * self._velocity
 
-    def _keep(self) -> None:
+    def _store_snapshot(self) -> None:
         self._aside = self._position.copy(), self._velocity.copy()
 
     def _restore(self) -> None:

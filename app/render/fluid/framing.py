@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from softlab.app.render.fluid.outlines import outlines
-from softlab.model.fluid.foam import in_reach
+from softlab.model.fluid.foam import is_tracked
 from softlab.model.scene.scene import Scene
 from softlab.model.tables.cloth import Plane
 
@@ -31,7 +31,7 @@ def main_part(scene: Scene, position: np.ndarray) -> np.ndarray:
         return np.concatenate([main_part(member, position[slices[name]]) for name, member in scene.members.items()])
     if not scene.fluids:
         return position
-    known = position[in_reach(position)]
+    known = position[is_tracked(position)]
     if not len(known):
         return known
     low, high = np.quantile(known[:: -(-len(known) // SAMPLE)], (FEW, 1 - FEW), axis=0)

@@ -9,7 +9,7 @@ import numpy as np
 from softlab.app.render.collider_shapes import Mesh, box_mesh
 from softlab.app.render.fluid.framing import with_fluids
 from softlab.model.core.build import build
-from softlab.model.fluid.foam import in_reach
+from softlab.model.fluid.foam import is_tracked
 from softlab.model.scene.scene import Scene
 from softlab.model.tables.cloth import Plane
 
@@ -36,7 +36,7 @@ def tank_box(scene: Scene) -> tuple[np.ndarray, np.ndarray, bool] | None:
         high[1], has_rim = max(tanks), True
     if not has_rim:
         position = build(scene).position
-        top = position[in_reach(position), 1].max(initial=low[1])
+        top = position[is_tracked(position), 1].max(initial=low[1])
         high[1] = top + OVER * (top - low[1])
     known = np.isfinite(low).all() and np.isfinite(high).all() and (high > low).all()
     return (low, high, has_rim) if known else None

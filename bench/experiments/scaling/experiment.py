@@ -27,7 +27,7 @@ from softlab.bench.store.database import Store
 from softlab.bench.store.results import Measure, configuration, measures
 from softlab.model.base.components import component
 from softlab.model.base.errors import SceneError
-from softlab.model.core.sharing.decomposition import Reach, decompose
+from softlab.model.core.sharing.decomposition import Stencil, decompose
 from softlab.model.core.simulation import Simulation
 from softlab.model.scene.scene import Scene, load_scene
 
@@ -223,7 +223,7 @@ def points(held: Iterable[Measure]) -> list[ScalingPoint]:
 
 def _every(p: ScalingPoint) -> int:
     """Return the steps between two exchanges: as requested, or as the lab chooses."""
-    return p.exchange_every or decompose(p.rows, p.columns, p.gpus, Reach()).steps
+    return p.exchange_every or decompose(p.rows, p.columns, p.gpus, Stencil()).steps
 
 
 def _sheet(p: ScalingPoint) -> tuple[Any, ...]:

@@ -13,7 +13,7 @@ from math import sqrt
 
 import numpy as np
 
-from softlab.model.core.sharing.decomposition import Decomposition, Reach, decompose
+from softlab.model.core.sharing.decomposition import Decomposition, Stencil, decompose
 from softlab.model.domains.link import NETWORK, NVLINK, Link
 
 MASS_BYTES = 16  # state of a mass in float32
@@ -118,11 +118,11 @@ def predicted(
     grid has too few rows.
     """
     if count > 1 and steps is None:
-        able = [n for n in EVERY if n == 1 or Reach().halo(n) <= rows // count]
+        able = [n for n in EVERY if n == 1 or Stencil().halo(n) <= rows // count]
         able = [n for n in able if n >= PASS] or able[-1:]
         found = [predicted(rows, columns, count, cluster, n, seconds, way) for n in able]
         return min(found, key=lambda one: one.step)
-    cut = decompose(rows, columns, count, Reach(), steps)
+    cut = decompose(rows, columns, count, Stencil(), steps)
     compute = seconds(max(domain.window_rows for domain in cut.domains), columns)
     if count == 1:
         return Predicted(cut, compute, 0.0, 0.0)

@@ -29,7 +29,7 @@ class Contacts:
         self.distance = radius[:, None] + radius
         meets = np.array([[a.group not in b.avoids and b.group not in a.avoids for a in bodies] for b in bodies])
         self.meets = meets[np.ix_(body_set.body, body_set.body)] & ~mine
-        itself = np.array([body.meets_itself for body in bodies])[body_set.body]
+        itself = np.array([body.self_colliding for body in bodies])[body_set.body]
         rest = np.linalg.norm(body_set.position[:, None] - body_set.position, axis=2)
         self.meets |= mine & itself[:, None] & (rest >= REST * self.distance)
         np.fill_diagonal(self.meets, False)

@@ -27,7 +27,7 @@ class FluidAmongSolids:
         one = np.ones(self.count)
         self.volume = np.append(one, volume)
         self.solid = np.append(0 * one, volume)
-        self.weight = np.append(self.world.weight, samples.own_lightness)
+        self.weight = np.append(self.world.weight, samples.mobility)
         nu = self.world.of("viscosity") / self.world.of("density") * self.world.h / self.world.kernels.spread
         self.viscosity = np.append(np.minimum(nu, 1), 0 * volume)
 
@@ -75,7 +75,7 @@ class FluidAmongSolids:
         _, wall = world.walls(joined[: self.count], self._end)
         weight = weight[: self.count]
         below = weight * ((across + wall) ** 2).sum(axis=1) + own
-        self.factor = method.part_of_the_way / (below + method.softness / world.kernels.h**2)
+        self.factor = method.relaxation_factor / (below + method.softness / world.kernels.h**2)
 
     def correct(self, position: np.ndarray) -> np.ndarray:
         """Do an iteration with the solids' particles at `position`, and return their corrected positions."""
@@ -106,7 +106,7 @@ class FluidAmongSolids:
         self.p, _ = world.collide(self.number, self.x, pushed, np.zeros_like(self.p))
         found = position.copy()
         for corner in range(self.samples.corners.shape[1]):
-            carrier, share = self.samples.corners[:, corner], self.samples.shares[:, corner]
+            carrier, share = self.samples.corners[:, corner], self.samples.weights[:, corner]
             weighed = (share * self.samples.lightness[carrier])[:, None]
             np.add.at(found, carrier, weighed * total[count:])
         return found

@@ -1,1 +1,1 @@
-"""How a scene is shared by several processors: by rows of a sheet, by bodies, by parts of meshes."""
+"""Partition of a scene among several processors: by rows of a sheet, by bodies, by parts of meshes."""

@@ -1,6 +1,6 @@
 """Partition of bodies that never collide into blocks of whole bodies: pure arithmetic, and the scene of a block.
 
-A block (`Share`) contains neighbouring bodies in the order of the file. No body acts on another, so that a block is
+A block (`Block`) contains neighbouring bodies in the order of the file. No body acts on another, so that a block is
 stepped by the scene's own kernels, and nothing is sent until the state is read.
 """
 
@@ -22,7 +22,7 @@ class Apart:
     """The bodies of a scene, none of which acts on another.
 
     `names`: of the part of each; `weights` (bodies,) int64: the work for each, as a number of what is `counted`;
-    `first_particle` (bodies + 1,) int64; `held`: the scene's attribute with its set of particles; `some(first, end)`:
+    `first_particle` (bodies + 1,) int64; `attribute`: the scene's attribute with its set of particles; `some(first, end)`:
     the set of those bodies alone; `clusters(first, end)`: the indices of their clusters among all, in the order of that
     set, (n,) int64.
     """
@@ -31,27 +31,29 @@ class Apart:
     weights: np.ndarray
     counted: str
     first_particle: np.ndarray
-    held: str
+    attribute: str
     some: Callable[[int, int], Any]
     clusters: Callable[[int, int], np.ndarray]
 
     def scene(self, whole: Any, some: Any) -> Any:
         """Return `whole` with `some` in place of all its bodies; everything else is unchanged, including the mass
         unit."""
-        found = copy(whole)
-        vars(found).update({"grid": some, self.held: some})
-        return found
+        changed = copy(whole)
+        vars(changed).update({"grid": some, self.attribute: some})
+        return changed
 
 
 def require_apart(scene: Any) -> None:
     """Raise SceneError for a scene's contacts, which let bodies collide."""
     if scene.contact is not None:
-        told = "lets bodies meet, which are not shared then: leave it out, and they pass through each other, or run it as one"
-        raise SceneError(f"{scene.name_of('contact')}.kind", "contact", told)
+        reason = (
+            "lets bodies collide, which is not shared: leave it out, and they pass through each other, or run it as one"
+        )
+        raise SceneError(f"{scene.name_of('contact')}.kind", "contact", reason)
 
 
 @dataclass(frozen=True)
-class Share:
+class Block:
     """Bodies `first` to before `end`, with the particles `first_particle` to before `end_particle`.
 
     `weight`: the sum of their weights; `parts`: the names of their parts.
@@ -75,23 +77,23 @@ class Share:
 class Division:
     """Bodies in blocks; `counted`: the quantity that is balanced."""
 
-    shares: tuple[Share, ...]
+    blocks: tuple[Block, ...]
     counted: str
 
     @property
     def count(self) -> int:
         """Number of blocks."""
-        return len(self.shares)
+        return len(self.blocks)
 
     @property
     def largest(self) -> int:
         """Weight of the heaviest block."""
-        return max(share.weight for share in self.shares)
+        return max(block.weight for block in self.blocks)
 
     @property
     def balance(self) -> float:
         """Mean weight over that of the heaviest block: the speed-up over one, divided by their number."""
-        return sum(share.weight for share in self.shares) / (self.count * self.largest)
+        return sum(block.weight for block in self.blocks) / (self.count * self.largest)
 
 
 def divide(apart: Apart, count: int, option: str) -> Division:
@@ -104,12 +106,12 @@ def divide(apart: Apart, count: int, option: str) -> Division:
     if count < 1:
         raise SceneError(option, count, "must be at least 1")
     if count > bodies:
-        told = (
+        reason = (
             "1 body is never cut"
             if bodies == 1
             else f"{bodies} bodies, which are not cut, can be shared by at most {bodies}"
         )
-        raise SceneError(option, count, f"{told}; use {'1' if bodies == 1 else 'fewer'}")
+        raise SceneError(option, count, f"{reason}; use {'1' if bodies == 1 else 'fewer'}")
     ends = np.concatenate([[0], np.cumsum(apart.weights)])
     cuts = [0]
     for k in range(1, count):
@@ -118,7 +120,7 @@ def divide(apart: Apart, count: int, option: str) -> Division:
     first = apart.first_particle
     return Division(
         tuple(
-            Share(k, a, b, int(first[a]), int(first[b]), int(ends[b] - ends[a]), tuple(dict.fromkeys(apart.names[a:b])))
+            Block(k, a, b, int(first[a]), int(first[b]), int(ends[b] - ends[a]), tuple(dict.fromkeys(apart.names[a:b])))
             for k, (a, b) in enumerate(pairwise([*cuts, bodies]))
         ),
         apart.counted,

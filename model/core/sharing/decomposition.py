@@ -27,11 +27,11 @@ WHOLE_CLOTH = {  # kinds of tables that refer to masses by their place in it, or
 }
 
 MOST_STEPS = 32  # between two exchanges: beyond it their cost is small relative to that of the rows computed twice
-SHARE = 64  # owned rows for each step between exchanges: the two halos are then a thirty-second of the rows
+ROWS_PER_STEP = 64  # owned rows for each step between exchanges: the two halos are then a thirty-second of the rows
 
 
 @dataclass(frozen=True)
-class Reach:
+class Stencil:
     """Rows that a step reads.
 
     `parts`: equal parts of a step, after each of which windows may exchange. `rows`: rows to each side that a force
@@ -50,8 +50,8 @@ class Reach:
 
     def halo(self, parts: int) -> int:
         """Return the rows that this number of parts of a step in one call needs beyond those that must stay right."""
-        found = self.rows * self.forces * parts + self.more
-        return -(-found // self.unit) * self.unit
+        rows = self.rows * self.forces * parts + self.more
+        return -(-rows // self.unit) * self.unit
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ class Border:
 class Decomposition:
     """A sheet of `rows` x `columns` masses in `count` domains with halos of `halo` rows.
 
-    A step is done in `divided` equal steps of windows, after at most `steps` of which they exchange; `unit`: see Reach.
+    A step is done in `divided` equal steps of windows, after at most `steps` of which they exchange; `unit`: see Stencil.
     """
 
     rows: int
@@ -114,16 +114,16 @@ class Decomposition:
     @cached_property
     def borders(self) -> tuple[Border, ...]:
         """All messages of an exchange."""
-        found = []
+        borders = []
         for upper, lower in pairwise(self.domains):
             down, up = upper.end - lower.window_first, upper.window_end - lower.first
-            found.append(Border(upper.number, lower.number, lower.window_first - upper.window_first, 0, down))
-            found.append(
+            borders.append(Border(upper.number, lower.number, lower.window_first - upper.window_first, 0, down))
+            borders.append(
                 Border(
                     lower.number, upper.number, lower.first - lower.window_first, lower.first - upper.window_first, up
                 )
             )
-        return tuple(found)
+        return tuple(borders)
 
     @property
     def least_rows(self) -> int:
@@ -145,7 +145,7 @@ class Decomposition:
         return self.steps if self.divided == 1 else self.steps / self.divided
 
     @property
-    def told(self) -> str:
+    def schedule(self) -> str:
         """Description of the interval."""
         return f"every {self.steps} steps" if self.divided == 1 else f"{self.divided} times a step"
 
@@ -153,28 +153,28 @@ class Decomposition:
 def usual_steps(least_rows: int) -> int:
     """Return the default number of steps between two exchanges; from 4 on multiples of 4, as tiles of the GPU do at
     once."""
-    steps = max(1, min(MOST_STEPS, least_rows // SHARE))
+    steps = max(1, min(MOST_STEPS, least_rows // ROWS_PER_STEP))
     return steps if steps < 4 else steps // 4 * 4
 
 
-def usual_parts(least_rows: int, reach: Reach, most: int) -> int:
+def usual_parts(least_rows: int, stencil: Stencil, most: int) -> int:
     """Return the default number of parts of a step between two exchanges: whole steps, or a divisor of the parts of
     one.
 
     `most`: parts for which a domain has enough rows.
     """
-    if reach.parts == 1:
+    if stencil.parts == 1:
         return min(most, usual_steps(least_rows))
     wanted = 1
-    while wanted < most and SHARE * reach.halo(wanted + 1) <= least_rows:
+    while wanted < most and ROWS_PER_STEP * stencil.halo(wanted + 1) <= least_rows:
         wanted += 1
-    if wanted >= reach.parts:
-        return wanted // reach.parts * reach.parts
-    return max(n for n in range(1, wanted + 1) if reach.parts % n == 0)
+    if wanted >= stencil.parts:
+        return wanted // stencil.parts * stencil.parts
+    return max(n for n in range(1, wanted + 1) if stencil.parts % n == 0)
 
 
 def decompose(
-    rows: int, columns: int, count: int, reach: Reach, steps: int | None = None, option: str = "--gpus"
+    rows: int, columns: int, count: int, stencil: Stencil, steps: int | None = None, option: str = "--gpus"
 ) -> Decomposition:
     """Return the sheet in `count` domains that exchange every `steps` steps (None: the default).
 
@@ -184,28 +184,28 @@ def decompose(
         raise SceneError(option, count, "must be at least 1")
     if steps is not None and steps < 1:
         raise SceneError("--exchange-every", steps, "must be at least 1")
-    if count * reach.unit > rows:
+    if count * stencil.unit > rows:
         raise SceneError(
-            option, count, f"a grid of {rows} rows can be shared by at most {max(1, rows // reach.unit)}; use fewer"
+            option, count, f"a grid of {rows} rows can be shared by at most {max(1, rows // stencil.unit)}; use fewer"
         )
-    least = Decomposition(rows, columns, count, 0, 1, reach.unit).least_rows
+    least = Decomposition(rows, columns, count, 0, 1, stencil.unit).least_rows
     if count == 1:
-        return Decomposition(rows, columns, 1, 0, steps or usual_steps(rows), reach.unit)
+        return Decomposition(rows, columns, 1, 0, steps or usual_steps(rows), stencil.unit)
     most = 0
-    while most < max(steps or 0, MOST_STEPS) * reach.parts and reach.halo(most + 1) <= least:
+    while most < max(steps or 0, MOST_STEPS) * stencil.parts and stencil.halo(most + 1) <= least:
         most += 1
     if most == 0:
-        fit = rows // reach.halo(1)
+        fit = rows // stencil.halo(1)
         raise SceneError(
-            option, count, f"each share of {rows} rows needs {reach.halo(1)} or more; use at most {max(1, fit)}"
+            option, count, f"each share of {rows} rows needs {stencil.halo(1)} or more; use at most {max(1, fit)}"
         )
-    if steps is not None and steps * reach.parts > most:
-        able = most // reach.parts
+    if steps is not None and steps * stencil.parts > most:
+        able = most // stencil.parts
         remedy = f"use at most {able}" if able else "leave it out, to exchange several times a step"
         raise SceneError("--exchange-every", steps, f"the smallest share has {least} rows; {remedy}")
-    parts = steps * reach.parts if steps else usual_parts(least, reach, most)
-    whole, divided = max(1, parts // reach.parts), max(1, reach.parts // parts)
-    return Decomposition(rows, columns, count, reach.halo(parts), whole, reach.unit, divided)
+    parts = steps * stencil.parts if steps else usual_parts(least, stencil, most)
+    whole, divided = max(1, parts // stencil.parts), max(1, stencil.parts // parts)
+    return Decomposition(rows, columns, count, stencil.halo(parts), whole, stencil.unit, divided)
 
 
 def require_local(scene: Scene) -> None:

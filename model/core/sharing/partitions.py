@@ -28,7 +28,7 @@ class SharedMesh:
     `layers` (particles,) int64: number of each particle's layer, which is never cut, from 0 along the bodies, one body
     after the other; `weights` (particles,) float64: the work for each; `window(owned)`: particles and elements that a
     substep of the `owned` (particles,) bool reads; `elements`: their number, described by `counted`; `exchanges`: per
-    step; `some(window)`: the particle set of a window; `held`: the scene's attribute that it replaces.
+    step; `some(window)`: the particle set of a window; `attribute`: the scene's attribute that it replaces.
     """
 
     layers: np.ndarray
@@ -37,7 +37,7 @@ class SharedMesh:
     elements: int
     counted: str
     exchanges: int
-    held: str
+    attribute: str
     some: Callable[[Window], Any]
 
 
@@ -118,8 +118,8 @@ def partition(mesh: SharedMesh, count: int, option: str) -> Partitions:
 
     Raises SceneError, naming the `option`, where a window would extend beyond the neighbours, or contain everything.
     """
-    found = _tried(mesh, count)
-    if found is None:
+    partitions = _tried(mesh, count)
+    if partitions is None:
         most, over = (
             1,
             count,
@@ -127,9 +127,9 @@ def partition(mesh: SharedMesh, count: int, option: str) -> Partitions:
         while over - most > 1:
             middle = (most + over) // 2
             most, over = (middle, over) if _tried(mesh, middle) is not None else (most, middle)
-        told = "a substep of a share reads beyond its neighbours, or all (fewer iterations, more substeps read less)"
-        raise SceneError(option, count, f"{told}; use at most {most}")
-    return found
+        reason = "a substep of a share reads beyond its neighbours, or all (fewer iterations, more substeps read less)"
+        raise SceneError(option, count, f"{reason}; use at most {most}")
+    return partitions
 
 
 def _tried(mesh: SharedMesh, count: int) -> Partitions | None:
@@ -140,12 +140,12 @@ def _tried(mesh: SharedMesh, count: int) -> Partitions | None:
         cuts.append(max(int(np.abs(ends - ends[-1] * k / count).argmin()), cuts[-1] + 1))
     if count >= len(ends) or cuts[-1] >= len(ends) - 1:
         return None
-    share = np.searchsorted(cuts, mesh.layers, side="right") - 1
+    owner = np.searchsorted(cuts, mesh.layers, side="right") - 1
     parts = []
     for number in range(count):
-        owned = share == number
+        owned = owner == number
         particles, elements = mesh.window(owned)
-        if np.abs(share[particles] - number).max() > 1 or (count > 1 and len(elements) == mesh.elements):
+        if np.abs(owner[particles] - number).max() > 1 or (count > 1 and len(elements) == mesh.elements):
             return None
         parts.append(Part(number, np.flatnonzero(owned), particles, elements))
     return Partitions(mesh, tuple(parts))

@@ -96,12 +96,12 @@ class Situation:
         return remedy
 
     @cached_property
-    def share(self) -> float:
+    def displacement(self) -> float:
         """Displacement per step of the fastest mass of the last good state [spacings]; 0 where that is not known."""
         if self.velocity is None or not len(self.velocity):
             return 0.0
-        share = float(np.abs(self.velocity.astype(np.float64)).max()) * self.dt / self.scene.grid.spacing
-        return share if isfinite(share) else 0.0
+        displacement = float(np.abs(self.velocity.astype(np.float64)).max()) * self.dt / self.scene.grid.spacing
+        return displacement if isfinite(displacement) else 0.0
 
     @property
     def under(self) -> str:
@@ -133,7 +133,7 @@ def no_usable_step(at: Situation) -> Diagnosis | None:
         return None
     fields = [(name, field) for name, part in at.scene.parts.items() for field in _numbers_of(part)]
     values = {(name, field): float(getattr(at.scene.parts[name], field)) for name, field in fields}
-    for (name, field), value in sorted(values.items(), key=lambda found: -abs(log10(found[1]))):
+    for (name, field), value in sorted(values.items(), key=lambda item: -abs(log10(item[1]))):
         holds = _power_that_holds(at.scene, f"{name}.{field}", value, field in LIGHT)
         if holds is not None:
             steps = f"steps of {at.limit:.3g} s" if at.limit > 0 else "steps that no number is short enough for"
@@ -176,12 +176,12 @@ def stiffness_ratio(at: Situation) -> Diagnosis | None:
 
 def odd_number(at: Situation) -> Diagnosis | None:
     """Diagnose a number of the scene so far from 1 in its unit that a step cannot be computed with it."""
-    found = []
+    candidates = []
     for name, table in at.scene.as_dict().items():
         for field, value in table.items() if isinstance(table, dict) else ():
             numbers = value if isinstance(value, list | tuple) else [value]
-            found += [(abs(log10(abs(x))), f"{name}.{field}", x) for x in numbers if isinstance(x, float) and x]
-    decades, field, value = max(found, default=(0.0, "", 0.0))
+            candidates += [(abs(log10(abs(x))), f"{name}.{field}", x) for x in numbers if isinstance(x, float) and x]
+    decades, field, value = max(candidates, default=(0.0, "", 0.0))
     if decades < ODD:
         return None
     return Diagnosis(f"no step can be computed with {field} = {value:g}", "use a number nearer to 1")
@@ -196,11 +196,11 @@ def over_the_limit(at: Situation) -> Diagnosis | None:
 
 def fast_masses(at: Situation) -> Diagnosis | None:
     """Diagnose a step size under the limit where a mass passes its neighbours before their springs can deflect it."""
-    if at.share <= FAST:
+    if at.displacement <= FAST:
         return None
     return Diagnosis(
-        f"{at.under}, but a mass moved {at.share:.3g} spacings a step in the last good state",
-        f"use dt <= {at.dt * FAST / at.share:.3g} s, or weaker forces",
+        f"{at.under}, but a mass moved {at.displacement:.3g} spacings a step in the last good state",
+        f"use dt <= {at.dt * FAST / at.displacement:.3g} s, or weaker forces",
     )
 
 
@@ -234,9 +234,9 @@ def diagnose(
     `velocity`, `position`: see Situation."""
     at = Situation(scene, limit, velocity, position)
     for name, cause in causes.items():
-        found = cause(at)
-        if found is not None:
-            return Diagnosis(found.cause, found.remedy, name)
+        diagnosis = cause(at)
+        if diagnosis is not None:
+            return Diagnosis(diagnosis.cause, diagnosis.remedy, name)
     return Diagnosis("no cause of a known kind applies", f"use dt <= {at.dt / 2:.6g} s")
 
 
@@ -246,28 +246,28 @@ def refusal(scene: Scene) -> UnstableTimeStep | None:
     at = Situation(scene, limit)
     if not at.over:
         return None
-    found = beyond_numbers(at) or no_usable_step(at) or stiffness_ratio(at)
-    clauses = (found.cause, found.remedy) if found else ()
+    diagnosis = beyond_numbers(at) or no_usable_step(at) or stiffness_ratio(at)
+    clauses = (diagnosis.cause, diagnosis.remedy) if diagnosis else ()
     return UnstableTimeStep(at.dt, limit, at.integrator, *clauses)
 
 
 def _numbers_of(part: Part) -> list[str]:
     """Return the fields of LIGHT and STIFF of a part that are over 0, without those that follow from another of them: a
     stiffness from a compliance, a mass from a density."""
-    given = [field for field in (*LIGHT, *STIFF) if (getattr(part, field, None) or 0) > 0]
-    follow = [field for field, cause in FOLLOWS.items() if cause in given]
-    return [field for field in given if field not in follow]
+    positive = [field for field in (*LIGHT, *STIFF) if (getattr(part, field, None) or 0) > 0]
+    follow = [field for field, cause in FOLLOWS.items() if cause in positive]
+    return [field for field in positive if field not in follow]
 
 
 def _power_that_holds(scene: Scene, path: str, value: float, light: bool) -> float | None:
     """Return the power of ten next to `value`, larger if `light`, else smaller, with which the scene's step size is
     stable; None where there is none within DECADES of 1."""
-    way = 1 if light else -1
-    near, far = floor(way * log10(value)), DECADES
+    sign = 1 if light else -1
+    near, far = floor(sign * log10(value)), DECADES
 
     def holds(power: int) -> bool:
         try:
-            changed = scene.replace({path: float(f"1e{way * power}")})
+            changed = scene.replace({path: float(f"1e{sign * power}")})
         except SceneError:  # another rule forbids the value
             return False
         return scene.method.dt <= stability_limit(changed)
@@ -277,7 +277,7 @@ def _power_that_holds(scene: Scene, path: str, value: float, light: bool) -> flo
     while far - near > 1:
         middle = (near + far) // 2
         near, far = (near, middle) if holds(middle) else (middle, far)
-    return float(f"1e{way * far}")
+    return float(f"1e{sign * far}")
 
 
 def _limit_at(scene: Scene, ratio: float) -> float:

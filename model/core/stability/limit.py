@@ -30,7 +30,7 @@ from softlab.model.tables.parts import Grid
 TOLERANCE = 1e-6  # of the residual |A x - lambda x| over lambda: at most half of it in the frequency
 MAX_ITERATIONS = 5000
 MAX_MASSES = 2**14  # of a grid with power iteration, about a second; larger ones are bounded by the closed form
-MIN_SHARE = 1e-12  # added to Collatz's vector, so that it is positive everywhere
+COLLATZ_OFFSET = 1e-12  # added to Collatz's vector, so that it is positive everywhere
 
 
 @dataclass(frozen=True)
@@ -76,9 +76,9 @@ class Net:
         """Return max_i (A_ii + sum_j |A_ij|) of M^(-1) L, the similar matrix: no eigenvalue [1/s^2] exceeds it."""
         i, j = self.ends.T
         count = len(self.inverse_mass)
-        own = self.stiffness
+        stiffness = self.stiffness
         free = self.inverse_mass > 0
-        row = np.bincount(i, own * (1.0 + free[j]), count) + np.bincount(j, own * (1.0 + free[i]), count)
+        row = np.bincount(i, stiffness * (1.0 + free[j]), count) + np.bincount(j, stiffness * (1.0 + free[i]), count)
         return float((self.inverse_mass * row).max(initial=0.0))
 
 
@@ -117,33 +117,33 @@ def largest_frequency(net: Net, tolerance: float = TOLERANCE, most: int = MAX_IT
         moved = images @ best / np.linalg.norm(new)
         value = float(x @ moved)
         iterations += 1
-    positive = np.where(free, np.abs(x) + MIN_SHARE, 0.0)
+    positive = np.where(free, np.abs(x) + COLLATZ_OFFSET, 0.0)
     collatz = float((net.apply(positive, 1.0)[free] / positive[free]).max())
     upper = sqrt(max(min(gershgorin, collatz), value))
     shape = np.sqrt(net.inverse_mass) * x
-    found = residual * gershgorin / value if value > 0 else 0.0
+    relative = residual * gershgorin / value if value > 0 else 0.0
     mode = shape / shape[np.argmax(np.abs(shape))]
-    return Frequency(sqrt(value), upper, "iterated", iterations, found, found <= tolerance, mode)
+    return Frequency(sqrt(value), upper, "iterated", iterations, relative, relative <= tolerance, mode)
 
 
-def _path_eigenvalue(count: int, held: int) -> float:
-    """Return the largest eigenvalue of the Laplacian of a path of `count` free vertices, `held` of whose ends (0, 1:
+def _path_eigenvalue(count: int, tied: int) -> float:
+    """Return the largest eigenvalue of the Laplacian of a path of `count` free vertices, `tied` of whose ends (0, 1:
     the start, 2) are tied to a fixed vertex beyond."""
-    if held == 0:
+    if tied == 0:
         return 4 * cos(pi / (2 * count)) ** 2
-    return 4 * sin(_path_angle(count, held) / 2) ** 2
+    return 4 * sin(_path_angle(count, tied) / 2) ** 2
 
 
-def _path_angle(count: int, held: int) -> float:
-    return (2 * count - 1) * pi / (2 * count + 1) if held == 1 else count * pi / (count + 1)
+def _path_angle(count: int, tied: int) -> float:
+    return (2 * count - 1) * pi / (2 * count + 1) if tied == 1 else count * pi / (count + 1)
 
 
-def _path_shape(count: int, held: int) -> np.ndarray:
+def _path_shape(count: int, tied: int) -> np.ndarray:
     """Return the eigenvector (count,) of `_path_eigenvalue`."""
     k = np.arange(count)
-    if held == 0:
+    if tied == 0:
         return np.cos(pi * (count - 1) * (k + 0.5) / count)
-    return np.sin(_path_angle(count, held) * (k + 1))
+    return np.sin(_path_angle(count, tied) * (k + 1))
 
 
 def grid_eigenvalue(grid: Grid, shaped: bool = True) -> tuple[float, np.ndarray | None] | None:
@@ -156,18 +156,18 @@ def grid_eigenvalue(grid: Grid, shaped: bool = True) -> tuple[float, np.ndarray 
     """
     if grid.pinned not in ("none", "top", "edges"):
         return None
-    held = {"none": 0, "top": 1, "edges": 2}[str(grid.pinned)]
-    margins = {0: (0, 0), 1: (1, 0), 2: (2, 2)}[held]
+    tied = {"none": 0, "top": 1, "edges": 2}[str(grid.pinned)]
+    margins = {0: (0, 0), 1: (1, 0), 2: (2, 2)}[tied]
     free = grid.rows - margins[0], grid.columns - margins[1]
     if min(free) < 1:
         return 0.0, np.zeros(grid.particle_count) if shaped else None
-    sides = (free[0], held), (free[1], 2 if held == 2 else 0)
+    sides = (free[0], tied), (free[1], 2 if tied == 2 else 0)
     down, across = (_path_eigenvalue(*side) for side in sides)
     if not shaped:
         return down + across, None
     tall, wide = (_path_shape(*side) for side in sides)
     shape = np.zeros((grid.rows, grid.columns))
-    top, left = (1, 1) if held == 2 else (held, 0)
+    top, left = (1, 1) if tied == 2 else (tied, 0)
     shape[top : top + free[0], left : left + free[1]] = np.outer(tall, wide)
     return down + across, (shape / np.abs(shape).max()).ravel()
 
@@ -252,8 +252,8 @@ def scene_frequency(scene: Scene, shaped: bool = True) -> Frequency:
     bound = _free_bound(scene)
     if grid.particle_count > MAX_MASSES:
         return Frequency(bound, bound, "bounded")
-    found = largest_frequency(scene_net(scene))
-    return replace(found, upper=min(found.upper, bound))
+    frequency = largest_frequency(scene_net(scene))
+    return replace(frequency, upper=min(frequency.upper, bound))
 
 
 def frequency_lines(scene: Scene) -> list[str]:
@@ -263,20 +263,20 @@ def frequency_lines(scene: Scene) -> list[str]:
         return []
     if scene.method.solver == "pbd" or any(one.inextensible for one in springs):  # then they have no such stiffness
         return []
-    found = scene_frequency(scene, shaped=False)
+    frequency = scene_frequency(scene, shaped=False)
     name, sheet = scene.method.name, "cloth" if scene.cloth else "grid"
-    limit = stability_limit(scene, found.upper)
+    limit = stability_limit(scene, frequency.upper)
     how = {
         "closed form": "closed form",
-        "iterated": f"{found.iterations} iterations, surely under {found.upper:.6g}",
+        "iterated": f"{frequency.iterations} iterations, surely under {frequency.upper:.6g}",
         "bounded": f"bound: the free {sheet}'s",
-    }[found.how]
-    if not found.converged:
-        how += f"; not converged, residual {found.residual:.1g}"
+    }[frequency.how]
+    if not frequency.converged:
+        how += f"; not converged, residual {frequency.residual:.1g}"
     step = f"{name} holds to dt {limit:.6g} s" if limit > 0 else f"{name} holds at no dt"
     if limit == inf:
         step = f"{name} holds at any dt"
     return [
-        f"largest frequency {found.estimate:.6g} 1/s of this net ({how}), {frequency_bound(scene):.6g} 1/s of any "
+        f"largest frequency {frequency.estimate:.6g} 1/s of this net ({how}), {frequency_bound(scene):.6g} 1/s of any "
         f"{sheet}; for this net {step}"
     ]

@@ -7,17 +7,17 @@ import numpy as np
 from softlab.model.core.family import NO_ARRAYS, Arrays
 from softlab.model.scene.scene import Scene
 
-WAYS = {  # (rows, columns) from one end of a spring to the other, by kind; a grid's are the structural ones
+OFFSETS = {  # (rows, columns) from one end of a spring to the other, by kind; a grid's are the structural ones
     "structural": ((0, 1), (1, 0)),
     "shear": ((1, 1), (1, -1)),
     "bending": ((0, 2), (2, 0)),
 }
 
 
-def _both_ends(sheet: np.ndarray, way: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
+def _both_ends(sheet: np.ndarray, offset: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
     """Return views of `sheet` (rows, columns, ...) at the first and at the other ends of the springs in direction
-    `way`."""
-    down, across = way
+    `offset`."""
+    down, across = offset
     rows, columns = max(0, sheet.shape[0] - down), max(0, sheet.shape[1] - abs(across))
     first, other = max(0, -across), max(0, across)
     return sheet[:rows, first : first + columns], sheet[down : down + rows, other : other + columns]
@@ -30,13 +30,13 @@ def spring_ends(rows: int, columns: int, kind: str = "structural") -> np.ndarray
     `kind` of a cloth's: `bending` in that order too; `shear`: those to the lower right, then those to the lower left.
     """
     index = np.arange(rows * columns, dtype=np.int32).reshape(rows, columns)
-    ends = [np.stack([end.ravel() for end in _both_ends(index, way)], axis=1) for way in WAYS[kind]]
+    ends = [np.stack([end.ravel() for end in _both_ends(index, offset)], axis=1) for offset in OFFSETS[kind]]
     return np.ascontiguousarray(np.concatenate(ends))
 
 
 def spring_count(rows: int, columns: int, kind: str = "structural") -> int:
     """Return the number of springs of `spring_ends`."""
-    return sum(max(0, rows - down) * max(0, columns - abs(across)) for down, across in WAYS[kind])
+    return sum(max(0, rows - down) * max(0, columns - abs(across)) for down, across in OFFSETS[kind])
 
 
 def sheet_spring_count(scene: Scene) -> int:
@@ -62,9 +62,9 @@ def cloth_lengths(scene: Scene, position: np.ndarray, kind: str) -> tuple[np.nda
     """Return (lengths (springs,) [m] of a cloth's springs of a kind, in the order of `spring_ends`; their rest length
     [m])."""
     sheet = np.asarray(position, dtype=np.float64).reshape(scene.grid.rows, scene.grid.columns, 3)
-    ends = [_both_ends(sheet, way) for way in WAYS[kind]]
+    ends = [_both_ends(sheet, offset) for offset in OFFSETS[kind]]
     lengths = [np.linalg.norm(other - first, axis=-1).ravel() for first, other in ends]
-    return np.concatenate(lengths), scene.grid.spacing * float(np.hypot(*WAYS[kind][0]))
+    return np.concatenate(lengths), scene.grid.spacing * float(np.hypot(*OFFSETS[kind][0]))
 
 
 def _lengths(scene: Scene, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -30,8 +30,8 @@ def make(real, compiled=plain, corners=BODY):
         return (-violation - compliance * multiplier) * inverse
 
     @compiled
-    def moved(point, share, change):
-        return point[0] + share * change[0], point[1] + share * change[1], point[2] + share * change[2]
+    def moved(point, weight, change):
+        return point[0] + weight * change[0], point[1] + weight * change[1], point[2] + weight * change[2]
 
     @compiled
     def changes(x, y, z, weight, compliance, multipliers):

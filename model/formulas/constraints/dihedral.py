@@ -37,10 +37,10 @@ def make(real, compiled=plain):
         compliance = softness(constants[0], area)
         inverse = reciprocal(weight, constants[2], compliance)
         multiplier = multipliers[0]
-        change, turned = dihedral_change(edge, t, rest, steep, inverse, compliance, multiplier)
+        change, scale = dihedral_change(edge, t, rest, steep, inverse, compliance, multiplier)
         moved = (
-            shift(a, wa, ax, ay, az, turned), shift(b, wb, bx, by, bz, turned), shift(c, wc, cx, cy, cz, turned),
-            shift(d, wd, dx, dy, dz, turned),
+            shift(a, wa, ax, ay, az, scale), shift(b, wb, bx, by, bz, scale), shift(c, wc, cx, cy, cz, scale),
+            shift(d, wd, dx, dy, dz, scale),
         )  # fmt: skip
         return moved, (multiplier + change,)
 

@@ -8,9 +8,9 @@ from softlab.model.formulas import plain
 from softlab.model.formulas.distance import make as make_distance
 
 
-def make(real, compiled=plain, soft=True, damped=False, own_compliance=False):
+def make(real, compiled=plain, soft=True, damped=False, per_constraint=False):
     """Make `project`. `soft`: the constraint has a compliance and therefore a multiplier; `damped`: it also has a
-    damper; `own_compliance`: each constraint has its own compliance after its rest length, instead of the shared one.
+    damper; `per_constraint`: each constraint has its compliance after its rest length, instead of a shared one.
     """
     formulas = make_distance(real, compiled)
     squared_length, reciprocal, moved = formulas.squared_length_3d, formulas.reciprocal, formulas.moved
@@ -28,7 +28,7 @@ def make(real, compiled=plain, soft=True, damped=False, own_compliance=False):
         first, second = weights
         compliance, damping, stiffening = constants
         rest, multiplier = values[0], multipliers[0]
-        if own_compliance:
+        if per_constraint:
             compliance = values[1]
         dx, dy, dz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
         squared = squared_length(dx, dy, dz)

@@ -14,7 +14,7 @@ def make(real, compiled=plain):
     """Make `project` (see the package) in the arithmetic `real`."""
     formulas, reciprocal = make_isometric(real, compiled), make_distance(real, compiled).reciprocal
     softness, curvature, square_sum = formulas.softness, formulas.curvature, formulas.square_sum
-    kept_part, isometric_change, shifted = formulas.kept_part, formulas.isometric_change, formulas.shifted
+    shortening, isometric_change, shifted = formulas.shortening, formulas.isometric_change, formulas.shifted
 
     @compiled
     def curvature_of(kb, kc, kd, a, b, c, d):
@@ -41,7 +41,7 @@ def make(real, compiled=plain):
         compliance = softness(constants[0], area)
         inverse = reciprocal(square_sum(wa, wb, wc, wd, ka, kb, kc, kd), constants[2], compliance)
         x, y, z = curvature_of(kb, kc, kd, a, b, c, d)
-        part = kept_part(x, y, z, rest)
+        part = shortening(x, y, z, rest)
         p, q, r = multipliers
         change = (
             isometric_change(part, x, inverse, compliance, p),

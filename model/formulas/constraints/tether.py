@@ -15,33 +15,33 @@ def make(real, compiled=plain, anchors=1):
     tether, tethered, squared_length = formulas.tether, formulas.tethered, formulas.squared_length_3d
 
     @compiled
-    def held_by(a, b, reach):
+    def restrained(a, b, max_distance):
         dx, dy, dz = a[0] - b[0], a[1] - b[1], a[2] - b[2]
-        factor = tether(squared_length(dx, dy, dz), reach)
+        factor = tether(squared_length(dx, dy, dz), max_distance)
         return tethered(a[0], b[0], dx, factor), tethered(a[1], b[1], dy, factor), tethered(a[2], b[2], dz, factor)
 
-    held = _by_last(anchors, held_by, compiled)
+    restrained_by_all = _by_last(anchors, restrained, compiled)
     for n in range(anchors - 1, 0, -1):
-        held = _by_next(n, held_by, held, compiled)
+        restrained_by_all = _by_next(n, restrained, restrained_by_all, compiled)
 
     @compiled
     def project(points, before, weights, values, multipliers, constants):
-        return (held(points[0], points, values),), multipliers
+        return (restrained_by_all(points[0], points, values),), multipliers
 
     return SimpleNamespace(project=project)
 
 
-def _by_last(n, held_by, compiled):
+def _by_last(n, restrained, compiled):
     @compiled
     def last(a, points, values):
-        return held_by(a, points[n], values[n - 1])
+        return restrained(a, points[n], values[n - 1])
 
     return last
 
 
-def _by_next(n, held_by, others, compiled):
+def _by_next(n, restrained, others, compiled):
     @compiled
     def one_and_others(a, points, values):
-        return others(held_by(a, points[n], values[n - 1]), points, values)
+        return others(restrained(a, points[n], values[n - 1]), points, values)
 
     return one_and_others

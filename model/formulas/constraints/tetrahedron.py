@@ -31,12 +31,12 @@ from softlab.model.formulas import plain
 from softlab.model.formulas.bending import make as make_bending
 from softlab.model.formulas.constraints.tetrahedron_block import OPERATIONS as OPERATIONS_BLOCK
 from softlab.model.formulas.constraints.tetrahedron_block import OPERATIONS_DAMPER as OPERATIONS_BLOCK_DAMPER
-from softlab.model.formulas.constraints.tetrahedron_block import OPERATIONS_KEPT as OPERATIONS_BLOCK_KEPT
+from softlab.model.formulas.constraints.tetrahedron_block import OPERATIONS_SOFT as OPERATIONS_BLOCK_SOFT
 from softlab.model.formulas.constraints.tetrahedron_block import make_block
 from softlab.model.formulas.constraints.tetrahedron_hookean import OPERATIONS as OPERATIONS_HOOKEAN
 from softlab.model.formulas.constraints.tetrahedron_hookean import OPERATIONS_COMBINED, make_hookean
 from softlab.model.formulas.constraints.tetrahedron_hookean import OPERATIONS_DAMPER as OPERATIONS_HOOKEAN_DAMPER
-from softlab.model.formulas.constraints.tetrahedron_hookean import OPERATIONS_KEPT as OPERATIONS_HOOKEAN_KEPT
+from softlab.model.formulas.constraints.tetrahedron_hookean import OPERATIONS_SOFT as OPERATIONS_HOOKEAN_SOFT
 from softlab.model.formulas.distance import make as make_distance
 from softlab.model.formulas.elastic.deformation import (
     OPERATIONS_COFACTOR,
@@ -57,23 +57,23 @@ ROWS = 2
 COUNT = 10  # values: 6 of B (make_framed); at 6, 7 the compliances of C_D, C_H, 1 / (k V) [1/J]; J at rest; `time` [s]
 SOFT_SHAPE, SOFT_VOLUME, REST, TIME = range(6, COUNT)
 OPERATIONS_ROW = OPERATIONS_FRAMED_CORNERS + 27 + 9 + 28  # ..., the weight, the change, its application
-OPERATIONS_ROW_DAMPER, OPERATIONS_ROW_KEPT = 4 * 8 + 4, 2  # displacements of four corners; the kept multiplier
+OPERATIONS_ROW_DAMPER, OPERATIONS_ROW_SOFT = 4 * 8 + 4, 2  # displacements of four corners; the multiplier
 
 
 def operations(
-    material: int, item: int, damped: int = False, blocks: int = False, kept: int = False, alone: int = True
+    material: int, item: int, damped: int = False, blocks: int = False, soft: int = False, alone: int = True
 ) -> int:
     """Count the operations of one projection on numbers of `item` bytes; flags as in `make`."""
     rotation, volume = OPERATIONS_ROTATION[item], 0
-    row = OPERATIONS_ROW + damped * OPERATIONS_ROW_DAMPER + kept * OPERATIONS_ROW_KEPT
+    row = OPERATIONS_ROW + damped * OPERATIONS_ROW_DAMPER + soft * OPERATIONS_ROW_SOFT
     if alone:
         slope = rotation + 18 if material == COROTATED else OPERATIONS_COFACTOR + OPERATIONS_DETERMINANT
         volume = OPERATIONS_FRAMED + slope + row
     if material == HOOKEAN:
-        shape = OPERATIONS_HOOKEAN + damped * OPERATIONS_HOOKEAN_DAMPER + kept * OPERATIONS_HOOKEAN_KEPT
-        return OPERATIONS_FRAMED + shape + volume + (kept and alone) * OPERATIONS_COMBINED
+        shape = OPERATIONS_HOOKEAN + damped * OPERATIONS_HOOKEAN_DAMPER + soft * OPERATIONS_HOOKEAN_SOFT
+        return OPERATIONS_FRAMED + shape + volume + (soft and alone) * OPERATIONS_COMBINED
     shape = (
-        OPERATIONS_BLOCK + kept * OPERATIONS_BLOCK_KEPT if blocks else 18 + row + kept * OPERATIONS_ROW_KEPT
+        OPERATIONS_BLOCK + soft * OPERATIONS_BLOCK_SOFT if blocks else 18 + row + soft * OPERATIONS_ROW_SOFT
     )  # 18 for C_D^2
     if blocks and damped:
         shape += rotation + OPERATIONS_BLOCK_DAMPER
@@ -82,18 +82,18 @@ def operations(
     return OPERATIONS_FRAMED + rotation + shape + volume
 
 
-def make(real, compiled=plain, material=FIXED, damped=False, blocks=False, kept=True, alone=True):
+def make(real, compiled=plain, material=FIXED, damped=False, blocks=False, soft=True, alone=True):
     """Make `project` (see the package).
 
-    `material`: an index into MATERIALS; `damped`: include the damper; `blocks`: see the head of the file; `kept`:
+    `material`: an index into MATERIALS; `damped`: include the damper; `blocks`: see the head of the file; `soft`:
     multipliers may differ from 0; `alone`: include C_H (False where a voxel has it instead, voxel_volume.py).
     """
     softness, gradient, zero = make_bending(real, compiled).softness, make_framed(real, compiled).gradient, real(0)
-    terms, one_row = make_terms(real, compiled, material), make_row(real, compiled, damped, kept)
+    terms, one_row = make_terms(real, compiled, material), make_row(real, compiled, damped, soft)
     distortion, dilation, scaled = terms.distortion, terms.dilation, one_row.scaled
     row, row_of_length = one_row.row, one_row.row_of_length
-    block: Any = make_block(real, compiled, damped, kept) if blocks else None
-    hookean: Any = make_hookean(real, compiled, damped, kept) if material == HOOKEAN else None
+    block: Any = make_block(real, compiled, damped, soft) if blocks else None
+    hookean: Any = make_hookean(real, compiled, damped, soft) if material == HOOKEAN else None
     descend: Any = hookean.descend if hookean else None
     combined: Any = hookean.combined if hookean else None
 
@@ -134,7 +134,7 @@ def make(real, compiled=plain, material=FIXED, damped=False, blocks=False, kept=
         violation, g = dilation(gradient(points[0], points[1], points[2], points[3], values), values[REST])
         compliance = softness(constants[0], values[SOFT_VOLUME])
         points, second = row(points, before, weights, values, violation, g, compliance, multipliers[9], gamma)
-        if kept:
+        if soft:
             first = combined(first, second - multipliers[9], g)
         return points, (*first, second)
 
@@ -180,7 +180,7 @@ def make_terms(real, compiled, material):
     return SimpleNamespace(distortion=distortion, dilation=dilation)
 
 
-def make_row(real, compiled, damped, kept):
+def make_row(real, compiled, damped, soft):
     """Make `row` (one scalar constraint of four corners), `row_of_length` (one that is a length) and `scaled`."""
     shift, reciprocal = make_bending(real, compiled).shift, make_distance(real, compiled).reciprocal
     dot, corners, zero, one = make_lengths(real, compiled).dot, make_framed(real, compiled).corners, real(0), real(1)
@@ -191,18 +191,20 @@ def make_row(real, compiled, damped, kept):
         return dot(g[0], g[1], g[2], now[0] - before[0], now[1] - before[1], now[2] - before[2])
 
     @compiled
-    def change_of(violation, held, along, inverse):
+    def change_of(violation, accumulated, along, inverse):
         """Change of the multiplier."""
-        return ((-violation - held) - along) * inverse
+        return ((-violation - accumulated) - along) * inverse
 
     @compiled
     def scaled(scale, value):
         return scale * value
 
     @compiled
-    def changed(points, before, weights, values, violation, g, held, compliance, gamma):
-        """(corners after a constraint whose derivative by F is `g`, change of its multiplier). `held`: compliance times
-        the multiplier so far."""
+    def changed(points, before, weights, values, violation, g, accumulated, compliance, gamma):
+        """(corners after a constraint whose derivative by F is `g`, change of its multiplier).
+
+        `accumulated`: compliance times the multiplier so far.
+        """
         a, b, c, d = points
         wa, wb, wc, wd = weights
         ga, gb, gc, gd = corners(g, values)
@@ -213,7 +215,7 @@ def make_row(real, compiled, damped, kept):
         if damped:
             p, q, r, s = before
             along = scaled(gamma, (passed(ga, a, p) + passed(gb, b, q)) + (passed(gc, c, r) + passed(gd, d, s)))
-        change = change_of(violation, held, along, reciprocal(weight, one + gamma, compliance))
+        change = change_of(violation, accumulated, along, reciprocal(weight, one + gamma, compliance))
         moved = (
             shift(a, wa, ga[0], ga[1], ga[2], change), shift(b, wb, gb[0], gb[1], gb[2], change),
             shift(c, wc, gc[0], gc[1], gc[2], change), shift(d, wd, gd[0], gd[1], gd[2], change),
@@ -223,18 +225,18 @@ def make_row(real, compiled, damped, kept):
     @compiled
     def row(points, before, weights, values, violation, g, compliance, multiplier, gamma):
         """(corners after one constraint, its multiplier)."""
-        held = scaled(compliance, multiplier) if kept else zero
-        moved, change = changed(points, before, weights, values, violation, g, held, compliance, gamma)
+        accumulated = scaled(compliance, multiplier) if soft else zero
+        moved, change = changed(points, before, weights, values, violation, g, accumulated, compliance, gamma)
         return moved, multiplier + change
 
     @compiled
     def row_of_length(points, before, weights, values, squared, g, compliance, multiplier, gamma):
         """(corners, multiplier) as by `row`, for the length of `g` as the constraint; `squared`: that length squared.
         See the head of the file."""
-        length = sqrt(squared) if kept else zero
-        held = scaled(length, scaled(compliance, multiplier)) if kept else zero
-        soft = scaled(compliance, squared)
-        moved, change = changed(points, before, weights, values, squared, g, held, soft, gamma)
-        return moved, multiplier + scaled(length, change) if kept else zero
+        length = sqrt(squared) if soft else zero
+        accumulated = scaled(length, scaled(compliance, multiplier)) if soft else zero
+        scaled_compliance = scaled(compliance, squared)
+        moved, change = changed(points, before, weights, values, squared, g, accumulated, scaled_compliance, gamma)
+        return moved, multiplier + scaled(length, change) if soft else zero
 
     return SimpleNamespace(row=row, row_of_length=row_of_length, scaled=scaled)

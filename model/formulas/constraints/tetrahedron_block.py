@@ -27,10 +27,10 @@ from softlab.model.formulas.lengths import make as make_lengths
 
 OPERATIONS = 36 + 69 + 99 + 45 + 33 + 24  # 1 - S, H + alpha~, Z, R Z, corners, their displacement
 OPERATIONS_DAMPER = 36 + 30 + 18 + 6  # besides a rotation: F at the start, S0, their contribution, 1 + gamma
-OPERATIONS_KEPT = 45 + 16 + 49 + 9  # R'Y, its contribution, the skew part of Z, the new multipliers
+OPERATIONS_SOFT = 45 + 16 + 49 + 9  # R'Y, its contribution, the skew part of Z, the new multipliers
 
 
-def make_block(real, compiled, damped, kept):
+def make_block(real, compiled, damped, soft):
     """Make block(points, before, weights, values, compliance, multipliers, gamma) -> (points, nine multipliers)."""
     elastic, rotation, lyapunov = (
         make_framed(real, compiled),
@@ -79,8 +79,8 @@ def make_block(real, compiled, damped, kept):
         return dot(x, y, z, a[0], a[3], a[6]), dot(x, y, z, a[1], a[4], a[7]), dot(x, y, z, a[2], a[5], a[8])
 
     @compiled
-    def moved(point, weight, way):
-        return point[0] + weight * way[0], point[1] + weight * way[1], point[2] + weight * way[2]
+    def moved(point, weight, direction):
+        return point[0] + weight * direction[0], point[1] + weight * direction[1], point[2] + weight * direction[2]
 
     @compiled
     def block(points, before, weights, values, compliance, m, gamma):
@@ -93,7 +93,7 @@ def make_block(real, compiled, damped, kept):
             q = less(q, gamma, s, stretch(p, rotation(p)))
         h = system(values, weights, compliance, one + gamma)
         x, y, z = zero, zero, zero
-        if kept:
+        if soft:
             q, k = relieved(q, compliance, r, m)
             x, y, z = skew(h, k)
         q = symmetric(h, q)
@@ -106,7 +106,7 @@ def make_block(real, compiled, damped, kept):
             moved(points[0], weights[0], wa), moved(points[1], weights[1], wb), moved(points[2], weights[2], wc),
             moved(points[3], weights[3], wd),
         )  # fmt: skip
-        if not kept:
+        if not soft:
             return points, (zero, zero, zero, zero, zero, zero, zero, zero, zero)
         return points, (
             m[0] + x0, m[1] + x1, m[2] + x2, m[3] + x3, m[4] + x4, m[5] + x5, m[6] + x6, m[7] + x7, m[8] + x8,

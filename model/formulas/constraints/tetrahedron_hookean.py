@@ -30,13 +30,13 @@ from softlab.model.formulas.lengths import make as make_lengths
 
 OPERATIONS = 27 + 5 + 19 + 33 + 12 + 24 + 36 + 17 + 17 + 27 + 17 + 12 + 24  # cof, J, G, R B, w, R:D, D, q, x, applied
 OPERATIONS_COMBINED = 18
-OPERATIONS_KEPT = 3 * OPERATIONS_COMBINED  # multipliers: two reads, one write
+OPERATIONS_SOFT = 3 * OPERATIONS_COMBINED  # multipliers: two reads, one write
 # F at the start, A, A0, their difference, its stress, the sum; of q |D|^2, the slope and its square, D'D, its product,
 # 5
 OPERATIONS_DAMPER = 36 + 60 + 6 + 45 + OPERATIONS_COMBINED + 17 + 66 + 12 + 30 + 12 + 5
 
 
-def make_hookean(real, compiled=plain, damped=False, kept=True):
+def make_hookean(real, compiled=plain, damped=False, soft=True):
     """Make descend(points, before, weights, values, compliance, multipliers, gamma) -> (points, nine multipliers)."""
     framed, elastic = make_framed(real, compiled), make_gradient(real, compiled)
     dot, zero, two = make_lengths(real, compiled).dot, real(0), real(2)
@@ -51,8 +51,8 @@ def make_hookean(real, compiled=plain, damped=False, kept=True):
         return weight * row[0], weight * row[1], weight * row[2]
 
     @compiled
-    def shifted(point, scale, way):
-        return point[0] + scale * way[0], point[1] + scale * way[1], point[2] + scale * way[2]
+    def shifted(point, scale, direction):
+        return point[0] + scale * direction[0], point[1] + scale * direction[1], point[2] + scale * direction[2]
 
     @compiled
     def larger(a, b):
@@ -81,7 +81,7 @@ def make_hookean(real, compiled=plain, damped=False, kept=True):
         c = cofactor(f)
         excess = determinant(f, c) - two
         y = combined(f, excess, c)
-        if kept:
+        if soft:
             y = combined(y, compliance, combined(m, -m[9], c))
         grown = zero, zero, zero, zero, zero, zero
         if damped:
@@ -102,7 +102,7 @@ def make_hookean(real, compiled=plain, damped=False, kept=True):
             q = q + gamma * friction(f, d, grown, squared + squared)
         x = step_of(impulse, compliance, q)
         points = shifted(points[0], x, a), shifted(points[1], x, b), shifted(points[2], x, e), shifted(points[3], x, g)
-        return points, (combined(m, x, r) if kept else (zero, zero, zero, zero, zero, zero, zero, zero, zero))
+        return points, (combined(m, x, r) if soft else (zero, zero, zero, zero, zero, zero, zero, zero, zero))
 
     return SimpleNamespace(descend=descend, combined=combined)
 

@@ -55,19 +55,19 @@ def make_gradients(real, compiled=plain):
         return -p[0], -p[1], -p[2]
 
     @compiled
-    def less_two(own, plus, minus, more):
-        """own + plus - minus - more: two of the four tetrahedra at the corner are negative."""
+    def less_two(first, plus, minus, more):
+        """first + plus - minus - more: two of the four tetrahedra at the corner are negative."""
         return (
-            (own[0] + plus[0]) - (minus[0] + more[0]), (own[1] + plus[1]) - (minus[1] + more[1]),
-            (own[2] + plus[2]) - (minus[2] + more[2]),
+            (first[0] + plus[0]) - (minus[0] + more[0]), (first[1] + plus[1]) - (minus[1] + more[1]),
+            (first[2] + plus[2]) - (minus[2] + more[2]),
         )  # fmt: skip
 
     @compiled
-    def less_one(own, plus, more, minus):
-        """own + plus + more - minus: one of the four tetrahedra at the corner is negative."""
+    def less_one(first, plus, more, minus):
+        """first + plus + more - minus: one of the four tetrahedra at the corner is negative."""
         return (
-            (own[0] + plus[0]) + (more[0] - minus[0]), (own[1] + plus[1]) + (more[1] - minus[1]),
-            (own[2] + plus[2]) + (more[2] - minus[2]),
+            (first[0] + plus[0]) + (more[0] - minus[0]), (first[1] + plus[1]) + (more[1] - minus[1]),
+            (first[2] + plus[2]) + (more[2] - minus[2]),
         )  # fmt: skip
 
     @compiled
@@ -86,8 +86,8 @@ def make_gradients(real, compiled=plain):
     return gradients
 
 
-def make(real, compiled=plain, damped=False, kept=True):
-    """Make `project` (see the package). `damped`: include the damper; `kept`: multipliers may differ from 0."""
+def make(real, compiled=plain, damped=False, soft=True):
+    """Make `project` (see the package). `damped`: include the damper; `soft`: multipliers may differ from 0."""
     softness, shift = make_bending(real, compiled).softness, make_bending(real, compiled).shift
     reciprocal, dot = make_distance(real, compiled).reciprocal, make_lengths(real, compiled).dot
     gradients, zero, one = make_gradients(real, compiled), real(0), real(1)
@@ -122,26 +122,26 @@ def make(real, compiled=plain, damped=False, kept=True):
         violation, gamma = scaled(scale, six) - values[2], zero
         if damped:
             gamma = scaled(constants[1], values[3])
-            way = ((passed(g[0], points[0], before[0]) + passed(g[1], points[1], before[1]))
-                   + (passed(g[2], points[2], before[2]) + passed(g[3], points[3], before[3]))
-                   + (passed(g[4], points[4], before[4]) + passed(g[5], points[5], before[5]))
-                   + (passed(g[6], points[6], before[6]) + passed(g[7], points[7], before[7])))  # fmt: skip
-            violation = violation + scaled(gamma, scaled(scale, way))
-        held = scaled(compliance, multipliers[0]) if kept else zero
+            travel = ((passed(g[0], points[0], before[0]) + passed(g[1], points[1], before[1]))
+                      + (passed(g[2], points[2], before[2]) + passed(g[3], points[3], before[3]))
+                      + (passed(g[4], points[4], before[4]) + passed(g[5], points[5], before[5]))
+                      + (passed(g[6], points[6], before[6]) + passed(g[7], points[7], before[7])))  # fmt: skip
+            violation = violation + scaled(gamma, scaled(scale, travel))
+        accumulated = scaled(compliance, multipliers[0]) if soft else zero
         change = scaled(
-            -violation - held, reciprocal(scaled(scale, scaled(scale, weight)), one + gamma, compliance)
+            -violation - accumulated, reciprocal(scaled(scale, scaled(scale, weight)), one + gamma, compliance)
         )  # fmt: skip
-        way = scaled(scale, change)
+        travel = scaled(scale, change)
         moved = (
-            shift(points[0], weights[0], g[0][0], g[0][1], g[0][2], way),
-            shift(points[1], weights[1], g[1][0], g[1][1], g[1][2], way),
-            shift(points[2], weights[2], g[2][0], g[2][1], g[2][2], way),
-            shift(points[3], weights[3], g[3][0], g[3][1], g[3][2], way),
-            shift(points[4], weights[4], g[4][0], g[4][1], g[4][2], way),
-            shift(points[5], weights[5], g[5][0], g[5][1], g[5][2], way),
-            shift(points[6], weights[6], g[6][0], g[6][1], g[6][2], way),
-            shift(points[7], weights[7], g[7][0], g[7][1], g[7][2], way),
+            shift(points[0], weights[0], g[0][0], g[0][1], g[0][2], travel),
+            shift(points[1], weights[1], g[1][0], g[1][1], g[1][2], travel),
+            shift(points[2], weights[2], g[2][0], g[2][1], g[2][2], travel),
+            shift(points[3], weights[3], g[3][0], g[3][1], g[3][2], travel),
+            shift(points[4], weights[4], g[4][0], g[4][1], g[4][2], travel),
+            shift(points[5], weights[5], g[5][0], g[5][1], g[5][2], travel),
+            shift(points[6], weights[6], g[6][0], g[6][1], g[6][2], travel),
+            shift(points[7], weights[7], g[7][0], g[7][1], g[7][2], travel),
         )
-        return moved, (multipliers[0] + change if kept else zero,)
+        return moved, (multipliers[0] + change if soft else zero,)
 
     return SimpleNamespace(project=project)

@@ -20,10 +20,10 @@ OPERATIONS = 9
 
 def weights(rho: float, iterations: int, real: type) -> np.ndarray:
     """Return w of each sweep, (iterations,), 1 for the first two, in the arithmetic `real`."""
-    squared, found = real(rho) * real(rho), [real(1), real(1)]
+    squared, factors = real(rho) * real(rho), [real(1), real(1)]
     for number in range(2, iterations):
-        found.append(real(2) / (real(2) - squared) if number == 2 else real(4) / (real(4) - squared * found[-1]))
-    return np.array(found[:iterations], real)
+        factors.append(real(2) / (real(2) - squared) if number == 2 else real(4) / (real(4) - squared * factors[-1]))
+    return np.array(factors[:iterations], real)
 
 
 def make(real, compiled=plain):

@@ -114,19 +114,19 @@ def make(real, compiled=plain):
         """h plus the 3 x 3 block from corner q to corner p, whose rows of B are `o` and `p`: (p'N o) I + mu (p'o) F F'
         + mu (F o)(F p)' + lambda (F p)(F o)'."""
         nx, ny, nz = symmetric(n, o[0], o[1], o[2])
-        own, shear = dot(p[0], p[1], p[2], nx, ny, nz), mu * dot(p[0], p[1], p[2], o[0], o[1], o[2])
+        isotropic, shear = dot(p[0], p[1], p[2], nx, ny, nz), mu * dot(p[0], p[1], p[2], o[0], o[1], o[2])
         px, py, pz = times(f, p[0], p[1], p[2])
         ox, oy, oz = times(f, o[0], o[1], o[2])
         return (
-            h[0] + ((own + shear * ff[0]) + (mu + lame) * (px * ox)),
+            h[0] + ((isotropic + shear * ff[0]) + (mu + lame) * (px * ox)),
             h[1] + (shear * ff[3] + (mu * (ox * py) + lame * (px * oy))),
             h[2] + (shear * ff[4] + (mu * (ox * pz) + lame * (px * oz))),
             h[3] + (shear * ff[3] + (mu * (oy * px) + lame * (py * ox))),
-            h[4] + ((own + shear * ff[1]) + (mu + lame) * (py * oy)),
+            h[4] + ((isotropic + shear * ff[1]) + (mu + lame) * (py * oy)),
             h[5] + (shear * ff[5] + (mu * (oy * pz) + lame * (py * oz))),
             h[6] + (shear * ff[4] + (mu * (oz * px) + lame * (pz * ox))),
             h[7] + (shear * ff[5] + (mu * (oz * py) + lame * (pz * oy))),
-            h[8] + ((own + shear * ff[2]) + (mu + lame) * (pz * oz)),
+            h[8] + ((isotropic + shear * ff[2]) + (mu + lame) * (pz * oz)),
         )  # fmt: skip
 
     return SimpleNamespace(

@@ -27,7 +27,7 @@ OPERATIONS_CORNERS = 45 + 6  # three products with G, and their sum
 OPERATIONS_FRAMED, OPERATIONS_FRAMED_CORNERS = 9 + 27, 27 + 6  # the same with six numbers of B
 OPERATIONS_COFACTOR, OPERATIONS_DETERMINANT = 27, 5
 OPERATIONS_ROTATION = {size: 60 + 25 + OPERATIONS_MATRIX + near for size, near in OPERATIONS_NEAR.items()}
-TURNED = 1e-3  # fraction of a second column's square that must be perpendicular to the first one
+MIN_PERPENDICULAR = 1e-3  # fraction of a second column's square that must be perpendicular to the first one
 FOUR_UNITS = 4  # times the smallest normal number, as in rotation.py
 
 
@@ -138,7 +138,7 @@ def make_rotation(real, compiled=plain):
     error is only the shear, or from the identity where two columns do not make a frame.
     """
     zero, one = real(0), real(1)
-    least, across = real(FOUR_UNITS * np.finfo(real).tiny), real(TURNED)
+    least, across = real(FOUR_UNITS * np.finfo(real).tiny), real(MIN_PERPENDICULAR)
     quaternions = make_quaternions(real, compiled)
     near = make_near(real, compiled, quaternions)
     rotation_3d_near, rotation_3d_far = (

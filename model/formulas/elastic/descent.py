@@ -54,7 +54,7 @@ def operations(material: int, item: int, damped: bool) -> int:
 
 
 def make(real, compiled=plain, material=FIXED, damped=False):
-    """Make `held`, `element` and the functions of `make_vertex`.
+    """Make `initial_strain`, `element` and the functions of `make_vertex`.
 
     `material`: an index into MATERIALS; `damped`: include the damper. Corners of tetrahedra and their B are as in
     formulas/elastic/deformation.py.
@@ -71,7 +71,7 @@ def make(real, compiled=plain, material=FIXED, damped=False):
     zero, half, nothing = real(0), real(0.5), (real(0),) * STRAINS
 
     @compiled
-    def held(points, values):
+    def initial_strain(points, values):
         """E, six numbers, of the four corners at the start of a substep."""
         return strain(gradient(points[0], points[1], points[2], points[3], values))
 
@@ -104,18 +104,18 @@ def make(real, compiled=plain, material=FIXED, damped=False):
         fx, fy, fz = times(p, x, y, z)
         gx, gy, gz = times(g, x, y, z)
         shape, pressure, excess = values[9], values[10], pull - values[9]
-        own = shape * dot(x, y, z, x, y, z)
+        shear = shape * dot(x, y, z, x, y, z)
         px, py, pz = pressure * gx, pressure * gy, pressure * gz
-        xx, yy, zz, xy, xz, yz = own + px * gx, own + py * gy, own + pz * gz, px * gy, px * gz, py * gz
+        xx, yy, zz, xy, xz, yz = shear + px * gx, shear + py * gy, shear + pz * gz, px * gy, px * gz, py * gz
         if stretches:
             turn = turning(f, r, x, y, z, excess)
             xx, yy, zz = xx + turn[0], yy + turn[1], zz + turn[2]
             xy, xz, yz = xy + turn[3], xz + turn[4], yz + turn[5]
         if damped:
             nx, ny, nz = symmetric(n, x, y, z)
-            own = max(dot(x, y, z, nx, ny, nz), zero)
+            shear = max(dot(x, y, z, nx, ny, nz), zero)
             h = resisting_block(
-                (own, zero, zero, zero, own, zero, zero, zero, own),
+                (shear, zero, zero, zero, shear, zero, zero, zero, shear),
                 f,
                 squared(f),
                 nothing,
@@ -128,7 +128,7 @@ def make(real, compiled=plain, material=FIXED, damped=False):
             xy, xz, yz = xy + h[1], xz + h[2], yz + h[5]
         return fx, fy, fz, xx, yy, zz, xy, xz, yz
 
-    return SimpleNamespace(held=held, element=element, **vars(vertex))
+    return SimpleNamespace(initial_strain=initial_strain, element=element, **vars(vertex))
 
 
 def make_matrices(real, compiled=plain):

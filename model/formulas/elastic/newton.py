@@ -45,19 +45,19 @@ def make_search(real, compiled=plain):
     converged = real(CONVERGED[np.dtype(real).itemsize])
 
     @compiled
-    def after_looking(phase, halvings, energy, trial, noise, share, slope):
-        """(next pass, energy, share, halvings)"""
+    def after_looking(phase, halvings, energy, trial, noise, fraction, slope):
+        """(next pass, energy, fraction, halvings)"""
         if phase == BEHIND:
-            return ACCEPT, trial, share, halvings
+            return ACCEPT, trial, fraction, halvings
         if phase == BEFORE:
             if trial < energy:
-                return ACCEPT, trial, share, halvings
-            return RETURN, energy, share, halvings
-        if trial <= (energy + downhill * share * slope) + noise:
-            return ACCEPT, trial, share, halvings
+                return ACCEPT, trial, fraction, halvings
+            return RETURN, energy, fraction, halvings
+        if trial <= (energy + downhill * fraction * slope) + noise:
+            return ACCEPT, trial, fraction, halvings
         if halvings + 1 < MOST_HALVINGS:
-            return MOVE, energy, half * share, halvings + 1
-        return RETURN, energy, share, halvings
+            return MOVE, energy, half * fraction, halvings + 1
+        return RETURN, energy, fraction, halvings
 
     @compiled
     def after_moving(kind, phase, safe, steps, energy, slope, iterations):
@@ -85,27 +85,27 @@ def make_control(real, compiled=plain):
     after_looking, after_moving = search.after_looking, search.after_moving
 
     @compiled
-    def after_solving(kind, safe, products, squared, enough, found, floor):
+    def after_solving(kind, safe, products, squared, enough, value, floor):
         """(next pass, safe, products, squared, enough, alpha, beta) within conjugate gradients."""
         if kind == PRODUCT:
-            if found > zero:
-                return UPDATE, safe, products, squared, enough, squared / found, zero
+            if value > zero:
+                return UPDATE, safe, products, squared, enough, squared / value, zero
             if safe == 0:
                 return BLOCKS, 1, products, squared, enough, zero, zero
             return MOVE if products > 0 else FINISH, safe, products, squared, enough, zero, zero
         if kind == UPDATE:
             return RESTRICT, safe, products + 1, squared, enough, zero, zero
         if products == 0:
-            enough = max(near * found, floor)
-            return DIRECTION if found > floor else FINISH, safe, 0, found, enough, zero, zero
-        if found > enough and products < MOST_PRODUCTS:
-            return DIRECTION, safe, products, found, enough, zero, found / squared
-        return MOVE, safe, products, found, enough, zero, zero
+            enough = max(near * value, floor)
+            return DIRECTION if value > floor else FINISH, safe, 0, value, enough, zero, zero
+        if value > enough and products < MOST_PRODUCTS:
+            return DIRECTION, safe, products, value, enough, zero, value / squared
+        return MOVE, safe, products, value, enough, zero, zero
 
     @compiled
     def after(kind, counts, values, first, second, iterations, floor):
         phase, safe, products, steps, halvings = counts
-        energy, trial, noise, squared, enough, alpha, beta, share, slope, unsure = values
+        energy, trial, noise, squared, enough, alpha, beta, fraction, slope, unsure = values
         later = kind + 1
         if kind == BEGIN:
             phase, safe, steps = BEHIND, 0, 0
@@ -113,7 +113,7 @@ def make_control(real, compiled=plain):
             trial, noise = first, second
         elif kind == WEIGH:
             trial, noise = trial + first, noise + second
-            later, energy, share, halvings = after_looking(phase, halvings, energy, trial, unsure, share, slope)
+            later, energy, fraction, halvings = after_looking(phase, halvings, energy, trial, unsure, fraction, slope)
             if later == ACCEPT:  # of the accepted state: the noise of a trial may be infinite
                 unsure = noise
         elif kind in (ACCEPT, RETURN):
@@ -126,7 +126,7 @@ def make_control(real, compiled=plain):
             later, safe, products, squared, enough, alpha, beta = after_solving(
                 kind, safe, products, squared, enough, first, floor
             )  # fmt: skip
-            share, halvings = one, 0
+            fraction, halvings = one, 0
         elif kind == DIRECTION:
             later = PRODUCT
         elif kind == MOVE:
@@ -136,7 +136,7 @@ def make_control(real, compiled=plain):
         elif kind == FINISH:
             later = BEGIN
         counts = phase, safe, products, steps, halvings
-        return later, counts, (energy, trial, noise, squared, enough, alpha, beta, share, slope, unsure)
+        return later, counts, (energy, trial, noise, squared, enough, alpha, beta, fraction, slope, unsure)
 
     return SimpleNamespace(after=after)
 
@@ -147,10 +147,10 @@ def make(real, compiled=plain):
     eps = real(np.finfo(real).eps)
 
     @compiled
-    def doubt(held, volume, mu, lame, hookean):
-        """Rounding error [J] of the energy of a tetrahedron, W = `held`, by rounding of F's entries."""
+    def doubt(energy, volume, mu, lame, hookean):
+        """Rounding error [J] of the energy of a tetrahedron, W = `energy`, by rounding of F's entries."""
         stiff = (mu + mu) + lame
-        strain = four * sqrt(stiff * abs(held)) + eps * stiff
+        strain = four * sqrt(stiff * abs(energy)) + eps * stiff
         if hookean:
             strain = strain + mu
         return eps * (volume * strain)
@@ -161,13 +161,13 @@ def make(real, compiled=plain):
         return mean / weight
 
     @compiled
-    def kept(inertia, x, y, z):
+    def inertial_energy(inertia, x, y, z):
         """Energy [J] of a displacement from the inertial position."""
         return half * inertia * ((x * x + y * y) + z * z)
 
     @compiled
-    def moved(x, share, d):
-        return x + share * d
+    def moved(x, fraction, d):
+        return x + fraction * d
 
     @compiled
     def outer(x, y, z, hard):
@@ -187,4 +187,6 @@ def make(real, compiled=plain):
         s = one / whole if good else zero
         return s * p, s * q, s * r, s * (a * f - c * c), s * (b * c - a * e), s * minor, good
 
-    return SimpleNamespace(doubt=doubt, inertia_of=inertia_of, kept=kept, moved=moved, outer=outer, inverse=inverse)
+    return SimpleNamespace(
+        doubt=doubt, inertia_of=inertia_of, inertial_energy=inertial_energy, moved=moved, outer=outer, inverse=inverse
+    )

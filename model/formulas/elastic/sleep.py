@@ -11,18 +11,18 @@ from types import SimpleNamespace
 
 from softlab.model.formulas import plain
 
-SHARE = 0.05  # of the velocity that gravity adds in a substep
+GRAVITY_FRACTION = 0.05  # of the velocity that gravity adds in a substep
 OPERATIONS = 20
 
 
 def make(real, compiled=plain):
     """Make `is_slow` in the arithmetic `real`."""
-    share = real(SHARE)
+    fraction = real(GRAVITY_FRACTION)
 
     @compiled
     def is_slow(v, w, speed, gravity, h):
         """True if a vertex of velocity v, which was w a substep of h [s] ago, may sleep."""
-        x, y, z, most = v[0] - w[0], v[1] - w[1], v[2] - w[2], share * (gravity * h)
+        x, y, z, most = v[0] - w[0], v[1] - w[1], v[2] - w[2], fraction * (gravity * h)
         squared = (v[0] * v[0] + v[1] * v[1]) + v[2] * v[2]
         return (squared < speed * speed) & ((x * x + y * y) + z * z < most * most)
 

@@ -36,24 +36,24 @@ def make(real, compiled=plain):
     @compiled
     def weight(values, corner):
         """Weight of a corner in C."""
-        found = one
+        factor = one
         if corner == 1:
-            found = -values[0]
+            factor = -values[0]
         if corner == 2:
-            found = -values[1]
+            factor = -values[1]
         if corner == 3:
-            found = -values[2]
+            factor = -values[2]
         if corner == 4:
-            found = -values[3]
-        return found
+            factor = -values[3]
+        return factor
 
     @compiled
     def pull(points, values, corner):
         """(derivative by a corner, diagonal entry of its block, energy)."""
         x, y, z = apart(points, values)
-        share, hard = weight(values, corner), values[7]
-        force = hard * share
-        held = half * hard * ((x * x + y * y) + z * z)
-        return force * x, force * y, force * z, force * share, held
+        factor, hard = weight(values, corner), values[7]
+        force = hard * factor
+        energy = half * hard * ((x * x + y * y) + z * z)
+        return force * x, force * y, force * z, force * factor, energy
 
     return SimpleNamespace(pull=pull)

@@ -27,10 +27,10 @@ def make(real, compiled=plain):
     `x`, `v`: at the first stage's end; `start`: velocity at its start; `h`: its length [s], a fraction STAGE of the
     substep.
     """
-    reach = real(sqrt(2))
+    scale = real(sqrt(2))
 
     @compiled
     def ahead(x, v, start, h):
-        return x + (reach * h) * v, v + reach * (v - start)
+        return x + (scale * h) * v, v + scale * (v - start)
 
     return ahead

@@ -78,8 +78,8 @@ def make_stress(real, compiled=plain):
         ratio = determinant(f, cofactors)
         if material == HOOKEAN:
             off, rest, pressure = ratio - alpha, one - alpha, lame + mu
-            held = half * mu * (squared(f) - three) + half * pressure * ((off - rest) * (off + rest))
-            return held, mixed(mu, f, pressure * off, cofactors)
+            energy = half * mu * (squared(f) - three) + half * pressure * ((off - rest) * (off + rest))
+            return energy, mixed(mu, f, pressure * off, cofactors)
         d = mixed(one, f, -one, r)
         if material == FIXED:
             off = ratio - one
@@ -147,9 +147,9 @@ def make_moduli(real, compiled=plain):
     return SimpleNamespace(moduli=moduli, raised=raised)
 
 
-def make_blocks(real, compiled, turned):
-    """Make `frame`, `block`, `differential` and `seen_in`; `turned`: the functions of `make_axes`."""
-    axes, product, transposed_product = turned.axes, turned.product, turned.transposed_product
+def make_blocks(real, compiled, axes_functions):
+    """Make `frame`, `block`, `differential` and `seen_in`; `axes_functions`: the functions of `make_axes`."""
+    axes, product, transposed_product = axes_functions.axes, axes_functions.product, axes_functions.transposed_product
     dot, half = make_lengths(real, compiled).dot, real(0.5)
 
     @compiled

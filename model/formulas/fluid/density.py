@@ -42,12 +42,12 @@ def make(real, compiled=plain):
         return density_scale * (total - lattice_sum) + wall
 
     @compiled
-    def factor(relaxation, weight, gx, gy, gz, own, wx, wy, wz, softness):
-        """-(change of the multiplier) [m^2] over C_i: relaxation / (w_i |g + w|^2 + own + softness). g: gradient by
+    def factor(relaxation, weight, gx, gy, gz, neighbour_sum, wx, wy, wz, softness):
+        """-(change of the multiplier) [m^2] over C_i: relaxation / (w_i |g + w|^2 + neighbour_sum + softness). g: gradient by
         neighbours, w: by walls."""
         ax, ay, az = gx + wx, gy + wy, gz + wz
         across = (ax * ax + ay * ay) + az * az
-        return relaxation / (((weight * across) + own) + softness)
+        return relaxation / (((weight * across) + neighbour_sum) + softness)
 
     @compiled
     def change(multiplier, factor, c):
@@ -151,13 +151,13 @@ def make_neighbours(real, compiled=plain):
         return total - s * d
 
     @compiled
-    def own_added(total, weight, s, squared_distance):
+    def squares_added(total, weight, s, squared_distance):
         """Sum of w_j |grad_j C_i|^2 plus that of a neighbour. `weight`: the lightness of its fluid."""
         return total + weight * ((s * s) * squared_distance)
 
     return SimpleNamespace(
         squared=squared, wrapped=wrapped, within=within, apart=apart, near=near, closeness=closeness,
-        density_added=density_added, slope=slope, gradient_added=gradient_added, own_added=own_added,
+        density_added=density_added, slope=slope, gradient_added=gradient_added, squares_added=squares_added,
     )  # fmt: skip
 
 
@@ -189,23 +189,23 @@ def make_walls(real, compiled=plain):
         return -(wall_gradient * (t * t))
 
     @compiled
-    def rate(share, other):
-        """Derivative of `joined_density` by its argument `share`; `other`: its other argument."""
-        if max(share, other) < one:
+    def rate(density, other):
+        """Derivative of `joined_density` by its argument `density`; `other`: its other argument."""
+        if max(density, other) < one:
             return one - other
-        return one if share >= other else zero
+        return one if density >= other else zero
 
     @compiled
-    def joined_density(total, share):
+    def joined_density(total, density):
         """Sum of the walls so far and one more, less their overlap in a corner: m + n (1 - m) of the larger one m and
         the smaller one n, or m where it exceeds 1."""
-        larger = max(total, share)
-        return larger + min(total, share) * max(one - larger, zero)
+        larger = max(total, density)
+        return larger + min(total, density) * max(one - larger, zero)
 
     @compiled
-    def joined_gradient(gradient, total, slope, share, n):
+    def joined_gradient(gradient, total, slope, density, n):
         """Gradient of `joined_density`, one axis. `total`: before this wall; n: its normal."""
-        return gradient * rate(total, share) + (slope * n) * rate(share, total)
+        return gradient * rate(total, density) + (slope * n) * rate(density, total)
 
     return SimpleNamespace(
         beyond=beyond, wall_near=wall_near, wall_density=wall_density, wall_slope=wall_slope, rate=rate,

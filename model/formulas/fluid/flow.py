@@ -26,12 +26,12 @@ def make(real, compiled=plain):
         return whole + 1 if real(whole) < layers else whole
 
     @compiled
-    def emitted(point, way, layers, k, distance):
+    def emitted(point, direction, layers, k, distance):
         """Position of a particle of layer k, one axis.
 
         `point`: its place in the nozzle; `layers`: how many have passed; `distance`: between layers [m].
         """
-        return point + way * ((layers - real(k)) * distance)
+        return point + direction * ((layers - real(k)) * distance)
 
     @compiled
     def in_box(dx, dy, dz, hx, hy, hz):

@@ -50,7 +50,7 @@ def make(real, compiled=plain):
         return position + dt * velocity
 
     @compiled
-    def turned_round(position, low, high, side):
+    def wrapped_offset(position, low, high, side):
         """Offset [m] that wraps a coordinate on an axis that repeats from low to high."""
         if position < low:
             return side
@@ -62,22 +62,22 @@ def make(real, compiled=plain):
         return (position - before) * inverse_dt
 
     @compiled
-    def held_back(velocity, meant, difference, most):
-        """Velocity whose difference from that before the corrections (`meant`) is limited to `most`, one axis.
+    def limited_change(velocity, before, difference, most):
+        """Velocity whose difference from that before the corrections (`before`) is limited to `most`, one axis.
         `difference`: length of the whole difference."""
-        return meant + (velocity - meant) * (most / difference) if difference > most else velocity
+        return before + (velocity - before) * (most / difference) if difference > most else velocity
 
     @compiled
     def braked(velocity, dt, drag, surface_drag, c):
         """Velocity after drag [1/s] and the surface's drag, one axis. The surface drag counts by the fraction by which
         the constraint c is negative."""
-        share = min(max(-c, zero), one)
-        return velocity / (one + dt * (drag + surface_drag * share))
+        fraction = min(max(-c, zero), one)
+        return velocity / (one + dt * (drag + surface_drag * fraction))
 
     neighbours = make_pairs(real, compiled, half, two)
     alone = SimpleNamespace(
         accelerated=accelerated, buoyant=buoyant, speed_of=speed_of, slowed=slowed, drifted=drifted,
-        turned_round=turned_round, velocity_of=velocity_of, held_back=held_back, braked=braked,
+        wrapped_offset=wrapped_offset, velocity_of=velocity_of, limited_change=limited_change, braked=braked,
     )  # fmt: skip
     return joined(alone, neighbours)
 
@@ -87,7 +87,7 @@ def make_pairs(real, compiled, half, two):
     zero, one, four = real(0), real(1), real(4)
 
     @compiled
-    def smooth_share(t, viscosity, other_viscosity, weight, other_weight):
+    def smoothing_weight(t, viscosity, other_viscosity, weight, other_weight):
         """XSPH's fraction of a velocity difference that i takes from j.
 
         `viscosity`: of each fluid, including the kernel's scale; weights: w_i and w_j of the two fluids.
@@ -96,9 +96,9 @@ def make_pairs(real, compiled, half, two):
         return (mean * ((two * weight) / (weight + other_weight))) * ((t * t) * t)
 
     @compiled
-    def smooth_added(total, share, velocity, other_velocity):
+    def smooth_added(total, weight, velocity, other_velocity):
         """Sum of velocity differences plus that of a neighbour, one axis."""
-        return total + share * (other_velocity - velocity)
+        return total + weight * (other_velocity - velocity)
 
     @compiled
     def pull(squared_distance, inverse_support, cohesion, other_cohesion):
@@ -151,6 +151,6 @@ def make_pairs(real, compiled, half, two):
         return total
 
     return SimpleNamespace(
-        smooth_share=smooth_share, smooth_added=smooth_added, pull=pull, pull_added=pull_added,
+        smoothing_weight=smoothing_weight, smooth_added=smooth_added, pull=pull, pull_added=pull_added,
         tension_added=tension_added, smoothed=smoothed, curl_added=curl_added, rise_added=rise_added, confined=confined,
     )  # fmt: skip

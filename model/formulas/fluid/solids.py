@@ -39,7 +39,7 @@ def make(real, compiled=plain):
 
     @compiled
     def carried(lightness, volume):
-        """Mobility of a neighbour, as the `weight` of own_added: a sample's lightness times its volume squared."""
+        """Mobility of a neighbour, as the `weight` of squares_added: a sample's lightness times its volume squared."""
         return lightness * (volume * volume)
 
     @compiled
@@ -58,9 +58,9 @@ def make(real, compiled=plain):
         return (mean * (grip + other_grip)) * ((t * t) * t)
 
     @compiled
-    def rub_added(total, share, way, other_way):
-        """Sum of corrections plus that of `rub`, one axis. `way`, `other_way`: displacements in the substep [m]."""
-        return total + share * (other_way - way)
+    def rub_added(total, weight, displacement, other_displacement):
+        """Sum of corrections plus that of `rub`, one axis. Displacements: in the substep [m]."""
+        return total + weight * (other_displacement - displacement)
 
     @compiled
     def middle(x, y, z, a, b, c):
@@ -68,9 +68,9 @@ def make(real, compiled=plain):
         return (a * x + b * y) + c * z
 
     @compiled
-    def carried_on(total, share, correction):
+    def carried_on(total, weight, correction):
         """Push on a particle of a solid plus that on one more sample that it carries, one axis."""
-        return total + share * correction
+        return total + weight * correction
 
     return SimpleNamespace(
         counted=counted, counted_slope=counted_slope, carried=carried, both=both, rub=rub, rub_added=rub_added,

@@ -24,27 +24,27 @@ from softlab.model.formulas.triangle_tree import make_tree
 def make(real, compiled=plain):
     """Make `mesh_collider` and `distance_field` in the arithmetic `real`.
 
-    Both are (numbers, place, o (3), q (3), e (3), spin, turns, time, x, y, z, reach) -> (distance, nx, ny, nz), for a
-    point (x, y, z) [m] at `time` [s]. They return `reach` [m] and no normal where the distance exceeds it or has no
+    Both are (numbers, place, o (3), q (3), e (3), spin, turns, time, x, y, z, max_distance) -> (distance, nx, ny, nz), for a
+    point (x, y, z) [m] at `time` [s]. They return `max_distance` [m] and no normal where the distance exceeds it or has no
     direction. `place`: the index in `numbers` at which the collider's begin; the other arguments as in frame.py.
     """
     frame, moved = make_frame(real, compiled), make_cloth(real, compiled).moved
-    turned, sine_cosine = frame.turned, make_motion(real, compiled).sine_cosine
+    rotated, sine_cosine = frame.rotated, make_motion(real, compiled).sine_cosine
     zero, one = real(0), real(1)
 
     def seen(away):
-        """Wrap away(numbers, place, x, y, z, reach), in the collider's frame, into a function in the world's frame."""
+        """Wrap away(numbers, place, x, y, z, max_distance), in the collider's frame, into a function in the world's frame."""
 
         @compiled
-        def distance(numbers, place, ox, oy, oz, qx, qy, qz, ex, ey, ez, spin, turns, time, x, y, z, reach):
+        def distance(numbers, place, ox, oy, oz, qx, qy, qz, ex, ey, ez, spin, turns, time, x, y, z, max_distance):
             x, y, z = x - moved(ox, qx, time), y - moved(oy, qy, time), z - moved(oz, qz, time)
             sine, cosine = zero, one
             if spin != zero:
                 sine, cosine = sine_cosine(turns * time)
-                x, y, z = turned(x, y, z, ex, ey, ez, -sine, cosine)
-            length, nx, ny, nz = away(numbers, place, x, y, z, reach)
+                x, y, z = rotated(x, y, z, ex, ey, ez, -sine, cosine)
+            length, nx, ny, nz = away(numbers, place, x, y, z, max_distance)
             if spin != zero:
-                nx, ny, nz = turned(nx, ny, nz, ex, ey, ez, sine, cosine)
+                nx, ny, nz = rotated(nx, ny, nz, ex, ey, ez, sine, cosine)
             return length, nx, ny, nz
 
         return distance
@@ -55,14 +55,14 @@ def make(real, compiled=plain):
 
 
 def make_from_mesh(real, compiled):
-    """Make away(numbers, tree, x, y, z, reach) -> (distance, nx, ny, nz) of a mesh, in the arithmetic `real`."""
+    """Make away(numbers, tree, x, y, z, max_distance) -> (distance, nx, ny, nz) of a mesh, in the arithmetic `real`."""
     nearest, zero = make_tree(real, compiled).nearest, real(0)
 
     @compiled
-    def away(numbers, tree, x, y, z, reach):
-        squared, wx, wy, wz, place = nearest(numbers, tree, x, y, z, reach * reach)
+    def away(numbers, tree, x, y, z, max_distance):
+        squared, wx, wy, wz, place = nearest(numbers, tree, x, y, z, max_distance * max_distance)
         if place < 0 or not squared > zero:
-            return reach, zero, zero, zero
+            return max_distance, zero, zero, zero
         length = sqrt(squared)
         return length, wx / length, wy / length, wz / length
 
@@ -70,26 +70,26 @@ def make_from_mesh(real, compiled):
 
 
 def make_from_field(real, compiled):
-    """Make away(numbers, field, x, y, z, reach) -> (distance, nx, ny, nz) of a field, in the arithmetic `real`."""
+    """Make away(numbers, field, x, y, z, max_distance) -> (distance, nx, ny, nz) of a field, in the arithmetic `real`."""
     between, norm = make_cloth(real, compiled).between, make_lengths(real, compiled).length
     sample = make_field(real, compiled, between).sample
     zero, half, null = real(0), real(0.5), real(NULL)
 
     @compiled
-    def held(x, low, cells, per_metre):
+    def clamped(x, low, cells, per_metre):
         """Coordinate clamped to half a cell within the grid, one axis."""
         return min(max(x, low + half / per_metre), low + (cells - half) / per_metre)
 
     @compiled
-    def away(numbers, field, x, y, z, reach):
+    def away(numbers, field, x, y, z, max_distance):
         field, per_metre = np.int32(field), numbers[field + 6]
-        u = held(x, numbers[field + 3], numbers[field], per_metre)
-        v = held(y, numbers[field + 4], numbers[field + 1], per_metre)
-        w = held(z, numbers[field + 5], numbers[field + 2], per_metre)
+        u = clamped(x, numbers[field + 3], numbers[field], per_metre)
+        v = clamped(y, numbers[field + 4], numbers[field + 1], per_metre)
+        w = clamped(z, numbers[field + 5], numbers[field + 2], per_metre)
         distance, nx, ny, nz = sample(numbers, field, u, v, w)
         size = norm(nx, ny, nz)
         if not size * per_metre > null:
-            return reach, zero, zero, zero
+            return max_distance, zero, zero, zero
         return distance + norm(x - u, y - v, z - w), nx / size, ny / size, nz / size
 
     return away

@@ -24,8 +24,8 @@ def make(real, compiled=plain):
     sphere_entry = make_colliders(real, compiled).sphere_entry
 
     @compiled
-    def capsule_entry(ax, ay, az, bx, by, bz, ex, ey, ez, reach):
-        """Fraction of the segment from a to b after which it is within `reach` of the capsule's axis; 1 where
+    def capsule_entry(ax, ay, az, bx, by, bz, ex, ey, ez, radius):
+        """Fraction of the segment from a to b after which it is within `radius` of the capsule's axis; 1 where
         `sphere_entry` gives 1.
 
         a, b: from the axis' start; e: from its start to its end.
@@ -35,20 +35,20 @@ def make(real, compiled=plain):
             begin = ((ax * ex + ay * ey) + az * ez) / squared
             end = ((bx * ex + by * ey) + bz * ez) / squared
             part = sphere_entry(
-                ax - begin * ex, ay - begin * ey, az - begin * ez, bx - end * ex, by - end * ey, bz - end * ez, reach
+                ax - begin * ex, ay - begin * ey, az - begin * ez, bx - end * ex, by - end * ey, bz - end * ez, radius
             )
             along = begin + part * (end - begin)
             if part < one and along >= zero and along <= one:
                 return part
-        first = sphere_entry(ax, ay, az, bx, by, bz, reach)
-        return min(first, sphere_entry(ax - ex, ay - ey, az - ez, bx - ex, by - ey, bz - ez, reach))
+        first = sphere_entry(ax, ay, az, bx, by, bz, radius)
+        return min(first, sphere_entry(ax - ex, ay - ey, az - ez, bx - ex, by - ey, bz - ez, radius))
 
     @compiled
     def side_of(a):
         return one if a >= zero else -one
 
     @compiled
-    def met(a, b, half):
+    def crossing(a, b, half):
         """Fraction of the segment from a to b, along one axis, at which it crosses the face on a's side; -1 where it
         does not."""
         side = side_of(a)
@@ -69,7 +69,7 @@ def make(real, compiled=plain):
         a, b: from the centre; `h`: half the edges. n is 0 where the path does not enter, or ends inside and nearest to
         that face, by which the box's distance pushes it out anyway.
         """
-        tx, ty, tz = met(ax, bx, hx), met(ay, by, hy), met(az, bz, hz)
+        tx, ty, tz = crossing(ax, bx, hx), crossing(ay, by, hy), crossing(az, bz, hz)
         part = max(max(tx, ty), tz)
         if part < zero or part > one:
             return zero, zero, zero, zero

@@ -35,10 +35,10 @@ def make(real, compiled=plain):
         return mass * (position - first)
 
     @compiled
-    def added(total, way, rest):
+    def added(total, position, rest):
         """Moment plus that of one more entry: its weighted position along an axis times its rest offset along
         another."""
-        return total + way * rest
+        return total + position * rest
 
     @compiled
     def total(a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p):  # noqa: E741
@@ -46,15 +46,15 @@ def make(real, compiled=plain):
         return (((a + i) + (e + m)) + ((c + k) + (g + o))) + (((b + j) + (f + n)) + ((d + l) + (h + p)))
 
     @compiled
-    def upright(moment, way, lean):
+    def corrected(moment, position_sum, rest_offset):
         """Entry of A: along a current axis and one at rest."""
-        return moment - way * lean
+        return moment - position_sum * rest_offset
 
     @compiled
-    def centre(first, way, inverse_mass, a, b, c, x, y, z):
-        """Image of a rest offset of 0 [m], one axis, by a row of R: the centre of mass, corrected for the `lean` (x, y,
-        z)."""
-        return first + (way * inverse_mass - ((a * x + b * y) + c * z))
+    def centre(first, position_sum, inverse_mass, a, b, c, x, y, z):
+        """Image of a rest offset of 0 [m], one axis, by a row of R: the centre of mass, corrected for the rest
+        offset (x, y, z)."""
+        return first + (position_sum * inverse_mass - ((a * x + b * y) + c * z))
 
     @compiled
     def goal(centre, a, b, c, x, y, z):
@@ -62,19 +62,19 @@ def make(real, compiled=plain):
         return centre + ((a * x + b * y) + c * z)
 
     @compiled
-    def added_way(way, factor, goal, position):
+    def displacement_added(displacement, factor, goal, position):
         """Sum of displacements [m] of a particle to its goals, one axis.
 
         `factor`: the entry's weight in its particle times the fraction by which the cluster moves particles in an
         iteration.
         """
-        return way + factor * (goal - position)
+        return displacement + factor * (goal - position)
 
     @compiled
-    def arrived(position, way):
-        return position + way
+    def arrived(position, displacement):
+        return position + displacement
 
     return SimpleNamespace(
-        weighted=weighted, added=added, total=total, upright=upright, centre=centre, goal=goal, added_way=added_way,
-        arrived=arrived,
+        weighted=weighted, added=added, total=total, corrected=corrected, centre=centre, goal=goal,
+        displacement_added=displacement_added, arrived=arrived,
     )  # fmt: skip

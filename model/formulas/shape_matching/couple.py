@@ -25,7 +25,7 @@ import numpy as np
 
 from softlab.model.formulas import plain
 from softlab.model.formulas.lengths import make as make_lengths
-from softlab.model.formulas.shape_matching.pace import make as make_pace
+from softlab.model.formulas.shape_matching.pace import make as make_motion
 
 SUMS = 12  # of a cluster: mass times position; couples; m d d' (xx, yy, zz, xy, xz, yz), d from its first particle
 FARTHEST = 0.25  # rad: largest turn of a cluster by friction in a substep, however small it was squashed
@@ -42,13 +42,13 @@ def make(real, compiled=plain):
     zero, one, half, least, farthest = real(0), real(1), real(0.5), real(LEAST), real(FARTHEST)
     huge = real(np.finfo(real).max)
     squared_length_3d = make_lengths(real, compiled).squared_length_3d
-    clusters = make_pace(real, compiled)
+    clusters = make_motion(real, compiled)
     less, solved = clusters.less, clusters.solved
 
     @compiled
-    def levered(total, share, length, gripped, a, b, c, d):
-        """Sum of couples plus that of a contact, one axis: n x s is a b - c d, and p = -share gripped s."""
-        return total + share * ((half * length * gripped) * (a * b - c * d))
+    def levered(total, fraction, length, gripped, a, b, c, d):
+        """Sum of couples plus that of a contact, one axis: n x s is a b - c d, and p = -fraction gripped s."""
+        return total + fraction * ((half * length * gripped) * (a * b - c * d))
 
     @compiled
     def gathered(couple, weight, total):
@@ -71,13 +71,13 @@ def make(real, compiled=plain):
         return px + wx * k, py + wy * k, pz + wz * k, scale * ox, scale * oy, scale * oz
 
     @compiled
-    def turned(total, share, a, b, c, d):
+    def cross_added(total, fraction, a, b, c, d):
         """Sum of a particle's displacements plus that of a cluster's turn, one axis."""
-        return total + share * (a * b - c * d)
+        return total + fraction * (a * b - c * d)
 
     @compiled
-    def gone(position, way):
+    def gone(position, displacement):
         """Position after the displacement; the same bits where that is 0."""
-        return position + way if way != zero else position
+        return position + displacement if displacement != zero else position
 
-    return SimpleNamespace(levered=levered, gathered=gathered, spin=spin, turned=turned, gone=gone)
+    return SimpleNamespace(levered=levered, gathered=gathered, spin=spin, cross_added=cross_added, gone=gone)

@@ -130,7 +130,7 @@ def make_creep(real, compiled, maps, dot):
         return more + factor * other
 
     @compiled
-    def kept_volume(xx, xy, xz, yx, yy, yz, zx, zy, zz, limit):
+    def with_unit_volume(xx, xy, xz, yx, yy, yz, zx, zy, zz, limit):
         """(I + D over the cube root of its volume, 9 numbers; True if that exists), with D shortened to the length
         `limit`."""
         length = sqrt(
@@ -141,9 +141,9 @@ def make_creep(real, compiled, maps, dot):
         yx, yy, yz = k * yx, away(one, k, yy), k * yz
         zx, zy, zz = k * zx, k * zy, away(one, k, zz)
         volume = determinant(xx, xy, xz, yx, yy, yz, zx, zy, zz)
-        found = (volume > least) & (volume < largest)
-        s = one / cube_root(volume if found else one)
-        return s * xx, s * xy, s * xz, s * yx, s * yy, s * yz, s * zx, s * zy, s * zz, found
+        exists = (volume > least) & (volume < largest)
+        s = one / cube_root(volume if exists else one)
+        return s * xx, s * xy, s * xz, s * yx, s * yy, s * yz, s * zx, s * zy, s * zz, exists
 
     @compiled
     def strain(fxx, fxy, fxz, fyx, fyy, fyz, fzx, fzy, fzz, rxx, rxy, rxz, ryx, ryy, ryz, rzx, rzy, rzz):
@@ -158,19 +158,19 @@ def make_creep(real, compiled, maps, dot):
         )  # fmt: skip
 
     @compiled
-    def crept(exx, exy, exz, eyy, eyz, ezz, pxx, pxy, pxz, pyx, pyy, pyz, pzx, pzy, pzz, threshold, share, limit):
-        """Sp after an iteration: (I + `share` E) Sp where the strain E exceeds `threshold`, limited to `limit`, with
+    def crept(exx, exy, exz, eyy, eyz, ezz, pxx, pxy, pxz, pyx, pyy, pyz, pzx, pzy, pzz, threshold, rate, limit):
+        """Sp after an iteration: (I + `rate` E) Sp where the strain E exceeds `threshold`, limited to `limit`, with
         its volume unchanged. Below the threshold it is Sp itself, to the bit. Lengths are Frobenius norms."""
         length = sqrt(dot(exx, eyy, ezz, exx, eyy, ezz) + two * dot(exy, exz, eyz, exy, exz, eyz))
         mxx, mxy, mxz, myx, myy, myz, mzx, mzy, mzz = product(
             exx, exy, exz, exy, eyy, eyz, exz, eyz, ezz, pxx, pxy, pxz, pyx, pyy, pyz, pzx, pzy, pzz
         )
-        xx, xy, xz, yx, yy, yz, zx, zy, zz, found = kept_volume(
-            away(pxx, share, mxx) - one, away(pxy, share, mxy), away(pxz, share, mxz), away(pyx, share, myx),
-            away(pyy, share, myy) - one, away(pyz, share, myz), away(pzx, share, mzx), away(pzy, share, mzy),
-            away(pzz, share, mzz) - one, limit,
+        xx, xy, xz, yx, yy, yz, zx, zy, zz, exists = with_unit_volume(
+            away(pxx, rate, mxx) - one, away(pxy, rate, mxy), away(pxz, rate, mxz), away(pyx, rate, myx),
+            away(pyy, rate, myy) - one, away(pyz, rate, myz), away(pzx, rate, mzx), away(pzy, rate, mzy),
+            away(pzz, rate, mzz) - one, limit,
         )  # fmt: skip
-        go = found & (length > threshold) & (share > zero)
+        go = exists & (length > threshold) & (rate > zero)
         return (
             xx if go else pxx, xy if go else pxy, xz if go else pxz,
             yx if go else pyx, yy if go else pyy, yz if go else pyz,

@@ -32,24 +32,24 @@ def make(real, compiled=plain):
     one, zero = real(1), real(0)
 
     @compiled
-    def added_member(sum_x, sum_y, turn_x, turn_y, x, y, middle_x, middle_y, share, step, centre):
+    def added_member(sum_x, sum_y, turn_x, turn_y, x, y, middle_x, middle_y, weight, step, centre):
         """Sums along a row plus those of one more mass at (x, y): its weighted difference from the mass in the window's
         column, at the `middle` [m], and that times its rest offset, `step` minus the window's `centre` [spacings]."""
-        part_x, part_y = share * (x - middle_x), share * (y - middle_y)
+        part_x, part_y = weight * (x - middle_x), weight * (y - middle_y)
         offset = step - centre
         return sum_x + part_x, sum_y + part_y, turn_x + part_x * offset, turn_y + part_y * offset
 
     @compiled
-    def added_row(sums, sum_x, sum_y, turn_x, turn_y, middle_x, middle_y, here_x, here_y, mass, share, offset):
+    def added_row(sums, sum_x, sum_y, turn_x, turn_y, middle_x, middle_y, here_x, here_y, mass, weight, offset):
         """Sums of a window plus those of one more row.
 
         Returns 2 of differences, 2 of those times the offset along the rows, 2 of those times the row's `offset` below
         the centre. The row's sums are relative to `middle`, the result to `here`. `mass`: the sum of the row's weights.
         Rest offsets along the row times weights sum to 0, so that the rotational sums do not depend on the reference.
         """
-        part_x, part_y = share * (sum_x + mass * (middle_x - here_x)), share * (sum_y + mass * (middle_y - here_y))
+        part_x, part_y = weight * (sum_x + mass * (middle_x - here_x)), weight * (sum_y + mass * (middle_y - here_y))
         return (
-            sums[0] + part_x, sums[1] + part_y, sums[2] + share * turn_x, sums[3] + share * turn_y,
+            sums[0] + part_x, sums[1] + part_y, sums[2] + weight * turn_x, sums[3] + weight * turn_y,
             sums[4] + part_x * offset, sums[5] + part_y * offset,
         )  # fmt: skip
 
@@ -84,7 +84,7 @@ def make(real, compiled=plain):
         )  # fmt: skip
 
     @compiled
-    def added_goal_row(way_x, way_y, sums, x, y, middle_x, middle_y, count, down):
+    def added_goal_row(total_x, total_y, sums, x, y, middle_x, middle_y, count, down):
         """Sum of displacements from the mass at (x, y) to its goals plus those of a row of `count` clusters, whose sums
         are relative to `middle`.
 
@@ -93,13 +93,13 @@ def make(real, compiled=plain):
         """
         row_x = (sums[0] + count * (middle_x - x)) + (sums[2] + sums[5] * down)
         row_y = (sums[1] + count * (middle_y - y)) + (sums[3] - sums[4] * down)
-        return way_x + row_x, way_y + row_y
+        return total_x + row_x, total_y + row_y
 
     @compiled
-    def moved(position, row_share, column_share, matching, way):
+    def moved(position, row_weight, column_weight, matching, displacement):
         """Position [m], one axis, after the fraction `matching` of the mean displacement. The mass's weight in each of
         its clusters is a product."""
-        return position + row_share * column_share * matching * way
+        return position + row_weight * column_weight * matching * displacement
 
     return SimpleNamespace(
         added_member=added_member, added_row=added_row, cluster=cluster, rest_offset=rest_offset, added_goal=added_goal,

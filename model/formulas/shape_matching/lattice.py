@@ -42,15 +42,15 @@ def make(real, compiled=plain):
         return step - centre
 
     @compiled
-    def part_of(share, position, reference):
+    def part_of(weight, position, reference):
         """Weight of a mass times its position relative to a reference [m]."""
-        return share * (position - reference)
+        return weight * (position - reference)
 
     @compiled
-    def part_of_row(share, total, mass, position, reference):
+    def part_of_row(weight, total, mass, position, reference):
         """Contribution of sums along a row (or over a slice) of the `mass`, relative to `position`: weighted, and
         relative to another `reference` [m]."""
-        return share * (total + mass * (position - reference))
+        return weight * (total + mass * (position - reference))
 
     @compiled
     def added_turn(turn, part, lever):
@@ -74,25 +74,25 @@ def make(real, compiled=plain):
         return total * (inverse_slice * inverse)
 
     @compiled
-    def added_goal(way, total, count, position, reference, lever, column):
+    def added_goal(displacement, total, count, position, reference, lever, column):
         """Sum of displacements to goals plus those of one more row or slice of `count` clusters.
 
         They are relative to `position` before, and to the `reference` [m] after. The rotation's `column` maps the rest
         offset `lever` [m] along its axis.
         """
-        return way + ((total + count * (position - reference)) + lever * column)
+        return displacement + ((total + count * (position - reference)) + lever * column)
 
     @compiled
-    def ended(way, count, reference, position, lever, column):
+    def ended(displacement, count, reference, position, lever, column):
         """Sum of displacements of `count` clusters relative to a mass's own position [m], at its own place, `lever` [m]
         from the reference's along the axis."""
-        return (way + count * (reference - position)) + lever * column
+        return (displacement + count * (reference - position)) + lever * column
 
     @compiled
-    def moved(position, way, share_x, share_y, share_z, matching):
+    def moved(position, displacement, weight_x, weight_y, weight_z, matching):
         """Position [m], one axis, after the fraction `matching` of the mean displacement. The mass's weight in each of
         its clusters is a product."""
-        return position + ((share_x * share_y) * (share_z * matching)) * way
+        return position + ((weight_x * weight_y) * (weight_z * matching)) * displacement
 
     return SimpleNamespace(
         lever=lever, part_of=part_of, part_of_row=part_of_row, added_turn=added_turn, shifted=shifted, entry=entry,

@@ -36,13 +36,13 @@ def make(real, compiled=plain):
         return mass * (value - first)
 
     @compiled
-    def turned(total, a, b, c, d):
+    def cross_added(total, a, b, c, d):
         """Sum plus a component of a cross product."""
         return total + (a * b - c * d)
 
     @compiled
-    def added(total, way, other):
-        return total + way * other
+    def added(total, weight, other):
+        return total + weight * other
 
     @compiled
     def less(moment, a, b, inverse_mass):
@@ -83,13 +83,13 @@ def make(real, compiled=plain):
         return px + wx * k, py + wy * k, pz + wz * k, vx + ux * k, vy + uy * k, vz + uz * k, ox, oy, oz
 
     @compiled
-    def slowed(total, factor, pace, a, b, c, d, velocity):
+    def slowed(total, factor, centre_velocity, a, b, c, d, velocity):
         """Sum of velocity changes [m/s] of a particle towards its clusters' motions, one axis.
 
-        The rigid motion is `pace` + (a b - c d), the cross product of spin and position.
+        The rigid motion is `centre_velocity` + (a b - c d), the cross product of spin and position.
         """
-        return total + factor * ((pace + (a * b - c * d)) - velocity)
+        return total + factor * ((centre_velocity + (a * b - c * d)) - velocity)
 
     return SimpleNamespace(
-        weighted=weighted, turned=turned, added=added, less=less, solved=solved, motion=motion, slowed=slowed
+        weighted=weighted, cross_added=cross_added, added=added, less=less, solved=solved, motion=motion, slowed=slowed
     )

@@ -51,10 +51,10 @@ def make(real, compiled=plain):
         return one / (inverse_mass * mass) * (asked / got) if got > zero else zero
 
     @compiled
-    def rigid(pace, a, b, c, d):
+    def rigid(centre_velocity, a, b, c, d):
         """Rigid motion at a particle, one axis: its velocity at the centre plus the cross product of spin and
         position."""
-        return pace + (a * b - c * d)
+        return centre_velocity + (a * b - c * d)
 
     @compiled
     def enlarged(asked, worth, limit):
@@ -76,13 +76,13 @@ def make(real, compiled=plain):
         return min(min((asked_1 + asked_2) / worth, mean), (two / (one + restitution)) * least)
 
     @compiled
-    def joined(velocity, given):
-        return velocity + given
+    def joined(velocity, change):
+        return velocity + change
 
     @compiled
-    def rebounded(velocity, struck, whole):
+    def rebounded(velocity, received, whole):
         """Velocity with that of the whole body in place of that which the particle received by itself, one axis."""
-        return velocity + (whole - struck)
+        return velocity + (whole - received)
 
     return SimpleNamespace(
         weighed=weighed, touched=touched, asked=asked, squared=squared, wanted=wanted, bound=bound, rigid=rigid,

@@ -46,10 +46,10 @@ def make(real, compiled=plain):
         return travel + (position - before)
 
     @compiled
-    def settled(way, slack, position):
+    def settled(displacement, slack, position):
         """Displacement to a goal; 0 where it is no longer than roundings. `slack`: those of the body [m], 0 if it is
         not rigid."""
-        return zero if slack > zero and abs(way) <= slack + last_digit * abs(position) else way
+        return zero if slack > zero and abs(displacement) <= slack + last_digit * abs(position) else displacement
 
     @compiled
     def rate_over(travel, inverse_h):

@@ -33,7 +33,7 @@ RADIANS = 0.017453292519943295  # a degree
 
 
 def sine_and_cosine(angle: Any) -> tuple[Any, Any]:
-    """(sine, cosine) of an array or a number [rad]."""
+    """Return (sine, cosine) of an array or a number [rad]."""
     x = np.asarray(angle, dtype=np.float64)
     quarter = np.rint(x * TWO_OVER_PI)
     first, second, third = PARTS_OF_HALF_PI
@@ -50,24 +50,24 @@ def sine_and_cosine(angle: Any) -> tuple[Any, Any]:
 
 
 def sine(angle: Any) -> Any:
-    """Of an array or a number [rad]."""
+    """Return the sine of an array or a number [rad]."""
     return sine_and_cosine(angle)[0]
 
 
 def cosine(angle: Any) -> Any:
-    """Of an array or a number [rad]."""
+    """Return the cosine of an array or a number [rad]."""
     return sine_and_cosine(angle)[1]
 
 
 def _polynomial(coefficients: tuple[float, ...], z: np.ndarray) -> np.ndarray:
-    found = np.full_like(z, coefficients[-1])
+    value = np.full_like(z, coefficients[-1])
     for one in coefficients[-2::-1]:
-        found = one + z * found
-    return found
+        value = one + z * value
+    return value
 
 
 def _sine_near(x: np.ndarray, tail: np.ndarray) -> np.ndarray:
-    """Of x + tail in [-pi / 4, pi / 4]."""
+    """Return the sine of x + tail in [-pi / 4, pi / 4]."""
     z = x * x
     cube = z * x
     rest = _polynomial(SINE[1:], z)
@@ -87,12 +87,12 @@ def _each(values: Any, function: Callable[[Decimal], Decimal], special: Callable
     """`function` of each different value of an array or a number, with DIGITS; `special`: of those that are not finite."""
     array = np.asarray(values, dtype=np.float64)
     different, place = np.unique(array, return_inverse=True)
-    found = np.empty(len(different))
+    computed = np.empty(len(different))
     with localcontext(Context(prec=DIGITS)) as context:
         context.traps[Overflow] = False
         for k, one in enumerate(different.tolist()):
-            found[k] = special(one) if isinf(one) or isnan(one) else float(function(Decimal(one)))
-    result = found[place.reshape(array.shape)]
+            computed[k] = special(one) if isinf(one) or isnan(one) else float(function(Decimal(one)))
+    result = computed[place.reshape(array.shape)]
     return result if array.ndim else float(result)
 
 
@@ -108,13 +108,13 @@ def log1p(values: Any) -> Any:
 
 def whole_power(value: Any, exponent: int) -> Any:
     """x^n for a whole number of at least 1, x times x times x ..., from the left."""
-    found = value
+    product = value
     for _ in range(exponent - 1):
-        found = found * value
-    return found
+        product = product * value
+    return product
 
 
 def power(values: Any, exponent: float) -> Any:
     """x^exponent of finite x of at least 0, and an exponent over 0."""
-    own = Decimal(exponent)
-    return _each(values, lambda x: (own * x.ln()).exp() if x else x, lambda x: x)
+    exact_exponent = Decimal(exponent)
+    return _each(values, lambda x: (exact_exponent * x.ln()).exp() if x else x, lambda x: x)

@@ -13,44 +13,46 @@ SWEEPS = (
 
 
 def dot(a: Any, b: Any) -> Any:
-    """(...,): the sum over the last, short axis of a b, from the first product to the last."""
+    """Return (...,): the sum over the last, short axis of a b, from the first product to the last."""
     a, b = np.asarray(a), np.asarray(b)
-    found = a[..., 0] * b[..., 0]
+    partial_sum = a[..., 0] * b[..., 0]
     for k in range(1, a.shape[-1]):
-        found = found + a[..., k] * b[..., k]
-    return found
+        partial_sum = partial_sum + a[..., k] * b[..., k]
+    return partial_sum
 
 
 def norm(vectors: Any) -> Any:
-    """(...,): the length of vectors along the last axis: the root of `dot`; neither over- nor underflow is mended."""
+    """Return (...,): the length of vectors along the last axis: the root of `dot`; neither over- nor underflow is
+    mended."""
     return np.sqrt(dot(vectors, vectors))
 
 
 def product(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """(..., n, m): the products of matrices a (..., n, k) and b (..., k, m), k being small."""
+    """Return (..., n, m): the products of matrices a (..., n, k) and b (..., k, m), k being small."""
     a, b = np.asarray(a), np.asarray(b)
-    found = a[..., :, 0, None] * b[..., None, 0, :]
+    partial_sum = a[..., :, 0, None] * b[..., None, 0, :]
     for k in range(1, a.shape[-1]):
-        found = found + a[..., :, k, None] * b[..., None, k, :]
-    return np.asarray(found)
+        partial_sum = partial_sum + a[..., :, k, None] * b[..., None, k, :]
+    return np.asarray(partial_sum)
 
 
 def applied(matrix: np.ndarray, vectors: np.ndarray) -> np.ndarray:
-    """(..., n): matrices (..., n, k) times vectors (..., k)."""
+    """Return (..., n): matrices (..., n, k) times vectors (..., k)."""
     return np.asarray(dot(np.asarray(matrix), np.asarray(vectors)[..., None, :]))
 
 
 def combined(weights: np.ndarray, vectors: np.ndarray) -> np.ndarray:
-    """(..., d): the sum over k of weights (..., k) times vectors (..., k, d), k being small."""
-    found = weights[..., 0, None] * vectors[..., 0, :]
+    """Return (..., d): the sum over k of weights (..., k) times vectors (..., k, d), k being small."""
+    partial_sum = weights[..., 0, None] * vectors[..., 0, :]
     for k in range(1, weights.shape[-1]):
-        found = found + weights[..., k, None] * vectors[..., k, :]
-    return np.asarray(found)
+        partial_sum = partial_sum + weights[..., k, None] * vectors[..., k, :]
+    return np.asarray(partial_sum)
 
 
 def total(values: np.ndarray) -> Any:
-    """The sum over the first axis, exact but for one rounding, so that it has no order (J. R. Shewchuk, "Adaptive Precision
-    Floating-Point Arithmetic", Discrete and Computational Geometry 18 (1997)): a float, or (d,) of (n, d)."""
+    """Return the sum over the first axis, exact but for one rounding, so that it has no order (J. R. Shewchuk,
+    "Adaptive Precision Floating-Point Arithmetic", Discrete and Computational Geometry 18 (1997)): a float, or (d,) of
+    (n, d)."""
     values = np.asarray(values, dtype=np.float64)
     if values.ndim == 1:
         return fsum(values.tolist())
@@ -63,7 +65,7 @@ def mean(values: np.ndarray) -> Any:
 
 
 def determinant(matrices: np.ndarray) -> np.ndarray:
-    """(...,): of matrices (..., 3, 3) or (..., 2, 2), by the first row."""
+    """Return (...,): of matrices (..., 3, 3) or (..., 2, 2), by the first row."""
     m = np.asarray(matrices)
     if m.shape[-1] == 2:
         return np.asarray(m[..., 0, 0] * m[..., 1, 1] - m[..., 0, 1] * m[..., 1, 0])
@@ -71,7 +73,7 @@ def determinant(matrices: np.ndarray) -> np.ndarray:
 
 
 def inverse(matrices: np.ndarray) -> np.ndarray:
-    """(..., d, d): of regular matrices (..., d, d), d = 2 or 3, by cofactors over the determinant."""
+    """Return (..., d, d): of regular matrices (..., d, d), d = 2 or 3, by cofactors over the determinant."""
     m = np.asarray(matrices, dtype=np.float64)
     if m.shape[-1] == 2:
         (a, b), (c, d) = (m[..., 0, 0], m[..., 0, 1]), (m[..., 1, 0], m[..., 1, 1])
@@ -83,8 +85,8 @@ def inverse(matrices: np.ndarray) -> np.ndarray:
 
 
 def eigenvalues(symmetric: np.ndarray) -> np.ndarray:
-    """(..., d) float64, ascending: of symmetric matrices (..., d, d), d small, by cyclic Jacobi rotations (G. H. Golub, C. F.
-    Van Loan, "Matrix Computations", 4th edition, section 8.5.2), to some ulps of the largest."""
+    """Return (..., d) float64, ascending: of symmetric matrices (..., d, d), d small, by cyclic Jacobi rotations (G. H.
+    Golub, C. F. Van Loan, "Matrix Computations", 4th edition, section 8.5.2), to some ulps of the largest."""
     m = np.array(symmetric, dtype=np.float64)
     size = m.shape[-1]
     for _ in range(SWEEPS):

@@ -44,10 +44,10 @@ def read_gmsh(data: bytes) -> Elements:
 
 
 def _after(data: bytes, name: bytes) -> int:
-    found = re.search(re.escape(name) + rb"[ \t\r]*\n", data)
-    if found is None:
+    match = re.search(re.escape(name) + rb"[ \t\r]*\n", data)
+    if match is None:
         raise InputError(f"it has no {name.decode()}: cut short; export it again")
-    return found.end()
+    return match.end()
 
 
 def _sorted(name: np.ndarray, position: np.ndarray, blocks: list[tuple[int, np.ndarray]]) -> Elements:
@@ -98,14 +98,14 @@ def _node_blocks(words: Words) -> tuple[np.ndarray, np.ndarray]:
 
 def _element_blocks(words: Words) -> list[tuple[int, np.ndarray]]:
     """Version 4.1: blocks of one type each."""
-    found = []
+    elements = []
     blocks, _, _, _ = words.counts(4, "elements")
     for _ in range(blocks):
         _, _, kind, count = words.counts(4, "elements")
         _check_kind(kind)
         width = 1 + NODES[kind]
-        found.append((kind, words.whole(count * width, "elements").reshape(count, width)[:, 1:]))
-    return found
+        elements.append((kind, words.whole(count * width, "elements").reshape(count, width)[:, 1:]))
+    return elements
 
 
 def _element_lines(text: str) -> list[tuple[int, np.ndarray]]:
@@ -115,17 +115,17 @@ def _element_lines(text: str) -> list[tuple[int, np.ndarray]]:
     rows = [line.split() for line in lines[1 : count + 1]]
     if count < 0 or len(rows) < count or any(len(row) < 4 for row in rows):
         raise InputError(f"{count} elements promised, {len(rows)} lines found: cut short or damaged; export it again")
-    found = []
+    elements = []
     try:
         for kind, corners in CORNERS.items():
             taken = [row[3 + int(wholes(row[2:3], 1)[0]) :][:corners] for row in rows if row[1] == str(kind)]
             if any(len(row) < corners for row in taken):
                 raise InputError("an element has fewer nodes than its type: cut short or damaged; export it again")
             flat = wholes([word for row in taken for word in row], len(taken) * corners)
-            found.append((kind, flat.reshape(len(taken), corners)))
+            elements.append((kind, flat.reshape(len(taken), corners)))
     except NotANumber as error:
         raise InputError(f"among its elements, {error.message}; export it again") from None
-    return found
+    return elements
 
 
 # ---------------------------------------------------------------------- binary

@@ -30,9 +30,11 @@ def read_medit(data: bytes) -> Elements:
     rows = words.real(count * (dimension + 1), "vertices").reshape(count, dimension + 1)
     position = np.zeros((count, 3))
     position[:, :dimension] = rows[:, :dimension]
-    found = {}
+    elements = {}
     for keyword, corners in CORNERS.items():
         words.at = 0
         many = words.counts(1, keyword)[0] if words.upto(keyword) else 0
-        found[keyword] = words.whole(many * (corners + 1), keyword).reshape(many, corners + 1)[:, :corners]
-    return Elements(np.arange(1, count + 1), position, found["Triangles"], found["Quadrilaterals"], found["Tetrahedra"])
+        elements[keyword] = words.whole(many * (corners + 1), keyword).reshape(many, corners + 1)[:, :corners]
+    return Elements(
+        np.arange(1, count + 1), position, elements["Triangles"], elements["Quadrilaterals"], elements["Tetrahedra"]
+    )

@@ -39,8 +39,8 @@ def read_obj(data: bytes) -> Faces:
     def face_line(number: int) -> str:
         return line_of(text, FACE, number)
 
-    found = table(vertices, 3)
-    position = _points(vertices, vertex_line) if found is None else np.ascontiguousarray(found[:, :3])
+    parsed = table(vertices, 3)
+    position = _points(vertices, vertex_line) if parsed is None else np.ascontiguousarray(parsed[:, :3])
     named, sizes = _polygons(faces, face_line)
     corners = _corners(text, named, sizes, len(position), face_line)
     return Faces(position, corners, sizes, vertex_line, face_line, first=1)

@@ -44,8 +44,8 @@ def read_off(data: bytes) -> Faces:
             f"{vertices} vertices and {faces} faces promised, {len(rows) - 1} lines found: cut short; export it again"
         )
     points, polygons = rows[1 : 1 + vertices], rows[1 + vertices : 1 + vertices + faces]
-    found, same = table([line for _, line in points], 3), polygon_table([line for _, line in polygons])
-    position = _points(points) if found is None else np.ascontiguousarray(found[:, :3])
+    parsed, same = table([line for _, line in points], 3), polygon_table([line for _, line in polygons])
+    position = _points(points) if parsed is None else np.ascontiguousarray(parsed[:, :3])
     if same is None:
         corners, sizes = _polygons(polygons)
     else:

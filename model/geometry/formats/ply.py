@@ -67,9 +67,9 @@ def _text(body: bytes, elements: list[Element], header: int) -> Faces:
 def _text_vertices(element: Element, lines: list[bytes], numbers: list[int], header: int) -> np.ndarray:
     places = coordinates(element)
     wanted = len(element.properties)
-    found = table([lines[number] for number in numbers], wanted)
-    if found is not None:
-        return np.ascontiguousarray(found[:, places])
+    parsed = table([lines[number] for number in numbers], wanted)
+    if parsed is not None:
+        return np.ascontiguousarray(parsed[:, places])
     rows = [lines[number].split() for number in numbers]
     for number, row in zip(numbers, rows, strict=True):
         if len(row) < wanted:
@@ -91,7 +91,7 @@ def _text_lists(element: Element, lines: list[bytes], numbers: list[int], header
         same = polygon_table([lines[number] for number in numbers])
         if same is not None:
             return element.name, same.ravel(), np.full(len(same), same.shape[1], np.int64)
-    found: list[list[bytes]] = []
+    polygons: list[list[bytes]] = []
     for number in steps(numbers, len(numbers), READING):
         words, at = lines[number].split(), 0
         for which, one in enumerate(element.properties):
@@ -102,15 +102,15 @@ def _text_lists(element: Element, lines: list[bytes], numbers: list[int], header
                 at += 1
             if which == place:
                 if at + length > len(words):
-                    raise InputError(_short(element, len(found)) + f" (line {header + number + 1})")
-                found.append(words[at : at + length])
+                    raise InputError(_short(element, len(polygons)) + f" (line {header + number + 1})")
+                polygons.append(words[at : at + length])
                 break
             at += length
-    if len(found) < element.length:
-        raise InputError(_short(element, len(found)))
-    sizes = np.fromiter(map(len, found), np.int64, len(found))
+    if len(polygons) < element.length:
+        raise InputError(_short(element, len(polygons)))
+    sizes = np.fromiter(map(len, polygons), np.int64, len(polygons))
     try:
-        flat = wholes([word for row in found for word in row], int(sizes.sum()))
+        flat = wholes([word for row in polygons for word in row], int(sizes.sum()))
     except NotANumber as error:
         row = int(np.searchsorted(np.cumsum(sizes), error.number, "right"))
         where = header + numbers[row] + 1
@@ -118,10 +118,10 @@ def _text_lists(element: Element, lines: list[bytes], numbers: list[int], header
     return element.name, flat, sizes
 
 
-def _short(element: Element, found: int) -> str:
+def _short(element: Element, readable: int) -> str:
     return (
-        f"{element.length} faces, of which {found} can be read: it is cut short, or has faces of fewer than three corners; "
-        "export it again"
+        f"{element.length} faces, of which {readable} can be read: it is cut short, or has faces of fewer than three "
+        "corners; export it again"
     )
 
 
@@ -167,7 +167,7 @@ def _binary_lists(element: Element, body: bytes, at: int, order: str) -> tuple[_
                 same = rows[f"p{wanted}"].astype(np.int64)
                 sizes = np.full(len(same), same.shape[1], np.int64)
                 return (element.name, same.ravel(), sizes), at + row.itemsize * element.length
-    found = []
+    polygons = []
     kinds = [
         (np.dtype(order + one.kind), np.dtype(order + one.count) if one.count else None) for one in element.properties
     ]
@@ -182,10 +182,10 @@ def _binary_lists(element: Element, body: bytes, at: int, order: str) -> tuple[_
                 raise refused("a list has a negative length: damaged")
             _check_rest(element, body, at, kind.itemsize * length)
             if k == wanted:
-                found.append(np.frombuffer(body, kind, length, at).astype(np.int64))
+                polygons.append(np.frombuffer(body, kind, length, at).astype(np.int64))
             at += kind.itemsize * length
-    sizes = np.fromiter(map(len, found), np.int64, len(found))
-    return (element.name, np.concatenate([np.zeros(0, np.int64), *found]), sizes), at
+    sizes = np.fromiter(map(len, polygons), np.int64, len(polygons))
+    return (element.name, np.concatenate([np.zeros(0, np.int64), *polygons]), sizes), at
 
 
 def _row_like_the_first(element: Element, body: bytes, at: int, order: str) -> np.dtype | None:
@@ -227,9 +227,9 @@ def _gathered(parts: list[_Lists]) -> tuple[np.ndarray, np.ndarray]:
 
 def _strip(strip: np.ndarray) -> list[np.ndarray]:
     """Return the triangles of strips of vertices: every second one the other way round."""
-    found = []
+    triangles = []
     for run in np.split(strip, np.flatnonzero(strip < 0)):
         run = run[run >= 0]
         for k in range(len(run) - 2):
-            found.append(run[[k, k + 1, k + 2]] if k % 2 == 0 else run[[k + 1, k, k + 2]])
-    return found
+            triangles.append(run[[k, k + 1, k + 2]] if k % 2 == 0 else run[[k + 1, k, k + 2]])
+    return triangles

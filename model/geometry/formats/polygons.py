@@ -122,7 +122,7 @@ def ears(flat: np.ndarray) -> np.ndarray | None:
     """Return the triangles (k - 2, 3) of a polygon (k, 2), counter-clockwise, by ear clipping; None if it crosses itself."""
     if _crosses(flat):
         return None
-    left, found = list(range(len(flat))), []
+    left, triangles = list(range(len(flat))), []
     while len(left) > 3:
         ring = flat[left]
         before, after = np.roll(ring, 1, axis=0), np.roll(ring, -1, axis=0)
@@ -131,12 +131,12 @@ def ears(flat: np.ndarray) -> np.ndarray | None:
         ear = next((k for k in order.tolist() if _is_ear(ring, k, quality[k])), None)
         if ear is None:
             return None
-        found.append((left[ear - 1], left[ear], left[(ear + 1) % len(left)]))
+        triangles.append((left[ear - 1], left[ear], left[(ear + 1) % len(left)]))
         del left[ear]
-    found.append((left[0], left[1], left[2]))
+    triangles.append((left[0], left[1], left[2]))
     if _turns(*flat[left]) < -FLAT:
         return None
-    return np.array(found)
+    return np.array(triangles)
 
 
 def _is_ear(ring: np.ndarray, k: int, quality: float) -> bool:

@@ -80,8 +80,8 @@ def joined(text: bytes) -> bytes:
     if b"\\" not in text:
         return text
 
-    def one(found: re.Match[bytes]) -> bytes:
-        lines = re.split(rb"\\[ \t]*\n", found[0])
+    def one(match: re.Match[bytes]) -> bytes:
+        lines = re.split(rb"\\[ \t]*\n", match[0])
         return b" ".join(lines) + b"\n" * (len(lines) - 1)
 
     return re.sub(rb"[^\n]*\\[ \t]*\n(?:[^\n]*\\[ \t]*\n)*[^\n]*", one, text)
@@ -89,10 +89,10 @@ def joined(text: bytes) -> bytes:
 
 def line_of(text: bytes, pattern: bytes, number: int) -> str:
     """Return `line N` of match `number` (from 0) of the pattern in `text`, lines counted from 1; empty where it has none."""
-    found = next(islice(re.finditer(pattern, text, re.MULTILINE), number, None), None)
-    if found is None:
+    match = next(islice(re.finditer(pattern, text, re.MULTILINE), number, None), None)
+    if match is None:
         return ""
-    before = text.count(b"\n", 0, found.start())
+    before = text.count(b"\n", 0, match.start())
     return f"line {before + 1}"
 
 

@@ -33,8 +33,8 @@ def read_stl(data: bytes) -> Faces:
             "export it again"
         )
     lines = re.findall(VERTEX, text, re.MULTILINE)
-    found = table(lines, 3)
-    rows = [line.split()[:3] for line in lines if found is None]
+    parsed = table(lines, 3)
+    rows = [line.split()[:3] for line in lines if parsed is None]
     whole = min(len(lines) // 3, len(re.findall(WHOLE, text, re.MULTILINE)))
     if whole != facets or len(lines) != 3 * facets or any(len(row) < 3 for row in rows):
         raise InputError(f"{facets} triangles begin, {whole} are whole: cut short or damaged; export it again")
@@ -45,7 +45,7 @@ def read_stl(data: bytes) -> Faces:
         return line_of(text, VERTEX, number)
 
     try:
-        flat = reals([token for row in rows for token in row], 9 * facets) if found is None else found[:, :3]
+        flat = reals([token for row in rows for token in row], 9 * facets) if parsed is None else parsed[:, :3]
         position = np.ascontiguousarray(flat).reshape(-1, 3)
     except NotANumber as error:
         raise InputError(

@@ -1,1 +1,1 @@
-"""What is mended of a mesh before it is used: vertices that are one, sheets that bound a volume, holes."""
+"""Repairs of a mesh before it is used: duplicate vertices, sheets that bound a volume, holes."""

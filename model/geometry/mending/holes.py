@@ -18,7 +18,7 @@ def rims(triangles: np.ndarray, bare: np.ndarray) -> list[np.ndarray]:
     following: dict[int, list[int]] = {}
     for one, two in sorted(zip(start, end, strict=True), reverse=True):
         following.setdefault(one, []).append(two)
-    found = []
+    loops = []
     for first in sorted(following):
         path: list[int] = []
         place: dict[int, int] = {}
@@ -30,13 +30,13 @@ def rims(triangles: np.ndarray, bare: np.ndarray) -> list[np.ndarray]:
                 for vertex in loop:
                     del place[vertex]
                 lowest = loop.index(min(loop))
-                found.append(np.array(loop[lowest:] + loop[:lowest]))
+                loops.append(np.array(loop[lowest:] + loop[:lowest]))
                 if not following.get(at):
                     break
             place[at] = len(path)
             path.append(at)
             at = following[at].pop()
-    return sorted(found, key=lambda loop: int(loop[0]))
+    return sorted(loops, key=lambda loop: int(loop[0]))
 
 
 def width(position: np.ndarray, loop: np.ndarray) -> float:
@@ -63,9 +63,9 @@ def caps(position: np.ndarray, triangles: np.ndarray, loops: list[np.ndarray]) -
     count = len(position)
     bad = np.isin(key[..., 0] * count + key[..., 1], over[:, 0] * count + over[:, 1]).any(axis=1)
     middle = np.union1d(crossing, each[bad])
-    made, points = [cut[~np.isin(each, middle)]], [position]
+    patches, points = [cut[~np.isin(each, middle)]], [position]
     around = [short[k] for k in middle.tolist()] + [loop for loop in loops if len(loop) > LONGEST]
     for number, loop in enumerate(around):
         points.append(mean(position[loop])[None])
-        made.append(np.stack([np.full(len(loop), count + number), loop, np.roll(loop, -1)], axis=1))
-    return np.concatenate(points), np.concatenate(made)
+        patches.append(np.stack([np.full(len(loop), count + number), loop, np.roll(loop, -1)], axis=1))
+    return np.concatenate(points), np.concatenate(patches)

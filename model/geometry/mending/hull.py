@@ -1,7 +1,7 @@
 """The sheets of a mesh with edges of more than two triangles that bound a volume, as a surface whose edges have two.
 
 The triangles fall into sheets between those edges. The winding number (A. Jacobson, L. Kavan, O. Sorkine-Hornung, "Robust
-Inside-Outside Segmentation using Generalized Winding Numbers", ACM Trans. Graph. 32 (2013), equation 5) tells which of them
+Inside-Outside Segmentation using Generalized Winding Numbers", ACM Trans. Graph. 32 (2013), equation 5) decides which of them
 have an inside on one side only; walls within a volume and fins outside are left out.
 """
 
@@ -15,7 +15,7 @@ from softlab.model.base.waiting import steps
 from softlab.model.geometry.arithmetic.ordered import dot, norm
 from softlab.model.geometry.edges import components, edge_uses, mesh_edges
 from softlab.model.geometry.measures import triangle_areas
-from softlab.model.geometry.mending.welding import many, turned
+from softlab.model.geometry.mending.welding import flip_mask, many
 from softlab.model.geometry.voxels import winding_numbers
 
 PROBES = 3  # triangles of a sheet at which the winding number is taken
@@ -24,8 +24,10 @@ DIGITS = 9  # of an angle around an edge, in turns: triangles nearer to each oth
 TOGETHER = 16  # probes between two reports
 
 
-def bounding(position: np.ndarray, triangles: np.ndarray, told: list[str]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the sheets of `triangles` (n, 3) that bound a volume, and say in `told` what became of the others.
+def bounding(
+    position: np.ndarray, triangles: np.ndarray, notes: list[str]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the sheets of `triangles` (n, 3) that bound a volume; append what happened to the others to `notes`.
 
     Returns
     -------
@@ -36,19 +38,19 @@ def bounding(position: np.ndarray, triangles: np.ndarray, told: list[str]) -> tu
     fins = int((edge_uses(len(position), triangles)[1] > 2).sum())
     source, cut = split(triangles, _pairs(len(position), triangles))
     edges = mesh_edges(len(source), cut)
-    over = turned(edges)
+    over = flip_mask(edges)
     triangles = np.where(over[:, None], triangles[:, [0, 2, 1]], triangles)
     sheet = components(len(triangles), edges.triangles[edges.inner])
-    keep = _bounds(position, triangles, sheet)
+    bounds = _bounds(position, triangles, sheet)
     note = f"{many(fins, 'edge')} of more than two triangles: the inside was found by winding numbers"
-    if not keep.any():  # nothing encloses anything, which `solid` says
-        keep[:] = True
-    if not keep.all():
-        left, sheets = many(int((~keep).sum()), "triangle"), many(len(np.unique(sheet[~keep])), "sheet")
+    if not bounds.any():  # nothing encloses anything, which `solid` says
+        bounds[:] = True
+    if not bounds.all():
+        left, sheets = many(int((~bounds).sum()), "triangle"), many(len(np.unique(sheet[~bounds])), "sheet")
         note += f", and {left} of {sheets} that bound no volume were left out"
-    told.append(note)
-    pairs = _pairs(len(position), triangles[keep], position)
-    source, cut = split(triangles[keep], pairs)
+    notes.append(note)
+    pairs = _pairs(len(position), triangles[bounds], position)
+    source, cut = split(triangles[bounds], pairs)
     return source, *_passed_once(position[source], cut, pairs)
 
 
@@ -96,16 +98,16 @@ def _hangs(position: np.ndarray, triangles: np.ndarray, number: np.ndarray) -> n
 def _winding_of_others(position: np.ndarray, triangles: np.ndarray, probes: np.ndarray) -> np.ndarray:
     """Return (probes,): at the middle of each of these triangles, the winding number of all others."""
     middles = _middles(position, triangles[probes])
-    found = np.empty(len(probes))
+    winding = np.empty(len(probes))
     begins = range(0, len(probes), TOGETHER)
     for begin in steps(begins, len(begins), "inside by winding numbers"):
         some = slice(begin, begin + TOGETHER)
-        found[some] = winding_numbers(middles[some], position, triangles)
-    own = [
+        winding[some] = winding_numbers(middles[some], position, triangles)
+    self_winding = [
         winding_numbers(middle[None], position, triangles[k : k + 1])[0]
         for middle, k in zip(middles, probes, strict=True)
     ]
-    return np.asarray(found - own)
+    return np.asarray(winding - self_winding)
 
 
 def _middles(position: np.ndarray, triangles: np.ndarray) -> np.ndarray:
@@ -122,11 +124,11 @@ def _pairs(vertex_count: int, triangles: np.ndarray, position: np.ndarray | None
     order = np.argsort(key, kind="stable")
     _, first, count = np.unique(key[order], return_index=True, return_counts=True)
     two = first[count == 2]
-    found = [np.stack([order[two], order[two + 1]], axis=1)]
+    pairs = [np.stack([order[two], order[two + 1]], axis=1)]
     if position is not None:
         for begin, several in zip(first[count > 2], count[count > 2], strict=True):
-            found.append(_around(position, triangles, order[begin : begin + several]))
-    return np.concatenate(found)
+            pairs.append(_around(position, triangles, order[begin : begin + several]))
+    return np.concatenate(pairs)
 
 
 def _around(position: np.ndarray, triangles: np.ndarray, sides: np.ndarray) -> np.ndarray:
@@ -151,20 +153,20 @@ def _around(position: np.ndarray, triangles: np.ndarray, sides: np.ndarray) -> n
     order = np.lexsort((opens, turn))
     depth = np.cumsum(np.where(opens[order], 1, -1))
     order = np.roll(order, -1 - int(np.argmin(depth)))  # from where the least is open
-    found, waiting = [], []
+    pairs, waiting = [], []
     for side, opening in zip(sides[order].tolist(), opens[order].tolist(), strict=True):
         if opening:
             waiting.append(side)
         elif waiting:
-            found.append((waiting.pop(), side))
-    return np.array(found, dtype=np.int64).reshape(-1, 2)
+            pairs.append((waiting.pop(), side))
+    return np.array(pairs, dtype=np.int64).reshape(-1, 2)
 
 
 def _passed_once(position: np.ndarray, triangles: np.ndarray, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return (position, triangles) with a vertex at the middle of edges that a surface passes more than once.
 
-    Where the triangles around both ends hang together, an edge keeps four triangles though `pairs` (n, 2) of sides tell which
-    two are neighbours: each pair but the first, and each side without one, gets a vertex of its own there.
+    Where the triangles around both ends hang together, an edge keeps four triangles though `pairs` (n, 2) of sides say which
+    two are neighbours: each pair but the first, and each side without one, gets a separate vertex there.
     """
     start, end = triangles.ravel(), triangles[:, [1, 2, 0]].ravel()
     key = np.minimum(start, end) * len(position) + np.maximum(start, end)
@@ -197,11 +199,12 @@ def _fanned(corners: list[int], middles: list[int]) -> np.ndarray:
 
 
 def split(triangles: np.ndarray, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Give every fan of triangles a vertex of its own: corners stay together that the `pairs` (n, 2) of sides join.
+    """Give every fan of triangles its separate vertex: corners stay together that the `pairs` (n, 2) of sides join.
 
     A. Gueziec, G. Taubin, F. Lazarus, W. Horn, "Cutting and Stitching", IEEE Trans. Vis. Comput. Graph. 7 (2001).
 
-    Returns (the old vertex of each new one (m,), triangles (n, 3) of new ones)."""
+    Returns (the old vertex of each new one (m,), triangles (n, 3) of new ones).
+    """
     corner = triangles.ravel()
     one, two = pairs.T
     after = [side - side % 3 + (side + 1) % 3 for side in (one, two)]
@@ -211,8 +214,8 @@ def split(triangles: np.ndarray, pairs: np.ndarray) -> tuple[np.ndarray, np.ndar
         np.stack([after[0], np.where(same, after[1], two)], axis=1),
     ]
     label = components(len(corner), np.concatenate(ends))
-    kept, number = np.unique(label, return_inverse=True)
-    order = np.argsort(corner[kept], kind="stable")  # in the order of the old vertices
-    rank = np.empty(len(kept), dtype=np.int64)
-    rank[order] = np.arange(len(kept))
-    return corner[kept[order]], rank[number].reshape(-1, 3)
+    representative, number = np.unique(label, return_inverse=True)
+    order = np.argsort(corner[representative], kind="stable")  # in the order of the old vertices
+    rank = np.empty(len(representative), dtype=np.int64)
+    rank[order] = np.arange(len(representative))
+    return corner[representative[order]], rank[number].reshape(-1, 3)

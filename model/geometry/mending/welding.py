@@ -17,14 +17,14 @@ def many(count: int, one: str, several: str = "") -> str:
     return f"{count} {one if count == 1 else several or one + 's'}"
 
 
-def tell(told: list[str], count: int, one: str, several: str) -> None:
-    """Add a sentence on `count` things to `told`, where there are any."""
+def add_note(notes: list[str], count: int, one: str, several: str) -> None:
+    """Append a sentence on `count` things to `notes`, unless there are none."""
     if count:
-        told.append(many(count, one, several))
+        notes.append(many(count, one, several))
 
 
-def welded(position: np.ndarray, triangles: np.ndarray, told: list[str]) -> tuple[np.ndarray, np.ndarray]:
-    """Merge vertices, and leave out triangles without an area and copies; say so in `told`.
+def welded(position: np.ndarray, triangles: np.ndarray, notes: list[str]) -> tuple[np.ndarray, np.ndarray]:
+    """Merge vertices, and leave out triangles without an area and copies; append what was done to `notes`.
 
     Vertices at exactly one place are merged; where that gives edges of more than two triangles, only those on rims, so that a
     piece which is closed as it is numbered stays as it is. Then vertices on rims that are nearer than NEAR to each other are
@@ -38,25 +38,25 @@ def welded(position: np.ndarray, triangles: np.ndarray, told: list[str]) -> tupl
     Raises InputError where no triangle has an area.
     """
     place = places(position)
-    notes: list[str] = []
-    found = _cleaned(position, place[triangles], notes)
+    pending: list[str] = []
+    cleaned = _cleaned(position, place[triangles], pending)
     apart = 0
-    if (place != np.arange(len(place))).any() and (edge_uses(len(position), found)[1] > 2).any():
-        on_rims, own = _merged_on_rims(position, triangles, place)
-        if not (edge_uses(len(position), own)[1] > 2).any():
+    if (place != np.arange(len(place))).any() and (edge_uses(len(position), cleaned)[1] > 2).any():
+        on_rims, rim_welded = _merged_on_rims(position, triangles, place)
+        if not (edge_uses(len(position), rim_welded)[1] > 2).any():
             apart = int((place != np.arange(len(place))).sum() - (on_rims != np.arange(len(place))).sum())
-            place, notes = on_rims, []
-            found = _cleaned(position, place[triangles], notes)
+            place, pending = on_rims, []
+            cleaned = _cleaned(position, place[triangles], pending)
     merged = int((place != np.arange(len(place))).sum())
     one = "vertex at the place of another was merged with it"
-    tell(told, merged, one, "vertices at the place of another were merged")
-    told += notes
+    add_note(notes, merged, one, "vertices at the place of another were merged")
+    notes += pending
     if apart:
-        told.append(
+        notes.append(
             f"{many(apart, 'vertex', 'vertices')} at the place of another kept apart: merging would make edges of more than "
             "two triangles"
         )
-    return _seams_closed(position, place, found, told)
+    return _seams_closed(position, place, cleaned, notes)
 
 
 def places(position: np.ndarray) -> np.ndarray:
@@ -69,28 +69,28 @@ def places(position: np.ndarray) -> np.ndarray:
     return place
 
 
-def _cleaned(position: np.ndarray, triangles: np.ndarray, told: list[str]) -> np.ndarray:
-    return _without_copies(len(position), without_flat(position, triangles, told), told)
+def _cleaned(position: np.ndarray, triangles: np.ndarray, notes: list[str]) -> np.ndarray:
+    return _without_copies(len(position), without_flat(position, triangles, notes), notes)
 
 
 def _merged_on_rims(position: np.ndarray, triangles: np.ndarray, place: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return (vertices,): `place` of vertices on rims of the mesh as it is numbered, the others themselves; the triangles."""
-    own = _cleaned(position, triangles, [])
-    ends, uses = edge_uses(len(position), own)
+    cleaned = _cleaned(position, triangles, [])
+    ends, uses = edge_uses(len(position), cleaned)
     rim = np.zeros(len(position), dtype=bool)
     rim[ends[uses == 1]] = True
     used = np.zeros(len(position), dtype=bool)
-    used[own] = True
+    used[cleaned] = True
     merge = rim | ~used
     first = np.full(len(position), len(position), dtype=np.int64)
     np.minimum.at(first, place[merge], np.flatnonzero(merge))  # the first of those that are merged at each place
-    found = np.arange(len(position))
-    found[merge] = first[place[merge]]
-    return found, _cleaned(position, found[triangles], [])
+    representative = np.arange(len(position))
+    representative[merge] = first[place[merge]]
+    return representative, _cleaned(position, representative[triangles], [])
 
 
 def _seams_closed(
-    position: np.ndarray, place: np.ndarray, triangles: np.ndarray, told: list[str]
+    position: np.ndarray, place: np.ndarray, triangles: np.ndarray, notes: list[str]
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return (place, triangles) with near vertices of rims merged, each group only where an edge gets its second triangle."""
     ends, uses = edge_uses(len(position), triangles)
@@ -104,9 +104,9 @@ def _seams_closed(
         represent[rim] = rim[group]
         if (represent[rim] == rim).all():
             return place, triangles
-        notes: list[str] = []
-        found = _cleaned(position, represent[triangles], notes)
-        now, uses_now = edge_uses(len(position), found)
+        pending: list[str] = []
+        cleaned = _cleaned(position, represent[triangles], pending)
+        now, uses_now = edge_uses(len(position), cleaned)
         if (uses_now > 2).sum() > (uses > 2).sum():
             return place, triangles
         closed = _closed_vertices(position, represent, ends[uses == 1], now[uses_now == 1])
@@ -118,13 +118,13 @@ def _seams_closed(
         group[stays] = np.flatnonzero(stays)
     count = int((represent != np.arange(len(position))).sum())
     left = int((uses_now == 1).sum())
-    told.append(
+    notes.append(
         f"{many(count, 'vertex', 'vertices')} on rims within {NEAR:g} of the mesh's size of another "
         f"{'was' if count == 1 else 'were'} merged, which closed seams: of {int((uses == 1).sum())} edges on rims {left} "
         f"{'is' if left == 1 else 'are'} left"
     )
-    told += notes
-    return represent[place], found
+    notes += pending
+    return represent[place], cleaned
 
 
 def _groups(points: np.ndarray, near: float) -> np.ndarray:
@@ -143,32 +143,34 @@ def _closed_vertices(position: np.ndarray, represent: np.ndarray, before: np.nda
     return np.unique(before[gone])
 
 
-def without_flat(position: np.ndarray, triangles: np.ndarray, told: list[str]) -> np.ndarray:
-    """Return the triangles (n, 3) that have an area; how many have none is added to `told`. Raises InputError where none
-    has."""
+def without_flat(position: np.ndarray, triangles: np.ndarray, notes: list[str]) -> np.ndarray:
+    """Return the triangles (n, 3) that have an area; append the number of the others to `notes`. Raises InputError if
+    none has one."""
     a, b, c = (position[corner] for corner in triangles.T)
     one, two, three = b - a, c - b, a - c
     longest = np.maximum(np.maximum(dot(one, one), dot(two, two)), dot(three, three))
     normal = np.cross(one, two)
-    keep = np.sqrt(dot(normal, normal)) > FLAT * longest
-    if not keep.any():
+    has_area = np.sqrt(dot(normal, normal)) > FLAT * longest
+    if not has_area.any():
         raise InputError(
             f"none of its {len(triangles)} triangles has an area; is it a set of lines or points? Export it with faces"
         )
-    tell(told, int((~keep).sum()), "triangle without area was left out", "triangles without area were left out")
-    return triangles[keep]
+    add_note(
+        notes, int((~has_area).sum()), "triangle without area was left out", "triangles without area were left out"
+    )
+    return triangles[has_area]
 
 
-def _without_copies(vertex_count: int, triangles: np.ndarray, told: list[str]) -> np.ndarray:
+def _without_copies(vertex_count: int, triangles: np.ndarray, notes: list[str]) -> np.ndarray:
     low, middle, high = np.sort(triangles, axis=1).T
     _, pair = np.unique(low * vertex_count + middle, return_inverse=True)
     _, first = np.unique(pair * vertex_count + high, return_index=True)
     count = len(triangles) - len(first)
-    tell(told, count, "duplicate triangle was left out", "duplicate triangles were left out")
+    add_note(notes, count, "duplicate triangle was left out", "duplicate triangles were left out")
     return triangles[np.sort(first)] if count else triangles
 
 
-def turned(edges: MeshEdges) -> np.ndarray:
+def flip_mask(edges: MeshEdges) -> np.ndarray:
     """Return (triangles,) bool: those to turn over so that every two neighbours pass their edge in opposite directions.
 
     The lesser part of each surface; of equal parts the one without the first triangle. Each triangle stands twice in a

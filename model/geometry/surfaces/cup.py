@@ -12,9 +12,9 @@ RADIUS, HEIGHT, WALL = 0.4, 1.0, 0.05  # m: of its outer side; how thick walls a
 
 
 def cup(resolution: int) -> tuple[np.ndarray, np.ndarray]:
-    """(position (vertices, 3) [m], triangles (n, 3) int32, outer sides outwards) of a cup about the origin, y up, with so
-    many edges to a metre: a line from the middle of its foot round the rim to the middle of its bottom inside goes round
-    y."""
+    """Return (position (vertices, 3) [m], triangles (n, 3) int32, outer sides outwards) of a cup about the origin, y
+    up, with so many edges to a metre: a line from the middle of its foot round the rim to the middle of its bottom
+    inside goes round y."""
     up = np.linspace(-HEIGHT / 2, HEIGHT / 2, max(1, round(HEIGHT * resolution)) + 1)
     inside = np.linspace(HEIGHT / 2, -HEIGHT / 2 + WALL, len(up))
     outer, inner = RADIUS, RADIUS - WALL

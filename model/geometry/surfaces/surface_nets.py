@@ -25,7 +25,8 @@ MARGIN = 2.0**-6  # cells: how near to its cell's sides a vertex may come, so th
 
 
 def surface(field: Field, low: np.ndarray, high: np.ndarray, cell: float) -> tuple[np.ndarray, np.ndarray]:
-    """(position (vertices, 3) float64 [m], triangles (n, 3) int32): outer sides outwards, about `cell` [m] to an edge.
+    """Return (position (vertices, 3) float64 [m], triangles (n, 3) int32): outer sides outwards, about `cell` [m] to an
+    edge.
 
     `field` must be over 0 on the sides of the box from `low` to `high` (3,) [m], which is widened to whole cells.
     """
@@ -90,13 +91,14 @@ def _mark(wrong: np.ndarray, value: np.ndarray, where: np.ndarray, extent: Itera
 
 
 def _along(array: np.ndarray, axis: int) -> tuple[np.ndarray, np.ndarray]:
-    """The near and the far ends of the lattice's edges along an axis."""
+    """Return the near and the far ends of the lattice's edges along an axis."""
     last = array.shape[axis]
     return np.take(array, np.arange(last - 1), axis), np.take(array, np.arange(1, last), axis)
 
 
 def _quads(inside: np.ndarray, number: np.ndarray, axis: int) -> np.ndarray:
-    """(n, 4): the vertices of the four cells about each edge along `axis` that is crossed, counter-clockwise from outside."""
+    """Return (n, 4): the vertices of the four cells about each edge along `axis` that is crossed, counter-clockwise
+    from outside."""
     near, far = _along(inside, axis)
     edges = np.stack(np.nonzero(near != far), axis=1)
     out = near[tuple(edges.T)]  # the outside lies at the far end
@@ -107,7 +109,7 @@ def _quads(inside: np.ndarray, number: np.ndarray, axis: int) -> np.ndarray:
 
 
 def _split(position: np.ndarray, quads: np.ndarray) -> np.ndarray:
-    """(2 n, 3) int32: each quadrilateral along its shorter diagonal."""
+    """Return (2 n, 3) int32: each quadrilateral along its shorter diagonal."""
     a, b, c, d = quads.T
     first = norm(position[a] - position[c]) <= norm(position[b] - position[d])
     one = np.where(first[:, None], np.stack([a, b, c], 1), np.stack([b, c, d], 1))

@@ -40,10 +40,10 @@ numpy.savez(sys.argv[2], position=position, tetrahedra=tetrahedra)
 
 
 def conforming_mesh(position: np.ndarray, triangles: np.ndarray, edge: float) -> tuple[TetrahedralMesh, Embedding]:
-    """(tetrahedra with edges of about `edge` [m] that fill the surface, what carries its vertices). `position` (vertices, 3)
-    [m] and `triangles` (n, 3) need be neither closed nor free of crossings.
+    """Return (tetrahedra with edges of about `edge` [m] that fill the surface, the embedding of its vertices in them).
 
-    Raises BackendUnavailable (wildmeshing is not installed), SceneError (edge) and InputError (nothing to fill).
+    `position` (vertices, 3) [m] and `triangles` (n, 3) need be neither closed nor free of crossings. Raises
+    BackendUnavailable (wildmeshing is not installed), SceneError (edge) and InputError (nothing to fill).
     """
     if importlib.util.find_spec("wildmeshing") is None:
         raise BackendUnavailable("wildmeshing is not installed", 'pip install -e ".[tets]", or take voxels')
@@ -56,24 +56,24 @@ def conforming_mesh(position: np.ndarray, triangles: np.ndarray, edge: float) ->
         raise SceneError("edge", edge, f"conforming tetrahedra of this mesh take {low} to {high} m")
     middle = (position.min(axis=0) + position.max(axis=0)) / 2
     with tempfile.TemporaryDirectory(prefix="softlab-") as folder:
-        given, made = Path(folder) / "given.npz", Path(folder) / "made.npz"
+        input_file, output_file = Path(folder) / "given.npz", Path(folder) / "made.npz"
         local = (position - middle) / diagonal  # in a box of diagonal 1, whatever the unit
-        np.savez(given, position=local, triangles=triangles.astype(np.int32), epsilon=TOLERANCE, edge=part)
+        np.savez(input_file, position=local, triangles=triangles.astype(np.int32), epsilon=TOLERANCE, edge=part)
         try:
-            command = [sys.executable, "-c", PROGRAM, str(given), str(made)]
+            command = [sys.executable, "-c", PROGRAM, str(input_file), str(output_file)]
             subprocess.run(
                 command, cwd=folder, capture_output=True, timeout=SECONDS, check=False
             )  # it leaves files there
         except subprocess.TimeoutExpired:
             raise InputError(f"wildmeshing took over {SECONDS:.0f} s; take a larger edge, or voxels") from None
-        held = read_arrays(made)
-    if held is None or not len(held["tetrahedra"]):
+        arrays = read_arrays(output_file)
+    if arrays is None or not len(arrays["tetrahedra"]):
         raise InputError("wildmeshing finds nothing to fill in it, or gave up on it; take voxels, or repair the mesh")
-    mesh = TetrahedralMesh(held["position"] * diagonal + middle, _turned(held["position"], held["tetrahedra"]))
+    mesh = TetrahedralMesh(arrays["position"] * diagonal + middle, _oriented(arrays["position"], arrays["tetrahedra"]))
     return mesh, carriers(mesh, position)
 
 
-def _turned(position: np.ndarray, tetrahedra: np.ndarray) -> np.ndarray:
-    """The tetrahedra (n, 4), two corners swapped of those that are inside out: the library's order is not told."""
+def _oriented(position: np.ndarray, tetrahedra: np.ndarray) -> np.ndarray:
+    """Return the tetrahedra (n, 4) with two corners of inverted ones swapped: the library documents no order."""
     wrong = signed_volumes(position, tetrahedra) < 0
     return np.where(wrong[:, None], tetrahedra[:, [0, 1, 3, 2]], tetrahedra)

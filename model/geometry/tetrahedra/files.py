@@ -27,9 +27,9 @@ VTK_TETRAHEDRA = (10, 24)  # of first and second order: their first four nodes a
 
 
 def read_tetrahedra(path: str | Path, scale: float = 1.0) -> tuple[TetrahedralMesh, tuple[str, ...]]:
-    """(the mesh in a file, coordinates times `scale` [m per unit of the file]; what was left out). Vertices and tetrahedra
-    keep the file's order. Raises InputError (unreadable, cut short, no tetrahedron, what TetrahedralMesh refuses: no volume,
-    inside out) and SceneError (scale)."""
+    """Return (the mesh in a file, coordinates times `scale` [m per unit of the file]; what was left out). Vertices and
+    tetrahedra keep the file's order. Raises InputError (unreadable, cut short, no tetrahedron, what TetrahedralMesh
+    refuses: no volume, inside out) and SceneError (scale)."""
     path = Path(path)
     if not (isfinite(scale) and scale > 0):
         raise SceneError("scale", scale, "must be a finite number greater than 0")
@@ -37,9 +37,9 @@ def read_tetrahedra(path: str | Path, scale: float = 1.0) -> tuple[TetrahedralMe
     if suffix not in READERS:
         raise InputError(f"{path}: {WHAT}")
     reader = READERS[suffix]
-    held = [read_archive(path, WHAT)] if suffix == ".npz" else [read_bytes(file, WHAT) for file in files_of(path)]
+    contents = [read_archive(path, WHAT)] if suffix == ".npz" else [read_bytes(file, WHAT) for file in files_of(path)]
     try:
-        return _mesh(reader(*held), scale)
+        return _mesh(reader(*contents), scale)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
     except Exception as error:  # whatever a parser of a foreign file trips over is the file's fault
@@ -51,7 +51,7 @@ def read_tetrahedra(path: str | Path, scale: float = 1.0) -> tuple[TetrahedralMe
 
 
 def files_of(path: Path) -> tuple[Path, ...]:
-    """What has to be read for a mesh: `path`, or of a .node and .ele both, whichever is named."""
+    """Return the files to read for a mesh: `path`, or of a .node and .ele both, whichever is named."""
     if path.suffix.lower() in (".node", ".ele"):
         return path.with_suffix(".node"), path.with_suffix(".ele")
     return (path,)
@@ -84,17 +84,17 @@ def _mesh(raw: Elements, scale: float) -> tuple[TetrahedralMesh, tuple[str, ...]
     used = np.zeros(len(raw.name), dtype=bool)
     used[corners] = True
     unused = int((~used).sum())
-    told: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
     if unused:
-        told = (f"{unused} {'vertex' if unused == 1 else 'vertices'} of no tetrahedron left out",)
+        notes = (f"{unused} {'vertex' if unused == 1 else 'vertices'} of no tetrahedron left out",)
     with np.errstate(over="ignore"):
-        return TetrahedralMesh(raw.position[used] * scale, (np.cumsum(used) - 1)[corners]), told
+        return TetrahedralMesh(raw.position[used] * scale, (np.cumsum(used) - 1)[corners]), notes
 
 
-def _read_npz(held: dict[str, np.ndarray]) -> Elements:
-    if not {"position", "tetrahedra"} <= set(held):
+def _read_npz(arrays: dict[str, np.ndarray]) -> Elements:
+    if not {"position", "tetrahedra"} <= set(arrays):
         raise InputError("it has no arrays `position` and `tetrahedra`; make it by softlab cook")
-    position, corners = held["position"], held["tetrahedra"]
+    position, corners = arrays["position"], arrays["tetrahedra"]
     if position.ndim != 2 or position.shape[1] != 3 or corners.ndim != 2 or corners.shape[1] != 4:
         raise InputError(
             f"`position` is {position.shape}, `tetrahedra` {corners.shape}; they must be (n, 3) and (m, 4)"

@@ -35,34 +35,34 @@ def fractions_of(
     voxels, which the sum is scaled to unless the body overlaps itself and `volume` counts some of it several times.
     """
     sampled = _sampled(pieces, parity, shape_functions)
-    found = np.zeros_like(sampled)
-    np.add.at(found, same, sampled)
+    fractions = np.zeros_like(sampled)
+    np.add.at(fractions, same, sampled)
     first = same == np.arange(len(same))
     cut = pieces.cut & first
-    found[cut] = _with_floor(found[cut])
+    fractions[cut] = _with_floor(fractions[cut])
     if not pieces.overlapping:
         whole = 1 / (6 * np.abs(determinant(shape_functions[0, :, 1:, 1:])))
-        found[first] = _scaled_to(found[first], cut[first], whole, volume)
-    return found
+        fractions[first] = _scaled_to(fractions[first], cut[first], whole, volume)
+    return fractions
 
 
 def _sampled(pieces: Pieces, parity: np.ndarray, shape_functions: np.ndarray) -> np.ndarray:
-    """(pieces, tetrahedra, 4): of each piece by itself."""
+    """Return (pieces, tetrahedra, 4): of each piece by itself."""
     count = len(pieces.voxel)
-    found = np.zeros((count, *shape_functions.shape[1:3]))
+    integrals = np.zeros((count, *shape_functions.shape[1:3]))
     weight = np.zeros(count)
     for axis, chords in enumerate(pieces.chords):
         crossings = np.bincount(chords.piece, chords.ends, minlength=count) ** 2 + NO_CROSSING
         sampled = _along_chords(chords, axis, count, parity, shape_functions)
-        found += crossings[:, None, None] * (sampled / _complete(axis, shape_functions)[parity])
+        integrals += crossings[:, None, None] * (sampled / _complete(axis, shape_functions)[parity])
         weight += crossings
-    found /= weight[:, None, None]
-    found[~pieces.cut] = 1.0
-    return found
+    integrals /= weight[:, None, None]
+    integrals[~pieces.cut] = 1.0
+    return integrals
 
 
 def mean_of_four(fractions: np.ndarray) -> np.ndarray:
-    """(...,): the mean of `fractions` (..., 4), 1 of four ones."""
+    """Return (...,): the mean of `fractions` (..., 4), 1 of four ones."""
     mean: np.ndarray = dot(fractions, np.full(4, 0.25))
     return mean
 
@@ -87,7 +87,7 @@ def _scaled_to(fractions: np.ndarray, cut: np.ndarray, whole: np.ndarray, target
 
 
 def _complete(axis: int, shape_functions: np.ndarray) -> np.ndarray:
-    """(2, tetrahedra, 4): what the lines along `axis` make of whole tetrahedra."""
+    """Return (2, tetrahedra, 4): what the lines along `axis` make of whole tetrahedra."""
     place = (np.stack(np.divmod(np.arange(PROBES**2), PROBES), axis=1) + 0.5) / PROBES
     line = np.tile(place, (2, 1))
     piece = np.repeat([0, 1], PROBES**2)
@@ -96,24 +96,25 @@ def _complete(axis: int, shape_functions: np.ndarray) -> np.ndarray:
 
 
 def _along_chords(chords: Chords, axis: int, count: int, parity: np.ndarray, shape_functions: np.ndarray) -> np.ndarray:
-    """(count, tetrahedra, 4): the sums of chords' integrals of the shape functions, of each piece."""
-    found = np.zeros((count, *shape_functions.shape[1:3]))
+    """Return (count, tetrahedra, 4): the sums of chords' integrals of the shape functions, of each piece."""
+    integrals = np.zeros((count, *shape_functions.shape[1:3]))
     for begin in range(0, len(chords.piece), BATCH):
         some = slice(begin, begin + BATCH)
         piece = chords.piece[some]
         origin = np.zeros((len(piece), 3))
         origin[:, [(axis + 1) % 3, (axis + 2) % 3]] = chords.line[some]
-        for tetrahedron in range(found.shape[1]):
+        for tetrahedron in range(integrals.shape[1]):
             functions = shape_functions[parity[piece], tetrahedron]
-            own = _along(functions, origin, axis, chords.low[some], chords.high[some])
+            chord_integrals = _along(functions, origin, axis, chords.low[some], chords.high[some])
             for corner in range(4):
-                found[:, tetrahedron, corner] += np.bincount(piece, own[:, corner], minlength=count)
-    return found / PROBES**2
+                integrals[:, tetrahedron, corner] += np.bincount(piece, chord_integrals[:, corner], minlength=count)
+    return integrals / PROBES**2
 
 
 def _along(functions: np.ndarray, origin: np.ndarray, axis: int, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """(n, 4): integrals of linear `functions` (n, 4, 4) along lines from `origin` (n, 3) in direction `axis`, from `low` to
-    `high` (n,), where all four are positive. A line in a plane that two tetrahedra share is half of each one's."""
+    """Return (n, 4): integrals of linear `functions` (n, 4, 4) along lines from `origin` (n, 3) in direction `axis`,
+    from `low` to `high` (n,), where all four are positive. A line in a plane that two tetrahedra share is half of each
+    one's."""
     slope = functions[..., 1 + axis]
     value = functions[..., 0] + dot(functions[..., 1:], origin[:, None])
     with np.errstate(divide="ignore", invalid="ignore"):

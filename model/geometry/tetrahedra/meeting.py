@@ -33,40 +33,40 @@ class Cells:
         return key
 
     def number(self, index: np.ndarray) -> np.ndarray:
-        """(n,) int64: the voxel at each `index` (n, 3), -1 where there is none."""
+        """Return (n,) int64: the voxel at each `index` (n, 3), -1 where there is none."""
         inside = ((index >= 0) & (index < self.counts)).all(axis=1)
         key = np.where(inside, self._key(index), 0)
         if self._table is not None:
-            found = self._table[key].astype(np.int64)
+            number = self._table[key].astype(np.int64)
         else:
             place = np.minimum(np.searchsorted(self.key, key), len(self.key) - 1)
-            found = np.where(self.key[place] == key, place, -1)
-        return np.where(inside, found, -1)
+            number = np.where(self.key[place] == key, place, -1)
+        return np.where(inside, number, -1)
 
     def beside(self, axis: int) -> np.ndarray:
-        """(voxels,) int64: the next voxel along `axis`, -1 for none."""
+        """Return (voxels,) int64: the next voxel along `axis`, -1 for none."""
         return self.number(self.index + np.eye(3, dtype=np.int64)[axis])
 
 
 def across_edges(place: np.ndarray, edges: MeshEdges, cells: Cells, pairs: Pairs) -> np.ndarray:
-    """(n, 2): those of `pairs` in one voxel whose triangles share an edge that passes through it. `place` (vertices, 3): in
-    voxels."""
+    """Return (n, 2): those of `pairs` in one voxel whose triangles share an edge that passes through it. `place`
+    (vertices, 3): in voxels."""
     triangle, voxel = pairs
     side = edges.sides[triangle].astype(np.int64)
     key = (side * len(cells) + voxel[:, None]).ravel()
     order = np.argsort(key, kind="stable")
     twice = np.flatnonzero(key[order][1:] == key[order][:-1])
     one, two = order[twice], order[twice + 1]
-    meets = _passes(place, edges.edges[side.ravel()[one]], cells.index[voxel[one // 3]], (0, 1, 2))
-    return np.stack([one[meets] // 3, two[meets] // 3], axis=1)
+    passing = _passes(place, edges.edges[side.ravel()[one]], cells.index[voxel[one // 3]], (0, 1, 2))
+    return np.stack([one[passing] // 3, two[passing] // 3], axis=1)
 
 
 def over_edges(
     place: np.ndarray, triangles: np.ndarray, edges: MeshEdges, cells: Cells, pairs: Pairs, axis: int
 ) -> np.ndarray:
-    """(n, 2): what hangs together across a side between voxels one behind the other along `axis`, by an edge on that side:
-    the pairs of the edge's two triangles; or, where one of these lies on the side and has the voxel behind on its inner side,
-    the other's pair and pairs + that voxel. The lower voxel's first."""
+    """Return (n, 2): what hangs together across a side between voxels one behind the other along `axis`, by an edge on
+    that side: the pairs of the edge's two triangles; or, where one of these lies on the side and has the voxel behind
+    on its inner side, the other's pair and pairs + that voxel. The lower voxel's first."""
     triangle, voxel = pairs
     count = len(triangle)
     side = edges.sides[triangle].astype(np.int64).ravel()
@@ -77,39 +77,40 @@ def over_edges(
     low = cells.index[voxel[pair]]
     up = level[edge, 0].astype(np.int64) - low[:, axis]  # 0: on the voxel's lower side, 1: on its upper
     other_voxel = cells.number(low + (2 * up - 1)[:, None] * np.eye(3, dtype=np.int64)[axis])
-    meets = (up >= 0) & (up <= 1) & (other_voxel >= 0)
-    meets &= _passes(place, edges.edges[edge], low, ((axis + 1) % 3, (axis + 2) % 3))
-    pair, edge, up, other_voxel = pair[meets], edge[meets], up[meets], other_voxel[meets]
+    passing = (up >= 0) & (up <= 1) & (other_voxel >= 0)
+    passing &= _passes(place, edges.edges[edge], low, ((axis + 1) % 3, (axis + 2) % 3))
+    pair, edge, up, other_voxel = pair[passing], edge[passing], up[passing], other_voxel[passing]
     beside = edges.triangles[edge]
     other = np.where(beside[:, 0] == triangle[pair], beside[:, 1], beside[:, 0]).astype(np.int64)
-    found, there = positions(triangle * len(cells) + voxel, other * len(cells) + other_voxel)
+    neighbour, there = positions(triangle * len(cells) + voxel, other * len(cells) + other_voxel)
     a, b, c = (place[corner] for corner in triangles[other].T)
     outwards = np.cross(b - a, c - a)[:, axis]
     on_side = (a[:, axis] == b[:, axis]) & (b[:, axis] == c[:, axis]) & (outwards * (2 * up - 1) < 0)
-    behind = np.where(there, found, count + other_voxel)
+    behind = np.where(there, neighbour, count + other_voxel)
     ends = np.stack([np.where(up == 1, pair, behind), np.where(up == 1, behind, pair)], axis=1)
     return ends[there | on_side]
 
 
 def _passes(place: np.ndarray, ends: np.ndarray, low: np.ndarray, axes: tuple[int, ...]) -> np.ndarray:
-    """(n,) bool: whether the edges between `ends` (n, 2) pass through what lies between `low` (n, 3) and a voxel more along
-    `axes`, its rim not counted: W. B. Liang, B. A. Barsky, ACM Transactions on Graphics 3 (1984)."""
+    """Return (n,) bool: True if the edge between `ends` (n, 2) passes through the box from `low` (n, 3) to one voxel further
+    along `axes`, its rim excluded: W. B. Liang, B. A. Barsky, ACM Transactions on Graphics 3 (1984).
+    """
     a, b = place[ends[:, 0]], place[ends[:, 1]]
     enters, leaves = np.zeros(len(a)), np.ones(len(a))
-    meets = np.ones(len(a), dtype=bool)
+    passing = np.ones(len(a), dtype=bool)
     for k in axes:
-        way, before, behind = b[:, k] - a[:, k], low[:, k] - a[:, k], low[:, k] + 1 - a[:, k]
-        still = way == 0
-        meets &= ~still | ((before < 0) & (behind > 0))
-        way = np.where(still, 1.0, way)
-        first, second = before / way, behind / way
+        span, before, behind = b[:, k] - a[:, k], low[:, k] - a[:, k], low[:, k] + 1 - a[:, k]
+        still = span == 0
+        passing &= ~still | ((before < 0) & (behind > 0))
+        span = np.where(still, 1.0, span)
+        first, second = before / span, behind / span
         enters = np.maximum(enters, np.where(still, 0.0, np.minimum(first, second)))
         leaves = np.minimum(leaves, np.where(still, 1.0, np.maximum(first, second)))
-    return meets & (enters < leaves)
+    return passing & (enters < leaves)
 
 
 def positions(keys: np.ndarray, wanted: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(where each of `wanted` stands in `keys`, which ascend; bool: whether it does)."""
+    """Return (where each of `wanted` stands in `keys`, which ascend; bool: whether it does)."""
     if not len(keys):
         return np.zeros(len(wanted), dtype=np.int64), np.zeros(len(wanted), dtype=bool)
     place = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)

@@ -25,7 +25,7 @@ class TetrahedralMesh:
 
     `position` (vertices, 3) float64 [m]; `tetrahedra` (n, 4) int32: a, b, c, d with det(b - a, c - a, d - a) > 0. Raises
     InputError: no tetrahedron, coordinates that are not finite or over LARGEST, corners that are no vertices, a volume that
-    is not over 0 (or that rounding cannot tell from 0).
+    is not over 0 (or that is 0 up to rounding).
     """
 
     position: np.ndarray
@@ -66,20 +66,20 @@ class TetrahedralMesh:
         return self._numbered(self.tetrahedra[:, FACES].reshape(-1, 3))[1]
 
     def pieces(self) -> int:
-        """How many parts hang together by vertices."""
+        """Return the number of parts connected by vertices."""
         first = self.tetrahedra[:, 0]
         ends = np.concatenate([np.stack([first, self.tetrahedra[:, k]], axis=1) for k in (1, 2, 3)])
         return len(np.unique(components(len(self.position), ends)[first]))
 
     def masses(self, density: float) -> np.ndarray:
-        """(vertices,) float64 [kg]: a quarter of each tetrahedron of `density` [kg/m^3] at each of its corners (lumped).
-        Raises SceneError."""
+        """Return (vertices,) float64 [kg]: a quarter of each tetrahedron of `density` [kg/m^3] at each of its corners
+        (lumped). Raises SceneError."""
         check_density(density)
         quarter = np.repeat(self.volumes * (density / 4), 4)
         return np.bincount(self.tetrahedra.ravel(), quarter, minlength=len(self.position))
 
     def _numbered(self, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(the number of the face that each of `faces` (m, 3) is, how many are it)."""
+        """Return (the number of the face that each of `faces` (m, 3) is, how many are it)."""
         low, middle, high = np.sort(faces, axis=1).T.astype(np.int64)
         key = low * len(self.position) + middle
         order = np.lexsort((high, key))
@@ -91,15 +91,16 @@ class TetrahedralMesh:
 
 
 def signed_volumes(position: np.ndarray, tetrahedra: np.ndarray) -> np.ndarray:
-    """(n,) float64 [m^3]: of `tetrahedra` (n, 4) between `position` (vertices, 3) [m]; negative of those inside out."""
+    """Return (n,) float64 [m^3]: of `tetrahedra` (n, 4) between `position` (vertices, 3) [m]; negative of those inside
+    out."""
     a, b, c, d = (position[corner] for corner in np.asarray(tetrahedra).T)
     return dot(np.cross(b - a, c - a), d - a) / 6
 
 
 def rest_inverse(position: np.ndarray, tetrahedra: np.ndarray) -> np.ndarray:
-    """(n, 3, 3) float64 [1/m]: the inverse of each tetrahedron's edge matrix, whose columns are b - a, c - a, d - a. The edge
-    matrix of a deformed state times it is the deformation gradient (E. Sifakis, J. Barbic, "FEM Simulation of 3D Deformable
-    Solids", SIGGRAPH courses (2012), section 4.1)."""
+    """Return (n, 3, 3) float64 [1/m]: the inverse of each tetrahedron's edge matrix, whose columns are b - a, c - a, d
+    - a. The edge matrix of a deformed state times it is the deformation gradient (E. Sifakis, J. Barbic, "FEM
+    Simulation of 3D Deformable Solids", SIGGRAPH courses (2012), section 4.1)."""
     a, b, c, d = (position[corner] for corner in np.asarray(tetrahedra).T)
     one, two, three = b - a, c - a, d - a
     rows = np.stack([np.cross(two, three), np.cross(three, one), np.cross(one, two)], axis=1)

@@ -15,17 +15,19 @@ EIGHT = np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)])
 
 
 def triangles_in_voxels(place: np.ndarray, triangles: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(triangle (pairs,), voxel (pairs, 3)) int64, by triangle: each of `triangles` (n, 3) with the voxels that it passes
-    through, (i, j, k) being the cube from there to (i + 1, j + 1, k + 1). `place` (vertices, 3): in voxels, within 0 and
-    `counts` (3,)."""
-    found = [_some(begin, place[triangles[begin : begin + BATCH]], counts) for begin in range(0, len(triangles), BATCH)]
-    number, cell = np.concatenate([pair[0] for pair in found]), np.concatenate([pair[1] for pair in found])
+    """Return (triangle (pairs,), voxel (pairs, 3)) int64, by triangle: each of `triangles` (n, 3) with the voxels that
+    it passes through, (i, j, k) being the cube from there to (i + 1, j + 1, k + 1). `place` (vertices, 3): in voxels,
+    within 0 and `counts` (3,)."""
+    batches = [
+        _some(begin, place[triangles[begin : begin + BATCH]], counts) for begin in range(0, len(triangles), BATCH)
+    ]
+    number, cell = np.concatenate([pair[0] for pair in batches]), np.concatenate([pair[1] for pair in batches])
     order = np.lexsort((cell[:, 2], cell[:, 1], cell[:, 0], number))
     return number[order], cell[order]
 
 
 def _some(first: int, corners: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The pairs of triangles `corners` (n, 3, 3), which are numbered from `first` on."""
+    """Return the pairs of triangles `corners` (n, 3, 3), which are numbered from `first` on."""
     least = np.clip(np.floor(corners.min(axis=1)), 0, counts - 1).astype(np.int64)
     most = np.clip(np.ceil(corners.max(axis=1)) - 1, least, counts - 1).astype(np.int64)
     level = np.zeros(
@@ -42,33 +44,34 @@ def _some(first: int, corners: np.ndarray, counts: np.ndarray) -> tuple[np.ndarr
         near = ((cell >= least[number] >> size) & (cell <= most[number] >> size)).all(axis=1)
         number, cell = number[near], cell[near]
         half = 2.0**size / 2
-        meets = _meet(corners[number] - (cell * 2.0**size + half)[:, None], half)
-        number, cell = number[meets], cell[meets]
+        overlapping = _overlaps_cube(corners[number] - (cell * 2.0**size + half)[:, None], half)
+        number, cell = number[overlapping], cell[overlapping]
     return number + first, cell
 
 
-def _meet(corners: np.ndarray, half: float) -> np.ndarray:
-    """(n,) bool: whether triangles `corners` (n, 3, 3) have a point within the open cube of side 2 `half` about the origin.
+def _overlaps_cube(corners: np.ndarray, half: float) -> np.ndarray:
+    """Return (n,) bool: True if a triangle of `corners` (n, 3, 3) has a point in the open cube of side 2 `half` at the
+    origin.
 
     Two convex bodies are apart where one of 13 axes separates them: S. Gottschalk, M. C. Lin, D. Manocha, "OBBTree", SIGGRAPH
     1996; T. Akenine-Moeller, "Fast 3D Triangle-Box Overlap Testing", Journal of Graphics Tools 6 (2001).
     """
     a, b, c = np.ascontiguousarray(corners.transpose(1, 2, 0))  # (3, n) each: an axis is a row
-    meets = np.ones(len(corners), dtype=bool)
+    overlapping = np.ones(len(corners), dtype=bool)
     for x, y, z in zip(a, b, c, strict=True):
-        meets &= (np.minimum(np.minimum(x, y), z) < half) & (np.maximum(np.maximum(x, y), z) > -half)
+        overlapping &= (np.minimum(np.minimum(x, y), z) < half) & (np.maximum(np.maximum(x, y), z) > -half)
     one, two = b - a, c - a
     normal = np.stack([one[(k + 1) % 3] * two[(k + 2) % 3] - one[(k + 2) % 3] * two[(k + 1) % 3] for k in range(3)])
-    reach = half * NEARLY * np.abs(normal).sum(axis=0)
-    meets &= (np.abs((normal * a).sum(axis=0)) < reach) | (reach == 0)
+    extent = half * NEARLY * np.abs(normal).sum(axis=0)
+    overlapping &= (np.abs((normal * a).sum(axis=0)) < extent) | (extent == 0)
     for edge, start, other in ((one, a, c), (two, a, b), (c - b, b, a)):
         size = np.abs(edge).sum(axis=0)
         for k in range(3):
             y, z = (k + 1) % 3, (k + 2) % 3  # the axis is the unit vector k times the edge: (-edge z, edge y)
             across = np.abs(edge[y]) + np.abs(edge[z])
-            reach = half * NEARLY * across
+            extent = half * NEARLY * across
             p = edge[y] * start[z] - edge[z] * start[y]
             q = edge[y] * other[z] - edge[z] * other[y]
-            apart = (np.minimum(p, q) >= reach) | (np.maximum(p, q) <= -reach)
-            meets &= ~apart | (across <= PARALLEL * size)
-    return meets
+            apart = (np.minimum(p, q) >= extent) | (np.maximum(p, q) <= -extent)
+            overlapping &= ~apart | (across <= PARALLEL * size)
+    return overlapping

@@ -23,7 +23,7 @@ from softlab.model.geometry.tetrahedra.sight import in_sight
 from softlab.model.geometry.voxels import crossings
 
 PROBES = 4  # lines a voxel, along each of two axes
-LOOKS = 4  # triangles of a part that no line meets, from which is looked
+SIGHT_SAMPLES = 4  # triangles of a part that no line meets, from which is looked
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,11 +39,11 @@ class Chords:
     ends: np.ndarray
 
     def nearest(self, chosen: np.ndarray, axis: int, local: np.ndarray) -> np.ndarray:
-        """(n, 3): of the `chosen` chords (n,), which lie along `axis`, the points nearest to `local` (n, 3)."""
-        found = np.empty((len(chosen), 3))
-        found[:, [(axis + 1) % 3, (axis + 2) % 3]] = self.line[chosen]
-        found[:, axis] = np.clip(local[:, axis], self.low[chosen], self.high[chosen])
-        return found
+        """Return (n, 3): of the `chosen` chords (n,), which lie along `axis`, the points nearest to `local` (n, 3)."""
+        points = np.empty((len(chosen), 3))
+        points[:, [(axis + 1) % 3, (axis + 2) % 3]] = self.line[chosen]
+        points[:, axis] = np.clip(local[:, axis], self.low[chosen], self.high[chosen])
+        return points
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,10 +61,10 @@ class Pieces:
     overlapping: bool
 
     def nearest(self, voxel: np.ndarray, local: np.ndarray) -> np.ndarray:
-        """(points,) int64: the piece of each point's `voxel` (points,) whose inside, along the lines, is nearest to the point
-        at `local` (points, 3), in voxels from the voxel's first corner."""
+        """Return (points,) int64: the piece of each point's `voxel` (points,) whose inside, along the lines, is nearest
+        to the point at `local` (points, 3), in voxels from the voxel's first corner."""
         first, end = np.searchsorted(self.voxel, voxel), np.searchsorted(self.voxel, voxel, "right")
-        found, away = first.copy(), np.full(len(voxel), np.inf)
+        piece, away = first.copy(), np.full(len(voxel), np.inf)
         several = np.flatnonzero(end - first > 1)
         for axis, chords in enumerate(self.chords):
             order = np.argsort(chords.piece, kind="stable")
@@ -77,9 +77,9 @@ class Pieces:
             closest = np.full(len(voxel), np.inf)
             np.minimum.at(closest, point, square)
             better = (square == closest[point]) & (square < away[point])
-            found[point[better]] = chords.piece[chord[better]]
+            piece[point[better]] = chords.piece[chord[better]]
             away = np.minimum(away, closest)
-        return found
+        return piece
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +105,7 @@ class _Stretches:
 def pieces_of(
     place: np.ndarray, triangles: np.ndarray, edges: MeshEdges, cells: Cells, pairs: tuple[np.ndarray, np.ndarray]
 ) -> Pieces:
-    """The pieces of the closed mesh of `place` (vertices, 3), in voxels, and `triangles` (n, 3), whose edges are
+    """Return the pieces of the closed mesh of `place` (vertices, 3), in voxels, and `triangles` (n, 3), whose edges are
     `edges`. `pairs`: (triangle, number of a voxel) (pairs,), ascending, as `triangles_in_voxels` finds them."""
     triangle, voxel = pairs
     count, patches = len(triangle), across_edges(place, edges, cells, pairs)
@@ -121,17 +121,17 @@ def pieces_of(
     probe = np.cumsum(several) - 1  # of the voxels with several patches
     for axis in range(3):
         parts = _stretches(place, triangles, cells, axis)
-        own = several[parts.voxel]
-        node = np.where(own, used + np.cumsum(own) - 1, whole[parts.voxel])
+        ambiguous = several[parts.voxel]
+        node = np.where(ambiguous, used + np.cumsum(ambiguous) - 1, whole[parts.voxel])
         lines.append((parts, node))
         for of in (parts.first, parts.last):
-            at, found = positions(key, np.where(of >= 0, of * len(cells) + parts.voxel, -1))
-            ends.append(np.stack([node[found], at[found]], axis=1))
-        ends.append(_probes_of(parts, np.flatnonzero(own), node, probe, cells))
-        owner.append(parts.voxel[own])
-        seen.append((parts.voxel[own], _middles(parts, np.flatnonzero(own), cells), node[own]))
-        counted.append(np.ones(int(own.sum()), dtype=bool))
-        used += int(own.sum())
+            at, located = positions(key, np.where(of >= 0, of * len(cells) + parts.voxel, -1))
+            ends.append(np.stack([node[located], at[located]], axis=1))
+        ends.append(_probes_of(parts, np.flatnonzero(ambiguous), node, probe, cells))
+        owner.append(parts.voxel[ambiguous])
+        seen.append((parts.voxel[ambiguous], _middles(parts, np.flatnonzero(ambiguous), cells), node[ambiguous]))
+        counted.append(np.ones(int(ambiguous.sum()), dtype=bool))
+        used += int(ambiguous.sum())
         step = np.diff(cells.index[parts.voxel, axis])
         on = np.flatnonzero((parts.stretch[1:] == parts.stretch[:-1]) & (step == 1))
         at_side = over_edges(place, triangles, edges, cells, pairs, axis)
@@ -153,11 +153,11 @@ def pieces_of(
 
 
 def _some_of_each(pairs: np.ndarray, label: np.ndarray) -> np.ndarray:
-    """Of the `pairs` of each label LOOKS, evenly, or as many as there are."""
+    """Return SIGHT_SAMPLES of the `pairs` of each label, evenly spread, or all if there are fewer."""
     pairs = pairs[np.argsort(label[pairs], kind="stable")]
     _, first, count = np.unique(label[pairs], return_index=True, return_counts=True)
     owner, rank = ranges(np.zeros(len(first), dtype=np.int64), count)
-    return pairs[(rank * LOOKS) // count[owner] != ((rank - 1) * LOOKS) // count[owner]]
+    return pairs[(rank * SIGHT_SAMPLES) // count[owner] != ((rank - 1) * SIGHT_SAMPLES) // count[owner]]
 
 
 def _numbered(
@@ -169,7 +169,7 @@ def _numbered(
     pairs: tuple[np.ndarray, np.ndarray],
     lines: list[tuple[_Stretches, np.ndarray]],
 ) -> Pieces:
-    """Of nodes with a `label` and a voxel that is their `owner` (nodes,), pieces being those of `counted` ones."""
+    """Number the pieces of nodes with a `label` in the voxel `owner` (nodes,); only `counted` nodes make pieces."""
     place, number = np.unique(label[counted], return_inverse=True)
     voxel = np.zeros(len(place), dtype=np.int64)
     voxel[number] = owner[counted]
@@ -183,8 +183,8 @@ def _numbered(
     joined = []
     for axis in range(3):
         beside = cells.beside(axis)
-        other, found = positions(key, np.where(beside[cell] >= 0, triangle * len(cells) + beside[cell], -1))
-        through = np.stack([of_pair[found], of_pair[other[found]]], axis=1)
+        other, located = positions(key, np.where(beside[cell] >= 0, triangle * len(cells) + beside[cell], -1))
+        through = np.stack([of_pair[located], of_pair[other[located]]], axis=1)
         ends = np.concatenate([through, piece[crossing[axis]]])
         both = np.unique(ends[:, 0] * len(place) + ends[:, 1])
         joined.append(np.stack(np.divmod(both, len(place)), axis=1))
@@ -198,12 +198,13 @@ def _numbered(
 
 
 def _chords(parts: _Stretches, piece: np.ndarray, passed: np.ndarray, cells: Cells) -> Chords:
-    """Of the parts of stretches in voxels that the surface has `passed` (voxels,) through, of such a `piece` (parts,)."""
-    own = np.flatnonzero(passed[parts.voxel])
-    start = cells.index[parts.voxel[own], parts.axis]
-    low, high = (np.clip(ends[own] - start, 0.0, 1.0) for ends in (parts.low, parts.high))
-    ends = (parts.first[own] >= 0).astype(np.float64) + (parts.last[own] >= 0)
-    return Chords(piece[own], (parts.line[own] % PROBES + 0.5) / PROBES, low, high, ends)
+    """Return the chords: parts of stretches in voxels that the surface has `passed` (voxels,) through, of `piece`
+    (parts,)."""
+    selected = np.flatnonzero(passed[parts.voxel])
+    start = cells.index[parts.voxel[selected], parts.axis]
+    low, high = (np.clip(ends[selected] - start, 0.0, 1.0) for ends in (parts.low, parts.high))
+    ends = (parts.first[selected] >= 0).astype(np.float64) + (parts.last[selected] >= 0)
+    return Chords(piece[selected], (parts.line[selected] % PROBES + 0.5) / PROBES, low, high, ends)
 
 
 def _stretches(place: np.ndarray, triangles: np.ndarray, cells: Cells, axis: int) -> _Stretches:
@@ -240,25 +241,27 @@ def _stretches(place: np.ndarray, triangles: np.ndarray, cells: Cells, axis: int
     )
 
 
-def _probes_of(parts: _Stretches, own: np.ndarray, node: np.ndarray, probe: np.ndarray, cells: Cells) -> np.ndarray:
-    """(n, 2): each of the parts `own` with the probes on it, numbered from -1 down by voxel (`probe`) and place in it."""
-    voxel, across = parts.voxel[own], [(parts.axis + 1) % 3, (parts.axis + 2) % 3]
+def _probes_of(
+    parts: _Stretches, selected: np.ndarray, node: np.ndarray, probe: np.ndarray, cells: Cells
+) -> np.ndarray:
+    """Return (n, 2): each of the parts `selected` with the probes on it, numbered from -1 down by `probe` and place."""
+    voxel, across = parts.voxel[selected], [(parts.axis + 1) % 3, (parts.axis + 2) % 3]
     start = cells.index[voxel, parts.axis]
-    low, high = ((ends[own] - start) * PROBES - 0.5 for ends in (parts.low, parts.high))
+    low, high = ((ends[selected] - start) * PROBES - 0.5 for ends in (parts.low, parts.high))
     first = np.maximum(np.floor(low) + 1, 0).astype(np.int64)
     last = np.minimum(np.ceil(high) - 1, PROBES - 1).astype(np.int64)
     part, along = ranges(first, np.maximum(last - first + 1, 0))
     local = np.empty((len(part), 3), dtype=np.int64)
-    local[:, parts.axis], local[:, across] = along, (parts.line[own] % PROBES)[part]
+    local[:, parts.axis], local[:, across] = along, (parts.line[selected] % PROBES)[part]
     number = probe[voxel[part]] * PROBES**3 + (local[:, 0] * PROBES + local[:, 1]) * PROBES + local[:, 2]
-    return np.stack([node[own][part], -1 - number], axis=1)
+    return np.stack([node[selected][part], -1 - number], axis=1)
 
 
-def _middles(parts: _Stretches, own: np.ndarray, cells: Cells) -> np.ndarray:
-    """(n, 3): the middle of each of the parts `own`, in voxels."""
+def _middles(parts: _Stretches, selected: np.ndarray, cells: Cells) -> np.ndarray:
+    """Return (n, 3): the middle of each of the parts `selected`, in voxels."""
     across = [(parts.axis + 1) % 3, (parts.axis + 2) % 3]
-    start = cells.index[parts.voxel[own], parts.axis]
-    point = np.empty((len(own), 3))
-    point[:, across] = (parts.line[own] + 0.5) / PROBES
-    point[:, parts.axis] = (np.maximum(parts.low[own], start) + np.minimum(parts.high[own], start + 1)) / 2
+    start = cells.index[parts.voxel[selected], parts.axis]
+    point = np.empty((len(selected), 3))
+    point[:, across] = (parts.line[selected] + 0.5) / PROBES
+    point[:, parts.axis] = (np.maximum(parts.low[selected], start) + np.minimum(parts.high[selected], start + 1)) / 2
     return point

@@ -1,4 +1,4 @@
-"""What is told of a tetrahedral body: its size, how true it is to its surface, how well it is shaped."""
+"""Report on a tetrahedral body: its size, its fidelity to the surface, and the quality of its tetrahedra."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Report:
     [m^5]: `moments` of the tetrahedra, `vertex_moments` of the vertices' masses over the density, `hull_moments`.
     `worst_quality` and `mean_quality`: see TetrahedralMesh, the worst being tetrahedron `worst` at `worst_place` [m];
     `points` of the surface, `outside` of which lie beyond their tetrahedron, by `farthest` [m] at most; `density` [kg/m^3],
-    `mass` [kg]; `told`: what was mended and what to mind."""
+    `mass` [kg]; `notes`: what was mended and what to mind."""
 
     vertices: int
     tetrahedra: int
@@ -57,7 +57,7 @@ class Report:
         return self.volume / self.hull_volume
 
     def lines(self) -> list[str]:
-        """What to tell a user of it."""
+        """Return the lines that describe the body to a user."""
         place = ", ".join(f"{x:.4g}" for x in self.worst_place)
         points = f"{_many(self.points, 'point')} of the surface, none outside its tetrahedron"
         if self.outside:
@@ -81,7 +81,7 @@ class Report:
         ]
 
     def brief(self, mass: float) -> list[str]:
-        """What a run says of a body that weighs `mass` [kg], materials of regions included."""
+        """Return the lines that a run prints of a body that weighs `mass` [kg], materials of regions included."""
         return [
             f"{self._built()}; {mass:.6g} kg, {self._volume()}",
             self._moments_line(mass / self.volume),
@@ -122,14 +122,15 @@ def report_of(
     embedding: Embedding,
     hull_volume: float,
     density: float,
-    told: tuple[str, ...] = (),
+    notes: tuple[str, ...] = (),
     voxels: tuple[int, Any, int] = (0, 0.0, 0),
     fractions: np.ndarray | None = None,
     surface: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> Report:
-    """The report of `mesh`, whose surface of `hull_volume` [m^3] is carried by `embedding`; `voxels`: how many, their edge or
-    edges (3) [m], how many are doubled; `fractions` (tetrahedra, 4): of what each holds (fractions.py), all unless given;
-    `surface`: (position, triangles), that of the tetrahedra unless given. Raises SceneError (density)."""
+    """Return the report of `mesh`, whose surface of `hull_volume` [m^3] is carried by `embedding`; `voxels`: how many,
+    their edge or edges (3) [m], how many are doubled; `fractions` (tetrahedra, 4): of what each holds (fractions.py),
+    all unless given; `surface`: (position, triangles), that of the tetrahedra unless given. Raises SceneError
+    (density)."""
     check_density(density)
     quality = mesh.quality
     worst = int(np.argmin(np.round(quality, 9)))  # the first of those that differ by roundings alone
@@ -141,7 +142,7 @@ def report_of(
     x, y, z = (float(x) for x in mesh.position[mesh.tetrahedra[worst]].mean(axis=0))
     crowded = int((mesh.face_counts > 2).sum()) if not voxels[0] else 0
     if crowded:
-        told = (*told, f"{_many(crowded, 'face')} of more than two tetrahedra: parts of the body overlap")
+        notes = (*notes, f"{_many(crowded, 'face')} of more than two tetrahedra: parts of the body overlap")
     return Report(
         vertices=len(mesh.position),
         tetrahedra=len(mesh.tetrahedra),
@@ -165,7 +166,7 @@ def report_of(
         farthest=float(beyond.max(initial=0.0)),
         density=density,
         mass=density * volume,
-        told=told,
+        told=notes,
     )
 
 

@@ -2,7 +2,7 @@
 
 A voxel exists where the body overlaps it: where its surface passes through (overlap.py), or where all of it is inside. Each
 becomes five tetrahedra or six. A voxel in which the body has pieces that do not touch there, as fingers nearer to each other
-than a voxel, is doubled: one for each piece (pieces.py, which tells the limits). Neighbours share the four vertices of a side
+than a voxel, is doubled: one for each piece (pieces.py, which lists the limits). Neighbours share the four vertices of a side
 where the body hangs together across it, and only there; so pieces share vertices where they meet around the vertex, and
 nowhere else.
 """
@@ -46,7 +46,8 @@ PerVoxel = Literal[5, 6]
 
 
 def _oriented(tetrahedra: Sequence[tuple[int, ...]]) -> np.ndarray:
-    """(n, 4): of corners by their numbers, x y z in binary, with two of them swapped where the volume was negative."""
+    """Return (n, 4): of corners by their numbers, x y z in binary, with two of them swapped where the volume was
+    negative."""
     corners = np.array(tetrahedra)
     place = EIGHT[corners].astype(np.float64)
     wrong = determinant(place[:, 1:] - place[:, :1]) < 0
@@ -99,9 +100,9 @@ def voxel_mesh(
     voxels: int | None = None,
     per_voxel: PerVoxel = 5,
 ) -> VoxelMesh:
-    """The body of a closed mesh in voxels of at most `edge` [m], or `voxels` of them along the longest side of the box around
-    it (10 unless given). A whole number of voxels fills that box along each axis, so that a box in line with the axes is
-    met exactly; they are cubes where its sides are multiples of `edge`.
+    """Return the body of a closed mesh in voxels of at most `edge` [m], or `voxels` of them along the longest side of
+    the box around it (10 unless given). A whole number of voxels fills that box along each axis, so that a box in line
+    with the axes is met exactly; they are cubes where its sides are multiples of `edge`.
 
     Raises SceneError (a parameter) and InputError (an open mesh, nothing inside, coordinates beyond those of a body).
     """
@@ -125,14 +126,14 @@ def voxel_mesh(
 
 
 def _slack(hull: Solid, size: float) -> float:
-    """How near to the lattice, in voxels, is on it."""
+    """Return the distance from the lattice, in voxels, up to which a point counts as on it."""
     return max(WHOLE, 8 * float(np.finfo(np.float64).eps) * float(np.abs(hull.position).max()) / size)
 
 
 def _lattice(
     hull: Solid, low: np.ndarray, high: np.ndarray, edge: float | None, voxels: int | None, per_voxel: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(edges of a voxel (3,) [m], how many along each axis (3,) int64)."""
+    """Return (edges of a voxel (3,) [m], how many along each axis (3,) int64)."""
     if per_voxel not in CUTS:
         raise SceneError("tetrahedra", per_voxel, "must be 5 or 6 a voxel")
     field: tuple[str, object] = ("voxels", voxels) if edge is None else ("edge", edge)
@@ -140,8 +141,8 @@ def _lattice(
     size = edge_of(hull.position, edge, voxels)
     largest = float(np.abs(hull.position).max())
     if size < COARSEST * largest:
-        told = f"makes voxels of {size:.3g} m at coordinates of {largest:.3g} m, below what these can tell apart"
-        raise SceneError(*field, f"{told}; move the mesh to the origin, or {advice}")
+        reason = f"makes voxels of {size:.3g} m at coordinates of {largest:.3g} m, below what these can resolve"
+        raise SceneError(*field, f"{reason}; move the mesh to the origin, or {advice}")
     wide = (high - low) / size
     if wide.max() > MOST_VOXELS:
         raise SceneError(*field, f"makes {wide.max():.3g} voxels along an axis; at most {MOST_VOXELS}: {advice}")
@@ -180,16 +181,16 @@ def _cut(
     pairs: tuple[np.ndarray, np.ndarray],
     lattice: tuple[np.ndarray, np.ndarray, int],
 ) -> VoxelMesh:
-    """The tetrahedra of `pieces`, and the vertices of the hull in them."""
+    """Return the tetrahedra of `pieces`, and the vertices of the hull in them."""
     origin, size, per_voxel = lattice
     piece = _piece_of_vertices(hull, snapped, cells, pieces, pairs)
     node, vertex = _shared(pieces)
     every = cells.index[pieces.voxel]
     position = origin + (every[node // 8] + EIGHT[node % 8]) * size
     same = _copies(pieces.voxel, vertex)
-    kept = np.flatnonzero(same == np.arange(len(same)))
-    piece = np.searchsorted(kept, same[piece])
-    numbers, vertex, index = pieces.voxel[kept], vertex[kept], every[kept]
+    unique = np.flatnonzero(same == np.arange(len(same)))
+    piece = np.searchsorted(unique, same[piece])
+    numbers, vertex, index = pieces.voxel[unique], vertex[unique], every[unique]
     colour = dot(index % 2, np.array([4, 2, 1]))
     order = np.lexsort((numbers, colour))
     parity = index.sum(axis=1) % 2
@@ -211,13 +212,13 @@ def _cut(
         size,
         origin,
         int((np.bincount(numbers) > 1).sum()),
-        inside[kept][order].reshape(-1, 4),
+        inside[unique][order].reshape(-1, 4),
     )
 
 
 def _shared(pieces: Pieces) -> tuple[np.ndarray, np.ndarray]:
-    """(of each vertex a corner of a piece, 8 piece + corner (vertices,); the vertices at each piece's corners (pieces, 8)):
-    pieces that are joined across a side share its four corners."""
+    """Return (of each vertex a corner of a piece, 8 piece + corner (vertices,); the vertices at each piece's corners
+    (pieces, 8)): pieces that are joined across a side share its four corners."""
     corner = np.arange(8 * len(pieces.voxel)).reshape(-1, 8)
     ends = []
     for axis, joined in enumerate(pieces.joined):
@@ -229,8 +230,8 @@ def _shared(pieces: Pieces) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _copies(voxel: np.ndarray, vertex: np.ndarray) -> np.ndarray:
-    """(pieces,) int64: the first piece that has the same eight vertices: around a crotch pieces that do not touch may share
-    all of them, and are one body there however often it is counted."""
+    """Return (pieces,) int64: the first piece that has the same eight vertices: around a crotch pieces that do not
+    touch may share all of them, and are one body there however often it is counted."""
     same = np.arange(len(voxel))
     doubled = np.flatnonzero((np.bincount(voxel) > 1)[voxel])
     if len(doubled):
@@ -240,7 +241,8 @@ def _copies(voxel: np.ndarray, vertex: np.ndarray) -> np.ndarray:
 
 
 def _shape_functions(per_voxel: int) -> np.ndarray:
-    """(parity, tetrahedra, 4, 4): the matrices that take (1, x, y, z), in voxels, to the weights of the four corners."""
+    """Return (parity, tetrahedra, 4, 4): the matrices that take (1, x, y, z), in voxels, to the weights of the four
+    corners."""
     corners = np.concatenate([np.ones((*CUTS[per_voxel].shape, 1)), EIGHT[CUTS[per_voxel]]], axis=-1)
     inverse = np.linalg.inv(np.swapaxes(corners, -1, -2))
     functions: np.ndarray = np.round(2 * inverse) / 2  # whole numbers and halves
@@ -248,8 +250,9 @@ def _shape_functions(per_voxel: int) -> np.ndarray:
 
 
 def _weights(local: np.ndarray, parity: np.ndarray, functions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(which of the voxel's tetrahedra (points,), weights (points, 4)): of each point at `local` (points, 3) from its voxel's
-    first corner, in voxels, the one that it lies in, or least outside of, by the shape `functions` (_shape_functions)."""
+    """Return (which of the voxel's tetrahedra (points,), weights (points, 4)): of each point at `local` (points, 3)
+    from its voxel's first corner, in voxels, the one that it lies in, or least outside of, by the shape `functions`
+    (_shape_functions)."""
     point = np.column_stack([np.ones(len(local)), local])
     weights = applied(functions[parity], point[:, None])
     best = weights.min(axis=2).argmax(axis=1)
@@ -259,29 +262,30 @@ def _weights(local: np.ndarray, parity: np.ndarray, functions: np.ndarray) -> tu
 def _piece_of_vertices(
     hull: Solid, snapped: np.ndarray, cells: Cells, pieces: Pieces, pairs: tuple[np.ndarray, np.ndarray]
 ) -> np.ndarray:
-    """(vertices,) int64: the piece that carries each vertex of the hull: the one that a triangle of it belongs to, in a voxel
-    that the vertex is in or on. A vertex all of whose triangles lie on the lattice is carried by the voxel below them, by the
-    piece of it that is nearest; one of a fin without thickness there, which is in no voxel, by the nearest, outside of it."""
+    """Return (vertices,) int64: the piece that carries each vertex of the hull: the one that a triangle of it belongs
+    to, in a voxel that the vertex is in or on. A vertex all of whose triangles lie on the lattice is carried by the
+    voxel below them, by the piece of it that is nearest; one of a fin without thickness there, which is in no voxel, by
+    the nearest, outside of it."""
     triangle, voxel = pairs
     corner, low = hull.triangles[triangle], cells.index[voxel]
-    held = ((snapped[corner] >= low[:, None]) & (snapped[corner] <= low[:, None] + 1)).all(axis=2)
+    contains = ((snapped[corner] >= low[:, None]) & (snapped[corner] <= low[:, None] + 1)).all(axis=2)
     piece = np.full(len(snapped), -1, dtype=np.int64)
     for k in range(3):
-        piece[corner[held[:, k], k]] = pieces.of_pair[held[:, k]]
+        piece[corner[contains[:, k], k]] = pieces.of_pair[contains[:, k]]
     left = np.flatnonzero(piece < 0)
     if not len(left):
         return piece
     inwards = -mesh_normals(hull.position, hull.triangles)[left]
-    ways = 2.0 * EIGHT - 1
+    directions = 2.0 * EIGHT - 1
     at = snapped[left, None]
-    around = np.floor(np.where(at == np.round(at), at + 0.25 * ways, at)).astype(np.int64)
+    around = np.floor(np.where(at == np.round(at), at + 0.25 * directions, at)).astype(np.int64)
     number = cells.number(around.reshape(-1, 3)).reshape(-1, 8)
-    best = np.where(number >= 0, dot(inwards[:, None], ways), -np.inf).argmax(axis=1)
-    found = number[np.arange(len(left)), best]
-    lost = np.flatnonzero(found < 0)
+    best = np.where(number >= 0, dot(inwards[:, None], directions), -np.inf).argmax(axis=1)
+    carrier = number[np.arange(len(left)), best]
+    lost = np.flatnonzero(carrier < 0)
     if len(lost):
         from scipy.spatial import cKDTree
 
-        found[lost] = cKDTree(cells.index + 0.5).query(snapped[left[lost]])[1]
-    piece[left] = pieces.nearest(found, snapped[left] - cells.index[found])
+        carrier[lost] = cKDTree(cells.index + 0.5).query(snapped[left[lost]])[1]
+    piece[left] = pieces.nearest(carrier, snapped[left] - cells.index[carrier])
     return piece

@@ -16,19 +16,19 @@ def limited(masses: np.ndarray, near: Lists, ratio: float) -> np.ndarray:
     j, also have it when mixed: a U + (1 - a) L, with a such that the sum is right.
     """
     over, under = _spread(masses, near, ratio), 1 / _spread(1 / masses, near, ratio)
-    room = total(over - under)
-    share = total(masses - under) / room if room > 0 else 0.0
-    mixed: np.ndarray = share * over + (1 - share) * under
+    difference = total(over - under)
+    fraction = total(masses - under) / difference if difference > 0 else 0.0
+    mixed: np.ndarray = fraction * over + (1 - fraction) * under
     return mixed * (total(masses) / total(mixed))  # removes the rounding of the sum
 
 
 def _spread(values: np.ndarray, near: Lists, ratio: float) -> np.ndarray:
     """Return the smallest numbers above the positive `values` that are at least 1 / ratio of every neighbour's."""
-    found = np.array(values, np.float64)
-    owner = np.repeat(np.arange(len(found)), near.lengths)
+    bounds = np.array(values, np.float64)
+    owner = np.repeat(np.arange(len(bounds)), near.lengths)
     while True:
-        asked = found[near.indices] / ratio
-        short = np.flatnonzero(asked > found[owner])
+        asked = bounds[near.indices] / ratio
+        short = np.flatnonzero(asked > bounds[owner])
         if not len(short):
-            return found
-        np.maximum.at(found, owner[short], asked[short])
+            return bounds
+        np.maximum.at(bounds, owner[short], asked[short])

@@ -48,16 +48,16 @@ class Matter:
         """
         count, corners = len(mesh.position), mesh.tetrahedra.ravel()
         volume = np.repeat(mesh.volumes / 4, 4) * fractions.ravel()
-        found = np.bincount(corners, np.repeat(self.density, 4) * volume, minlength=count)
+        masses = np.bincount(corners, np.repeat(self.density, 4) * volume, minlength=count)
         cut = bool((fractions < 1).any())
         if not cut and ratio is None:
-            return found
+            return masses
         near = neighbours(mesh.tetrahedra, count)
         if cut:
             lumped = np.bincount(corners, volume, minlength=count)
-            shared = found * (limited(lumped, near, WHOLE_RATIO) / lumped)
-            found = shared * (total(found) / total(shared))
-        return found if ratio is None else limited(found, near, ratio)
+            shared = masses * (limited(lumped, near, WHOLE_RATIO) / lumped)
+            masses = shared * (total(masses) / total(shared))
+        return masses if ratio is None else limited(masses, near, ratio)
 
 
 NAMES = tuple(field.name for field in fields(Matter))
@@ -74,7 +74,7 @@ def matter_of(
 
     Of several tables that contain a tetrahedron's centre the last counts. Raises InputError (a region's mesh).
     """
-    found = {one: np.full(len(mesh.tetrahedra), getattr(part, one), np.float64) for one in NAMES}
+    values = {one: np.full(len(mesh.tetrahedra), getattr(part, one), np.float64) for one in NAMES}
     middles = mesh.position[mesh.tetrahedra].mean(axis=1)
     for material in materials.values():
         if material.body in (None, name):
@@ -85,8 +85,8 @@ def matter_of(
             for one in NAMES:
                 value = getattr(material, one)
                 if value is not None:
-                    found[one][inside] = value
-    return Matter(**found)
+                    values[one][inside] = value
+    return Matter(**values)
 
 
 def joined(some: list[Matter]) -> Matter:

@@ -10,7 +10,7 @@ import numpy as np
 from softlab.model.assets.tetrahedral_body import CookedBody
 from softlab.model.base.errors import InputError, SceneError
 from softlab.model.geometry.arithmetic.ordered import applied, total
-from softlab.model.geometry.measures import turned_about
+from softlab.model.geometry.measures import rotation_about
 from softlab.model.geometry.tetrahedra.mesh import TetrahedralMesh
 from softlab.model.particles.tetrahedra.matter import Matter, matter_of
 from softlab.model.tables.regions import Region
@@ -42,8 +42,8 @@ class PlacedBody:
             return np.zeros((len(self.mesh.tetrahedra), 3), np.int32)
         voxel = self.body.voxel
         longest_first = np.argsort(-np.ptp(voxel, axis=0), kind="stable")
-        found: np.ndarray = voxel[:, longest_first]
-        return found
+        reordered: np.ndarray = voxel[:, longest_first]
+        return reordered
 
 
 def placed_body(
@@ -63,12 +63,12 @@ def placed_body(
         if part.volume == "voxels" and not body.per_voxel:
             raise SceneError("volume", part.volume, "is of bodies cut into voxels; this file has tetrahedra alone")
         mesh = TetrahedralMesh(
-            applied(turned_about(part.axis, part.angle), body.mesh.position) + part.origin, body.mesh.tetrahedra
+            applied(rotation_about(part.axis, part.angle), body.mesh.position) + part.origin, body.mesh.tetrahedra
         )
         matter = matter_of(name, part, mesh, materials, regions)
         words = (*part.pinned, *attached)
-        held = [vertices_of(word, body.mesh.position, mesh.position, regions) for word in words]
-        pinned = np.unique(np.concatenate([np.zeros(0, np.int64), *held]))
+        selected = [vertices_of(word, body.mesh.position, mesh.position, regions) for word in words]
+        pinned = np.unique(np.concatenate([np.zeros(0, np.int64), *selected]))
         velocity = _velocity(part, mesh.position, lambda: matter.masses(body.mesh, body.fractions), pinned)
         masses = matter.masses(mesh, body.fractions, part.mass_ratio)
     except SceneError as error:

@@ -30,15 +30,15 @@ class Sheet:
     pinned: np.ndarray
 
 
-def sheet_of(name: str, part: Mesh, held: Sequence[str], regions: Mapping[str, Region]) -> Sheet:
-    """Return the cloth; `held`: words for those of its vertices that attachments pin. Raises SceneError, InputError."""
+def sheet_of(name: str, part: Mesh, attached: Sequence[str], regions: Mapping[str, Region]) -> Sheet:
+    """Return the cloth; `attached`: words for vertices that attachments pin. Raises SceneError, InputError."""
     mesh = mesh_of(part)
     position = mesh.position + part.origin
-    told: Any = part.pinned
-    own = pinned_vertices(part) if part.file is not None else pin_indices(told, part.rows, part.columns)
+    pins: Any = part.pinned
+    stated = pinned_vertices(part) if part.file is not None else pin_indices(pins, part.rows, part.columns)
     try:
-        more = [vertices_of(word, mesh.position, position, regions) for word in held]
+        more = [vertices_of(word, mesh.position, position, regions) for word in attached]
     except SceneError as error:
         raise SceneError(f"{name}.{error.field}", error.value, error.allowed) from None
-    pinned = np.unique(np.concatenate([own, *more])).astype(np.int64)
+    pinned = np.unique(np.concatenate([stated, *more])).astype(np.int64)
     return Sheet(name, part, mesh, position, vertex_masses(part), pinned)

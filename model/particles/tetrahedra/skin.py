@@ -35,8 +35,8 @@ class Skin:
 
     def points(self, position: np.ndarray) -> np.ndarray:
         """Return the positions of the points, (points, 3) [m], for particles at `position` (particles, 3)."""
-        found: np.ndarray = np.einsum("pk,pkj->pj", self.weights, position[self.corners])
-        return found
+        points: np.ndarray = np.einsum("pk,pkj->pj", self.weights, position[self.corners])
+        return points
 
     def beside(self, other: Skin) -> Skin:
         """Return both skins in one, the other's pieces last."""

@@ -19,5 +19,5 @@ def neighbours(tetrahedra: np.ndarray, count: int) -> Lists:
 
 def bodies_of_particles(first_particle: np.ndarray, count: int) -> np.ndarray:
     """Return the number of each particle's body, (count,) int64; `first_particle`: of each body."""
-    found: np.ndarray = np.searchsorted(first_particle, np.arange(count), side="right") - 1
-    return found
+    body: np.ndarray = np.searchsorted(first_particle, np.arange(count), side="right") - 1
+    return body

@@ -56,8 +56,8 @@ def _check_world(scene: SceneParts) -> None:
         usual: dict[str, Any] = OF_A_FLUID if wet else {}
         scene.parts["method"], scene.kinds["method"] = Method(**usual | {"solver": OF_WORLDS}), "method"
     elif method.solver != OF_WORLDS:
-        told = f"must be {OF_WORLDS} where {' and '.join(members_of(scene.kinds))} are in one scene"
-        raise SceneError("method.solver", method.solver, told)
+        reason = f"must be {OF_WORLDS} where {' and '.join(members_of(scene.kinds))} are in one scene"
+        raise SceneError("method.solver", method.solver, reason)
     elif method.tetrahedra != "xpbd" and "tetrahedra" not in members_of(scene.kinds):
         raise SceneError("method.tetrahedra", method.tetrahedra, "applies to tetrahedral bodies; this scene has none")
     elif wet:
@@ -76,8 +76,8 @@ def _check_world(scene: SceneParts) -> None:
 
 def _check_fluids(scene: SceneParts) -> None:
     """Raise SceneError for a part that is not (yet) supported together with fluids."""
-    told = f"is not supported together with fluids, which take {', '.join(WITH_FLUIDS)}"
-    scene.refuse(KINDS.keys() - WITH_FLUIDS, told)
+    reason = f"is not supported together with fluids, which take {', '.join(WITH_FLUIDS)}"
+    scene.refuse(KINDS.keys() - WITH_FLUIDS, reason)
     check_fluids(scene.fluids, scene.domain, scene.name_of("domain"))
     method = scene.one("method")
     if method is None:
@@ -113,8 +113,8 @@ def _check_contact(scene: SceneParts) -> None:
     if scene.contact is not None and len(scene.bodies) > MAX_KINDS:
         raise SceneError("contact", len(scene.bodies), f"at most {MAX_KINDS} kinds of bodies; use copies")
     if scene.contact is not None and scene.contact.distance is not None:
-        told = "applies to tetrahedral bodies; particles have a radius"
-        raise SceneError(f"{scene.name_of('contact')}.distance", scene.contact.distance, told)
+        reason = "applies to tetrahedral bodies; particles have a radius"
+        raise SceneError(f"{scene.name_of('contact')}.distance", scene.contact.distance, reason)
     for name, body in scene.bodies.items():
         if scene.contact is None:
             for field in ("group", "avoids", "adhesion", "self_collision", "radius"):

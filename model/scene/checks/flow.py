@@ -27,17 +27,17 @@ def check_flow(scene: Any) -> None:
     an emitter, and for a sink of other dimensions."""
     axes, emptied = scene.dimensions, bool(scene.sinks)
     if (scene.emitters or emptied) and scene.method.scheme == "divergence-free":
-        told = "is not supported together with emitters and sinks; use macklin or averaged"
-        raise SceneError("method.scheme", scene.method.scheme, told)
+        reason = "is not supported together with emitters and sinks; use macklin or averaged"
+        raise SceneError("method.scheme", scene.method.scheme, reason)
     for name, sink in scene.sinks.items():
         for field in ("center", "point", "normal"):
             if axes == 2 and len(getattr(sink, field)) == 3 and getattr(sink, field)[2] != 0:
                 raise SceneError(f"{name}.{field}", list(getattr(sink, field)), "must lie in the plane z = 0")
-    given = set()
+    fed = set()
     for name, part in scene.emitters.items():
         number = fluid_of(scene, name)
         fluid_name, fluid = list(scene.fluids.items())[number]
-        given.add(number)
+        fed.add(number)
         for field in ("center", "direction"):
             vector = getattr(part, field)
             if len(vector) == 3 and axes == 2 and vector[2] != 0:
@@ -45,13 +45,13 @@ def check_flow(scene: Any) -> None:
         _check_nozzle(scene, name, part, fluid.rest_distance)
         limit = fluid.speed_limit(scene.method.dt / scene.method.substeps)
         if part.speed > limit:
-            told = f"must be at most {limit:.4g} m/s, half a support a substep, or the fluid's maximum_speed"
-            raise SceneError(f"{name}.speed", part.speed, told)
+            reason = f"must be at most {limit:.4g} m/s, half a support a substep, or the fluid's maximum_speed"
+            raise SceneError(f"{name}.speed", part.speed, reason)
         if fluid.most == fluid.starting_count and not emptied:
             allowed = f"must be more than {fluid_name} starts with, {fluid.starting_count}, or nothing can come"
             raise SceneError(f"{fluid_name}.capacity", fluid.capacity, allowed)
     for number, (name, fluid) in enumerate(scene.fluids.items()):
-        if number not in given and fluid.most > fluid.starting_count:
+        if number not in fed and fluid.most > fluid.starting_count:
             raise SceneError(f"{name}.capacity", fluid.capacity, "applies to the fluid of an emitter; leave it out")
 
 
@@ -89,10 +89,10 @@ def in_wall(kind: str, wall: Any, points: np.ndarray) -> np.ndarray:
         away = points - np.array(wall.start)
         part = np.clip(dot(away, line) / square, 0, 1) if square > 0 else np.zeros(len(points))
         return np.asarray(norm(away - part[:, None] * line) < wall.radius)
-    found = np.zeros(len(points), bool)
+    inside = np.zeros(len(points), bool)
     if kind == "distance_field":
         places, field = points - np.array(wall.origin), wall.field
         last = field.low + field.spacing * (np.array(field.distance.shape) - 1)
         sampled = ((places >= field.low) & (places <= last)).all(axis=1)
-        found[sampled] = field.at(places[sampled]) < 0
-    return found
+        inside[sampled] = field.at(places[sampled]) < 0
+    return inside

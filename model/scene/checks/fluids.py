@@ -26,15 +26,15 @@ def check_fluids(parts: Mapping[str, Fluid], domain: Domain | None, domain_name:
     for name, other in others:
         for field in OF_ALL:
             if getattr(other, field) != getattr(one, field):
-                told = f"must be that of {first}, {getattr(one, field):g}: fluids of a scene meet"
-                raise SceneError(f"{name}.{field.removesuffix('_radius')}", getattr(other, field), told)
+                reason = f"must be that of {first}, {getattr(one, field):g}: fluids of a scene meet"
+                raise SceneError(f"{name}.{field.removesuffix('_radius')}", getattr(other, field), reason)
     if len(parts) > MAX_FLUIDS:
         raise SceneError(first, len(parts), f"at most {MAX_FLUIDS} fluids")
     count = particle_count(parts)
-    field, told = f"{first}.rest_distance", f"{one.rest_distance:g} m, {count} particles"
+    field, amount = f"{first}.rest_distance", f"{one.rest_distance:g} m, {count} particles"
     if count > MAX_PARTICLES:
-        raise SceneError(field, told, f"at most {MAX_PARTICLES} particles (32-bit indices)")
-    require(count * PARTICLE_BYTES, available_bytes(), field, told, "main memory")
+        raise SceneError(field, amount, f"at most {MAX_PARTICLES} particles (32-bit indices)")
+    require(count * PARTICLE_BYTES, available_bytes(), field, amount, "main memory")
     for name, part in parts.items():
         if part.vortices and (domain is None or not {"x", "y"} <= set(domain.repeats)):
             raise SceneError(f"{name}.vortices", part.vortices, "needs a domain that repeats along x and y")
@@ -43,22 +43,22 @@ def check_fluids(parts: Mapping[str, Fluid], domain: Domain | None, domain_name:
     if len(domain.size) < one.dimensions:
         raise SceneError(f"{domain_name}.size", list(domain.size), f"must have {one.dimensions} numbers")
     if one.dimensions == 2 and "z" in domain.repeats:
-        told = f'must be of x and y in 2 dimensions, such as repeats = ["{domain.repeats[0]}"]'
-        raise SceneError(f"{domain_name}.repeats", list(domain.repeats), told)
+        reason = f'must be of x and y in 2 dimensions, such as repeats = ["{domain.repeats[0]}"]'
+        raise SceneError(f"{domain_name}.repeats", list(domain.repeats), reason)
     least = REPEATED * WIDER * one.support_radius
     for axis in domain.repeats:
         if domain.size["xyz".index(axis)] < least:
-            told = f"must be {REPEATED} supports long at least where it repeats, {least:g} m along {axis}"
-            raise SceneError(f"{domain_name}.size", list(domain.size), told)
+            reason = f"must be {REPEATED} supports long at least where it repeats, {least:g} m along {axis}"
+            raise SceneError(f"{domain_name}.size", list(domain.size), reason)
 
 
 def check_among_solids(scene: Any) -> None:
     """Raise SceneError for a scene of fluids that cannot interact with solids."""
     if scene.dimensions == 2:
-        told = "must be 3 where a fluid meets solids, which lie in space"
-        raise SceneError(f"{next(iter(scene.fluids))}.dimensions", 2, told)
+        reason = "must be 3 where a fluid meets solids, which lie in space"
+        raise SceneError(f"{next(iter(scene.fluids))}.dimensions", 2, reason)
     if scene.domain is not None:
-        told = "is not supported together with solids, which have no periodic sides; leave it out"
-        raise SceneError(f"{scene.name_of('domain')}.kind", "domain", told)
+        reason = "is not supported together with solids, which have no periodic sides; leave it out"
+        raise SceneError(f"{scene.name_of('domain')}.kind", "domain", reason)
     if scene.method.scheme != "macklin":
         raise SceneError("method.scheme", scene.method.scheme, "must be macklin where a fluid meets solids")

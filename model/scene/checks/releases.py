@@ -22,8 +22,8 @@ Table = dict[str, Any]
 def check_releases(scene: SceneParts) -> None:
     """Raise SceneError for a release in a scene in which nothing can be pinned."""
     if not scene.all_of(*SHEETS, *TETRAHEDRAL_KINDS):
-        told = "needs pins, which a grid, a cloth, a mesh and a tetrahedral_body have; this scene has none of them"
-        scene.refuse((RELEASE,), told)
+        reason = "needs pins, which a grid, a cloth, a mesh and a tetrahedral_body have; this scene has none of them"
+        scene.refuse((RELEASE,), reason)
 
 
 def tables_without(scene: SceneParts, names: Iterable[str]) -> dict[str, Table]:
@@ -49,8 +49,8 @@ def _let_go(scene: SceneParts, tables: dict[str, Table], name: str) -> None:
         freed |= free(tables[holder], part, release, name)
     freed |= _free_attachments(scene, tables, release)
     if not freed:
-        told = f"names no pin of {', '.join(chosen)} that is held until then; name those of `pinned`"
-        raise SceneError(f"{name}.pins", release.pins, told)
+        reason = f"names no pin of {', '.join(chosen)} that is held until then; name those of `pinned`"
+        raise SceneError(f"{name}.pins", release.pins, reason)
     _end_motions(scene, tables, release)
 
 
@@ -74,10 +74,10 @@ def _free_masses(table: Table, part: Any, release: Release, name: str) -> bool:
         return table["pinned"] != before
     if not _is_of_a_sheet(release.pins):
         return False
-    held = pin_indices(before, part.rows, part.columns)
-    left = np.setdiff1d(held, masses_of(release.pins, part, f"{name}.pins"))
+    pinned = pin_indices(before, part.rows, part.columns)
+    left = np.setdiff1d(pinned, masses_of(release.pins, part, f"{name}.pins"))
     table["pinned"] = _listed(left, part.columns)
-    return len(left) < len(held)
+    return len(left) < len(pinned)
 
 
 def _is_of_a_sheet(pins: Any) -> bool:
@@ -136,5 +136,7 @@ def _words(tables: dict[str, Table], scene: SceneParts, body: str) -> list[str]:
     """Words that still pin vertices of a body: of its `pinned`, of attachments, and `its pins` of a cloth."""
     pinned = tables[body]["pinned"] if body in tables else []
     words = [] if pinned in ("none", []) else ["its pins"] if isinstance(pinned, str) else [str(one) for one in pinned]
-    held = [part.vertices for name, part in scene.all_of("attachment").items() if name in tables and part.body == body]
-    return words + held
+    attached = [
+        part.vertices for name, part in scene.all_of("attachment").items() if name in tables and part.body == body
+    ]
+    return words + attached

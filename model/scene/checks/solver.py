@@ -29,8 +29,8 @@ def check_solver(scene: SceneParts) -> None:
     if scene.content == "world":  # its members are checked as scenes of their own
         return
     if solver == OF_WORLDS:
-        told = "applies to parts of several families, such as bodies beside tetrahedral ones"
-        raise SceneError("method.solver", solver, told)
+        reason = "applies to parts of several families, such as bodies beside tetrahedral ones"
+        raise SceneError("method.solver", solver, reason)
     for field, idle in TETRAHEDRAL_FIELDS.items():
         value = getattr(scene.method, field)
         if value != idle and scene.content != "tetrahedra":

@@ -32,8 +32,8 @@ MEETING = ("xpbd", "vbd")  # solvers that support contacts of tetrahedral bodies
 
 def check_tetrahedra(scene: SceneParts) -> None:
     """Raise SceneError for a part that is not (yet) supported together with tetrahedral bodies."""
-    told = ", ".join(OF_TETRAHEDRA)
-    scene.refuse(KINDS.keys() - OF_TETRAHEDRA, f"is not supported together with tetrahedral bodies, which take {told}")
+    known = ", ".join(OF_TETRAHEDRA)
+    scene.refuse(KINDS.keys() - OF_TETRAHEDRA, f"is not supported together with tetrahedral bodies, which take {known}")
     for name, part in scene.tetrahedra.items():
         for word in part.pinned:
             check_word(f"{name}.pinned", word, scene.regions)
@@ -43,14 +43,14 @@ def check_tetrahedra(scene: SceneParts) -> None:
     if method is None:
         scene.parts["method"], scene.kinds["method"] = Method(solver="xpbd"), "method"
     elif method.solver not in SOLVERS_OF_TETRAHEDRA:
-        told = " or ".join(SOLVERS_OF_TETRAHEDRA)
-        raise SceneError("method.solver", method.solver, f"must be {told} for tetrahedral bodies")
+        reason = " or ".join(SOLVERS_OF_TETRAHEDRA)
+        raise SceneError("method.solver", method.solver, f"must be {reason} for tetrahedral bodies")
     elif method.ordering != "gauss-seidel":
         raise SceneError("method.ordering", method.ordering, "must be gauss-seidel for tetrahedral bodies")
     colliders = dict(scene.all_of(*COLLIDER_KINDS))
-    for name, held in scene.held_parts.items():
-        check_attachment(name, held, scene.holdable, colliders)
-        check_word(f"{name}.vertices", held.vertices, scene.regions)
+    for name, attachment in scene.attachment_parts.items():
+        check_attachment(name, attachment, scene.holdable, colliders)
+        check_word(f"{name}.vertices", attachment.vertices, scene.regions)
     if scene.method.order > 1:
         scene.refuse(UNSTEADY, f"{NOT_SMOOTH}: --set method.order=1, or leave it out")
     if scene.method.rows == "blocks":
@@ -63,11 +63,13 @@ def check_tetrahedra(scene: SceneParts) -> None:
                 )
     for name, part in scene.tetrahedra.items():
         if part.volume == "voxels" and scene.method.solver not in ("xpbd", "world"):
-            told = f"is supported by xpbd only, not by {scene.method.solver}: --set method.solver=xpbd, or leave it out"
-            raise SceneError(f"{name}.volume", part.volume, told)
+            reason = (
+                f"is supported by xpbd only, not by {scene.method.solver}: --set method.solver=xpbd, or leave it out"
+            )
+            raise SceneError(f"{name}.volume", part.volume, reason)
     if scene.mesh and scene.method.solver != "xpbd":
-        told = f"is supported beside tetrahedral bodies by xpbd only, not by {scene.method.solver}: "
-        raise SceneError(f"{scene.name_of('mesh')}.kind", "mesh", told + "--set method.solver=xpbd, or leave it out")
+        reason = f"is supported beside tetrahedral bodies by xpbd only, not by {scene.method.solver}: "
+        raise SceneError(f"{scene.name_of('mesh')}.kind", "mesh", reason + "--set method.solver=xpbd, or leave it out")
     if not scene.mesh:
         scene.refuse(CONSTRAINT_KINDS, "applies to a cloth; add a table [mesh], or leave it out")
         scene.refuse(("wind",), "applies to a cloth; add a table [mesh], or leave it out")
@@ -88,8 +90,10 @@ def _check_surfaces(scene: SceneParts) -> None:
                 raise SceneError(f"{body}.self_collision", True, "needs contacts: add a table [contact]")
         return
     if scene.method.solver not in MEETING:
-        told = f"tetrahedral bodies meet under {' or '.join(MEETING)}; without a [contact] they pass through each other"
-        raise SceneError(f"{name}.kind", "contact", f"is not supported by the solver {scene.method.solver}: {told}")
+        reason = (
+            f"tetrahedral bodies meet under {' or '.join(MEETING)}; without a [contact] they pass through each other"
+        )
+        raise SceneError(f"{name}.kind", "contact", f"is not supported by the solver {scene.method.solver}: {reason}")
     if len(scene.holdable) > MAX_KINDS:
         raise SceneError(name, len(scene.holdable), f"at most {MAX_KINDS} tetrahedral bodies that meet")
     for field in OF_PARTICLES:
@@ -103,9 +107,9 @@ def check_material(
     """Raise SceneError for a body or a region that does not exist."""
     for field, value, known in (("region", part.region, regions), ("body", part.body, bodies)):
         if value is not None and value not in known:
-            told = (
+            reason = (
                 f"must be one of {', '.join(known)}{suggestion(value, known)}"
                 if known
                 else "there is none in the scene"
             )
-            raise SceneError(f"{name}.{field}", value, told)
+            raise SceneError(f"{name}.{field}", value, reason)

@@ -1,4 +1,4 @@
-"""What masses cannot enter that is a closed mesh, known by its sampled signed distance: the part of a scene, and its grid."""
+"""Closed mesh as a collider, by its sampled signed distance: the part of a scene, and its grid."""
 
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ class Field:
     overlaps: bool
 
     def at(self, points: np.ndarray) -> np.ndarray:
-        """(n,) float64 [m]: interpolated at `points` (n, 3) within the box, from the mesh's origin."""
+        """Return (n,) float64 [m]: interpolated at `points` (n, 3) within the box, from the mesh's origin."""
         place = (points - self.low) / self.spacing
         cell = np.clip(place.astype(np.int64), 0, np.array(self.distance.shape) - 2)
-        part, found = place - cell, np.zeros(len(points))
+        part, value = place - cell, np.zeros(len(points))
         for corner in np.ndindex(2, 2, 2):
             weight = np.where(np.array(corner) == 1, part, 1 - part).prod(axis=1)
-            found += weight * self.distance[tuple((cell + corner).T)]
-        return found
+            value += weight * self.distance[tuple((cell + corner).T)]
+        return value
 
 
 class DistanceField(SurfaceCollider):
@@ -72,7 +72,7 @@ class DistanceField(SurfaceCollider):
             )
         except InputError as error:
             raise InputError(f"{path}: {error}" if path else str(error)) from None
-        return body.position, body.triangles, body.told
+        return body.position, body.triangles, body.notes
 
     @cached_property
     def grid(self) -> tuple[np.ndarray, np.ndarray, float, float]:
@@ -97,8 +97,8 @@ class DistanceField(SurfaceCollider):
         return (low + high) / 2 - (points - 1) / 2 * spacing, points.astype(np.int64), spacing, padding * spacing
 
     def _points(self, spacing: float) -> tuple[np.ndarray, float, float]:
-        """((3,) points along each side; cells around the mesh, more than the thickness by one or two of them; how many points
-        in all), whole numbers in float64: no grid is too large to be counted."""
+        """Return ((3,) points along each side; cells around the mesh, more than the thickness by one or two of them;
+        how many points in all), whole numbers in float64: no grid is too large to be counted."""
         with np.errstate(over="ignore"):
             padding = np.floor(np.float64(self.thickness) / spacing) + 2
             points = np.ceil(np.ptp(self.position, axis=0) / spacing) + (2 * padding + 1)
@@ -112,27 +112,28 @@ class DistanceField(SurfaceCollider):
         return Field(distance, low, spacing, margin, overlaps)
 
     def numbers(self, real: Any) -> np.ndarray:
-        """Of the field, see model/formulas/distance_field.py."""
+        """Return the numbers of the field, see model/formulas/distance_field.py."""
         field = self.field
         header = [*np.array(field.distance.shape) - 1, *field.low, 1 / field.spacing, field.margin]
         return np.concatenate([np.array(header), field.distance.reshape(-1)]).astype(real)
 
     @property
     def number_count(self) -> int:
-        """How many numbers the header and the samples are."""
+        """Number of entries of the header and the samples."""
         return HEADER + int(self.grid[1].prod())
 
     def too_many(self) -> tuple[str, object, str]:
-        """See SurfaceCollider."""
+        """Return (field, value, remedy) of too many numbers, see SurfaceCollider."""
         _, points, spacing, _ = self.grid
         return "spacing", spacing, f"{points.prod()} samples are too many beside the others: use {2 * spacing:.3g}"
 
     def lines(self) -> list[str]:
-        """As of other surfaces, and its grid; and how far off its surface is at the mesh's corners, where it is most."""
+        """Return the lines of other surfaces, and the grid with the largest distance of its surface from the mesh's
+        corners."""
         field, off = self.field, float(np.abs(self.field.at(self.position)).max())
         grid = " x ".join(str(count) for count in field.distance.shape)
-        found = [*super().lines(), f"distances at {grid} points, {field.spacing:.4g} m apart: at most {off:.2g} m off at "
+        lines = [*super().lines(), f"distances at {grid} points, {field.spacing:.4g} m apart: at most {off:.2g} m off at "
                  "the mesh's corners"]  # fmt: skip
         if field.overlaps:
-            found.append("the mesh runs through itself: inside, what is nearest may be a part of it that lies within")
-        return found
+            lines.append("the mesh runs through itself: inside, what is nearest may be a part of it that lies within")
+        return lines

@@ -29,20 +29,20 @@ class MeshCollider(SurfaceCollider):
     such_as: ClassVar[str] = "terrain"
 
     def _read(self) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
-        told: list[str] = []
+        omissions: list[str] = []
         if self.shape is not None:
-            made = self.shape.mesh()
-            position, triangles = made.position, made.triangles.astype(np.int64)
+            mesh = self.shape.mesh()
+            position, triangles = mesh.position, mesh.triangles.astype(np.int64)
         else:
             path = mesh_path(self.file or "")
             position, triangles, notes = read_arrays(path, self.scale)
-            told += notes
+            omissions += notes
             try:
-                triangles = without_flat(position, triangles, told)
+                triangles = without_flat(position, triangles, omissions)
             except InputError as error:
                 raise InputError(f"{path}: {error}") from None
-        triangles = _with_area(position, triangles, told)
-        return position, triangles, tuple(told)
+        triangles = _with_area(position, triangles, omissions)
+        return position, triangles, tuple(omissions)
 
     @cached_property
     def corners(self) -> np.ndarray:
@@ -71,8 +71,8 @@ class MeshCollider(SurfaceCollider):
         return field, f"{len(self.triangles)} triangles", "a triangle takes 25 numbers: decimate it"
 
 
-def _with_area(position: np.ndarray, triangles: np.ndarray, told: list[str]) -> np.ndarray:
-    """Return the triangles without those that vanish in float32, whose number is added to `told`.
+def _with_area(position: np.ndarray, triangles: np.ndarray, omissions: list[str]) -> np.ndarray:
+    """Return the triangles without those that vanish in float32; append the number of the latter to `omissions`.
 
     Raises InputError where none is left.
     """
@@ -82,5 +82,5 @@ def _with_area(position: np.ndarray, triangles: np.ndarray, told: list[str]) -> 
             "a mesh_collider whose triangles are all too small: give a scale that turns the file's unit to m"
         )
     if not large.all():
-        told.append(f"{int((~large).sum())} triangles too small for float32 were left out")
+        omissions.append(f"{int((~large).sum())} triangles too small for float32 were left out")
     return triangles[large]

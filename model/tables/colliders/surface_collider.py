@@ -46,8 +46,8 @@ class SurfaceCollider(MeshSource, Collider):
 
     @cached_property
     def _mesh(self) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
-        position, triangles, told = self._read()
-        return applied(self.turn(), position), triangles, told
+        position, triangles, notes = self._read()
+        return applied(self.turn(), position), triangles, notes
 
     @property
     def position(self) -> np.ndarray:
@@ -61,7 +61,7 @@ class SurfaceCollider(MeshSource, Collider):
         return self._mesh[1]
 
     @property
-    def told(self) -> tuple[str, ...]:
+    def notes(self) -> tuple[str, ...]:
         """Sentences on what was omitted from the file, or repaired. Raises InputError."""
         return self._mesh[2]
 
@@ -76,7 +76,7 @@ class SurfaceCollider(MeshSource, Collider):
     def lines(self) -> list[str]:
         """Return a user's lines on the mesh: its size, and what was omitted. Raises SceneError, InputError."""
         size = " x ".join(f"{length:.4g}" for length in np.ptp(self.position, axis=0))
-        return [f"{len(self.triangles)} triangles, {size} m", *self.told]
+        return [f"{len(self.triangles)} triangles, {size} m", *self.notes]
 
 
 @contextmanager

@@ -16,7 +16,7 @@ def told(mesh, voxels=5, density=500.0):
     sizes, hull = (len(body.starts) - 1, body.edges, body.doubled), body.hull
     surface = hull.position, hull.triangles
     return report_of(
-        body.mesh, body.embedding, hull.volume, density, hull.told, sizes, fractions=body.fractions, surface=surface
+        body.mesh, body.embedding, hull.volume, density, hull.notes, sizes, fractions=body.fractions, surface=surface
     )
 
 

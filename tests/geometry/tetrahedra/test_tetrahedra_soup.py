@@ -123,7 +123,7 @@ def soup(first: int, last: int, folder) -> tuple[int, int]:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", RuntimeWarning)  # as the command line does: what overflows is refused
                 if chance.random() < 0.5:
-                    body = cooked((position, triangles), per_voxel=per_voxel, keep=keep, folder=folder, **size)
+                    body = cooked((position, triangles), per_voxel=per_voxel, use_cache=keep, folder=folder, **size)
                     laws(body, position)
                 else:
                     assert (voxel_mesh((position, triangles), per_voxel=per_voxel, **size).mesh.volumes > 0).all()

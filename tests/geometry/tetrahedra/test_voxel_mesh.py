@@ -189,7 +189,7 @@ def test_an_open_mesh_is_refused_and_one_inside_out_turned_over():
     with pytest.raises(InputError, match=r"the mesh is not closed \(2 holes, .*fill_holes = true"):
         voxel_mesh(without_some(ball(), 0, 100))
     body = voxel_mesh(turned_over(ball()), voxels=5)
-    assert body.hull.told == ("the mesh was inside out, and turned over",)
+    assert body.hull.notes == ("the mesh was inside out, and turned over",)
     assert np.array_equal(body.mesh.tetrahedra, voxel_mesh(ball(), voxels=5).mesh.tetrahedra)
 
 
