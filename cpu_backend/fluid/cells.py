@@ -180,7 +180,7 @@ def make_sort(compiler: Compiler, parts: frozenset[str]) -> SimpleNamespace:
 
         Afterwards starts[c] is the first particle of cell c. Returns the end of the last cell.
         """
-        _, _, number, fluid = state
+        number = state.number
         before, place, meant = unsorted
         new_before, new_place, new_meant, new_number, new_fluid = in_order
         end = np.int64(first)
@@ -214,7 +214,7 @@ def make_sort(compiler: Compiler, parts: frozenset[str]) -> SimpleNamespace:
         for q in range(first, end):
             new_number[q] = number[order[q]]
             if several:
-                new_fluid[q] = fluid[order[q]]
+                new_fluid[q] = state.fluid[order[q]]
         return end
 
     return SimpleNamespace(tally=tally, put=put)
