@@ -14,42 +14,42 @@ from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import row_at
 from softlab.cpu_backend.core.progress import shares
 from softlab.cpu_backend.shape_matching.damping import make_damping
+from softlab.cpu_backend.shape_matching.motions import make_motions
 from softlab.cpu_backend.shape_matching.rebound import AXES, make_answer
 from softlab.model.formulas.shape_matching import rebound
 from softlab.model.formulas.shape_matching.pace import MOTION
 
 
-def make_motions(compiler: Compiler, real: Any) -> SimpleNamespace:
+def make_transfers(compiler: Compiler, real: Any) -> SimpleNamespace:
     """Make `spread` and `join`, which transfer between whole bodies and the particles `first` to before `last`."""
     formulas = rebound.make(real, compiler.compiled)
-    rigid, joined, zero, one = formulas.rigid, formulas.joined, real(0), real(1)
+    joined, zero, one = formulas.joined, real(0), real(1)
+    of_motions = make_motions(compiler, real)
+    motion_of, velocity_at = of_motions.motion_of, of_motions.velocity_at
 
     @compiler.compiled
     def spread(first, last, count, arrays, scales):
         """Write the scales of particles; those of clusters are the first three numbers of their motions."""
-        starts, clusters, factors, motions, _, _, _, _ = arrays.rebound
+        whole = arrays.rebound
         for k in range(first, last):
             x, y, z = k, count + k, 2 * count + k
             scales[x], scales[y], scales[z] = one, zero, zero
-            for n in range(starts[k], starts[k + 1]):
-                if factors[n] != zero:
-                    g = row_at(motions, np.int64(MOTION) * clusters[n])
-                    scales[x], scales[y], scales[z] = g[0], g[1], g[2]
+            for n in range(whole.starts[k], whole.starts[k + 1]):
+                if whole.factors[n] != zero:
+                    motion = row_at(whole.motions, np.int64(MOTION) * whole.clusters[n])
+                    scales[x], scales[y], scales[z] = motion[0], motion[1], motion[2]
 
     @compiler.compiled
     def join(first, last, position, velocity, count, arrays, struck):
         """Add the motions of clusters to velocities, or the impulse `struck` for a particle without a cluster."""
-        starts, clusters, factors, motions, _, _, _, _ = arrays.rebound
+        whole = arrays.rebound
         for k in range(first, last):
             x, y, z = k, count + k, 2 * count + k
             a, b, c = struck[x], struck[y], struck[z]
-            for n in range(starts[k], starts[k + 1]):
-                if factors[n] != zero:
-                    g = row_at(motions, np.int64(MOTION) * clusters[n])
-                    dx, dy, dz = position[x] - g[0], position[y] - g[1], position[z] - g[2]
-                    a = rigid(g[3], g[7], dz, g[8], dy)
-                    b = rigid(g[4], g[8], dx, g[6], dz)
-                    c = rigid(g[5], g[6], dy, g[7], dx)
+            for n in range(whole.starts[k], whole.starts[k + 1]):
+                if whole.factors[n] != zero:
+                    motion = motion_of(whole.motions, whole.clusters[n])
+                    a, b, c = velocity_at(motion, position[x], position[y], position[z])
             a, b, c = joined(velocity[x], a), joined(velocity[y], b), joined(velocity[z], c)
             velocity[x], velocity[y], velocity[z] = a, b, c
 
@@ -96,8 +96,8 @@ def make_bodies_bounce(real: Any, math: str) -> Any:
     answer = make_answer(compiler, real, True).answer
     gather, tell = make_damping(compiler, real, True).gather, make_passes(compiler, real, False, True).tell
     strike_all, strike_scaled = (make_strikes(compiler, real, scaled) for scaled in (False, True))
-    motions_made = make_motions(compiler, real)
-    spread, join = motions_made.spread, motions_made.join
+    transfers = make_transfers(compiler, real)
+    spread, join = transfers.spread, transfers.join
     joined, zero, one = rebound.make(real, compiler.compiled).joined, real(0), real(1)
 
     @compiler.compiled

@@ -8,6 +8,7 @@ import numpy as np
 
 from softlab.cpu_backend.core.layout import aligned_zeros
 from softlab.cpu_backend.shape_matching.lattice_rows import LINE, SLICE, WINDOW
+from softlab.cpu_backend.shape_matching.motions import FRAME
 from softlab.model.assets.lattice import T_INVERSE, T_MASS, VALUES
 from softlab.model.scene.method import Method
 from softlab.model.shape_matching.body_set import BodySet
@@ -16,7 +17,7 @@ NUMBERS = 8  # of a lattice: counts along x, y, z, region, where its three table
 PENCIL = 5  # numbers of a pencil
 PARTS = 4  # minimum number of parts per thread
 LONG = 128  # masses along a pencil's rows, if possible: calls cost as much as short rows
-QUATERNION, FRAME = 4, 12
+QUATERNION = 4
 
 
 class LatticeArrays(NamedTuple):

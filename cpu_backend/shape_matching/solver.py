@@ -21,12 +21,13 @@ from softlab.cpu_backend.shape_matching.arrays import ClusterArrays
 from softlab.cpu_backend.shape_matching.bodies_bounce import make_bodies_bounce_stage
 from softlab.cpu_backend.shape_matching.couples import make_couples_stage
 from softlab.cpu_backend.shape_matching.damping import make_damping_stage
-from softlab.cpu_backend.shape_matching.kernels import AXES, FRAME, LANES, QUATERNION, SCRATCH
+from softlab.cpu_backend.shape_matching.kernels import AXES, LANES, QUATERNION, SCRATCH
 from softlab.cpu_backend.shape_matching.lattice import make_lattice_stages
 from softlab.cpu_backend.shape_matching.lattice_layout import Lattices
 from softlab.cpu_backend.shape_matching.layout import bounds_of, layout_of
 from softlab.cpu_backend.shape_matching.loops import make_bodies_apart, make_bodies_stages, make_matching_stages
 from softlab.cpu_backend.shape_matching.material import ClusterMaterial
+from softlab.cpu_backend.shape_matching.motions import FRAME
 from softlab.cpu_backend.shape_matching.rebound import make_rebound_stages
 from softlab.cpu_backend.shape_matching.rigid import make_rest_stage, make_steadying_stage
 from softlab.cpu_backend.shape_matching.together import make_bodies_together
