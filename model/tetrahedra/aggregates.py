@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,8 +14,7 @@ MOST = 48  # groups of a body: 288 unknowns, whose factorisation takes less than
 MODES = 6  # of a rigid body
 
 
-@dataclass(frozen=True, eq=False)
-class Aggregates:
+class Aggregates(NamedTuple):
     """Group a has the particles `members[starts[a]]` ... before `members[starts[a + 1]]`.
 
     `group` (particles,): the group of each, -1 for pinned ones. `reach` (6 groups,): for each row of the coarse matrix,
@@ -37,11 +36,6 @@ class Aggregates:
     def width(self) -> int:
         """Largest number of entries of a row from its diagonal on."""
         return int((self.reach - np.arange(len(self.reach)) + 1).max(initial=1))
-
-    @property
-    def arrays(self) -> tuple[np.ndarray, ...]:
-        """The arrays in the order above, for kernels."""
-        return self.starts, self.members, self.group, self.reach
 
 
 def aggregates(found: TetrahedraSet, rows: BlockRows, free: np.ndarray) -> Aggregates:
@@ -75,8 +69,7 @@ def aggregates(found: TetrahedraSet, rows: BlockRows, free: np.ndarray) -> Aggre
     ))  # fmt: skip
 
 
-@dataclass(frozen=True, eq=False)
-class Couplings:
+class Couplings(NamedTuple):
     """Sums that make the blocks of the coarse matrix on and above its diagonal.
 
     Pair n, of the groups `first[n]` and `second[n]` >= `first[n]`, is the sum of the blocks `blocks[starts[n]]` ...

@@ -8,7 +8,7 @@ from test_newton import STILL, bar, opened, start
 
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.plain import translated
-from softlab.cpu_backend.tetrahedra.newton_arrays import Coarse, Groups, Rows
+from softlab.cpu_backend.tetrahedra.newton_arrays import Coarse
 from softlab.cpu_backend.tetrahedra.newton_coarse import make_band, make_coarse
 from softlab.model.tetrahedra.aggregates import MOST, aggregates
 from softlab.model.tetrahedra.block_rows import block_rows
@@ -56,14 +56,14 @@ def test_the_coarse_level_is_the_matrix_seen_by_rigid_motions() -> None:
     size = 6 * groups.count
     shapes = (groups.count, 4), (size, groups.width), (1, size), (1, size)
     coarse = Coarse(*(np.zeros(shape) for shape in shapes))
-    tables, residual = Groups(*groups.arrays), random.normal(size=(count, 3))
+    residual = random.normal(size=(count, 3))
     plain = {name: translated(function) for name, function in LEVEL.items()}
-    plain["centre"](0, groups.count, position, tables, coarse)
-    plain["gather"](0, groups.count, position, Rows(*rows.arrays), blocks, tables, coarse)
-    assert not plain["factor"](coarse, tables)
-    plain["restrict"](0, groups.count, position, residual, tables, coarse)
-    plain["solve"](coarse, tables)
-    got = np.array([plain["corrected"](k, position, tables, coarse) for k in range(count)])
+    plain["centre"](0, groups.count, position, groups, coarse)
+    plain["gather"](0, groups.count, position, rows, blocks, groups, coarse)
+    assert not plain["factor"](coarse, groups)
+    plain["restrict"](0, groups.count, position, residual, groups, coarse)
+    plain["solve"](coarse, groups)
+    got = np.array([plain["corrected"](k, position, groups, coarse) for k in range(count)])
     rigid = np.zeros((3 * count, size))
     for k in range(count):
         a = groups.group[k]
