@@ -57,7 +57,7 @@ def make_transfers(compiler: Compiler, real: Any) -> SimpleNamespace:
 
 
 def make_strikes(compiler: Compiler, real: Any, scaled: bool) -> Any:
-    """Make strike_all(team, member, bands, position, old, velocity, weights, record, neighbours, contacts, struck,
+    """Make strike_all(team, member, bands, position, old, velocity, weights, record, lists, contacts, struck,
     scales, travel).
 
     It writes the velocity changes of bouncing particles into `struck` (particles_bounce.make_passes).
@@ -65,29 +65,27 @@ def make_strikes(compiler: Compiler, real: Any, scaled: bool) -> Any:
     push, zero = make_passes(compiler, real, scaled, True).push, real(0)
 
     @compiler.compiled
-    def strike(band, count, neighbours, contacts, struck):
-        who, _, _, _, begins, active, _ = neighbours
-        _, met, ways, _ = contacts
-        for n in range(begins[band], begins[band] + active[band]):
-            i = who[n]
+    def strike(band, count, lists, contacts, struck):
+        for n in range(lists.begins[band], lists.begins[band] + lists.active[band]):
+            i = lists.who[n]
             for axis in range(AXES):
-                struck[axis * count + i] = ways[AXES * n + axis] if met[i] != zero else zero
+                struck[axis * count + i] = contacts.moves[AXES * n + axis] if contacts.counts[i] != zero else zero
 
     @compiler.compiled
     def strike_all(
-        team, member, bands, position, old, velocity, weights, record, neighbours, contacts, struck, scales,
+        team, member, bands, position, old, velocity, weights, record, lists, contacts, struck, scales,
         travel,
     ):  # fmt: skip
         for band in shares(team, member, bands):
-            push(band, weights.size, position, old, velocity, weights, record, neighbours, contacts, scales, travel)
-            strike(band, weights.size, neighbours, contacts, struck)
+            push(band, weights.size, position, old, velocity, weights, record, lists, contacts, scales, travel)
+            strike(band, weights.size, lists, contacts, struck)
 
     return strike_all
 
 
 @cache
 def make_bodies_bounce(real: Any, math: str) -> Any:
-    """Make bounce(team, member, bands, position, old, velocity, weights, record, neighbours, contacts, arrays, scratch,
+    """Make bounce(team, member, bands, position, old, velocity, weights, record, lists, contacts, arrays, scratch,
     pitch), run by each member of a team (core/progress.py).
 
     As `make_bounce` of contact/particles_bounce.py. `arrays`: those of clusters. `pitch`: numbers in a band's scratch.
@@ -121,13 +119,13 @@ def make_bodies_bounce(real: Any, math: str) -> Any:
 
     @compiler.compiled
     def bounce_all(
-        team, member, bands, position, old, velocity, weights, record, neighbours, contacts, arrays, scratch, pitch
+        team, member, bands, position, old, velocity, weights, record, lists, contacts, arrays, scratch, pitch
     ):  # fmt: skip
         """Run all phases. Without contacts they only add 0 to the velocities."""
         struck, scales, travel = arrays.rebound.impulses, arrays.rebound.scales, arrays.rigid.travel
         count, clusters = weights.size, arrays.rebound.limits.size
         for band in shares(team, member, bands):
-            met = tell(band, count, position, old, velocity, record, neighbours, contacts, travel)
+            met = tell(band, count, position, old, velocity, record, lists, contacts, travel)
             scratch[pitch * (band + 1) - 1] = one if met else zero
         for band in shares(team, member, bands):
             low, high = count * band // bands, count * (band + 1) // bands
@@ -136,7 +134,7 @@ def make_bodies_bounce(real: Any, math: str) -> Any:
                     for k in range(axis * count + low, axis * count + high):
                         struck[k] = zero
         strike_all(
-            team, member, bands, position, old, velocity, weights, record, neighbours, contacts, struck, scales, travel
+            team, member, bands, position, old, velocity, weights, record, lists, contacts, struck, scales, travel
         )  # fmt: skip
         for band in shares(team, member, bands):
             room = row_at(scratch, np.int64(pitch * band))
@@ -147,7 +145,7 @@ def make_bodies_bounce(real: Any, math: str) -> Any:
             if meet(bands, scratch, pitch):
                 spread(count * band // bands, count * (band + 1) // bands, count, arrays, scales)
         strike_scaled(
-            team, member, bands, position, old, velocity, weights, record, neighbours, contacts, struck, scales, travel
+            team, member, bands, position, old, velocity, weights, record, lists, contacts, struck, scales, travel
         )
         gather_all(team, member, bands, position, struck, count, arrays, scratch, pitch)
         for band in shares(team, member, bands):
@@ -164,7 +162,7 @@ def make_bodies_bounce(real: Any, math: str) -> Any:
 
 @cache
 def make_bodies_bounce_stage(real: Any, math: str) -> Any:
-    """Compile bounce(bands, position, old, velocity, weights, record, neighbours, contacts, arrays, scratch, pitch):
+    """Compile bounce(bands, position, old, velocity, weights, record, lists, contacts, arrays, scratch, pitch):
     see make_bodies_bounce."""
     bounce_all = make_bodies_bounce(real, math)
 

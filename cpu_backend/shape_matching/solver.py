@@ -12,7 +12,7 @@ from typing import Any
 import numba
 import numpy as np
 
-from softlab.cpu_backend.contact.particles import NO_CONTACTS, ParticleContacts
+from softlab.cpu_backend.contact.particles import ParticleContacts
 from softlab.cpu_backend.contact.particles_project import PACES, make_settle_stage
 from softlab.cpu_backend.core.constraints import make_constraint_stage
 from softlab.cpu_backend.core.layout import aligned_zeros
@@ -118,7 +118,7 @@ class Bodies(ParticlesSimulation):
         else:
             make_bodies_together(*variant)(
                 self._bands, *times, self._even, self._odd, *middle, (self._links,), *own, *last,
-                self.contacts.arrays if self.contacts else NO_CONTACTS,
+                self.contacts.arrays if self.contacts else (),
                 *(self._lattices.arrays, self._lattices.frames) if self._lattices.copies else ((), ()),
             )  # fmt: skip
         if steps * method.substeps % 2:
@@ -182,10 +182,10 @@ class Bodies(ParticlesSimulation):
             if "rigid-bounce" not in self.plan.parts:
                 contacts.bounce(position, velocity, self._weights)
                 return
-            (parameters, *_), _, _, _, neighbours, touching, (old,) = contacts.arrays
+            arrays = contacts.arrays
             bounce_bodies(
-                bands, position, old, velocity, self._weights, parameters, neighbours, touching, self._material.steps,
-                self._scratch, SCRATCH * LANES,
+                bands, position, arrays.old, velocity, self._weights, contacts.record, arrays.search.lists,
+                arrays.contacts, self._material.steps, self._scratch, SCRATCH * LANES,
             )  # fmt: skip
 
         def link(number: int) -> StageRun:

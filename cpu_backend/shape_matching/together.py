@@ -58,7 +58,6 @@ def make_substep_end(compiler: Compiler, real: Any, math: str, parts: frozenset[
         team, member, bands, number, goes_on, before, after, velocity, weights, arrays, scratch, parameters, integers, bodies,
         kinds, contacts,
     ):  # fmt: skip
-        numbers, _, _, _, neighbours, touching, olds = contacts
         count, clusters = weights.size, arrays.centres.size // 4
         blocks = count // LANES
         travel = arrays.rigid.travel if keeps else weights
@@ -74,11 +73,11 @@ def make_substep_end(compiler: Compiler, real: Any, math: str, parts: frozenset[
                 if has_couples:
                     turn(first, last, after, travel, weights, count, arrays)
                 if has_pace:
-                    settle(first, last, count, before, after, numbers[0], travel)
+                    settle(first, last, count, before, after, contacts.rows.record, travel)
                 if bounces:
                     for axis in range(AXES):
                         for k in range(axis * count + first, axis * count + last):
-                            olds[0][k] = velocity[k]
+                            contacts.old[k] = velocity[k]
                 rate(first, last, count, before, after, velocity, weights, parameters, travel)
         if keeps:
             for band in shares(team, member, bands):
@@ -90,7 +89,19 @@ def make_substep_end(compiler: Compiler, real: Any, math: str, parts: frozenset[
                     first, last = LANES * (blocks * band // bands), LANES * (blocks * (band + 1) // bands)
                     steady(first, last, after, velocity, count, arrays)
         if bounces and not has_rigid:
-            bounce(team, member, bands, after, olds[0], velocity, weights, numbers[0], neighbours, touching)
+            lists = contacts.search.lists
+            bounce(
+                team,
+                member,
+                bands,
+                after,
+                contacts.old,
+                velocity,
+                weights,
+                contacts.rows.record,
+                lists,
+                contacts.contacts,
+            )
         if has_damping:
             for band in shares(team, member, bands):
                 room = row_at(scratch, np.int64(SCRATCH * LANES * band))
@@ -122,8 +133,8 @@ def make_substep_end(compiler: Compiler, real: Any, math: str, parts: frozenset[
                     begin(first, last, count, after, before, velocity, weights, parameters, integers, travel)
         if has_rigid:
             bounce_bodies(
-                team, member, bands, after, olds[0], velocity, weights, numbers[0], neighbours, touching, arrays, scratch,
-                SCRATCH * LANES,
+                team, member, bands, after, contacts.old, velocity, weights, contacts.rows.record, contacts.search.lists,
+                contacts.contacts, arrays, scratch, SCRATCH * LANES,
             )  # fmt: skip
         if rests:
             for band in shares(team, member, bands):
@@ -144,7 +155,7 @@ def make_bodies_together(real: Any, math: str, parts: frozenset[str]) -> Any:
     own_factors, rotation, frames, scratch, parameters, integers, bodies, kinds, contacts, lattices, lattice_frames).
 
     As loops.make_bodies_apart, over clusters, then over particles, with the velocities of a substep and the predictions
-    of the next. `contacts`: ParticleContacts.arrays, or NO_CONTACTS; `lattices`: Lattices.arrays, or empty.
+    of the next. `contacts`: ContactArrays, or empty; `lattices`: Lattices.arrays, or empty.
     """
     compiler = Compiler(cloth_variant("bodies_together", real, math, parts), math)
     keeps = "rigid-motion" in parts
@@ -171,7 +182,6 @@ def make_bodies_together(real: Any, math: str, parts: frozenset[str]) -> Any:
         team, member, bands, steps, step, substeps, iterations, even, odd, velocity, weights, arrays, links, own,
         own_factors, rotation, frames, scratch, parameters, integers, bodies, kinds, contacts, lattices, lattice_frames,
     ):  # fmt: skip
-        numbers, of_particle, tables, in_order, neighbours, touching, _ = contacts
         count, clusters, passes = weights.size, arrays.centres.size // 4, steps * substeps
         blocks = count // LANES
         travel = arrays.rigid.travel if keeps else weights
@@ -183,13 +193,10 @@ def make_bodies_together(real: Any, math: str, parts: frozenset[str]) -> Any:
             before, after = (odd, even) if n % 2 else (even, odd)
             number, goes_on = step * substeps + n, n < passes - 1
             if has_contacts:
-                constants, reach, many, sweeps = numbers
-                find(
-                    team, member, bands, after, weights, constants, reach, many, of_particle, tables, in_order, neighbours
-                )  # fmt: skip
+                find(team, member, bands, after, weights, contacts.rows, contacts.search)
                 if keeps:
                     for band in shares(team, member, bands):
-                        clear(band, neighbours, touching)
+                        clear(band, contacts.search.lists, contacts.contacts)
             for iteration in range(iterations):
                 if has_links:
                     sweep_links(team, member, bands, after, weights, before, links, iteration == 0, parameters)
@@ -211,18 +218,8 @@ def make_bodies_together(real: Any, math: str, parts: frozenset[str]) -> Any:
                             rate(first, last, count, before, after, velocity, weights, parameters, travel)
                             if has_bodies:
                                 collide(
-                                    first,
-                                    last,
-                                    count,
-                                    number,
-                                    before,
-                                    after,
-                                    velocity,
-                                    weights,
-                                    parameters,
-                                    bodies,
-                                    kinds,
-                                )
+                                    first, last, count, number, before, after, velocity, weights, parameters, bodies, kinds
+                                )  # fmt: skip
                             if goes_on:
                                 begin(
                                     first, last, count, after, before, velocity, weights, parameters, integers, travel
@@ -231,19 +228,9 @@ def make_bodies_together(real: Any, math: str, parts: frozenset[str]) -> Any:
                     move_windows(team, member, bands, after, count, lattices)
                 if has_contacts:
                     take_out(
-                        team,
-                        member,
-                        bands,
-                        sweeps,
-                        before,
-                        after,
-                        weights,
-                        constants,
-                        neighbours,
-                        touching,
-                        travel,
-                        couples,
-                    )
+                        team, member, bands, contacts.sweeps, before, after, weights, contacts.rows.record,
+                        contacts.search.lists, contacts.contacts, travel, couples,
+                    )  # fmt: skip
             if not at_once:
                 end(
                     team, member, bands, number, goes_on, before, after, velocity, weights, arrays, scratch, parameters,
