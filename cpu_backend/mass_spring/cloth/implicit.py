@@ -30,9 +30,13 @@ from softlab.model.mass_spring.implicit_parameters import (
     without_dampers,
 )
 
-N_KIND, N_STEPS, N_COUNTS = 0, 1, 2  # indices in `control`: kind of the next pass, steps done, three counters
-VALUES = 7  # numbers that the formulas store from pass to pass
-COUNTS = ("steps", "matrices", "iterations", "halvings")  # counters of a simulation
+
+def control_type(real: Any) -> np.dtype:
+    """Return the structured type of what passes leave for the next: its kind, steps done, Counts and Values of
+    formulas/implicit.py."""
+    integers = [(name, np.int64) for name in ("next", "steps", *implicit.Counts._fields)]
+    numbers = [(name, real) for name in implicit.Values._fields]
+    return np.dtype((np.record, np.dtype([*integers, *numbers], align=True)))
 
 
 def factors_of(kind: int) -> int:
@@ -122,68 +126,67 @@ def make_pass_band(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
 @cache
 def make_cloth_implicit(real: Any, math: str, linear: bool, parts: frozenset[str]) -> Any:
     """Compile advance(bands, steps, step, states, current, work, layout, parameters, system, integers, bodies, kinds,
-    pin_start, pin_column, scratches, lanes, sums, tree, done, control, values).
+    pin_start, pin_column, scratches, lanes, sums, tree, done, control).
 
     It does `steps` steps, alternating between the two states of `states` (core/layout.py). `work`: WORK_PLANES planes;
     `system`: model/mass_spring/implicit_parameters.py; `lanes` (bands, LANES), `sums` and `tree`: scratch; `done`
-    (len(COUNTS),) is incremented; `control` (N_COUNTS + 3,), `values` (VALUES,): state of the iteration, 0 at first.
+    (len(DONE),) is incremented; `control` (1,): control_type, 0 at first.
     With `linear` a step ends after its first matrix.
     """
     compiler = Compiler(cloth_variant(f"implicit_{'once' if linear else 'newton'}", real, math, parts), math)
     pass_band, total = make_pass_band(compiler, real, parts), make_sums_over_masses(compiler, real).total
     control = implicit.make_control(real, compiler.compiled, linear)
     after_residual, after_product = control.after_residual, control.after_product
-    zero = real(0)
+    zero, none = real(0), np.int64(0)
 
     @compiler.compiled
-    def go_on(control, values, count, system, sums, tree, done):
-        """Choose the next pass from the sums of the last one."""
-        kind = control[N_KIND]
-        counts = control[N_COUNTS], control[N_COUNTS + 1], control[N_COUNTS + 2]
-        old = values[0], values[1], values[2], values[3], values[4], values[5], values[6]
-        new, later = old, RESIDUAL
+    def go_on(c, count, system, sums, tree, done):
+        """Choose the next pass from the sums of the last one. `c`: the record of control_type."""
+        kind, later = c.next, RESIDUAL
+        counts = implicit.Counts(c.matrices, c.halvings, c.iterations)
+        values = implicit.Values(c.first, c.before, c.limit, c.slope, c.squared, c.alpha, c.beta)
         if kind == RESIDUAL:
             found = (
                 total(sums, count, tree), total(row_at(sums, count), count, tree),
                 total(row_at(sums, 2 * count), count, tree),
             )  # fmt: skip
-            later, counts, new = after_residual(counts, old, found, system.speed_squared, system.roundoff)
-            done[3] += later == RETREAT
+            later, counts, values = after_residual(counts, values, found, system.speed_squared, system.roundoff)
+            done[implicit.HALVINGS] += later == RETREAT
         elif kind == PRODUCT:
             squared, curvature = total(sums, count, tree), total(row_at(sums, count), count, tree)
-            later, counts, new = after_product(counts, old, squared, curvature)
-            done[2] += later == UPDATE
-            done[1] += later != UPDATE
+            later, counts, values = after_product(counts, values, squared, curvature)
+            done[implicit.ITERATIONS] += later == UPDATE
+            done[implicit.MATRICES] += later != UPDATE
         elif kind == UPDATE:
             later = PRODUCT
         elif kind == MOVE and linear:
             later = FINISH
         elif kind == FINISH:
-            later, counts, new = START, (0, 0, 0), (zero, zero, zero, zero, zero, zero, zero)
-            done[0] += 1
-            control[N_STEPS] += 1
-        control[N_KIND] = later
-        for n in range(VALUES):
-            values[n] = new[n]
-        control[N_COUNTS], control[N_COUNTS + 1], control[N_COUNTS + 2] = counts
+            later, counts = START, implicit.Counts(none, none, none)
+            values = implicit.Values(zero, zero, zero, zero, zero, zero, zero)
+            done[implicit.STEPS] += 1
+            c.steps += 1
+        c.next = later
+        c.matrices, c.halvings, c.iterations = counts
+        c.first, c.before, c.limit, c.slope, c.squared, c.alpha, c.beta = values
 
     def advance(
         team, member, bands, steps, step, states, current, work, layout, parameters, system, integers, bodies, kinds,
-        pin_start, pin_column, scratches, lanes, sums, tree, done, control, values,
+        pin_start, pin_column, scratches, lanes, sums, tree, done, control,
     ):  # fmt: skip
         size = PLANES * layout[L_PLANE]
         count = layout[L_ROWS] * ((layout[L_COLUMNS] + SEGMENT - 1) // SEGMENT)
-        while control[N_STEPS] < steps:  # it only grows: a late member sees that all is done
+        while control[0].steps < steps:  # it only grows: a late member sees that all is done
             for band in shares(team, member, bands):
-                now = (current + control[N_STEPS]) % 2
+                c = control[0]
+                now = (current + c.steps) % 2
                 source, target = row_at(states, now * size), row_at(states, (1 - now) * size)
                 pass_band(
-                    band, control[N_KIND], control[N_COUNTS + 2] == 1, step + control[N_STEPS], values[5], values[6],
-                    source, work, target, layout, parameters, system, integers, bodies, kinds, pin_start, pin_column,
-                    scratches, lanes, sums,
+                    band, c.next, c.iterations == 1, step + c.steps, c.alpha, c.beta, source, work, target, layout,
+                    parameters, system, integers, bodies, kinds, pin_start, pin_column, scratches, lanes, sums,
                 )  # fmt: skip
             for _ in shares(team, member, 1):
-                go_on(control, values, count, system, sums, tree, done)
+                go_on(control[0], count, system, sums, tree, done)
 
     return compiler.team(advance)
 
@@ -203,8 +206,7 @@ class ImplicitSteps:
         self._lanes = aligned_zeros(bands * LANES, real).reshape(bands, LANES)
         self._sums = np.zeros(SUMS * segments_of(body.rows, body.columns), real)
         self._tree = aligned_zeros(TREE, real)
-        self.done = np.zeros(len(COUNTS), np.int64)
-        self._control, self._values = np.zeros(N_COUNTS + 3, np.int64), np.zeros(VALUES, real)
+        self.done, self._control = np.zeros(len(implicit.DONE), np.int64), np.zeros(1, control_type(real))
         linear = scene.method.integrator == "implicit-euler-linear"
         parts = without_dampers(simulation.plan.parts)
         self._kernel = make_cloth_implicit(real, simulation.options.math, linear, parts)
@@ -217,9 +219,9 @@ class ImplicitSteps:
     def advance(self, step: int, steps: int) -> None:
         sim = self.simulation
         layout, parameters, *rest = sim._given()
-        self._control[:], self._values[:] = START, 0
+        self._control[...] = 0
         self._kernel(
             sim._bands, steps, step, sim._states, sim._current, self._work, layout, parameters, self._system, *rest,
-            self._lanes, self._sums, self._tree, self.done, self._control, self._values,
+            self._lanes, self._sums, self._tree, self.done, self._control,
         )  # fmt: skip
         sim._current = (sim._current + steps) % 2
