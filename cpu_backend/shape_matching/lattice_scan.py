@@ -42,7 +42,7 @@ class GoalScan(NamedTuple):
     centres: np.ndarray
     counts: np.ndarray
     spacing: float
-    count: float
+    clusters: float
     out: Rows
 
 
@@ -113,13 +113,13 @@ def make_goal_scan(compiler: Compiler, real: Any, rest: int) -> Any:
 
     @compiler.inlined
     def term(j, b, values):
-        return lever(real(b - j), values.centres[j]) * values.spacing, values.count
+        return lever(real(b - j), values.centres[j]) * values.spacing, values.clusters
 
     @compiler.compiled
     def end(n, i, b, reference, x, plane, sums, half, pitch, values):
         out = values.out
         end_goals(
-            n, real(i - b) * values.spacing, values.counts[i] * values.count, reference, x, plane, sums, half, pitch,
+            n, real(i - b) * values.spacing, values.counts[i] * values.clusters, reference, x, plane, sums, half, pitch,
             row_at(out.array, i * out.apart), out.plane,
         )  # fmt: skip
 

@@ -15,6 +15,7 @@ from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import L_COLUMNS, L_PLANE, L_ROWS, aligned_zeros, block_of, row_at
 from softlab.cpu_backend.core.progress import shares
 from softlab.cpu_backend.core.scratch import AXES, REACH, cloth_variant, triples_of
+from softlab.cpu_backend.mass_spring.arrays import ImplicitArrays
 from softlab.cpu_backend.mass_spring.cloth.implicit_rows import AR, WORK_PLANES, R, S, U, X, make_row_passes
 from softlab.cpu_backend.mass_spring.cloth.kernels import PLANES
 from softlab.cpu_backend.mass_spring.cloth.sums import make_sums_over_masses
@@ -56,8 +57,8 @@ def factors(kind: int, n: int) -> tuple[int, int]:
 
 
 def make_pass_band(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
-    """Make pass_band(band, kind, first_iteration, step, alpha, beta, source, work, target, ...): one pass on a band's
-    rows."""
+    """Make pass_band(c, band, step, source, target, sheet, system, arrays): one pass on a band's rows; `c`: the record of
+    control_type; `arrays`: ImplicitArrays."""
     rows_of = make_row_passes(compiler, real, parts)
     elsewhere, clear, pull_end, pull_matrix = rows_of.elsewhere, rows_of.clear, rows_of.pull_end, rows_of.pull_matrix
     walk_else, sum_else, air_now = elsewhere.begin_walk, elsewhere.sum_forces, elsewhere.air_now
@@ -72,14 +73,13 @@ def make_pass_band(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     triples, block, zero = triples_of(parts)["count"], block_of(real), real(0)
 
     @compiler.compiled
-    def pass_band(
-        band, kind, first_iteration, step, alpha, beta, source, work, target, layout, parameters, system, integers, bodies,
-        kinds, pin_start, pin_column, scratches, lanes, sums,
-    ):  # fmt: skip
+    def pass_band(c, band, step, source, target, sheet, system, arrays):
+        layout, parameters, integers, kind = sheet.layout, sheet.parameters, sheet.integers, c.next
+        work, scratches, sums = arrays.work, arrays.scratches, arrays.sums
         rows, columns, plane = layout[L_ROWS], layout[L_COLUMNS], layout[L_PLANE]
         bands, width = np.int64(scratches.shape[0]), np.int64(scratches.shape[1]) // (AXES * triples)
         first, last = rows * band // bands, rows * (band + 1) // bands
-        scratch, running = scratches[band], lanes[band]
+        scratch, running = scratches[band], arrays.lanes[band]
         blocks, segments = (columns + block - 1) // block, (columns + SEGMENT - 1) // SEGMENT
         count, end, air = rows * segments, zero, (zero, zero, zero)
         if has_motion:
@@ -102,21 +102,21 @@ def make_pass_band(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
                 sum_else(i, step, step, blocks, layout, source, parameters, integers, air, scratch, width)
                 start_row(i, blocks, layout, source, work, parameters, scratch, width)
             elif kind == RESIDUAL:
-                residual_row(i, blocks, layout, work, parameters, system, pin_start, pin_column, scratch, width)
+                residual_row(i, blocks, work, sheet, system, scratch, width)
             elif kind == PRODUCT:
-                product_row(i, blocks, layout, work, system, pin_start, pin_column, scratch, width)
+                product_row(i, blocks, work, sheet, system, scratch, width)
             elif kind == UPDATE:
-                update_row(i, first_iteration, blocks, layout, work, alpha, beta)
+                update_row(i, c.iterations == 1, blocks, layout, work, c.alpha, c.beta)
             elif kind in (MOVE, RETREAT):
                 move_row(i, kind == RETREAT, blocks, layout, source, work, parameters)
             else:
-                finish_row(i, step, blocks, layout, source, work, target, parameters, bodies, kinds)
+                finish_row(i, step, blocks, layout, source, work, target, parameters, sheet.bodies, sheet.kinds)
             for n in range(sums_of(kind)):
                 one, other = factors_at(kind, n)
                 add_up(i, layout, work, one, other, running, row_at(sums, n * count + i * segments))
             if kind in (START, MOVE, RETREAT, FINISH):
                 into = target if kind == FINISH else row_at(work, X * plane)
-                settle(i, blocks, layout, source, into, pin_start, pin_column, end, bodies, integers)
+                settle(i, blocks, source, into, end, sheet)
             if kind == START:
                 leave_row(i, blocks, layout, work, parameters)
 
@@ -125,13 +125,11 @@ def make_pass_band(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
 
 @cache
 def make_cloth_implicit(real: Any, math: str, linear: bool, parts: frozenset[str]) -> Any:
-    """Compile advance(bands, steps, step, states, current, work, layout, parameters, system, integers, bodies, kinds,
-    pin_start, pin_column, scratches, lanes, sums, tree, done, control).
+    """Compile advance(bands, steps, step, states, current, sheet, system, arrays).
 
-    It does `steps` steps, alternating between the two states of `states` (core/layout.py). `work`: WORK_PLANES planes;
-    `system`: model/mass_spring/implicit_parameters.py; `lanes` (bands, LANES), `sums` and `tree`: scratch; `done`
-    (len(DONE),) is incremented; `control` (1,): control_type, 0 at first.
-    With `linear` a step ends after its first matrix.
+    It does `steps` steps, alternating between the two states of `states` (core/layout.py). `system`:
+    model/mass_spring/implicit_parameters.py; `arrays`: ImplicitArrays, whose `control` is 0 at first. With `linear` a
+    step ends after its first matrix.
     """
     compiler = Compiler(cloth_variant(f"implicit_{'once' if linear else 'newton'}", real, math, parts), math)
     pass_band, total = make_pass_band(compiler, real, parts), make_sums_over_masses(compiler, real).total
@@ -170,10 +168,8 @@ def make_cloth_implicit(real: Any, math: str, linear: bool, parts: frozenset[str
         c.matrices, c.halvings, c.iterations = counts
         c.first, c.before, c.limit, c.slope, c.squared, c.alpha, c.beta = values
 
-    def advance(
-        team, member, bands, steps, step, states, current, work, layout, parameters, system, integers, bodies, kinds,
-        pin_start, pin_column, scratches, lanes, sums, tree, done, control,
-    ):  # fmt: skip
+    def advance(team, member, bands, steps, step, states, current, sheet, system, arrays):
+        layout, control = sheet.layout, arrays.control
         size = PLANES * layout[L_PLANE]
         count = layout[L_ROWS] * ((layout[L_COLUMNS] + SEGMENT - 1) // SEGMENT)
         while control[0].steps < steps:  # it only grows: a late member sees that all is done
@@ -181,12 +177,9 @@ def make_cloth_implicit(real: Any, math: str, linear: bool, parts: frozenset[str
                 c = control[0]
                 now = (current + c.steps) % 2
                 source, target = row_at(states, now * size), row_at(states, (1 - now) * size)
-                pass_band(
-                    band, c.next, c.iterations == 1, step + c.steps, c.alpha, c.beta, source, work, target, layout,
-                    parameters, system, integers, bodies, kinds, pin_start, pin_column, scratches, lanes, sums,
-                )  # fmt: skip
+                pass_band(c, band, step + c.steps, source, target, sheet, system, arrays)
             for _ in shares(team, member, 1):
-                go_on(control[0], count, system, sums, tree, done)
+                go_on(control[0], count, system, arrays.sums, arrays.tree, arrays.done)
 
     return compiler.team(advance)
 
@@ -202,11 +195,13 @@ class ImplicitSteps:
         self.simulation = simulation
         real, body, scene = simulation.real, simulation.body, simulation.scene
         bands, plane = simulation._bands, simulation._layout.plane
-        self._work = aligned_zeros(WORK_PLANES * plane, real)
-        self._lanes = aligned_zeros(bands * LANES, real).reshape(bands, LANES)
-        self._sums = np.zeros(SUMS * segments_of(body.rows, body.columns), real)
-        self._tree = aligned_zeros(TREE, real)
-        self.done, self._control = np.zeros(len(implicit.DONE), np.int64), np.zeros(1, control_type(real))
+        self.done = np.zeros(len(implicit.DONE), np.int64)
+        self._arrays = ImplicitArrays(
+            aligned_zeros(WORK_PLANES * plane, real), simulation._scratch,
+            aligned_zeros(bands * LANES, real).reshape(bands, LANES),
+            np.zeros(SUMS * segments_of(body.rows, body.columns), real), aligned_zeros(TREE, real), self.done,
+            np.zeros(1, control_type(real)),
+        )  # fmt: skip
         linear = scene.method.integrator == "implicit-euler-linear"
         parts = without_dampers(simulation.plan.parts)
         self._kernel = make_cloth_implicit(real, simulation.options.math, linear, parts)
@@ -218,10 +213,6 @@ class ImplicitSteps:
 
     def advance(self, step: int, steps: int) -> None:
         sim = self.simulation
-        layout, parameters, *rest = sim._given()
-        self._control[...] = 0
-        self._kernel(
-            sim._bands, steps, step, sim._states, sim._current, self._work, layout, parameters, self._system, *rest,
-            self._lanes, self._sums, self._tree, self.done, self._control,
-        )  # fmt: skip
+        self._arrays.control[...] = 0
+        self._kernel(sim._bands, steps, step, sim._states, sim._current, sim.sheet, self._system, self._arrays)
         sim._current = (sim._current + steps) % 2
