@@ -200,7 +200,7 @@ def make_goals(compiler: Compiler, real: Any, has_rigid: bool) -> SimpleNamespac
     """Make `move_lone` and `move`.
 
     `move_lone(c, position, count, arrays, factors, frames, travel)` moves the particles of a lone cluster towards their
-    goals; `move(first, last, position, count, own, own_factors, frames, travel)` those of any clusters, which it
+    goals; `move(first, last, position, count, own, frames, travel)` those of any clusters, which it
     gathers. `travel`: as in particles.py; its slacks are read if bodies are rigid, `has_rigid`.
     """
     formulas = cluster.make(real, compiler.compiled)
@@ -233,13 +233,13 @@ def make_goals(compiler: Compiler, real: Any, has_rigid: bool) -> SimpleNamespac
         )  # fmt: skip
 
     @compiler.compiled
-    def move(first, last, position, count, own, own_factors, frames, travel):
-        starts, clusters, rests = own
+    def move(first, last, position, count, own, frames, travel):
+        starts, clusters, rests, factors = own
         for k in range(first, last):
             px, py, pz = position[k], position[count + k], position[2 * count + k]
             x, y, z = zero, zero, zero
             for n in range(starts[k], starts[k + 1]):
-                frame, factor = frame_of(frames, clusters[n]), own_factors[n]
+                frame, factor = frame_of(frames, clusters[n]), factors[n]
                 a, b, c = rests[3 * n], rests[3 * n + 1], rests[3 * n + 2]
                 x = added_way(x, factor, goal(frame.x, frame.xx, frame.xy, frame.xz, a, b, c), px)
                 y = added_way(y, factor, goal(frame.y, frame.yx, frame.yy, frame.yz, a, b, c), py)

@@ -23,7 +23,7 @@ QUATERNION = 4
 class LatticeArrays(NamedTuple):
     """Numbers of lattices (n, NUMBERS); slices (n, 3): lattice, first place, z; pencils (n, PENCIL): lattice, first place,
     first cluster, first y and the one behind the last; tables of axes and values of lattices, flat; sums of slices;
-    quaternions, four planes; scratch of all bands, and its length for one."""
+    quaternions, four planes; frames; scratch of all bands, and its length for one."""
 
     numbers: np.ndarray
     slices: np.ndarray
@@ -32,6 +32,7 @@ class LatticeArrays(NamedTuple):
     values: np.ndarray
     work: np.ndarray
     rotation: np.ndarray
+    frames: np.ndarray
     scratch: np.ndarray
     band_scratch: int
 
@@ -77,7 +78,8 @@ class Lattices:
         self.arrays = LatticeArrays(
             np.array(numbers, np.int64).reshape(-1, NUMBERS), np.array(slices, np.int64).reshape(-1, 3),
             np.array(pencils, np.int64).reshape(-1, PENCIL), np.concatenate(tables).astype(real), self.values,
-            aligned_zeros(SLICE * count if self.copies else 0, real), self.rotation, aligned_zeros(room * bands, real), room,
+            aligned_zeros(SLICE * count if self.copies else 0, real), self.rotation, self.frames,
+            aligned_zeros(room * bands, real), room,
         )  # fmt: skip
 
     def change(self, method: Method) -> None:
