@@ -82,7 +82,7 @@ def make_predict(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
                 s = turned_round(z, parameters.low_z, parameters.high_z, parameters.side_z)
                 z, az = z + s, az + s
             if has_bodies:
-                x, y, z, _, _, _ = touch(bodies, kinds, substep, parameters, ax, ay, az, x, y, z, u, v, w)
+                (x, y, z), _ = touch(bodies, kinds, substep, parameters, (ax, ay, az), (x, y, z), (u, v, w))
             meant[k], meant[room + k], meant[2 * room + k] = u, v, w
             before[k], before[room + k], before[2 * room + k] = ax, ay, az
             place[k], place[room + k], place[2 * room + k] = x, y, z

@@ -240,7 +240,7 @@ def make_take_up(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
                 u, v, w = settled(
                     bodies, kinds, number, parameters, bx, by, bz, u, v, w, mx, my, mz, second[i], fluids[row + F_WEIGHT]
                 )  # fmt: skip
-                x, y, z, u, v, w = touch(bodies, kinds, number, parameters, bx, by, bz, x, y, z, u, v, w)
+                (x, y, z), (u, v, w) = touch(bodies, kinds, number, parameters, (bx, by, bz), (x, y, z), (u, v, w))
                 speed = speed_of(u, v, w)
                 u, v, w = slowed(u, speed, fastest), slowed(v, speed, fastest), slowed(w, speed, fastest)
             position[i], position[room + i], position[2 * room + i] = x, y, z

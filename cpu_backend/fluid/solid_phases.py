@@ -251,9 +251,9 @@ def _make_correct(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
                         cz = wall_added(cz, delta[i], wall[2 * room + i])
                     px, py, pz = moved(px, weight, cx), moved(py, weight, cy), moved(pz, weight, cz)
                     if has_bodies:
-                        px, py, pz, _, _, _ = touch(
-                            bodies, kinds_of, number, parameters, before[i], before[room + i], before[2 * room + i], px, py,
-                            pz, zero, zero, zero,
+                        a = before[i], before[room + i], before[2 * room + i]
+                        (px, py, pz), _ = touch(
+                            bodies, kinds_of, number, parameters, a, (px, py, pz), (zero, zero, zero)
                         )  # fmt: skip
                 there[i], there[room + i], there[2 * room + i] = px, py, pz
 

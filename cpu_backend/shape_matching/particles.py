@@ -126,9 +126,10 @@ def make_particles(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simp
         for k in range(first, last):
             if has_spare and weights[k] == zero:
                 continue  # also skips ghosts
-            px, py, pz, vx, vy, vz = touch(
-                world.bodies, world.kinds, number, world.parameters, before[k], before[count + k], before[2 * count + k],
-                after[k], after[count + k], after[2 * count + k], velocity[k], velocity[count + k], velocity[2 * count + k],
+            (px, py, pz), (vx, vy, vz) = touch(
+                world.bodies, world.kinds, number, world.parameters,
+                (before[k], before[count + k], before[2 * count + k]), (after[k], after[count + k], after[2 * count + k]),
+                (velocity[k], velocity[count + k], velocity[2 * count + k]),
             )  # fmt: skip
             after[k], after[count + k], after[2 * count + k] = px, py, pz
             velocity[k], velocity[count + k], velocity[2 * count + k] = vx, vy, vz

@@ -70,7 +70,8 @@ class Bodies(ParticlesSimulation):
         self._rotation, self._turned = (np.zeros(QUATERNION * clusters, real) for _ in range(2))
         self._frames = aligned_zeros(FRAME * clusters, real)
         self._factors = np.zeros(len(self.layout.of_entry), real)
-        self._own = Own(*self.layout.own, np.zeros(len(self.layout.of_own), real))
+        starts, clusters_of, rests = self.layout.own
+        self._own = Own(starts, clusters_of, rests, np.zeros(len(self.layout.of_own), real))
         self.integers = np.zeros(2, np.uint64)  # of model/core/own_forces.py, particles by their places
         self._set_colliders(collider_numbers(scene, real))
         self._bands = max(1, min(self.threads, count // LANES))

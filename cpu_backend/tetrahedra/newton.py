@@ -51,8 +51,8 @@ class TetrahedraNewton(QuadsSimulation):
         rows = block_rows(found.tetrahedra, count, held.pairs)
         matrix = ((tetrahedra * BLOCKS + len(held.blocks), 9), (len(rows.columns), 9), (count, 6), (tetrahedra, 12))
         rigid = aggregates(found, rows, self.body.inverse_mass > 0)
-        size = MODES * rigid.count
-        coarse = ((rigid.count, 4), (size, rigid.width), (1, size), (1, size))
+        size = MODES * rigid.number
+        coarse = ((rigid.number, 4), (size, rigid.width), (1, size), (1, size))
         hard = holding(found).astype(real)[:, None]
         groups, vectors = -(-max(count, tetrahedra) // SUMMED), VECTORS + stage_vectors(self.plan.parts)
         corners, values = np.ascontiguousarray(found.tetrahedra, np.int32), element_values(found).astype(real)

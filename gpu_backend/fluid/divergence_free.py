@@ -156,7 +156,7 @@ class DivergenceFree:
     def stages(self) -> dict[str, StageRun]:
         """Return the function that runs each stage of the plan; the state stays in its buffer."""
         sim, start = self.sim, self.sim.on_device(np.zeros(1, np.int64))
-        scratch, given = (sim.position[1], sim.velocity[1]), {"now": ()}
+        scratch, given = (sim.position[1], sim.velocity[1]), dict[str, Particles]()
 
         def time(moment: Moment) -> tuple[Any, ...]:
             return start, np.int64(moment.step), np.int64(moment.substeps), np.int64(moment.substep)

@@ -66,13 +66,13 @@ class TetrahedraNewton(DrivenSimulation):
             held.corners,
         )  # fmt: skip
         tetrahedra, blocks, size = len(found.tetrahedra), len(rows.columns), len(groups.reach)
-        parts = max(-(-max(count, tetrahedra) // SUMMED), groups.count)
+        parts = max(-(-max(count, tetrahedra) // SUMMED), groups.number)
         self._sizes = (  # of the work arrays, in the kernel's order
             9 * (BLOCKS * tetrahedra + len(self._springs.blocks)), 9 * blocks, 6 * count, 4 * SIZE * tetrahedra,
         )  # fmt: skip
         inverse = int(pairs.places[-1]) if self.options.math != "exact" else 0
-        self._coarse_sizes = SIZE * groups.count, size * groups.width, 3 * size, inverse
-        self._sum_size, self._most_blocks = 4 * parts, max(-(-tetrahedra // UNIT), -(-count // SUMMED), groups.count)
+        self._coarse_sizes = SIZE * groups.number, size * groups.width, 3 * size, inverse
+        self._sum_size, self._most_blocks = 4 * parts, max(-(-tetrahedra // UNIT), -(-count // SUMMED), groups.number)
 
     def _require_space(self) -> None:
         item, found = np.dtype(self.real).itemsize, self.scene.tetrahedra_set

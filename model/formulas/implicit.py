@@ -101,9 +101,9 @@ def make(real, compiled=plain):
 class Counts(NamedTuple):
     """Integers between passes: matrices of a step, halvings of a Newton step, iterations for this matrix."""
 
-    matrices: int
-    halvings: int
-    iterations: int
+    matrices: int | np.int64
+    halvings: int | np.int64
+    iterations: int | np.int64
 
 
 class Values(NamedTuple):

@@ -28,7 +28,7 @@ class Aggregates(NamedTuple):
     reach: np.ndarray
 
     @property
-    def count(self) -> int:
+    def number(self) -> int:
         """Number of groups."""
         return len(self.starts) - 1
 
@@ -94,16 +94,16 @@ def couplings(groups: Aggregates, rows: BlockRows) -> Couplings:
     first, second = groups.group[row].astype(np.int64), groups.group[rows.columns].astype(np.int64)
     chosen = np.flatnonzero((first >= 0) & (second >= first))
     chosen = chosen[MODES * second[chosen] <= groups.reach[MODES * first[chosen]]]  # of one body
-    key = first[chosen] * max(groups.count, 1) + second[chosen]
+    key = first[chosen] * max(groups.number, 1) + second[chosen]
     order = np.argsort(key, kind="stable")
     found, starts = np.unique(key[order], return_index=True)
     furthest = groups.reach[MODES - 1 :: MODES] // MODES
-    bodies = np.append(0, np.flatnonzero(furthest == np.arange(groups.count)) + 1)
+    bodies = np.append(0, np.flatnonzero(furthest == np.arange(groups.number)) + 1)
     sizes = np.diff(bodies)
     return Couplings(*(
         np.ascontiguousarray(one, np.int32)
         for one in (
-            np.append(starts, len(order)), found // max(groups.count, 1), found % max(groups.count, 1), chosen[order], row,
+            np.append(starts, len(order)), found // max(groups.number, 1), found % max(groups.number, 1), chosen[order], row,
             bodies, np.repeat(np.arange(len(sizes)), sizes), np.cumsum([0, *(MODES * sizes.astype(np.int64)) ** 2]),
         )
     ))  # fmt: skip
