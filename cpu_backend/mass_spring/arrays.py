@@ -19,7 +19,7 @@ class Passes(NamedTuple):
 
 
 class Sheet(NamedTuple):
-    """What a pass reads besides the states: integers of the layout (L_ of core/layout.py), constants, integers of random
+    """Arguments of a pass besides the states: integers of the layout (L_ of core/layout.py), constants, integers of random
     forces, first pin of each row and columns of pins, colliders and their kinds."""
 
     layout: np.ndarray

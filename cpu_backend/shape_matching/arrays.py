@@ -110,7 +110,7 @@ class Own(NamedTuple):
 
 
 class BodyArrays(NamedTuple):
-    """What steps of bodies read and write besides positions; `factors`: of entries of clusters."""
+    """Arrays of steps of bodies besides positions; `factors`: of entries of clusters."""
 
     velocity: np.ndarray
     weights: np.ndarray

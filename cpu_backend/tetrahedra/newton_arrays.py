@@ -55,7 +55,7 @@ class Coarse(NamedTuple):
 
 
 class Since(NamedTuple):
-    """What dampers resist changes from: 1 / h, positions at the start of the stage, positions at the first stage's start
+    """States that dampers resist changes from: 1 / h, positions at the start of the stage, positions at the first stage's start
     and end, true in the second stage."""
 
     rate: float
