@@ -21,9 +21,11 @@ def make_collide_stage(compiler: Compiler, real: Any, parts: frozenset[str]) -> 
         x, y, z, vx, vy, vz = state
         for i in prange(rows):
             for j in range(columns):
-                x[i, j], y[i, j], z[i, j], vx[i, j], vy[i, j], vz[i, j] = collide_mass(
-                    bodies, kinds, step, record[0], ax[i, j], ay[i, j], az[i, j], x[i, j], y[i, j], z[i, j], vx[i, j],
-                    vy[i, j], vz[i, j],
+                p, v = collide_mass(
+                    bodies, kinds, step, record[0], (ax[i, j], ay[i, j], az[i, j]), (x[i, j], y[i, j], z[i, j]),
+                    (vx[i, j], vy[i, j], vz[i, j]),
                 )  # fmt: skip
+                x[i, j], y[i, j], z[i, j] = p
+                vx[i, j], vy[i, j], vz[i, j] = v
 
     return compiler.kernel(collide)

@@ -67,9 +67,9 @@ def make_push(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNam
         return respond(vx, vy, vz, ux, uy, uz, nx, ny, nz, static, dynamic)
 
     @compiled
-    def push(body, slow, distance, nx, ny, nz, px, py, pz, vx, vy, vz):
+    def push(body, slow, distance, normal, p, v):
         """Push a mass that is inside the collider's thickness out of it."""
-        thickness = body[B_THICKNESS]
+        thickness, (nx, ny, nz), (px, py, pz), (vx, vy, vz) = body[B_THICKNESS], normal, p, v
         if distance < thickness:
             depth = thickness - distance
             px, py, pz = pushed(px, depth, nx), pushed(py, depth, ny), pushed(pz, depth, nz)
@@ -78,13 +78,13 @@ def make_push(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNam
             if in_place:
                 dx, dy, dz = slid(slow[1], vx, vy, vz, bx, by, bz, nx, ny, nz)
                 px, py, pz = px + dx, py + dy, pz + dz
-        return px, py, pz, vx, vy, vz
+        return (px, py, pz), (vx, vy, vz)
 
     return SimpleNamespace(point=point, answer=answer, push=push)
 
 
 def make_touches(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
-    """Make, by kind, touch(body, begin, end, slow, ax, ay, az, px, py, pz, vx, vy, vz) -> (px, py, pz, vx, vy, vz).
+    """Make, by kind, touch(body, begin, end, slow, a, p, v) -> (p, v), each a vector (x, y, z).
     `body`: a row of model/contact/cloth_parameters.py, and what follows it; `begin`, `end`: times of the step [s];
     `slow`: of `make_instants`; a: position of the mass before the step; p, v: its position and velocity after it."""
     compiled = compiler.compiled
@@ -96,41 +96,40 @@ def make_touches(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
     zero, one = real(0), real(1)
 
     @compiled
-    def touch_plane(body, begin, end, slow, ax, ay, az, px, py, pz, vx, vy, vz):
+    def touch_plane(body, begin, end, slow, a, p, v):
         cx, cy, cz = point(body, end)
-        distance, nx, ny, nz = plane(px - cx, py - cy, pz - cz, body[B_U], body[B_V], body[B_W])
-        return push(body, slow, distance, nx, ny, nz, px, py, pz, vx, vy, vz)
+        distance, nx, ny, nz = plane(p[0] - cx, p[1] - cy, p[2] - cz, body[B_U], body[B_V], body[B_W])
+        return push(body, slow, distance, (nx, ny, nz), p, v)
 
     @compiled
-    def touch_sphere(body, begin, end, slow, ax, ay, az, px, py, pz, vx, vy, vz):
+    def touch_sphere(body, begin, end, slow, a, p, v):
         """Apply the swept test: a mass that enters is put at its entry point, relative to the moving centre."""
         cx, cy, cz = point(body, end)
         ox, oy, oz = point(body, begin)
-        ax, ay, az = ax - ox, ay - oy, az - oz
-        dx, dy, dz = px - cx, py - cy, pz - cz
+        ax, ay, az = a[0] - ox, a[1] - oy, a[2] - oz
+        dx, dy, dz = p[0] - cx, p[1] - cy, p[2] - cz
         radius = body[B_RADIUS]
         part = sphere_entry(ax, ay, az, dx, dy, dz, radius + body[B_THICKNESS])
         if part < one:
             dx, dy, dz = between(ax, dx, part), between(ay, dy, part), between(az, dz, part)
             _, nx, ny, nz = sphere(dx, dy, dz, radius)
-            vx, vy, vz = answer(body, slow, vx, vy, vz, nx, ny, nz)
-            return cx + dx, cy + dy, cz + dz, vx, vy, vz
+            return (cx + dx, cy + dy, cz + dz), answer(body, slow, v[0], v[1], v[2], nx, ny, nz)
         distance, nx, ny, nz = sphere(dx, dy, dz, radius)
-        return push(body, slow, distance, nx, ny, nz, px, py, pz, vx, vy, vz)
+        return push(body, slow, distance, (nx, ny, nz), p, v)
 
     @compiled
-    def touch_capsule(body, begin, end, slow, ax, ay, az, px, py, pz, vx, vy, vz):
+    def touch_capsule(body, begin, end, slow, a, p, v):
         cx, cy, cz = point(body, end)
         distance, nx, ny, nz = capsule(
-            px - cx, py - cy, pz - cz, body[B_U], body[B_V], body[B_W], body[B_RADIUS]
+            p[0] - cx, p[1] - cy, p[2] - cz, body[B_U], body[B_V], body[B_W], body[B_RADIUS]
         )  # fmt: skip
-        return push(body, slow, distance, nx, ny, nz, px, py, pz, vx, vy, vz)
+        return push(body, slow, distance, (nx, ny, nz), p, v)
 
     @compiled
-    def touch_box(body, begin, end, slow, ax, ay, az, px, py, pz, vx, vy, vz):
+    def touch_box(body, begin, end, slow, a, p, v):
         cx, cy, cz = point(body, end)
-        distance, nx, ny, nz = box(px - cx, py - cy, pz - cz, body[B_U], body[B_V], body[B_W])
-        return push(body, slow, distance, nx, ny, nz, px, py, pz, vx, vy, vz)
+        distance, nx, ny, nz = box(p[0] - cx, p[1] - cy, p[2] - cz, body[B_U], body[B_V], body[B_W])
+        return push(body, slow, distance, (nx, ny, nz), p, v)
 
     if "swept" in parts:
         touch_capsule, touch_box = make_swept(compiler, real, pushing)
@@ -140,17 +139,18 @@ def make_touches(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
         meet = topic.make(real, compiled, bounces, in_place).touch
 
         @compiled
-        def touch_surface(body, begin, end, slow, ax, ay, az, px, py, pz, vx, vy, vz):
+        def touch_surface(body, begin, end, slow, a, p, v):
             static, dynamic, restitution = zero, zero, zero
             if has_friction:
                 static, dynamic = body[B_STATIC], body[B_DYNAMIC]
             if bounces:
                 restitution = body[B_RESTITUTION]
-            return meet(
+            x, y, z, vx, vy, vz = meet(
                 body, np.int32(body[B_TREE]), body[B_THICKNESS], static, dynamic, body[B_X], body[B_Y], body[B_Z],
                 body[B_VX], body[B_VY], body[B_VZ], body[B_U], body[B_V], body[B_W], body[B_SPIN], body[B_TURNS], begin,
-                end, ax, ay, az, px, py, pz, vx, vy, vz, restitution, slow,
+                end, *a, *p, *v, restitution, slow,
             )  # fmt: skip
+            return (x, y, z), (vx, vy, vz)
 
         return touch_surface
 
@@ -182,32 +182,31 @@ def make_instants(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
 
 
 def make_collide_mass(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
-    """Make collide_mass(bodies, kinds, step, parameters, ax, ay, az, px, py, pz, vx, vy, vz) -> (px, py, pz, vx, vy,
-    vz). It applies all colliders to one mass, in their order. `bodies`: of `collider_numbers`; `kinds`: PLANE and so
-    on."""
+    """Make collide_mass(bodies, kinds, step, parameters, a, p, v) -> (p, v), vectors. It applies all colliders to one
+    mass, in their order. `bodies`: of `collider_numbers`; `kinds`: PLANE and so on."""
     touches, instants = make_touches(compiler, real, parts), make_instants(compiler, real, parts)
     plane, sphere, capsule, box = touches.plane, touches.sphere, touches.capsule, touches.box
     mesh, field = touches.mesh_collider, touches.distance_field
     has_plane, has_sphere, has_capsule, has_box, has_mesh, has_field = (kind in parts for kind in COLLIDER_KINDS)
 
     @compiler.compiled
-    def collide_mass(bodies, kinds, step, parameters, ax, ay, az, px, py, pz, vx, vy, vz):
+    def collide_mass(bodies, kinds, step, parameters, a, p, v):
         begin, end, slow = instants(step, parameters)
         for b in range(kinds.size):
             body = row_at(bodies, np.int64(b * COLLIDER_FIELDS))
             if has_plane and kinds[b] == PLANE:
-                px, py, pz, vx, vy, vz = plane(body, begin, end, slow, ax, ay, az, px, py, pz, vx, vy, vz)
+                p, v = plane(body, begin, end, slow, a, p, v)
             if has_sphere and kinds[b] == SPHERE:
-                px, py, pz, vx, vy, vz = sphere(body, begin, end, slow, ax, ay, az, px, py, pz, vx, vy, vz)
+                p, v = sphere(body, begin, end, slow, a, p, v)
             if has_capsule and kinds[b] == CAPSULE:
-                px, py, pz, vx, vy, vz = capsule(body, begin, end, slow, ax, ay, az, px, py, pz, vx, vy, vz)
+                p, v = capsule(body, begin, end, slow, a, p, v)
             if has_box and kinds[b] == BOX:
-                px, py, pz, vx, vy, vz = box(body, begin, end, slow, ax, ay, az, px, py, pz, vx, vy, vz)
+                p, v = box(body, begin, end, slow, a, p, v)
             if has_mesh and kinds[b] == MESH:
-                px, py, pz, vx, vy, vz = mesh(body, begin, end, slow, ax, ay, az, px, py, pz, vx, vy, vz)
+                p, v = mesh(body, begin, end, slow, a, p, v)
             if has_field and kinds[b] == FIELD:
-                px, py, pz, vx, vy, vz = field(body, begin, end, slow, ax, ay, az, px, py, pz, vx, vy, vz)
-        return px, py, pz, vx, vy, vz
+                p, v = field(body, begin, end, slow, a, p, v)
+        return p, v
 
     return collide_mass
 
@@ -221,8 +220,8 @@ def make_touch_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> tup
 
         def touch_row(blocks, body, begin, end, slow, ax, ay, az, x, y, z, vx, vy, vz):
             for j in range(blocks * block):
-                px, py, pz, qx, qy, qz = touch(
-                    body, begin, end, slow, ax[j], ay[j], az[j], x[j], y[j], z[j], vx[j], vy[j], vz[j]
+                (px, py, pz), (qx, qy, qz) = touch(
+                    body, begin, end, slow, (ax[j], ay[j], az[j]), (x[j], y[j], z[j]), (vx[j], vy[j], vz[j])
                 )
                 x[j] = px
                 y[j] = py

@@ -15,7 +15,7 @@ import numpy as np
 from softlab.cpu_backend.core.compile import Compiler, start_threads
 from softlab.cpu_backend.core.threads import core_count
 from softlab.model.formulas.lengths import make as make_lengths
-from softlab.model.formulas.triangle_tree import CORNERS, NODE
+from softlab.model.formulas.triangle_tree import CORNERS, NODE, SKIP, TRIANGLE
 
 
 def squared_distances(
@@ -85,7 +85,7 @@ def _kernel() -> Any:
     @compiled
     def nearest(numbers, guess, x, y, z):
         """Return (squared distance, place) of the nearest triangle; `guess`: the place of a near one."""
-        count, node = np.int64(numbers[6]), np.int64(0)
+        count, node = np.int64(numbers[SKIP]), np.int64(0)
         best, place = from_triangle(numbers, guess, x, y, z), guess
         while node < count:
             at = node * NODE
@@ -93,7 +93,7 @@ def _kernel() -> Any:
             dy = outside(numbers[at + 1], y, numbers[at + 4])
             dz = outside(numbers[at + 2], z, numbers[at + 5])
             if dot(dx, dy, dz, dx, dy, dz) < best:
-                triangle = np.int64(numbers[at + 7])
+                triangle = np.int64(numbers[at + TRIANGLE])
                 if triangle >= 0:
                     t = count * NODE + triangle * CORNERS
                     squared = from_triangle(numbers, t, x, y, z)
@@ -101,13 +101,13 @@ def _kernel() -> Any:
                         best, place = squared, t
                 node += 1
             else:
-                node = np.int64(numbers[at + 6])
+                node = np.int64(numbers[at + SKIP])
         return best, place
 
     def distances(band, bands, numbers, place, columns, first, squared):
         x, y, z, spacing = place
         rows, count = squared.shape
-        start = np.int64(numbers[6]) * NODE  # the first triangle
+        start = np.int64(numbers[SKIP]) * NODE  # the first triangle
         for row in range(rows * band // bands, rows * (band + 1) // bands):
             i, j = (first + row) // columns, (first + row) % columns
             near = start

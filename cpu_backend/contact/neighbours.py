@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from softlab.cpu_backend.contact.arrays import Lists, PairRows, Particles, Search, Sorted, Table
 from softlab.cpu_backend.contact.particles_cells import AXES, BOX
-from softlab.cpu_backend.contact.particles_find import PLACES, ROOM, TABLE, make_find_stage
+from softlab.cpu_backend.contact.particles_find import PLACES, ROOM, make_find_stage
 from softlab.cpu_backend.core.layout import aligned_zeros
 from softlab.model.contact.particle_parameters import MAX_NEIGHBOURS
 from softlab.model.formulas.shape_matching.cluster import LANES
@@ -24,8 +25,8 @@ class Neighbours:
     (model/contact/particle_parameters.py).
 
     Lists are in the order of cells, then of numbers, the same for any number of threads. `lost`: neighbours beyond the
-    MAX_NEIGHBOURS of a particle, since the object was made. `search` is the argument of kernels: the arrays given, the
-    tables, the particles in the order of cells, and `found`.
+    MAX_NEIGHBOURS of a particle, since the object was made. `search`: the arrays of kernels, `found` the result among
+    them.
     """
 
     def __init__(
@@ -33,34 +34,33 @@ class Neighbours:
     ):
         self.bands, self.kinds, count = bands, kinds, len(body)
         cells, most, ahead = CELLS * max(count, LANES), count * MAX_NEIGHBOURS, count + LANES
-        numbers = (np.zeros(n, np.int64) for n in (BOX * bands, TABLE, bands, bands, bands, bands))
-        boxes, table, totals, begins, active, self._lost = numbers
+        boxes, low, counts, holds = (np.zeros(n, np.int64) for n in (BOX * bands, AXES, AXES, 1))
+        totals, begins, active, lost = (np.zeros(bands, np.int64) for _ in range(4))
         buckets, starts = np.zeros(count, np.int32), np.zeros(cells + 1, np.int32)
-        tables = np.zeros(AXES * count, np.int32), boxes, table, buckets, starts, totals
-        order, bodies, rooms = (np.zeros(n, np.int32) for n in (ahead, ahead, ROOM * bands))
-        in_order = order, aligned_zeros(PLACES * ahead, real), bodies, rooms
+        table = Table(np.zeros(AXES * count, np.int32), boxes, low, counts, holds, buckets, starts, totals)
+        order, bodies, runs = (np.zeros(n, np.int32) for n in (ahead, ahead, ROOM * bands))
+        in_order = Sorted(order, aligned_zeros(PLACES * ahead, real), bodies, runs)
         who, entries = (np.zeros(n, np.uint32) for n in (count, most))  # unsigned: no check for negative indices
         many, pairs = np.zeros(count, np.int32), np.zeros(most, np.int32)
-        self.found = who, many, entries, pairs, begins, active, self._lost
-        self.search = (body, kind, rest), tables, in_order, self.found
+        self.found = Lists(who, many, entries, pairs, begins, active, lost)
+        self.search = Search(Particles(body, kind, rest), table, in_order, self.found)
         self._find = make_find_stage(real, math)
 
     def find(self, position: np.ndarray, weights: np.ndarray, record: np.ndarray, reach: Any) -> None:
         """Search from `position`, three planes, flat. `weights` (count,): a particle of weight 0 has no neighbours.
         `record`, `reach`: rows of pairs, and the largest distance between neighbours."""
-        self._find(self.bands, position, weights, record, reach, self.kinds, *self.search)
+        self._find(self.bands, position, weights, PairRows(record, reach, self.kinds), self.search)
 
     @property
     def lost(self) -> int:
-        return int(self._lost.sum())
+        return int(self.found.lost.sum())
 
     def lists(self) -> dict[int, list[int]]:
         """Return, by place of a particle, the places of its neighbours in their order, if it has any."""
-        who, many, entries, _, begins, active, _ = self.found
-        lists: dict[int, list[int]] = {}
-        for first, number in zip(begins, active, strict=True):
+        found, lists = self.found, dict[int, list[int]]()
+        for first, number in zip(found.begins, found.active, strict=True):
             entry = int(first) * MAX_NEIGHBOURS
             for n in range(int(first), int(first + number)):
-                lists[int(who[n])] = entries[entry : entry + many[n]].tolist()
-                entry += int(many[n])
+                lists[int(found.who[n])] = found.entries[entry : entry + found.numbers[n]].tolist()
+                entry += int(found.numbers[n])
         return lists

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from softlab.cpu_backend.contact.arrays import ContactArrays, Contacts, PairRows
 from softlab.cpu_backend.contact.neighbours import Neighbours
 from softlab.cpu_backend.contact.particles_bounce import make_bounce_stage
 from softlab.cpu_backend.contact.particles_cells import AXES
@@ -21,8 +22,6 @@ from softlab.model.contact.particle_parameters import (
     particle_contact_record,
 )
 from softlab.model.scene.scene import Scene
-
-NO_CONTACTS: tuple[Any, ...] = ((),) * 7  # `ParticleContacts.arrays` of a scene without contacts
 
 
 class ParticleContacts:
@@ -46,7 +45,7 @@ class ParticleContacts:
         acting = np.zeros(count * MAX_NEIGHBOURS, np.uint32)  # unsigned: no check for negative indices
         self._keeps = "rigid-motion" in parts
         pressed = np.zeros(len(acting) if self._keeps else 0, real)
-        self._contacts = acting, np.zeros(count, real), np.zeros(AXES * count, real), pressed
+        self._contacts = Contacts(acting, np.zeros(count, real), np.zeros(AXES * count, real), pressed)
         self.old = aligned_zeros(AXES * count if "contact-restitution" in parts else 0, real)
         variant = "contact-friction" in parts, "contact-adhesion" in parts, self._keeps, "couples" in parts
         self._project, self._clear = make_project_stage(real, math, *variant), make_clear_stage(real, math)
@@ -63,11 +62,10 @@ class ParticleContacts:
         return self.neighbours.lost
 
     @property
-    def arrays(self) -> tuple[Any, ...]:
-        """The arguments of a kernel, laid out as NO_CONTACTS: (record, reach, kinds, sweeps), four tuples for the
-        search, the last of them its result, one for the projection, (old,)."""
-        numbers = self.record, self.reach, self.neighbours.kinds, self.sweeps
-        return numbers, *self.neighbours.search, self._contacts, (self.old,)
+    def arrays(self) -> ContactArrays:
+        """The argument of kernels."""
+        rows = PairRows(self.record, self.reach, self.neighbours.kinds)
+        return ContactArrays(rows, self.sweeps, self.neighbours.search, self._contacts, self.old)
 
     def find(self, position: np.ndarray, weights: np.ndarray) -> None:
         self.neighbours.find(position, weights, self.record, self.reach)

@@ -62,46 +62,44 @@ def make_passes(compiler: Compiler, real: Any, scaled: bool, has_rigid: bool = F
         return lacking(ax, ay, az, bx, by, bz, nx, ny, nz, e, settling), nx, ny, nz
 
     @compiler.compiled
-    def tell(band, count, position, old, velocity, record, neighbours, contacts, travel):
+    def tell(band, count, position, old, velocity, record, lists, contacts, travel):
         """Store the contacts of each particle that must separate faster in `acting`, one particle after the other, and
-        their numbers in `met`. Returns True if there are any."""
-        who, numbers, entries, pairs, begins, active, _ = neighbours
-        acting, met, _, pressed = contacts
-        first = begins[band]
-        last = first + active[band]
+        their numbers in `counts`. Returns True if there are any."""
+        who, numbers, entries, pairs, acting = lists.who, lists.numbers, lists.entries, lists.pairs, contacts.acting
+        first = lists.begins[band]
+        last = first + lists.active[band]
         entry, place = np.int64(first) * MAX_NEIGHBOURS, np.int64(first) * MAX_NEIGHBOURS
         start = place
         for n in range(first, last):
             i, begin = who[n], place
             for e in range(entry, entry + numbers[n]):
-                by = pressed[e] if has_rigid else zero
+                by = contacts.pressed[e] if has_rigid else zero
                 lack, _, _, _ = lack_of(i, entries[e], pairs[e], count, position, old, velocity, record, travel, by)
                 acting[place] = e
                 place += 1 if lack != zero else 0
             entry += numbers[n]
-            met[i] = real(place - begin)
+            contacts.counts[i] = real(place - begin)
         return place > start
 
     @compiler.compiled
-    def push(band, count, position, old, velocity, weights, record, neighbours, contacts, scales, travel):
-        """Write the velocity changes of bouncing particles into `ways`, by their place in `who`; for rigid bodies in
+    def push(band, count, position, old, velocity, weights, record, lists, contacts, scales, travel):
+        """Write the velocity changes of bouncing particles into `moves`, by their place in `who`; for rigid bodies in
         the first pass also the change that their contacts ask for alone, into `scales`."""
-        who, _, entries, pairs, begins, active, _ = neighbours
-        acting, met, ways, pressed = contacts
-        first = begins[band]
-        last = first + active[band]
+        acting, counts = contacts.acting, contacts.counts
+        first = lists.begins[band]
+        last = first + lists.active[band]
         place = np.int64(first) * MAX_NEIGHBOURS
         for n in range(first, last):
-            i = who[n]
-            mine, weight = met[i], weights[i]
+            i = lists.who[n]
+            mine, weight = counts[i], weights[i]
             if mine == zero:
                 continue
             x, y, z, squares = zero, zero, zero, zero
             for a in range(place, place + np.int64(mine)):
-                j, pair = entries[acting[a]], pairs[acting[a]]
-                by = pressed[acting[a]] if has_rigid else zero
+                j, pair = lists.entries[acting[a]], lists.pairs[acting[a]]
+                by = contacts.pressed[acting[a]] if has_rigid else zero
                 lack, nx, ny, nz = lack_of(i, j, pair, count, position, old, velocity, record, travel, by)
-                share = split(weight, mine, weights[j], met[j])
+                share = split(weight, mine, weights[j], counts[j])
                 if scaled:
                     by_i, by_j = row_at(scales, np.int64(i)), row_at(scales, np.int64(j))
                     lack = lack * factor_of(
@@ -123,24 +121,22 @@ def make_passes(compiler: Compiler, real: Any, scaled: bool, has_rigid: bool = F
             if has_rigid and not scaled:
                 scales[i] = wanted(weight, mine, squares)
             x, y, z = moved(zero, weight, x), moved(zero, weight, y), moved(zero, weight, z)
-            ways[3 * n], ways[3 * n + 1], ways[3 * n + 2] = x, y, z
+            contacts.moves[3 * n], contacts.moves[3 * n + 1], contacts.moves[3 * n + 2] = x, y, z
 
     @compiler.compiled
-    def put(band, count, velocity, neighbours, contacts):
-        who, _, _, _, begins, active, _ = neighbours
-        _, met, ways, _ = contacts
-        for n in range(begins[band], begins[band] + active[band]):
-            i = who[n]
-            if met[i] != zero:
+    def put(band, count, velocity, lists, contacts):
+        for n in range(lists.begins[band], lists.begins[band] + lists.active[band]):
+            i = lists.who[n]
+            if contacts.counts[i] != zero:
                 for axis in range(3):
-                    velocity[axis * count + i] = velocity[axis * count + i] + ways[3 * n + axis]
+                    velocity[axis * count + i] = velocity[axis * count + i] + contacts.moves[3 * n + axis]
 
     return SimpleNamespace(tell=tell, push=push, put=put)
 
 
 @cache
 def make_bounce(real: Any, math: str) -> Any:
-    """Make bounce(team, member, bands, position, old, velocity, weights, record, neighbours, contacts).
+    """Make bounce(team, member, bands, position, old, velocity, weights, record, lists, contacts).
 
     Each member of a team runs it (core/progress.py). `old`: velocities at the start of the substep; the other arrays
     are those of cpu_backend/contact/particles.py.
@@ -150,21 +146,21 @@ def make_bounce(real: Any, math: str) -> Any:
     tell, push, put = made.tell, made.push, made.put
 
     @compiler.compiled
-    def bounce_all(team, member, bands, position, old, velocity, weights, record, neighbours, contacts):
+    def bounce_all(team, member, bands, position, old, velocity, weights, record, lists, contacts):
         count = weights.size
         for band in shares(team, member, bands):
-            tell(band, count, position, old, velocity, record, neighbours, contacts, velocity)
+            tell(band, count, position, old, velocity, record, lists, contacts, velocity)
         for band in shares(team, member, bands):
-            push(band, count, position, old, velocity, weights, record, neighbours, contacts, velocity, velocity)
+            push(band, count, position, old, velocity, weights, record, lists, contacts, velocity, velocity)
         for band in shares(team, member, bands):
-            put(band, count, velocity, neighbours, contacts)
+            put(band, count, velocity, lists, contacts)
 
     return bounce_all
 
 
 @cache
 def make_bounce_stage(real: Any, math: str) -> Any:
-    """Compile bounce(bands, position, old, velocity, weights, record, neighbours, contacts): see make_bounce."""
+    """Compile bounce(bands, position, old, velocity, weights, record, lists, contacts): see make_bounce."""
     bounce_all = make_bounce(real, math)
 
     return Compiler(f"particles_{np.dtype(real).name}_{math}", math).team(bounce_all)

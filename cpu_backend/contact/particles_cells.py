@@ -15,7 +15,7 @@ from softlab.model.formulas import particle_contact
 
 AXES = 3
 NARROWEST = 4  # cells; of 3, one two cells away, which rounding may bring within range, would count as adjacent
-BOX = 2 * AXES  # numbers of a band's box of cells, and of the table's: the lowest cell, the counts along the axes
+BOX = 2 * AXES  # numbers of a band's box of cells: the lowest one, the highest one
 FAR = np.int32(2**31 - 1)
 
 
@@ -25,7 +25,7 @@ def make_table(compiler: Compiler, real: Any) -> SimpleNamespace:
     zero, farthest = real(0), real(FARTHEST)
 
     @compiler.row
-    def cells_of(n, weights, x, y, z, record, cell_x, cell_y, cell_z, box):
+    def cells_of(n, weights, x, y, z, record, cell_x, cell_y, cell_z, low, high):
         """Write the cells of n particles (FAR without a weight or a finite position), and the box of the others."""
         inverse = record[H_INVERSE_CELL]
         low_x, low_y, low_z, high_x, high_y, high_z = FAR, FAR, FAR, -FAR, -FAR, -FAR
@@ -42,27 +42,30 @@ def make_table(compiler: Compiler, real: Any) -> SimpleNamespace:
             low_x, high_x = min(low_x, i if there else FAR), max(high_x, i if there else -FAR)
             low_y, high_y = min(low_y, j if there else FAR), max(high_y, j if there else -FAR)
             low_z, high_z = min(low_z, l if there else FAR), max(high_z, l if there else -FAR)
-        box[0], box[1], box[2], box[3], box[4], box[5] = low_x, low_y, low_z, high_x, high_y, high_z
+        low[0], low[1], low[2], high[0], high[1], high[2] = low_x, low_y, low_z, high_x, high_y, high_z
 
     @compiler.compiled
-    def span(bands, boxes, most, table):
-        """Set the table, of at most `most` cells, around the boxes of all bands and one cell more.
-
-        Returns True if it covers them, False if the limit made it smaller.
-        """
-        holds = True
+    def span(bands, most, table):
+        """Set the table, of at most `most` cells, around the boxes of all bands and one cell more; it does not cover
+        them if the limit made it smaller."""
+        holds, boxes, counts = True, table.boxes, table.counts
         for axis in range(AXES):
             low, high = np.int64(FAR), -np.int64(FAR)
             for band in range(bands):
                 low, high = min(low, boxes[BOX * band + axis]), max(high, boxes[BOX * band + AXES + axis])
-            table[axis], table[AXES + axis] = low - 1, max(high - low + 3, NARROWEST)
-        while table[3] > most or table[4] > most or table[3] * table[4] > most or table[3] * table[4] * table[5] > most:
-            widest, holds = 3, False
-            for axis in (4, 5):
-                if table[axis] > table[widest]:
+            table.low[axis], counts[axis] = low - 1, max(high - low + 3, NARROWEST)
+        while (
+            counts[0] > most
+            or counts[1] > most
+            or counts[0] * counts[1] > most
+            or counts[0] * counts[1] * counts[2] > most
+        ):
+            widest, holds = 0, False
+            for axis in (1, 2):
+                if counts[axis] > counts[widest]:
                     widest = axis
-            table[widest] = max(NARROWEST, (table[widest] + 1) // 2)
-        return holds
+            counts[widest] = max(NARROWEST, (counts[widest] + 1) // 2)
+        table.holds[0] = holds
 
     @compiler.compiled
     def within_table(cell, low, size):
@@ -76,21 +79,21 @@ def make_table(compiler: Compiler, real: Any) -> SimpleNamespace:
             buckets[k] = place if cell_x[k] != FAR else np.int32(-1)
 
     @compiler.compiled
-    def enter(first, last, count, cells, table, holds, buckets):
-        """Write each particle's index of its cell in the table, -1 if it has none. `holds`: True if the table has all
-        cells."""
-        if holds:
+    def enter(first, last, count, table):
+        """Write each particle's index of its cell in the table, -1 if it has none."""
+        cells, low, counts = table.cells, table.low, table.counts
+        if table.holds[0] != 0:
             enter_rows(
                 last - first, row_at(cells, first), row_at(cells, count + first), row_at(cells, 2 * count + first),
-                np.int32(table[0]), np.int32(table[1]), np.int32(table[2]), np.int32(table[3]), np.int32(table[4]),
-                row_at(buckets, first),
+                np.int32(low[0]), np.int32(low[1]), np.int32(low[2]), np.int32(counts[0]), np.int32(counts[1]),
+                row_at(table.buckets, first),
             )  # fmt: skip
             return
         for k in range(first, last):
-            x = within_table(cells[k], table[0], table[3])
-            y = within_table(cells[count + k], table[1], table[4])
-            z = within_table(cells[2 * count + k], table[2], table[5])
-            buckets[k] = np.int32((z * table[4] + y) * table[3] + x) if cells[k] != FAR else np.int32(-1)
+            x = within_table(cells[k], low[0], counts[0])
+            y = within_table(cells[count + k], low[1], counts[1])
+            z = within_table(cells[2 * count + k], low[2], counts[2])
+            table.buckets[k] = np.int32((z * counts[1] + y) * counts[0] + x) if cells[k] != FAR else np.int32(-1)
 
     return SimpleNamespace(cells_of=cells_of, span=span, enter=enter)
 
@@ -112,10 +115,12 @@ def make_sort(compiler: Compiler) -> SimpleNamespace:
         return inside
 
     @compiler.compiled
-    def put(low, high, end, count, buckets, starts, position, rest, body, order, places, bodies):
+    def put(low, high, end, count, position, arrays):
         """Write particles in the order of cells; `end`: number of particles in the cells before. Afterwards starts[b]
         is the first of cell b."""
-        room = order.size
+        buckets, starts = arrays.table.buckets, arrays.table.starts
+        order, places, bodies = arrays.in_order.order, arrays.in_order.places, arrays.in_order.bodies
+        body, rest, room = arrays.particles.body, arrays.particles.rest, order.size
         for b in range(low, high):
             end += starts[b]
             starts[b] = end
@@ -134,13 +139,13 @@ def make_sort(compiler: Compiler) -> SimpleNamespace:
 
 
 def make_runs(compiler: Compiler) -> Any:
-    """Make runs_around(b, table, holds, starts, runs): it writes begin and end of the runs of sorted particles in the
+    """Make runs_around(b, table, runs): it writes begin and end of the runs of sorted particles in the
     27 cells around cell b, without empty runs, and returns how many numbers."""
 
     @compiler.compiled
-    def runs_around(b, table, holds, starts, runs):
-        width, height, depth, n = table[3], table[4], table[5], 0
-        if holds:  # every cell with particles has cells around it in the table
+    def runs_around(b, table, runs):
+        width, height, depth, starts, n = table.counts[0], table.counts[1], table.counts[2], table.starts, 0
+        if table.holds[0] != 0:  # every cell with particles has cells around it in the table
             for place in range(9):
                 cell = b + (place // 3 - 1) * (width * height) + (place % 3 - 1) * width
                 runs[n], runs[n + 1] = starts[cell - 1], starts[cell + 2]

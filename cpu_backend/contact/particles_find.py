@@ -35,8 +35,6 @@ from softlab.model.formulas import particle_contact
 from softlab.model.formulas.shape_matching.cluster import LANES
 
 PLACES = 2 * AXES  # numbers of a sorted particle: its position, its rest position
-HOLDS = BOX  # index in the table: not 0 if it covers all cells
-TABLE = BOX + 1
 ROOM = 64  # integers: begin and end of the runs around a band's cell, 27 at most
 
 _built_in: Any = intrinsic  # typed by numba when it is compiled
@@ -76,25 +74,20 @@ def _make_search(compiler: Compiler, real: Any) -> Any:
         return found
 
     @compiler.compiled
-    def search(
-        band, first, last, record, reach, kinds, kind, table, holds, buckets, starts, order, places, bodies, runs, who,
-        numbers, entries, pairs, active, lost,
-    ):  # fmt: skip
-        """Search the neighbours of the sorted particles `first` to before `last`.
-
-        Particles with neighbours are written to `who` from `first` on, their numbers of neighbours to `numbers`. The
-        neighbours are in `entries`, one particle after the other, from MAX_NEIGHBOURS * `first` on. `pairs`: offset of
-        their constants in the record, or -1 minus the offset within a body. `active`: number of particles with
-        neighbours.
-        """
+    def search(band, first, last, rows, arrays):
+        """Search the neighbours of the sorted particles `first` to before `last` and write the lists."""
+        record, kind, buckets = rows.record, arrays.particles.kind, arrays.table.buckets
+        order, places, bodies = arrays.in_order.order, arrays.in_order.places, arrays.in_order.bodies
+        entries, pairs = arrays.lists.entries, arrays.lists.pairs
+        runs = row_at(arrays.in_order.runs, np.int64(ROOM * band))
         n, entry, size = first, np.int64(first) * MAX_NEIGHBOURS, order.size
         cell, ends, missed = -1, 0, 0
         for q in range(first, last):
             i, body = order[q], bodies[q]
             if buckets[i] != cell:
                 cell = buckets[i]
-                ends = runs_around(np.int64(cell), table, holds, starts, runs)
-            row = np.int64(PAIRS + PAIR_FIELDS * kinds * kind[i])
+                ends = runs_around(np.int64(cell), arrays.table, runs)
+            row = np.int64(PAIRS + PAIR_FIELDS * rows.kinds * kind[i])
             same = row + PAIR_FIELDS * kind[i]
             x, y, z = places[q], places[size + q], places[2 * size + q]
             rest_x, rest_y, rest_z = places[3 * size + q], places[4 * size + q], places[5 * size + q]
@@ -106,7 +99,7 @@ def _make_search(compiler: Compiler, real: Any) -> Any:
                 end = runs[run + 1]
                 for k in range(np.int64(runs[run]), end, LANES):
                     near = look(
-                        x, y, z, rest_x, rest_y, rest_z, body, reach, own, rested, row_at(places, k),
+                        x, y, z, rest_x, rest_y, rest_z, body, rows.reach, own, rested, row_at(places, k),
                         row_at(places, size + k), row_at(places, 2 * size + k), row_at(places, 3 * size + k),
                         row_at(places, 4 * size + k), row_at(places, 5 * size + k), row_at(bodies, k),
                     )  # fmt: skip
@@ -128,19 +121,18 @@ def _make_search(compiler: Compiler, real: Any) -> Any:
                             missed += 1
                         found += 1
             if found > 0:
-                who[n], numbers[n] = i, min(found, MAX_NEIGHBOURS)
+                arrays.lists.who[n], arrays.lists.numbers[n] = i, min(found, MAX_NEIGHBOURS)
                 n += 1
-        active[band], lost[band] = n - first, lost[band] + missed
+        arrays.lists.active[band] = n - first
+        arrays.lists.lost[band] += missed
 
     return search
 
 
 @cache
 def make_find(real: Any, math: str) -> Any:
-    """Make find(team, member, bands, position, weights, record, reach, kinds, of_particle, tables, in_order,
-    neighbours).
-
-    Each member of a team runs it (core/progress.py); the arrays are those of cpu_backend/contact/particles.py.
+    """Make find(team, member, bands, position, weights, rows, arrays), run by each member of a team (core/progress.py);
+    `rows`: PairRows; `arrays`: Search.
     """
     compiler = Compiler(f"particles_find_{np.dtype(real).name}_{math}", math)
     table_made, sort = make_table(compiler, real), make_sort(compiler)
@@ -148,53 +140,43 @@ def make_find(real: Any, math: str) -> Any:
     tally, put, search = sort.tally, sort.put, _make_search(compiler, real)
 
     @compiler.compiled
-    def find_all(
-        team, member, bands, position, weights, record, reach, kinds, of_particle, tables, in_order, neighbours
-    ):  # fmt: skip
-        body, kind, rest = of_particle
-        cells, boxes, table, buckets, starts, totals = tables
-        order, places, bodies, rooms = in_order
-        who, numbers, entries, pairs, begins, active, lost = neighbours
-        count = weights.size
+    def find_all(team, member, bands, position, weights, rows, arrays):
+        count, table = weights.size, arrays.table
+        cells, starts, totals, counts = table.cells, table.starts, table.totals, table.counts
         for band in shares(team, member, bands):
             k, n = np.int64(count * band // bands), count * (band + 1) // bands - count * band // bands
             cells_of(
                 n, row_at(weights, k), row_at(position, k), row_at(position, count + k), row_at(position, 2 * count + k),
-                record, row_at(cells, k), row_at(cells, count + k), row_at(cells, 2 * count + k),
-                row_at(boxes, np.int64(BOX * band)),
+                rows.record, row_at(cells, k), row_at(cells, count + k), row_at(cells, 2 * count + k),
+                row_at(table.boxes, np.int64(BOX * band)), row_at(table.boxes, np.int64(BOX * band + AXES)),
             )  # fmt: skip
         for _ in shares(team, member, 1):
-            table[HOLDS] = span(bands, boxes, starts.size - 1, table)
+            span(bands, starts.size - 1, table)
         for band in shares(team, member, bands):
             k, last = np.int64(count * band // bands), count * (band + 1) // bands
-            enter(k, last, count, cells, table, table[HOLDS] != 0, buckets)
+            enter(k, last, count, table)
         for band in shares(team, member, bands):
-            size = table[3] * table[4] * table[5]
-            totals[band] = tally(size * band // bands, size * (band + 1) // bands, buckets, starts)
+            size = counts[0] * counts[1] * counts[2]
+            totals[band] = tally(size * band // bands, size * (band + 1) // bands, table.buckets, starts)
         for band in shares(team, member, bands):
-            size, end = table[3] * table[4] * table[5], 0
+            size, end = counts[0] * counts[1] * counts[2], 0
             for earlier in range(band):
                 end += totals[earlier]
             low, high = size * band // bands, size * (band + 1) // bands
-            put(low, high, end, count, buckets, starts, position, rest, body, order, places, bodies)
+            put(low, high, end, count, position, arrays)
             if band == bands - 1:
                 starts[size] = end + totals[band]
         for band in shares(team, member, bands):
-            live = starts[table[3] * table[4] * table[5]]
-            begins[band] = live * band // bands
-            search(
-                band, live * band // bands, live * (band + 1) // bands, record, reach, kinds, kind, table, table[HOLDS] != 0,
-                buckets, starts, order, places, bodies, row_at(rooms, np.int64(ROOM * band)), who, numbers, entries, pairs,
-                active, lost,
-            )  # fmt: skip
+            live = starts[counts[0] * counts[1] * counts[2]]
+            arrays.lists.begins[band] = live * band // bands
+            search(band, live * band // bands, live * (band + 1) // bands, rows, arrays)
 
     return find_all
 
 
 @cache
 def make_find_stage(real: Any, math: str) -> Any:
-    """Compile find(bands, position, weights, record, reach, kinds, of_particle, tables, in_order, neighbours): see
-    make_find."""
+    """Compile find(bands, position, weights, rows, arrays): see make_find."""
     find_all = make_find(real, math)
 
     return Compiler(f"particles_{np.dtype(real).name}_{math}", math).team(find_all)

@@ -45,13 +45,12 @@ def _make_sweep(
     levered, gathered = levers.levered, levers.gathered
 
     @compiler.compiled
-    def tell(band, count, position, record, neighbours, contacts):
+    def tell(band, count, position, record, lists, contacts):
         """Store the neighbours that are contacts at the current positions in `acting`, one particle after the other,
-        and their numbers in `met`."""
-        who, numbers, entries, pairs, begins, active, _ = neighbours
-        acting, met, _, _ = contacts
-        first = begins[band]
-        last = first + active[band]
+        and their numbers in `counts`."""
+        who, numbers, entries, pairs, acting = lists.who, lists.numbers, lists.entries, lists.pairs, contacts.acting
+        first = lists.begins[band]
+        last = first + lists.active[band]
         entry, place = np.int64(first) * MAX_NEIGHBOURS, np.int64(first) * MAX_NEIGHBOURS
         xs, ys, zs = position, row_at(position, np.int64(count)), row_at(position, np.int64(2 * count))
         for n in range(first, last):
@@ -64,21 +63,21 @@ def _make_sweep(
                 acting[place] = e
                 place += 1 if within(square, nearer) else 0
             entry += numbers[n]
-            met[i] = real(place - begin)
+            contacts.counts[i] = real(place - begin)
 
     @compiler.compiled
-    def push(band, count, before, position, weights, record, neighbours, contacts, couples):
-        """Write new positions of particles with contacts into `ways`, by their place in `who`; add to `couples`."""
-        who, _, entries, pairs, begins, active, _ = neighbours
-        acting, met, ways, pressed = contacts
-        first = begins[band]
-        last = first + active[band]
+    def push(band, count, before, position, weights, record, lists, contacts, couples):
+        """Write new positions of particles with contacts into `moves`, by their place in `who`; add to `couples`."""
+        entries, pairs, acting = lists.entries, lists.pairs, contacts.acting
+        counts, pressed = contacts.counts, contacts.pressed
+        first = lists.begins[band]
+        last = first + lists.active[band]
         place = np.int64(first) * MAX_NEIGHBOURS
         xs, ys, zs = position, row_at(position, np.int64(count)), row_at(position, np.int64(2 * count))
         old_x, old_y, old_z = before, row_at(before, np.int64(count)), row_at(before, np.int64(2 * count))
         for n in range(first, last):
-            i = who[n]
-            mine = met[i]
+            i = lists.who[n]
+            mine = counts[i]
             if mine == zero:
                 continue
             px, py, pz, weight = xs[i], ys[i], zs[i], weights[i]
@@ -93,7 +92,7 @@ def _make_sweep(
                     pull = record[pair + G_PULL] if pair >= 0 else zero
                 dx, dy, dz = px - xs[j], py - ys[j], pz - zs[j]
                 bx, by, bz = ox - old_x[j], oy - old_y[j], oz - old_z[j]
-                share = split(weight, mine, weights[j], met[j])
+                share = split(weight, mine, weights[j], counts[j])
                 kept = held(distance, bx, by, bz, record[H_PUSH])
                 length, nx, ny, nz = direction(dx, dy, dz, distance, i < j)
                 depth = depth_of(length, kept, distance, pull)
@@ -113,24 +112,23 @@ def _make_sweep(
                     x, y, z = added(x, share, depth, nx), added(y, share, depth, ny), added(z, share, depth, nz)
             place += np.int64(mine)
             x, y, z = moved(px, weight, x), moved(py, weight, y), moved(pz, weight, z)
-            ways[3 * n], ways[3 * n + 1], ways[3 * n + 2] = x, y, z
+            contacts.moves[3 * n], contacts.moves[3 * n + 1], contacts.moves[3 * n + 2] = x, y, z
             if has_couples:
                 couples[i] = gathered(couples[i], weight, u)
                 couples[count + i] = gathered(couples[count + i], weight, v)
                 couples[2 * count + i] = gathered(couples[2 * count + i], weight, w)
 
     @compiler.compiled
-    def put(band, count, position, travel, neighbours, contacts):
-        who, _, _, _, begins, active, _ = neighbours
-        _, met, ways, _ = contacts
-        for n in range(begins[band], begins[band] + active[band]):
-            i = who[n]
-            if met[i] != zero:
+    def put(band, count, position, travel, lists, contacts):
+        moves = contacts.moves
+        for n in range(lists.begins[band], lists.begins[band] + lists.active[band]):
+            i = lists.who[n]
+            if contacts.counts[i] != zero:
                 for axis in range(3):
                     k = axis * count + i
                     if has_rigid:
-                        travel[k] = carried(travel[k], ways[3 * n + axis], position[k])
-                    position[k] = ways[3 * n + axis]
+                        travel[k] = carried(travel[k], moves[3 * n + axis], position[k])
+                    position[k] = moves[3 * n + axis]
 
     return SimpleNamespace(tell=tell, push=push, put=put)
 
@@ -139,7 +137,7 @@ def _make_sweep(
 def make_project(
     real: Any, math: str, has_friction: bool, has_adhesion: bool, has_rigid: bool, has_couples: bool = False
 ) -> Any:
-    """Make project(team, member, bands, sweeps, before, position, weights, record, neighbours, contacts, travel,
+    """Make project(team, member, bands, sweeps, before, position, weights, record, lists, contacts, travel,
     couples).
 
     Each member of a team runs it (core/progress.py); the arrays are those of cpu_backend/contact/particles.py.
@@ -152,17 +150,15 @@ def make_project(
     tell, push, put = made.tell, made.push, made.put
 
     @compiler.compiled
-    def project_all(
-        team, member, bands, sweeps, before, position, weights, record, neighbours, contacts, travel, couples
-    ):
+    def project_all(team, member, bands, sweeps, before, position, weights, record, lists, contacts, travel, couples):
         count = weights.size
         for _ in range(sweeps):
             for band in shares(team, member, bands):
-                tell(band, count, position, record, neighbours, contacts)
+                tell(band, count, position, record, lists, contacts)
             for band in shares(team, member, bands):
-                push(band, count, before, position, weights, record, neighbours, contacts, couples)
+                push(band, count, before, position, weights, record, lists, contacts, couples)
             for band in shares(team, member, bands):
-                put(band, count, position, travel, neighbours, contacts)
+                put(band, count, position, travel, lists, contacts)
 
     return project_all
 
@@ -171,7 +167,7 @@ def make_project(
 def make_project_stage(
     real: Any, math: str, has_friction: bool, has_adhesion: bool, has_rigid: bool, has_couples: bool = False
 ) -> Any:
-    """Compile project(bands, sweeps, before, position, weights, record, neighbours, contacts, travel, couples): see
+    """Compile project(bands, sweeps, before, position, weights, record, lists, contacts, travel, couples): see
     make_project."""
     name = f"particles_{np.dtype(real).name}_{math}{'_friction' * has_friction}{'_adhesion' * has_adhesion}"
     project_all = make_project(real, math, has_friction, has_adhesion, has_rigid, has_couples)
@@ -180,29 +176,27 @@ def make_project_stage(
 
 
 def make_clear(compiler: Compiler) -> Any:
-    """Make clear(band, neighbours, contacts): it zeroes `pressed` of all contacts at the start of a substep."""
+    """Make clear(band, lists, contacts): it zeroes `pressed` of all contacts at the start of a substep."""
 
     @compiler.compiled
-    def clear(band, neighbours, contacts):
-        _, numbers, _, _, begins, active, _ = neighbours
-        pressed = contacts[3]
-        entry = np.int64(begins[band]) * MAX_NEIGHBOURS
-        for n in range(begins[band], begins[band] + active[band]):
-            for e in range(entry, entry + numbers[n]):
-                pressed[e] = 0
-            entry += numbers[n]
+    def clear(band, lists, contacts):
+        entry = np.int64(lists.begins[band]) * MAX_NEIGHBOURS
+        for n in range(lists.begins[band], lists.begins[band] + lists.active[band]):
+            for e in range(entry, entry + lists.numbers[n]):
+                contacts.pressed[e] = 0
+            entry += lists.numbers[n]
 
     return clear
 
 
 @cache
 def make_clear_stage(real: Any, math: str) -> Any:
-    """Compile clear(bands, neighbours, contacts): all particles, in parallel."""
+    """Compile clear(bands, lists, contacts): all particles, in parallel."""
     compiler = Compiler(f"particles_clear_{np.dtype(real).name}_{math}", math)
     clear_some = make_clear(compiler)
 
-    def clear(band, bands, neighbours, contacts):
-        clear_some(band, neighbours, contacts)
+    def clear(band, bands, lists, contacts):
+        clear_some(band, lists, contacts)
 
     return compiler.banded(clear)
 

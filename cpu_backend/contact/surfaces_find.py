@@ -124,10 +124,10 @@ def _make_triangle(compiler: Compiler, real: Any, slots: SimpleNamespace, ratios
 
 @cache
 def make_find(real: Any, math: str, ratios: bool = False) -> Any:
-    """Compile find_contacts(bands, before, predicted, rest, body, vertices, neighbours, at_vertex, surface, parameters,
+    """Compile find_contacts(bands, before, predicted, rest, body, vertices, lists, at_vertex, surface, parameters,
     ratio, triangles, corners, values, found, lost, seen), for all vertices with neighbours.
 
-    `neighbours`: the result of their search. `at_vertex`: (offsets, triangles at vertices). `surface`: (corners, owned
+    `lists`: the result of their search. `at_vertex`: (offsets, triangles at vertices). `surface`: (corners, owned
     features). `found` must be 0. `seen` (bands, triangles): the last vertex that a triangle was tested for, as each of
     its corners leads to it.
     """
@@ -136,27 +136,26 @@ def make_find(real: Any, math: str, ratios: bool = False) -> Any:
     meet, one_side = _make_triangle(compiler, real, slots, ratios), slots.one_side
 
     def find_contacts(
-        band, bands, before, predicted, rest, body, vertices, neighbours, at_vertex, surface, parameters, ratio, triangles,
+        band, bands, before, predicted, rest, body, vertices, lists, at_vertex, surface, parameters, ratio, triangles,
         corners, values, found, lost, seen,
     ):  # fmt: skip
-        who, numbers, entries, _, begins, active, _ = neighbours
-        offsets, lists = at_vertex
-        entry, missed = begins[band] * MAX_NEIGHBOURS, np.int64(0)
+        offsets, of_vertices = at_vertex
+        entry, missed = lists.begins[band] * MAX_NEIGHBOURS, np.int64(0)
         for t in range(seen.shape[1]):
             seen[band, t] = -1
-        for n in range(begins[band], begins[band] + active[band]):
-            k, count = np.int64(vertices[who[n]]), np.int64(0)
-            for e in range(entry, entry + np.int64(numbers[n])):
-                j = np.int64(entries[e])
+        for n in range(lists.begins[band], lists.begins[band] + lists.active[band]):
+            k, count = np.int64(vertices[lists.who[n]]), np.int64(0)
+            for e in range(entry, entry + np.int64(lists.numbers[n])):
+                j = np.int64(lists.entries[e])
                 for at in range(offsets[j], offsets[j + 1]):
-                    triangle = np.int64(lists[at])
+                    triangle = np.int64(of_vertices[at])
                     if seen[band, triangle] != k:
                         seen[band, triangle] = k
                         count = meet(
                             k, triangle, before, predicted, rest, body, surface, parameters, ratio, triangles, corners,
                             values, count,
                         )  # fmt: skip
-            entry += np.int64(numbers[n])
+            entry += np.int64(lists.numbers[n])
             kept, first = min(count, np.int64(MAX_CONTACTS)), k * MAX_CONTACTS
             missed += count - kept
             found[k] = one_side(first, first + kept, body, triangles, corners, values)

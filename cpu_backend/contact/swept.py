@@ -21,33 +21,31 @@ def make_swept(compiler: Compiler, real: Any, pushing: SimpleNamespace) -> tuple
     zero, one = real(0), real(1)
 
     @compiled
-    def touch_capsule(body, begin, end, slow, ax, ay, az, px, py, pz, vx, vy, vz):
+    def touch_capsule(body, begin, end, slow, a, p, v):
         cx, cy, cz = point(body, end)
         ox, oy, oz = point(body, begin)
-        ax, ay, az = ax - ox, ay - oy, az - oz
-        dx, dy, dz = px - cx, py - cy, pz - cz
+        ax, ay, az = a[0] - ox, a[1] - oy, a[2] - oz
+        dx, dy, dz = p[0] - cx, p[1] - cy, p[2] - cz
         ex, ey, ez, radius = body[B_U], body[B_V], body[B_W], body[B_RADIUS]
         part = capsule_entry(ax, ay, az, dx, dy, dz, ex, ey, ez, radius + body[B_THICKNESS])
         if part < one:
             dx, dy, dz = between(ax, dx, part), between(ay, dy, part), between(az, dz, part)
             _, nx, ny, nz = capsule(dx, dy, dz, ex, ey, ez, radius)
-            vx, vy, vz = answer(body, slow, vx, vy, vz, nx, ny, nz)
-            return cx + dx, cy + dy, cz + dz, vx, vy, vz
+            return (cx + dx, cy + dy, cz + dz), answer(body, slow, v[0], v[1], v[2], nx, ny, nz)
         distance, nx, ny, nz = capsule(dx, dy, dz, ex, ey, ez, radius)
-        return push(body, slow, distance, nx, ny, nz, px, py, pz, vx, vy, vz)
+        return push(body, slow, distance, (nx, ny, nz), p, v)
 
     @compiled
-    def touch_box(body, begin, end, slow, ax, ay, az, px, py, pz, vx, vy, vz):
+    def touch_box(body, begin, end, slow, a, p, v):
         cx, cy, cz = point(body, end)
         ox, oy, oz = point(body, begin)
-        dx, dy, dz, hx, hy, hz = px - cx, py - cy, pz - cz, body[B_U], body[B_V], body[B_W]
-        depth, nx, ny, nz = box_face(ax - ox, ay - oy, az - oz, dx, dy, dz, hx, hy, hz)
+        dx, dy, dz, hx, hy, hz = p[0] - cx, p[1] - cy, p[2] - cz, body[B_U], body[B_V], body[B_W]
+        depth, nx, ny, nz = box_face(a[0] - ox, a[1] - oy, a[2] - oz, dx, dy, dz, hx, hy, hz)
         if nx != zero or ny != zero or nz != zero:
             depth = depth + body[B_THICKNESS]
-            px, py, pz = pushed(px, depth, nx), pushed(py, depth, ny), pushed(pz, depth, nz)
-            vx, vy, vz = answer(body, slow, vx, vy, vz, nx, ny, nz)
-            return px, py, pz, vx, vy, vz
+            x, y, z = pushed(p[0], depth, nx), pushed(p[1], depth, ny), pushed(p[2], depth, nz)
+            return (x, y, z), answer(body, slow, v[0], v[1], v[2], nx, ny, nz)
         distance, nx, ny, nz = box(dx, dy, dz, hx, hy, hz)
-        return push(body, slow, distance, nx, ny, nz, px, py, pz, vx, vy, vz)
+        return push(body, slow, distance, (nx, ny, nz), p, v)
 
     return touch_capsule, touch_box

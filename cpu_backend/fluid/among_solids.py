@@ -13,7 +13,7 @@ import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import aligned_zeros
-from softlab.cpu_backend.fluid.arrays import Solids
+from softlab.cpu_backend.fluid.arrays import Carriers, SamplePoints, SolidPoints, Solids
 from softlab.cpu_backend.fluid.quads import LANES
 from softlab.cpu_backend.fluid.solid_phases import SUMS, make_sampling, make_solid_constraint
 from softlab.cpu_backend.fluid.solver import Fluid
@@ -62,11 +62,12 @@ class FluidAmongSolids(Fluid):
         offsets, carried, shares = samples.carriers
         places = self._places_of_solids
         self._number_of_fluids = fluids
-        carriers = samples.lightness.astype(real), offsets, carried, shares.astype(real)
+        carriers = Carriers(samples.lightness.astype(real), offsets, carried, shares.astype(real))
+        points = SamplePoints(samples.corners.reshape(-1), samples.weights.reshape(-1).astype(real))
         self._met = Solids(
             fluids, kinds_of(self.scene, samples).astype(real).reshape(-1), aligned_zeros(KINDS * self._room, real),
-            np.zeros(samples.count, np.int32), (samples.corners.reshape(-1), samples.weights.reshape(-1).astype(real)),
-            (places.before.reshape(-1), places.position.reshape(-1)), carriers, np.zeros(3 * samples.count, real),
+            np.zeros(samples.count, np.int32), points, SolidPoints(places.before.reshape(-1), places.position.reshape(-1)),
+            carriers, np.zeros(3 * samples.count, real),
         )  # fmt: skip
         self._sums = aligned_zeros(SUMS * LANES * self._bands, real)
 

@@ -86,6 +86,18 @@ class Scratch(NamedTuple):
     runs: np.ndarray
 
 
+class Around(NamedTuple):
+    """A band's scratch for the particles around a cell: their positions, squared distances and numbers, and the runs of
+    cells that they come from."""
+
+    x: np.ndarray
+    y: np.ndarray
+    z: np.ndarray
+    squares: np.ndarray
+    who: np.ndarray
+    runs: np.ndarray
+
+
 class Fluid(NamedTuple):
     """All arrays of a fluid."""
 
@@ -97,6 +109,17 @@ class Fluid(NamedTuple):
     table: Table
     lists: Lists
     scratch: Scratch
+
+
+class Sides(NamedTuple):
+    """Side lengths of the periodic box and their halves [m]; 0 without one."""
+
+    x: float
+    y: float
+    z: float
+    half_x: float
+    half_y: float
+    half_z: float
 
 
 class Flow(NamedTuple):
@@ -113,17 +136,38 @@ class Flow(NamedTuple):
     sinks: np.ndarray
 
 
+class SamplePoints(NamedTuple):
+    """Corners of samples, three each, and their weights."""
+
+    corners: np.ndarray
+    weights: np.ndarray
+
+
+class SolidPoints(NamedTuple):
+    """Positions of the solids' particles at the substep's start and now, in rows."""
+
+    before: np.ndarray
+    position: np.ndarray
+
+
+class Carriers(NamedTuple):
+    """Lightness of the solids' particles; the samples that each of them carries: first of each, samples, weights."""
+
+    lightness: np.ndarray
+    offsets: np.ndarray
+    samples: np.ndarray
+    weights: np.ndarray
+
+
 class Solids(NamedTuple):
     """Solids that a fluid touches, by samples behind the fluid's particles: number of the fluid's particles; rows of
-    `kinds_of` by number, and in the order of cells; slot of each sample; (corners, shares) of samples; (before, position)
-    of the solids' particles in rows; (lightness, offsets, samples, shares) of the samples that each of them carries;
-    displacements of samples, three planes."""
+    `kinds_of` by number, and in the order of cells; slot of each sample; displacements of samples, three planes."""
 
     fluids: int
     kinds_by_number: np.ndarray
     kinds: np.ndarray
     slots: np.ndarray
-    points: tuple[np.ndarray, ...]
-    places: tuple[np.ndarray, ...]
-    carriers: tuple[np.ndarray, ...]
+    points: SamplePoints
+    places: SolidPoints
+    carriers: Carriers
     shift: np.ndarray

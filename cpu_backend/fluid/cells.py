@@ -82,7 +82,7 @@ def make_predict(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
                 s = turned_round(z, parameters.low_z, parameters.high_z, parameters.side_z)
                 z, az = z + s, az + s
             if has_bodies:
-                x, y, z, _, _, _ = touch(bodies, kinds, substep, parameters, ax, ay, az, x, y, z, u, v, w)
+                (x, y, z), _ = touch(bodies, kinds, substep, parameters, (ax, ay, az), (x, y, z), (u, v, w))
             meant[k], meant[room + k], meant[2 * room + k] = u, v, w
             before[k], before[room + k], before[2 * room + k] = ax, ay, az
             place[k], place[room + k], place[2 * room + k] = x, y, z
@@ -180,7 +180,7 @@ def make_sort(compiler: Compiler, parts: frozenset[str]) -> SimpleNamespace:
 
         Afterwards starts[c] is the first particle of cell c. Returns the end of the last cell.
         """
-        _, _, number, fluid = state
+        number = state.number
         before, place, meant = unsorted
         new_before, new_place, new_meant, new_number, new_fluid = in_order
         end = np.int64(first)
@@ -214,7 +214,7 @@ def make_sort(compiler: Compiler, parts: frozenset[str]) -> SimpleNamespace:
         for q in range(first, end):
             new_number[q] = number[order[q]]
             if several:
-                new_fluid[q] = fluid[order[q]]
+                new_fluid[q] = state.fluid[order[q]]
         return end
 
     return SimpleNamespace(tally=tally, put=put)

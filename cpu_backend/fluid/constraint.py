@@ -15,6 +15,7 @@ import numpy as np
 from softlab.cpu_backend.contact.colliders import make_collide_row, make_instants
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import block_of, row_at
+from softlab.cpu_backend.fluid.arrays import Around, Sides
 from softlab.cpu_backend.fluid.lists import AROUND, RUNS, make_find
 from softlab.cpu_backend.fluid.pairs import make_pairs
 from softlab.cpu_backend.fluid.quads import LANES, QUAD, QUADS
@@ -25,14 +26,14 @@ from softlab.model.tables.cloth import COLLIDER_KINDS
 
 
 def make_sides_of(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
-    """Make sides_of(parameters): the side lengths of the periodic box and their halves; 0 without one."""
+    """Make sides_of(parameters): Sides of arrays.py."""
     repeats, zero = "repeats" in parts, real(0)
 
     @compiler.compiled
     def sides_of(p):
         if repeats:
-            return p.side_x, p.side_y, p.side_z, p.half_x, p.half_y, p.half_z
-        return zero, zero, zero, zero, zero, zero
+            return Sides(p.side_x, p.side_y, p.side_z, p.half_x, p.half_y, p.half_z)
+        return Sides(zero, zero, zero, zero, zero, zero)
 
     return sides_of
 
@@ -57,17 +58,15 @@ def _make_search(compiler: Compiler, real: Any, parts: frozenset[str], cells_in:
 
     @compiler.compiled
     def search(part, shared, world, parameters):
-        (count, room, nobody), _, _, in_order, _, (_, cell, starts, order, _), lists, (_, near, who, runs) = world
-        here, slices = np.int64(part) * (4 * AROUND), (count + LANES - 1) // LANES
-        neighbours, longest, entries, missed = lists
-        _, _, counts = cells_in(shared, world, parameters)
-        missed[part] += find_some(
-            slices * part // shared, slices * (part + 1) // shared, count, room, nobody, in_order.position, cell, order,
-            starts, counts, sides_of(parameters), parameters, (neighbours, longest, entries), (
-                row_at(near, here), row_at(near, here + AROUND), row_at(near, here + 2 * AROUND),
-                row_at(near, here + 3 * AROUND), row_at(who, np.int64(part) * AROUND), row_at(runs, np.int64(part) * RUNS),
-            ), in_order.fluid,
+        near, here = world.scratch.near, np.int64(part) * (4 * AROUND)
+        slices = (world.sizes.particles + LANES - 1) // LANES
+        around = Around(
+            row_at(near, here), row_at(near, here + AROUND), row_at(near, here + 2 * AROUND), row_at(near, here + 3 * AROUND),
+            row_at(world.scratch.who, np.int64(part) * AROUND), row_at(world.scratch.runs, np.int64(part) * RUNS),
         )  # fmt: skip
+        _, _, cells = cells_in(shared, world, parameters)
+        first, last = slices * part // shared, slices * (part + 1) // shared
+        world.lists.counts[part] += find_some(first, last, world, cells, sides_of(parameters), parameters, around)
 
     return search
 
@@ -83,18 +82,19 @@ def _make_factors(compiler: Compiler, real: Any, parts: frozenset[str], search: 
     @compiler.compiled
     def factors(part, shared, number, world, parameters, fluids, bodies, kinds):
         search(part, shared, world, parameters)
-        (count, room, _), _, _, in_order, work, _, (_, longest, entries, _), (scratch, _, _, _) = world
-        place, fluid, (_, factor, multiplier, delta, error, wall) = in_order.position, in_order.fluid, work
+        count, room, in_order = world.sizes.particles, world.sizes.room, world.in_order
+        longest, entries, work = world.lists.longest, world.lists.entries, world.work
+        place, fluid, delta, wall = in_order.position, in_order.fluid, work.delta, work.wall
         slices, sides, (_, end, _) = (count + LANES - 1) // LANES, sides_of(parameters), instants(number, parameters)
-        gx, gy, gz, own, total, share = sums_of(part, scratch)
+        gx, gy, gz, own, total, share = sums_of(part, world.scratch.sums)
         for s in range(slices * part // shared, slices * (part + 1) // shared):
             base = np.int64(s) * LANES
             for lane in range(LANES):
                 gx[lane], gy[lane], gz[lane], own[lane], total[lane] = zero, zero, zero, zero, zero
             gradients(
-                longest[s], base, row_at(entries, base * most), row_at(place, QUADS * room), *numbers_of(part, scratch),
-                *own_of(place, room, base), sides, parameters.support, parameters.inverse_support,
-                parameters.gradient_scale, fluid, fluids, gx, gy, gz, own, total,
+                longest[s], base, row_at(entries, base * most), row_at(place, QUADS * room),
+                *numbers_of(part, world.scratch.sums), *own_of(place, room, base), sides, parameters.support,
+                parameters.inverse_support, parameters.gradient_scale, fluid, fluids, gx, gy, gz, own, total,
             )  # fmt: skip
             if has_walls:
                 wall_rows(
@@ -102,12 +102,12 @@ def _make_factors(compiler: Compiler, real: Any, parts: frozenset[str], search: 
                 )  # fmt: skip
             factor_rows(
                 parameters.relaxation, parameters.softness, row_at(fluid, base), fluids, gx, gy, gz, own,
-                *own_of(wall, room, base), row_at(factor, base), row_at(multiplier, base),
+                *own_of(wall, room, base), row_at(work.factor, base), row_at(work.multiplier, base),
             )  # fmt: skip
             if constrains:
                 relax(
-                    parameters.lattice_sum, parameters.density_scale, total, share, row_at(factor, base),
-                    row_at(multiplier, base), row_at(delta, base), row_at(error, base),
+                    parameters.lattice_sum, parameters.density_scale, total, share, row_at(work.factor, base),
+                    row_at(work.multiplier, base), row_at(delta, base), row_at(work.error, base),
                 )  # fmt: skip
                 put(row_at(place, QUADS * room + QUAD * base), row_at(delta, base))
 
@@ -147,8 +147,8 @@ def _make_constrain(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any
     @compiler.compiled
     def constrain(part, shared, number, place, world, parameters, bodies, kinds):
         """Evaluate the constraints at the positions `place`, and the changes of their multipliers."""
-        (count, room, _), _, _, _, work, _, (_, longest, entries, _), (scratch, _, _, _) = world
-        _, factor, multiplier, delta, error, wall = work
+        count, room, lists, work = world.sizes.particles, world.sizes.room, world.lists, world.work
+        scratch = world.scratch.sums
         slices, sides, (_, end, _) = (count + LANES - 1) // LANES, sides_of(parameters), instants(number, parameters)
         total, _, _, _, _, share = sums_of(part, scratch)
         for s in range(slices * part // shared, slices * (part + 1) // shared):
@@ -156,18 +156,18 @@ def _make_constrain(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any
             for lane in range(LANES):
                 total[lane] = zero
             densities(
-                longest[s], row_at(entries, base * most), row_at(place, QUADS * room), *numbers_of(part, scratch),
-                *own_of(place, room, base), sides, parameters.inverse_support, total,
+                lists.longest[s], row_at(lists.entries, base * most), row_at(place, QUADS * room),
+                *numbers_of(part, scratch), *own_of(place, room, base), sides, parameters.inverse_support, total,
             )  # fmt: skip
             if has_walls:
                 wall_rows(
-                    bodies, kinds, end, parameters, *own_of(place, room, base), share, *own_of(wall, room, base)
+                    bodies, kinds, end, parameters, *own_of(place, room, base), share, *own_of(work.wall, room, base)
                 )  # fmt: skip
             relax(
-                parameters.lattice_sum, parameters.density_scale, total, share, row_at(factor, base),
-                row_at(multiplier, base), row_at(delta, base), row_at(error, base),
+                parameters.lattice_sum, parameters.density_scale, total, share, row_at(work.factor, base),
+                row_at(work.multiplier, base), row_at(work.delta, base), row_at(work.error, base),
             )  # fmt: skip
-            put(row_at(place, QUADS * room + QUAD * base), row_at(delta, base))
+            put(row_at(place, QUADS * room + QUAD * base), row_at(work.delta, base))
 
     return constrain
 
@@ -182,14 +182,10 @@ def _make_correct(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     @compiler.compiled
     def correct(part, shared, number, place, there, world, parameters, fluids, bodies, kinds):
         """Correct the positions `place` and store them in `there`."""
-        (count, room, _), _, _, in_order, (_, _, _, delta, _, wall), _, lists, (scratch, _, _, _) = world
-        longest, entries = lists.longest, lists.entries
-        before, fluid, slices, sides = (
-            in_order.before,
-            in_order.fluid,
-            (count + LANES - 1) // LANES,
-            sides_of(parameters),
-        )
+        room, in_order, delta, lists = world.sizes.room, world.in_order, world.work.delta, world.lists
+        scratch = world.scratch.sums
+        longest, entries, before, fluid = lists.longest, lists.entries, in_order.before, in_order.fluid
+        slices, sides = (world.sizes.particles + LANES - 1) // LANES, sides_of(parameters)
         sums = sums_of(part, scratch)
         ax, ay, az = sums[:3]
         for s in range(slices * part // shared, slices * (part + 1) // shared):
@@ -202,7 +198,7 @@ def _make_correct(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
                 parameters.gradient_scale, parameters.tensile, parameters.inverse_tensile, ax, ay, az,
             )  # fmt: skip
             move(
-                row_at(fluid, base), fluids, row_at(delta, base), *own_of(wall, room, base),
+                row_at(fluid, base), fluids, row_at(delta, base), *own_of(world.work.wall, room, base),
                 *own_of(place, room, base), *sums,
             )  # fmt: skip
             if has_bodies:

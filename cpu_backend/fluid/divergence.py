@@ -38,8 +38,8 @@ def make_approach(compiler: Compiler, real: Any, parts: frozenset[str], sides_of
     @compiled
     def approach(s, many, world, parameters, vector, total):
         """Sum over the neighbours of slice s what a vector field contributes to the rate of C, into `total`."""
-        (_, room, _), _, _, in_order, _, _, lists, _ = world
-        base, place = np.int64(s) * LANES, in_order.position
+        room, lists = world.sizes.room, world.lists
+        base, place = np.int64(s) * LANES, world.in_order.position
         for lane in range(LANES):
             total[lane] = zero
         approaches(
@@ -81,7 +81,9 @@ def make_solve(compiler: Compiler, real: Any, parts: frozenset[str], sides_of: A
     @compiled
     def survey(part, shared, number, world, parameters, bodies, kinds):
         """Evaluate the constraints and the target of the first solve."""
-        (count, room, _), _, unsorted, in_order, (_, _, _, _, error, wall), _, lists, (scratch, _, _, _) = world
+        count, room, unsorted = world.sizes.particles, world.sizes.room, world.unsorted
+        in_order, error, wall, lists = world.in_order, world.work.error, world.work.wall, world.lists
+        scratch = world.scratch.sums
         place, velocity, target = in_order.position, in_order.velocity, row_at(unsorted.velocity, 2 * np.int64(room))
         longest, slices = lists.longest, (count + LANES - 1) // LANES
         begin, end, _ = instants(number, parameters)
@@ -113,36 +115,37 @@ def make_solve(compiler: Compiler, real: Any, parts: frozenset[str], sides_of: A
     @compiled
     def foresee(part, shared, world, parameters):
         """Evaluate the target of the second solve."""
-        (count, room, _), state, unsorted, _, (_, _, _, _, error, wall), _, lists, (scratch, _, _, _) = world
-        velocity, target = state.velocity, row_at(unsorted.velocity, 2 * np.int64(room))
-        (coming, _, _, _, _, _), slices = sums_of(part, scratch), (count + LANES - 1) // LANES
+        count, room, unsorted, wall = world.sizes.particles, world.sizes.room, world.unsorted, world.work.wall
+        velocity, target = world.state.velocity, row_at(unsorted.velocity, 2 * np.int64(room))
+        (coming, _, _, _, _, _), slices = sums_of(part, world.scratch.sums), (count + LANES - 1) // LANES
         for s in range(slices * part // shared, slices * (part + 1) // shared):
-            approach(s, lists.longest[s], world, parameters, velocity, coming)
+            approach(s, world.lists.longest[s], world, parameters, velocity, coming)
             for lane in range(min(LANES, count - np.int64(s) * LANES)):
                 i = np.int64(s) * LANES + lane
-                target[i] = foreseen(error[i], rest_of(i, room, wall, velocity, coming[lane]), parameters.dt)
+                target[i] = foreseen(world.work.error[i], rest_of(i, room, wall, velocity, coming[lane]), parameters.dt)
 
     @compiled
     def relax(part, shared, turn, iterations, second, world, parameters):
         """Evaluate the changes of the multipliers, and the new multipliers."""
-        (count, room, _), _, unsorted, in_order, (_, factor, multiplier, delta, _, wall), _, lists, around = world
+        count, room, unsorted = world.sizes.particles, world.sizes.room, world.unsorted
+        in_order, delta = world.in_order, world.work.delta
         shift, iterate = in_order.before, row_at(unsorted.velocity, np.int64(0))
         ahead, target = row_at(unsorted.velocity, np.int64(room)), row_at(unsorted.velocity, 2 * np.int64(room))
         if not second:
-            ahead = row_at(multiplier, np.int64(0))
-        (coming, _, _, _, _, _), slices = sums_of(part, around.sums), (count + LANES - 1) // LANES
+            ahead = row_at(world.work.multiplier, np.int64(0))
+        (coming, _, _, _, _, _), slices = sums_of(part, world.scratch.sums), (count + LANES - 1) // LANES
         quads = row_at(in_order.position, QUADS * np.int64(room))
         onward = lead(turn, iterations)
         for s in range(slices * part // shared, slices * (part + 1) // shared):
             if turn > 0:
-                approach(s, lists.longest[s], world, parameters, shift, coming)
+                approach(s, world.lists.longest[s], world, parameters, shift, coming)
             for lane in range(min(LANES, count - np.int64(s) * LANES)):
                 i = np.int64(s) * LANES + lane
                 c, before, last = target[i], zero, zero
                 if turn > 0:
                     before, last = ahead[i], iterate[i]
-                    c = c + rest_of(i, room, wall, shift, coming[lane])
-                found = pressed(before, factor[i], c)
+                    c = c + rest_of(i, room, world.work.wall, shift, coming[lane])
+                found = pressed(before, world.work.factor[i], c)
                 ahead[i] = led(found, last, onward)
                 delta[i], iterate[i] = ahead[i] - before, found
                 quads[QUAD * i + 3] = delta[i]
@@ -161,7 +164,8 @@ def make_push(compiler: Compiler, real: Any, parts: frozenset[str], sides_of: An
     @compiled
     def push(part, shared, turn, world, parameters, fluids):
         """Add the effect of the changed multipliers to the shifts."""
-        (count, room, _), _, _, in_order, (_, _, _, delta, _, wall), _, lists, (scratch, _, _, _) = world
+        count, room, in_order, delta = world.sizes.particles, world.sizes.room, world.in_order, world.work.delta
+        wall, lists, scratch = world.work.wall, world.lists, world.scratch.sums
         shift, place, fluid = in_order.before, in_order.position, in_order.fluid
         (ax, ay, az, _, _, _), slices = sums_of(part, scratch), (count + LANES - 1) // LANES
         for s in range(slices * part // shared, slices * (part + 1) // shared):
@@ -211,7 +215,7 @@ def make_take_up(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
     @compiled
     def take_up(part, shared, world, parameters, fluids):
         """Update the velocities after the first solve."""
-        (count, room, _), _, _, in_order, _, _, _, _ = world
+        count, room, in_order = world.sizes.particles, world.sizes.room, world.in_order
         shift, velocity, fluid = in_order.before, in_order.velocity, in_order.fluid
         for i in range(count * part // shared, count * (part + 1) // shared):
             u, v, w = given(i, room, velocity, shift, parameters, fluids[row_of(fluid, i) + F_CHANGE])
@@ -220,10 +224,10 @@ def make_take_up(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
     @compiled
     def move(part, shared, number, world, parameters, fluids, bodies, kinds):
         """Write the new state and the sum of the multipliers of both solves."""
-        (count, room, _), state, unsorted, in_order, work, _, _, _ = world
-        position, velocity, numbers, fluid = state
-        shift, place, multiplier = in_order.before, in_order.position, work.multiplier
-        second = row_at(unsorted.velocity, np.int64(room))
+        count, room, in_order = world.sizes.particles, world.sizes.room, world.in_order
+        position, velocity, numbers, fluid = world.state
+        shift, place, multiplier = in_order.before, in_order.position, world.work.multiplier
+        second = row_at(world.unsorted.velocity, np.int64(room))
         for i in range(count * part // shared, count * (part + 1) // shared):
             row = row_of(in_order.fluid, i)
             mx, my, mz = velocity[i], velocity[room + i], velocity[2 * room + i]
@@ -236,7 +240,7 @@ def make_take_up(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
                 u, v, w = settled(
                     bodies, kinds, number, parameters, bx, by, bz, u, v, w, mx, my, mz, second[i], fluids[row + F_WEIGHT]
                 )  # fmt: skip
-                x, y, z, u, v, w = touch(bodies, kinds, number, parameters, bx, by, bz, x, y, z, u, v, w)
+                (x, y, z), (u, v, w) = touch(bodies, kinds, number, parameters, (bx, by, bz), (x, y, z), (u, v, w))
                 speed = speed_of(u, v, w)
                 u, v, w = slowed(u, speed, fastest), slowed(v, speed, fastest), slowed(w, speed, fastest)
             position[i], position[room + i], position[2 * room + i] = x, y, z

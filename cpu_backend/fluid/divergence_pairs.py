@@ -57,7 +57,8 @@ def make_gather(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
 
     @compiled
     def gather(part, shared, world, parameters):
-        (count, room, _), (position, velocity, _, _), (_, place, meant), _, _, table, _, _ = world
+        count, room, position = world.sizes.particles, world.sizes.room, world.state.position
+        place, meant = world.unsorted.position, world.unsorted.velocity
         lx, ly, lz, hx, hy, hz = largest, largest, largest, -largest, -largest, -largest
         for k in range(count * part // shared, count * (part + 1) // shared):
             x, y, z = position[k], position[room + k], position[2 * room + k]
@@ -67,10 +68,10 @@ def make_gather(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
                 z = z + turned_round(z, parameters.low_z, parameters.high_z, parameters.side_z)
             place[k], place[room + k], place[2 * room + k] = x, y, z
             for axis in range(AXES):
-                meant[axis * room + k] = velocity[axis * room + k]
+                meant[axis * room + k] = world.state.velocity[axis * room + k]
             if abs(x) < largest and abs(y) < largest and abs(z) < largest:
                 lx, ly, lz, hx, hy, hz = min(lx, x), min(ly, y), min(lz, z), max(hx, x), max(hy, y), max(hz, z)
-        box, boxes = BOX * np.int64(part), table.boxes
+        box, boxes = BOX * np.int64(part), world.table.boxes
         boxes[box], boxes[box + 1], boxes[box + 2] = lx, ly, lz
         boxes[box + 3], boxes[box + 4], boxes[box + 5] = hx, hy, hz
 
@@ -101,13 +102,14 @@ def make_accelerate(compiler: Compiler, real: Any, parts: frozenset[str], sides_
     @compiled
     def accelerate(part, shared, step, world, parameters, fluids, integers):
         """Apply neighbours, drag and forces to the velocities, and write them into the state."""
-        (count, room, _), state, unsorted, in_order, work, _, (neighbours, _, entries, counts), _ = world
-        place, meant, velocity, error = in_order.position, in_order.velocity, state.velocity, work.error
+        count, room, unsorted = world.sizes.particles, world.sizes.room, world.unsorted
+        in_order, work, neighbours = world.in_order, world.work, world.lists.neighbours
+        place, meant, velocity, error = in_order.position, in_order.velocity, world.state.velocity, work.error
         h, sides = parameters.dt, sides_of(parameters)
         for i in range(count * part // shared, count * (part + 1) // shared):
             row = row_of(in_order.fluid, i)
             if smooths:
-                own = row_at(entries, np.int64(i // LANES) * (LANES * most) + i % LANES)
+                own = row_at(world.lists.entries, np.int64(i // LANES) * (LANES * most) + i % LANES)
                 u, v, w = smooth_of(
                     i, neighbours[i], own, room, place, meant, unsorted.before, unsorted.position, sides, parameters,
                     in_order.fluid, fluids,
@@ -122,7 +124,7 @@ def make_accelerate(compiler: Compiler, real: Any, parts: frozenset[str], sides_
             u, v, w = accelerated(u, h, ax), accelerated(v, h, ay), accelerated(w, h, az)
             speed, fastest = speed_of(u, v, w), fluids[row + F_SPEED]
             if speed > fastest:
-                counts[shared + part] += 1
+                world.lists.counts[shared + part] += 1
             velocity[i], velocity[room + i] = slowed(u, speed, fastest), slowed(v, speed, fastest)
             velocity[2 * room + i] = slowed(w, speed, fastest)
 

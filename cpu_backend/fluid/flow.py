@@ -82,8 +82,8 @@ def make_flow(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNam
 
     @compiled
     def emit(number, world, parameters, flow):
-        (_, room, _), state, _, _, _, _, _, _ = world
-        alive, missed, starts, there, emitters, points, _ = flow
+        room, state = world.sizes.room, world.state
+        alive, starts, there, emitters = flow.particles, flow.starts, flow.active, flow.emitters
         clock = parameters.dt, parameters.first_step, parameters.first_time
         begin, end = instant(number, *clock), instant(number + 1, *clock)
         for e in range(emitters.size // EMITTER_FIELDS):
@@ -99,9 +99,9 @@ def make_flow(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNam
                 for q in range(place, place + count):
                     n = free(n, starts[own + 1], there)
                     if n == starts[own + 1]:
-                        missed[0] += 1
+                        flow.missed[0] += 1
                     else:
-                        put(alive[0], n, own, room, state, row, points, q, layers, k)
+                        put(alive[0], n, own, room, state, row, flow.points, q, layers, k)
                         there[n] = 1
                         alive[0] += 1
 
@@ -118,8 +118,8 @@ def make_flow(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNam
 
     @compiled
     def drain(part, shared, world, flow):
-        (count, room, _), state, unsorted, _, _, table, _, _ = world
-        place, number, cell, there, sinks = unsorted.position, state.number, table.cell, flow.active, flow.sinks
+        count, room, unsorted, table = world.sizes.particles, world.sizes.room, world.unsorted, world.table
+        place, number, cell, there, sinks = unsorted.position, world.state.number, table.cell, flow.active, flow.sinks
         for k in range(count * part // shared, count * (part + 1) // shared):
             for s in range(sinks.size // SINK_FIELDS):
                 sink = row_at(sinks, np.int64(s * SINK_FIELDS))
@@ -133,8 +133,8 @@ def make_flow(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNam
 
     @compiled
     def there_of(world, flow):
-        (_, room, nobody), state, unsorted, in_order, work, table, lists, scratch = world
-        return Fluid(Sizes(flow.particles[0], room, nobody), state, unsorted, in_order, work, table, lists, scratch)
+        w, sizes = world, Sizes(flow.particles[0], world.sizes.room, world.sizes.nobody)
+        return Fluid(sizes, w.state, w.unsorted, w.in_order, w.work, w.table, w.lists, w.scratch)
 
     return SimpleNamespace(emit=emit, drain=drain, rest=rest, there_of=there_of)
 

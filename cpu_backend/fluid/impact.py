@@ -53,7 +53,7 @@ def make_impact(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleN
     def impact_of(bodies, kinds, number, parameters, bx, by, bz, ux, uy, uz, px, py, pz, vx, vy, vz, most):
         h, rate = parameters.dt, parameters.inverse_dt
         x, y, z = drifted(bx, ux, h), drifted(by, uy, h), drifted(bz, uz, h)
-        qx, qy, qz, ux, uy, uz = touch(bodies, kinds, number, parameters, bx, by, bz, x, y, z, ux, uy, uz)
+        (qx, qy, qz), (ux, uy, uz) = touch(bodies, kinds, number, parameters, (bx, by, bz), (x, y, z), (ux, uy, uz))
         if qx != x or qy != y or qz != z:
             vx, vy = after_impact(ux, px, qx, rate), after_impact(uy, py, qy, rate)
             vz = after_impact(uz, pz, qz, rate)

@@ -27,17 +27,16 @@ TOGETHER = 12  # bits handled in one pass, even if fewer are left
 
 
 def make_wrap(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
-    """Make wrap(dx, dy, dz, sides): the shortest difference in a periodic box of `sides` (three lengths, their
-    halves)."""
+    """Make wrap(dx, dy, dz, sides): the shortest difference in a periodic box; `sides`: Sides of arrays.py."""
     wrapped = density.make(real, compiler.compiled).wrapped
     repeats, flat = "repeats" in parts, "flat" in parts
 
     @compiler.compiled
     def wrap(dx, dy, dz, sides):
         if repeats:
-            dx, dy = wrapped(dx, sides[0], sides[3]), wrapped(dy, sides[1], sides[4])
+            dx, dy = wrapped(dx, sides.x, sides.half_x), wrapped(dy, sides.y, sides.half_y)
             if not flat:
-                dz = wrapped(dz, sides[2], sides[5])
+                dz = wrapped(dz, sides.z, sides.half_z)
         return dx, dy, dz
 
     return wrap
@@ -96,7 +95,7 @@ def _make_runs_around(compiler: Compiler, real: Any, parts: frozenset[str]) -> A
         x, y, z, n = c % nx, c // nx % ny, c // (nx * ny), 0
         wraps_x = wraps_y = wraps_z = False
         if repeats:
-            wraps_x, wraps_y, wraps_z = sides[0] > zero, sides[1] > zero, sides[2] > zero
+            wraps_x, wraps_y, wraps_z = sides.x > zero, sides.y > zero, sides.z > zero
         begin, end = max(x - 1, 0), min(x + 2, nx)
         for beside in range(3 if flat else 0, 6 if flat else 9):
             j, l = y + beside % 3 - 1, z + beside // 3 - 1  # noqa: E741
@@ -148,12 +147,10 @@ def _make_gathered(compiler: Compiler, real: Any) -> SimpleNamespace:
 
 
 def make_find(compiler: Compiler, real: Any, parts: frozenset[str], most: int) -> Any:
-    """Make find(first, last, count, room, nobody, place, cell, order, starts, counts, sides, parameters, lists, around,
-    fluid).
+    """Make find(first, last, world, cells, sides, parameters, around).
 
     It builds the lists of the slices `first` to before `last` and returns the number of neighbours that did not fit.
-    `counts`: cells along x, y, z. `most`: capacity of a list. `around`: scratch for the particles of the 27 cells
-    around a cell: their positions (three planes), squared distances, numbers, and the runs that they come from.
+    `cells`: counts along x, y, z. `most`: capacity of a list. `around`: Around of arrays.py.
     """
     squared, zero, gather = density.make(real, compiler.compiled).squared, real(0), _make_gathered(compiler, real)
     picked, runs_around = _make_picked(compiler, real, parts, most), _make_runs_around(compiler, real, parts)
@@ -171,26 +168,25 @@ def make_find(compiler: Compiler, real: Any, parts: frozenset[str], most: int) -
                 entries[here] = nobody if neighbours[lane] <= k else entries[here]
 
     @compiler.compiled
-    def find(
-        first, last, count, room, nobody, place, cell, order, starts, counts, sides, parameters, lists, around, fluid
-    ):
-        neighbours, longest, entries = lists
+    def find(first, last, world, cells, sides, parameters, around):
+        count, room, table = world.sizes.particles, world.sizes.room, world.table
+        place, neighbours, longest = world.in_order.position, world.lists.neighbours, world.lists.longest
         near_x, near_y, near_z, squares, who, runs = around
         limit, missed = squared(parameters.support, zero, zero), 0
-        nx, ny, nz = counts
+        nx, ny, nz = cells
         sampled = np.int32(parameters.sampled)
         known, ends, many, own_from, holds = np.int64(-1), 0, np.int64(0), np.int64(0), True
         for s in range(first, last):
-            own = row_at(entries, np.int64(s) * (LANES * most))
+            own = row_at(world.lists.entries, np.int64(s) * (LANES * most))
             longest[s] = 0
             for lane in range(LANES):
                 i, found = np.int64(s) * LANES + lane, 0
                 neighbours[i] = 0
                 if i >= count:
                     continue
-                c = np.int64(cell[order[i]])
+                c = np.int64(table.cell[table.order[i]])
                 if c != known:
-                    known, ends, total = c, runs_around(c, nx, ny, nz, starts, sides, runs), np.int64(0)
+                    known, ends, total = c, runs_around(c, nx, ny, nz, table.starts, sides, runs), np.int64(0)
                     for n in range(0, ends, 2):
                         total += runs[n + 1] - runs[n]
                     many, holds = np.int64(0), bool(total <= AROUND)
@@ -204,7 +200,7 @@ def make_find(compiler: Compiler, real: Any, parts: frozenset[str], most: int) -
                 if holds:
                     found = picked(
                         i, i + own_from, lane, found, x, y, z, many, near_x, near_y, near_z, squares, who, sides, limit,
-                        own, fluid, sampled,
+                        own, world.in_order.fluid, sampled,
                     )  # fmt: skip
                 else:  # in batches of AROUND particles
                     for n in range(0, ends, 2):
@@ -214,12 +210,12 @@ def make_find(compiler: Compiler, real: Any, parts: frozenset[str], most: int) -
                             filled_up(many, near_x)
                             found = picked(
                                 i, i - np.int64(begin), lane, found, x, y, z, many, near_x, near_y, near_z, squares, who,
-                                sides, limit, own, fluid, sampled,
+                                sides, limit, own, world.in_order.fluid, sampled,
                             )  # fmt: skip
                 missed += max(found - most, 0)
                 neighbours[i] = np.int32(min(found, most))
                 longest[s] = max(longest[s], neighbours[i])
-            filled(np.int64(longest[s]), np.int32(nobody), row_at(neighbours, np.int64(s) * LANES), own)
+            filled(np.int64(longest[s]), np.int32(world.sizes.nobody), row_at(neighbours, np.int64(s) * LANES), own)
         return missed
 
     return find

@@ -1,6 +1,6 @@
 """The phases of a fluid's substep up to the sort, on CPU threads, one band at a time (model/fluid/plan.py, 1 and 2).
 
-All take the same `world`, a tuple of tuples made by `Fluid` of cpu_backend/fluid/solver.py.
+All take the same `world`, Fluid of arrays.py.
 """
 
 from __future__ import annotations
@@ -26,9 +26,10 @@ def make_order(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNa
 
     @compiled
     def predict(part, shared, step, number, world, parameters, fluids, integers, bodies, kinds):
-        (count, room, _), state, unsorted, _, _, table, lists, _ = world
+        count, room, state, unsorted = world.sizes.particles, world.sizes.room, world.state, world.unsorted
+        table = world.table
         first, last = count * part // shared, count * (part + 1) // shared
-        lists.counts[shared + part] += predict_some(
+        world.lists.counts[shared + part] += predict_some(
             part, first, last, step, number, room, state, unsorted, table.boxes, parameters, fluids, integers, bodies, kinds
         )  # fmt: skip
 
@@ -40,27 +41,28 @@ def make_order(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNa
 
     @compiled
     def enter(part, shared, world, parameters):
-        (count, room, _), _, unsorted, _, _, table, _, _ = world
+        count, unsorted, table = world.sizes.particles, world.unsorted, world.table
         low, inverse, counts = cells_in(shared, world, parameters)
         first, last = count * part // shared, count * (part + 1) // shared
-        enter_some(first, last, room, unsorted.position, low, inverse, counts, table.cell)
+        enter_some(first, last, world.sizes.room, unsorted.position, low, inverse, counts, table.cell)
 
     @compiled
     def tally(part, shared, world, parameters):
-        (count, _, _), _, _, _, _, (_, cell, starts, _, totals), _, _ = world
+        count, starts, totals = world.sizes.particles, world.table.starts, world.table.totals
         _, _, (nx, ny, nz) = cells_in(shared, world, parameters)
         cells = nx * ny * nz
-        totals[part] = tally_some(cells * part // shared, cells * (part + 1) // shared, count, cell, starts)
+        totals[part] = tally_some(cells * part // shared, cells * (part + 1) // shared, count, world.table.cell, starts)
 
     @compiled
     def put(part, shared, world, parameters):
-        (count, room, _), state, unsorted, in_order, _, (_, cell, starts, order, totals), _, _ = world
+        room, state, unsorted, in_order = world.sizes.room, world.state, world.unsorted, world.in_order
+        cell, starts, order = world.table.cell, world.table.starts, world.table.order
         _, _, (nx, ny, nz) = cells_in(shared, world, parameters)
         cells, first = nx * ny * nz, 0
         for k in range(part):
-            first += totals[k]
+            first += world.table.totals[k]
         low, high = cells * part // shared, cells * (part + 1) // shared
-        end = put_some(low, high, first, count, room, state, unsorted, in_order, cell, starts, order)
+        end = put_some(low, high, first, world.sizes.particles, room, state, unsorted, in_order, cell, starts, order)
         if part == shared - 1:
             starts[cells] = np.int32(end)
 

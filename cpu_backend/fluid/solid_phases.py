@@ -48,15 +48,16 @@ def make_sampling(compiler: Compiler, real: Any) -> SimpleNamespace:
     @compiled
     def sample(part, shared, world, met):
         """Write the predicted positions of samples among the unsorted particles, and the bounding box of the band."""
-        (count, room, _), state, (before, place, meant), _, _, table, _, _ = world
-        fluids, _, _, _, (corners, shares), (began, position), _, _ = met
-        number, boxes = state.number, table.boxes
+        count, room, before = world.sizes.particles, world.sizes.room, world.unsorted.before
+        place, meant, table = world.unsorted.position, world.unsorted.velocity, world.table
+        corners, shares = met.points.corners, met.points.weights
+        number, boxes = world.state.number, table.boxes
         lx, ly, lz, hx, hy, hz = largest, largest, largest, -largest, -largest, -largest
         for k in range(count * part // shared, count * (part + 1) // shared):
-            s = np.int64(number[k]) - fluids
+            s = np.int64(number[k]) - met.fluids
             if s >= 0:
-                before[k], before[room + k], before[2 * room + k] = point(s, corners, shares, began)
-                place[k], place[room + k], place[2 * room + k] = point(s, corners, shares, position)
+                before[k], before[room + k], before[2 * room + k] = point(s, corners, shares, met.places.before)
+                place[k], place[room + k], place[2 * room + k] = point(s, corners, shares, met.places.position)
                 meant[k], meant[room + k], meant[2 * room + k] = zero, zero, zero
             x, y, z = place[k], place[room + k], place[2 * room + k]
             if abs(x) < largest and abs(y) < largest and abs(z) < largest:
@@ -68,35 +69,36 @@ def make_sampling(compiler: Compiler, real: Any) -> SimpleNamespace:
     @compiled
     def gather(part, shared, world, met):
         """Copy `kinds` into the order of cells, and store the slots of samples."""
-        (count, room, _), _, _, in_order, _, _, _, _ = world
-        fluids, by_number, kinds, slots, _, _, _, _ = met
-        number = in_order.number
+        count, room = world.sizes.particles, world.sizes.room
+        fluids, kinds = met.fluids, met.kinds
+        number = world.in_order.number
         for i in range(count * part // shared, count * (part + 1) // shared):
             n = np.int64(number[i])
             for kind in range(KINDS):
-                kinds[kind * room + i] = by_number[kind * count + n]
+                kinds[kind * room + i] = met.kinds_by_number[kind * count + n]
             if n >= fluids:
-                slots[n - fluids] = np.int32(i)
+                met.slots[n - fluids] = np.int32(i)
 
     @compiled
     def follow(part, shared, place, world, met):
         """Write the current positions of samples."""
-        (_, room, _), _, _, _, _, _, _, _ = world
-        _, _, _, slots, (corners, shares), (_, position), _, _ = met
+        room = world.sizes.room
+        slots, shares, position = met.slots, met.points.weights, met.places.position
         many = slots.size
         for s in range(many * part // shared, many * (part + 1) // shared):
             i = np.int64(slots[s])
-            place[i], place[room + i], place[2 * room + i] = point(s, corners, shares, position)
+            place[i], place[room + i], place[2 * room + i] = point(s, met.points.corners, shares, position)
 
     @compiled
     def push(part, shared, met):
         """Move the solids' particles by the shifts of their samples, summed in the order of the samples."""
-        _, _, _, slots, _, (_, position), (lightness, offsets, samples, shares), shift = met
-        many, room = lightness.size, slots.size
+        position, lightness, offsets = met.places.position, met.carriers.lightness, met.carriers.offsets
+        shares, shift = met.carriers.weights, met.shift
+        many, room = lightness.size, met.slots.size
         for k in range(many * part // shared, many * (part + 1) // shared):
             x, y, z = zero, zero, zero
             for e in range(offsets[k], offsets[k + 1]):
-                s = np.int64(samples[e])
+                s = np.int64(met.carriers.samples[e])
                 x, y = carried_on(x, shares[e], shift[s]), carried_on(y, shares[e], shift[room + s])
                 z = carried_on(z, shares[e], shift[2 * room + s])
             at = AXES * np.int64(k)
@@ -126,7 +128,9 @@ def _make_factors(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     @compiler.compiled
     def factors(part, shared, number, world, met, scratch, parameters, fluids, bodies, kinds_of):
         """Evaluate the neighbour factors of the constraint; 0 for samples."""
-        (count, room, _), _, _, in_order, (_, factor, multiplier, _, _, wall), _, (_, longest, entries, _), _ = world
+        count, room, in_order = world.sizes.particles, world.sizes.room, world.in_order
+        factor, wall, longest = world.work.factor, world.work.wall, world.lists.longest
+        entries = world.lists.entries
         first, kinds, place, numbers, fluid = met.fluids, met.kinds, in_order.position, in_order.number, in_order.fluid
         _, end, _ = instants(number, parameters)
         at, slices = np.int64(part) * (SUMS * LANES), (count + LANES - 1) // LANES
@@ -147,7 +151,7 @@ def _make_factors(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
                 )  # fmt: skip
             factor_rows(
                 parameters.relaxation, parameters.softness, row_at(fluid, base), fluids, gx, gy, gz, own,
-                *own_of(wall, room, base), row_at(factor, base), row_at(multiplier, base),
+                *own_of(wall, room, base), row_at(factor, base), row_at(world.work.multiplier, base),
             )  # fmt: skip
             for i in range(base, min(base + LANES, count)):
                 if numbers[i] >= first:
@@ -166,8 +170,9 @@ def _make_constrain(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any
     @compiler.compiled
     def constrain(part, shared, number, place, world, met, scratch, parameters, bodies, kinds_of):
         """Evaluate the constraints at the positions `place`, and the changes of their multipliers; 0 for samples."""
-        (count, room, _), _, _, in_order, (_, factor, multiplier, delta, error, wall), _, lists, _ = world
-        first, kinds, numbers = met.fluids, met.kinds, in_order.number
+        count, room, multiplier = world.sizes.particles, world.sizes.room, world.work.multiplier
+        delta, error, wall, lists = world.work.delta, world.work.error, world.work.wall, world.lists
+        first, kinds, numbers = met.fluids, met.kinds, world.in_order.number
         longest, entries, slices = lists.longest, lists.entries, (count + LANES - 1) // LANES
         _, end, _ = instants(number, parameters)
         at = np.int64(part) * (SUMS * LANES)
@@ -185,7 +190,7 @@ def _make_constrain(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any
                     bodies, kinds_of, end, parameters, *own_of(place, room, base), share, *own_of(wall, room, base)
                 )  # fmt: skip
             relax(
-                parameters.lattice_sum, parameters.density_scale, total, share, row_at(factor, base),
+                parameters.lattice_sum, parameters.density_scale, total, share, row_at(world.work.factor, base),
                 row_at(multiplier, base), row_at(delta, base), row_at(error, base),
             )  # fmt: skip
             for i in range(base, min(base + LANES, count)):
@@ -206,7 +211,8 @@ def _make_correct(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     @compiled
     def correct(part, shared, number, place, there, world, met, scratch, parameters, fluids, bodies, kinds_of):
         """Correct the positions `place` and store them in `there`; store the shifts of samples."""
-        (count, room, _), _, _, in_order, (_, _, _, delta, _, wall), _, lists, _ = world
+        count, room, in_order, delta = world.sizes.particles, world.sizes.room, world.in_order, world.work.delta
+        wall, lists = world.work.wall, world.lists
         first, kinds, slots, shift = met.fluids, met.kinds, met.slots, met.shift
         before, numbers, fluid = in_order.before, in_order.number, in_order.fluid
         neighbours, longest, entries, slices = (
@@ -245,9 +251,9 @@ def _make_correct(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
                         cz = wall_added(cz, delta[i], wall[2 * room + i])
                     px, py, pz = moved(px, weight, cx), moved(py, weight, cy), moved(pz, weight, cz)
                     if has_bodies:
-                        px, py, pz, _, _, _ = touch(
-                            bodies, kinds_of, number, parameters, before[i], before[room + i], before[2 * room + i], px, py,
-                            pz, zero, zero, zero,
+                        a = before[i], before[room + i], before[2 * room + i]
+                        (px, py, pz), _ = touch(
+                            bodies, kinds_of, number, parameters, a, (px, py, pz), (zero, zero, zero)
                         )  # fmt: skip
                 there[i], there[room + i], there[2 * room + i] = px, py, pz
 

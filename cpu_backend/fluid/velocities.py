@@ -33,10 +33,11 @@ def make_velocities(compiler: Compiler, real: Any, parts: frozenset[str], sides_
     @compiled
     def shape(part, shared, place, world, parameters):
         """Write normals and vorticity into the unsorted planes of positions."""
-        (count, room, _), _, unsorted, in_order, _, _, (neighbours, _, entries, _), _ = world
+        count, room, unsorted = world.sizes.particles, world.sizes.room, world.unsorted
+        in_order, neighbours = world.in_order, world.lists.neighbours
         sides, meant = sides_of(parameters), in_order.velocity
         for i in range(count * part // shared, count * (part + 1) // shared):
-            own = row_at(entries, np.int64(i // LANES) * (LANES * most) + i % LANES)
+            own = row_at(world.lists.entries, np.int64(i // LANES) * (LANES * most) + i % LANES)
             shape_of(
                 i, neighbours[i], own, room, place, meant, unsorted.before, unsorted.position, sides, parameters,
                 in_order.fluid,
@@ -45,13 +46,14 @@ def make_velocities(compiler: Compiler, real: Any, parts: frozenset[str], sides_
     @compiled
     def finish(part, shared, place, world, parameters, fluids):
         """Write the new state: velocities after neighbours, drag and the speed limit."""
-        (count, room, _), state, unsorted, in_order, work, _, (neighbours, _, entries, _), _ = world
-        position, velocity, number, fluid = state
-        sides, meant, error = sides_of(parameters), in_order.velocity, work.error
+        count, room, unsorted = world.sizes.particles, world.sizes.room, world.unsorted
+        in_order, neighbours = world.in_order, world.lists.neighbours
+        position, velocity, number, fluid = world.state
+        sides, meant, error = sides_of(parameters), in_order.velocity, world.work.error
         for i in range(count * part // shared, count * (part + 1) // shared):
             row = row_of(in_order.fluid, i)
             if smooths:
-                own = row_at(entries, np.int64(i // LANES) * (LANES * most) + i % LANES)
+                own = row_at(world.lists.entries, np.int64(i // LANES) * (LANES * most) + i % LANES)
                 u, v, w = smooth_of(
                     i, neighbours[i], own, room, place, meant, unsorted.before, unsorted.position, sides, parameters,
                     in_order.fluid, fluids,
@@ -98,9 +100,9 @@ def _make_update(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     @compiled
     def update(part, shared, number, place, world, parameters, fluids, bodies, kinds):
         """Derive velocities from positions and colliders, and write them into `meant`, which no other phase reads."""
-        (count, room, _), _, _, in_order, _, _, _, (scratch, _, _, _) = world
+        count, room, in_order = world.sizes.particles, world.sizes.room, world.in_order
         before, meant, fluid, slices = in_order.before, in_order.velocity, in_order.fluid, (count + LANES - 1) // LANES
-        sums = sums_of(part, scratch)
+        sums = sums_of(part, world.scratch.sums)
         x, y, z, u, v, w = sums
         for s in range(slices * part // shared, slices * (part + 1) // shared):
             base = np.int64(s) * LANES
@@ -130,9 +132,9 @@ def _make_at_walls(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
 
     @compiled
     def at_walls(base, number, world, parameters, fluids, bodies, kinds, x, y, z, u, v, w):
-        (count, room, _), _, _, in_order, (_, _, multiplier, _, _, _), _, _, _ = world
+        room, in_order = world.sizes.room, world.in_order
         before, meant = in_order.before, in_order.velocity
-        for lane in range(min(LANES, count - base)):
+        for lane in range(min(LANES, world.sizes.particles - base)):
             i, row = base + lane, row_of(in_order.fluid, base + lane)
             qx, qy, qz, mx, my, mz, vx, vy, vz = impact_of(
                 bodies, kinds, number, parameters, before[i], before[room + i], before[2 * room + i], meant[i],
@@ -140,7 +142,7 @@ def _make_at_walls(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
                 fluids[row + F_CHANGE],
             )  # fmt: skip
             u[lane], v[lane], w[lane] = settled(
-                bodies, kinds, number, parameters, qx, qy, qz, vx, vy, vz, mx, my, mz, multiplier[i],
+                bodies, kinds, number, parameters, qx, qy, qz, vx, vy, vz, mx, my, mz, world.work.multiplier[i],
                 fluids[row + F_WEIGHT],
             )  # fmt: skip
 

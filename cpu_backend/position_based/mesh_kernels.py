@@ -107,9 +107,9 @@ def make_end(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleName
         for k in range(first, last):
             if before[k, 3] == zero:
                 continue
-            px, py, pz, vx, vy, vz = touch(
-                bodies, kinds, substep, parameters, before[k, 0], before[k, 1], before[k, 2], position[k, 0],
-                position[k, 1], position[k, 2], velocity[k, 0], velocity[k, 1], velocity[k, 2],
+            (px, py, pz), (vx, vy, vz) = touch(
+                bodies, kinds, substep, parameters, (before[k, 0], before[k, 1], before[k, 2]),
+                (position[k, 0], position[k, 1], position[k, 2]), (velocity[k, 0], velocity[k, 1], velocity[k, 2]),
             )  # fmt: skip
             position[k, 0] = px
             position[k, 1] = py

@@ -3,7 +3,7 @@ empty. Arrays are flat; `clusters` and `entries` are numbers of clusters and of 
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -80,3 +80,44 @@ class ClusterArrays(NamedTuple):
     rebound: Rebound | tuple[()] = ()
     rigid: RigidMotion | tuple[()] = ()
     couples: Couples | tuple[()] = ()
+
+
+class World(NamedTuple):
+    """Constants, integers of random forces, colliders and their kinds."""
+
+    parameters: Any
+    integers: np.ndarray
+    bodies: np.ndarray
+    kinds: np.ndarray
+
+
+class Steps(NamedTuple):
+    """Number of steps, number of the first one, substeps of a step, iterations of a substep."""
+
+    steps: int
+    step: int
+    substeps: int
+    iterations: int
+
+
+class Own(NamedTuple):
+    """Clusters of each particle: first of each particle, clusters, rest offsets, factors."""
+
+    starts: np.ndarray
+    clusters: np.ndarray
+    rests: np.ndarray
+    factors: np.ndarray
+
+
+class BodyArrays(NamedTuple):
+    """Arrays of steps of bodies besides positions; `factors`: of entries of clusters."""
+
+    velocity: np.ndarray
+    weights: np.ndarray
+    clusters: ClusterArrays
+    factors: np.ndarray
+    own: Own
+    rotation: np.ndarray
+    frames: np.ndarray
+    scratch: np.ndarray
+    world: World

@@ -14,42 +14,42 @@ from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import row_at
 from softlab.cpu_backend.core.progress import shares
 from softlab.cpu_backend.shape_matching.damping import make_damping
+from softlab.cpu_backend.shape_matching.motions import make_motions
 from softlab.cpu_backend.shape_matching.rebound import AXES, make_answer
 from softlab.model.formulas.shape_matching import rebound
 from softlab.model.formulas.shape_matching.pace import MOTION
 
 
-def make_motions(compiler: Compiler, real: Any) -> SimpleNamespace:
+def make_transfers(compiler: Compiler, real: Any) -> SimpleNamespace:
     """Make `spread` and `join`, which transfer between whole bodies and the particles `first` to before `last`."""
     formulas = rebound.make(real, compiler.compiled)
-    rigid, joined, zero, one = formulas.rigid, formulas.joined, real(0), real(1)
+    joined, zero, one = formulas.joined, real(0), real(1)
+    of_motions = make_motions(compiler, real)
+    motion_of, velocity_at = of_motions.motion_of, of_motions.velocity_at
 
     @compiler.compiled
     def spread(first, last, count, arrays, scales):
         """Write the scales of particles; those of clusters are the first three numbers of their motions."""
-        starts, clusters, factors, motions, _, _, _, _ = arrays.rebound
+        whole = arrays.rebound
         for k in range(first, last):
             x, y, z = k, count + k, 2 * count + k
             scales[x], scales[y], scales[z] = one, zero, zero
-            for n in range(starts[k], starts[k + 1]):
-                if factors[n] != zero:
-                    g = row_at(motions, np.int64(MOTION) * clusters[n])
-                    scales[x], scales[y], scales[z] = g[0], g[1], g[2]
+            for n in range(whole.starts[k], whole.starts[k + 1]):
+                if whole.factors[n] != zero:
+                    motion = row_at(whole.motions, np.int64(MOTION) * whole.clusters[n])
+                    scales[x], scales[y], scales[z] = motion[0], motion[1], motion[2]
 
     @compiler.compiled
     def join(first, last, position, velocity, count, arrays, struck):
         """Add the motions of clusters to velocities, or the impulse `struck` for a particle without a cluster."""
-        starts, clusters, factors, motions, _, _, _, _ = arrays.rebound
+        whole = arrays.rebound
         for k in range(first, last):
             x, y, z = k, count + k, 2 * count + k
             a, b, c = struck[x], struck[y], struck[z]
-            for n in range(starts[k], starts[k + 1]):
-                if factors[n] != zero:
-                    g = row_at(motions, np.int64(MOTION) * clusters[n])
-                    dx, dy, dz = position[x] - g[0], position[y] - g[1], position[z] - g[2]
-                    a = rigid(g[3], g[7], dz, g[8], dy)
-                    b = rigid(g[4], g[8], dx, g[6], dz)
-                    c = rigid(g[5], g[6], dy, g[7], dx)
+            for n in range(whole.starts[k], whole.starts[k + 1]):
+                if whole.factors[n] != zero:
+                    motion = motion_of(whole.motions, whole.clusters[n])
+                    a, b, c = velocity_at(motion, position[x], position[y], position[z])
             a, b, c = joined(velocity[x], a), joined(velocity[y], b), joined(velocity[z], c)
             velocity[x], velocity[y], velocity[z] = a, b, c
 
@@ -57,7 +57,7 @@ def make_motions(compiler: Compiler, real: Any) -> SimpleNamespace:
 
 
 def make_strikes(compiler: Compiler, real: Any, scaled: bool) -> Any:
-    """Make strike_all(team, member, bands, position, old, velocity, weights, record, neighbours, contacts, struck,
+    """Make strike_all(team, member, bands, position, old, velocity, weights, record, lists, contacts, struck,
     scales, travel).
 
     It writes the velocity changes of bouncing particles into `struck` (particles_bounce.make_passes).
@@ -65,29 +65,27 @@ def make_strikes(compiler: Compiler, real: Any, scaled: bool) -> Any:
     push, zero = make_passes(compiler, real, scaled, True).push, real(0)
 
     @compiler.compiled
-    def strike(band, count, neighbours, contacts, struck):
-        who, _, _, _, begins, active, _ = neighbours
-        _, met, ways, _ = contacts
-        for n in range(begins[band], begins[band] + active[band]):
-            i = who[n]
+    def strike(band, count, lists, contacts, struck):
+        for n in range(lists.begins[band], lists.begins[band] + lists.active[band]):
+            i = lists.who[n]
             for axis in range(AXES):
-                struck[axis * count + i] = ways[AXES * n + axis] if met[i] != zero else zero
+                struck[axis * count + i] = contacts.moves[AXES * n + axis] if contacts.counts[i] != zero else zero
 
     @compiler.compiled
     def strike_all(
-        team, member, bands, position, old, velocity, weights, record, neighbours, contacts, struck, scales,
+        team, member, bands, position, old, velocity, weights, record, lists, contacts, struck, scales,
         travel,
     ):  # fmt: skip
         for band in shares(team, member, bands):
-            push(band, weights.size, position, old, velocity, weights, record, neighbours, contacts, scales, travel)
-            strike(band, weights.size, neighbours, contacts, struck)
+            push(band, weights.size, position, old, velocity, weights, record, lists, contacts, scales, travel)
+            strike(band, weights.size, lists, contacts, struck)
 
     return strike_all
 
 
 @cache
 def make_bodies_bounce(real: Any, math: str) -> Any:
-    """Make bounce(team, member, bands, position, old, velocity, weights, record, neighbours, contacts, arrays, scratch,
+    """Make bounce(team, member, bands, position, old, velocity, weights, record, lists, contacts, arrays, scratch,
     pitch), run by each member of a team (core/progress.py).
 
     As `make_bounce` of contact/particles_bounce.py. `arrays`: those of clusters. `pitch`: numbers in a band's scratch.
@@ -96,8 +94,8 @@ def make_bodies_bounce(real: Any, math: str) -> Any:
     answer = make_answer(compiler, real, True).answer
     gather, tell = make_damping(compiler, real, True).gather, make_passes(compiler, real, False, True).tell
     strike_all, strike_scaled = (make_strikes(compiler, real, scaled) for scaled in (False, True))
-    motions_made = make_motions(compiler, real)
-    spread, join = motions_made.spread, motions_made.join
+    transfers = make_transfers(compiler, real)
+    spread, join = transfers.spread, transfers.join
     joined, zero, one = rebound.make(real, compiler.compiled).joined, real(0), real(1)
 
     @compiler.compiled
@@ -121,13 +119,13 @@ def make_bodies_bounce(real: Any, math: str) -> Any:
 
     @compiler.compiled
     def bounce_all(
-        team, member, bands, position, old, velocity, weights, record, neighbours, contacts, arrays, scratch, pitch
+        team, member, bands, position, old, velocity, weights, record, lists, contacts, arrays, scratch, pitch
     ):  # fmt: skip
         """Run all phases. Without contacts they only add 0 to the velocities."""
         struck, scales, travel = arrays.rebound.impulses, arrays.rebound.scales, arrays.rigid.travel
         count, clusters = weights.size, arrays.rebound.limits.size
         for band in shares(team, member, bands):
-            met = tell(band, count, position, old, velocity, record, neighbours, contacts, travel)
+            met = tell(band, count, position, old, velocity, record, lists, contacts, travel)
             scratch[pitch * (band + 1) - 1] = one if met else zero
         for band in shares(team, member, bands):
             low, high = count * band // bands, count * (band + 1) // bands
@@ -136,7 +134,7 @@ def make_bodies_bounce(real: Any, math: str) -> Any:
                     for k in range(axis * count + low, axis * count + high):
                         struck[k] = zero
         strike_all(
-            team, member, bands, position, old, velocity, weights, record, neighbours, contacts, struck, scales, travel
+            team, member, bands, position, old, velocity, weights, record, lists, contacts, struck, scales, travel
         )  # fmt: skip
         for band in shares(team, member, bands):
             room = row_at(scratch, np.int64(pitch * band))
@@ -147,7 +145,7 @@ def make_bodies_bounce(real: Any, math: str) -> Any:
             if meet(bands, scratch, pitch):
                 spread(count * band // bands, count * (band + 1) // bands, count, arrays, scales)
         strike_scaled(
-            team, member, bands, position, old, velocity, weights, record, neighbours, contacts, struck, scales, travel
+            team, member, bands, position, old, velocity, weights, record, lists, contacts, struck, scales, travel
         )
         gather_all(team, member, bands, position, struck, count, arrays, scratch, pitch)
         for band in shares(team, member, bands):
@@ -164,7 +162,7 @@ def make_bodies_bounce(real: Any, math: str) -> Any:
 
 @cache
 def make_bodies_bounce_stage(real: Any, math: str) -> Any:
-    """Compile bounce(bands, position, old, velocity, weights, record, neighbours, contacts, arrays, scratch, pitch):
+    """Compile bounce(bands, position, old, velocity, weights, record, lists, contacts, arrays, scratch, pitch):
     see make_bodies_bounce."""
     bounce_all = make_bodies_bounce(real, math)
 

@@ -12,6 +12,7 @@ import numpy as np
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import row_at
 from softlab.cpu_backend.core.progress import shares
+from softlab.cpu_backend.shape_matching.motions import make_motions
 from softlab.model.formulas.shape_matching import cluster, pace
 from softlab.model.formulas.shape_matching.cluster import LANES
 from softlab.model.formulas.shape_matching.pace import MOMENTA, MOTION
@@ -44,7 +45,7 @@ def make_damping(compiler: Compiler, real: Any, damped: bool) -> SimpleNamespace
         return _undamped(compiler)
     formulas, sum_of = pace.make(real, compiler.compiled), make_lane_sum(compiler, real)
     weighted, added, turned = formulas.weighted, formulas.added, formulas.cross_added
-    motion, slowed = formulas.motion, formulas.slowed
+    motion, slowed, motion_of = formulas.motion, formulas.slowed, make_motions(compiler, real).motion_of
     zero = real(0)
 
     def make_rows(gathers: bool) -> Any:
@@ -116,11 +117,11 @@ def make_damping(compiler: Compiler, real: Any, damped: bool) -> SimpleNamespace
             vx, vy, vz = velocity[k], velocity[count + k], velocity[2 * count + k]
             x, y, z = zero, zero, zero
             for n in range(starts[k], starts[k + 1]):
-                g, factor = row_at(motions, np.int64(MOTION) * clusters[n]), factors[n]
-                dx, dy, dz = px - g[0], py - g[1], pz - g[2]
-                x = slowed(x, factor, g[3], g[7], dz, g[8], dy, vx)
-                y = slowed(y, factor, g[4], g[8], dx, g[6], dz, vy)
-                z = slowed(z, factor, g[5], g[6], dy, g[7], dx, vz)
+                m, factor = motion_of(motions, clusters[n]), factors[n]
+                dx, dy, dz = px - m.x, py - m.y, pz - m.z
+                x = slowed(x, factor, m.u, m.spin_y, dz, m.spin_z, dy, vx)
+                y = slowed(y, factor, m.v, m.spin_z, dx, m.spin_x, dz, vy)
+                z = slowed(z, factor, m.w, m.spin_x, dy, m.spin_y, dx, vz)
             velocity[k] = vx + x
             velocity[count + k] = vy + y
             velocity[2 * count + k] = vz + z

@@ -17,13 +17,13 @@ import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import row_at
+from softlab.cpu_backend.shape_matching.motions import FRAME, make_frames
 from softlab.cpu_backend.shape_matching.shapes import ENTRIES, make_shapes
 from softlab.model.formulas import rotation
 from softlab.model.formulas.shape_matching import cluster, rigid
 from softlab.model.formulas.shape_matching.cluster import LANES, MOMENTS
 
 AXES = 3
-FRAME = 12  # numbers of a cluster for its particles: its rotation, by rows, and its centre
 QUATERNION = 4
 # rows of a band's scratch, LANES numbers each: the lanes of a cluster's moments, the moments of LANES clusters, their
 # rest offsets, their old rotations, the new ones and whether those converged, their linear maps
@@ -117,6 +117,7 @@ def make_turn(compiler: Compiler, real: Any, shaping: frozenset[str]) -> Any:
     upright, centre, near, matrix_of = formulas.corrected, formulas.centre, turns.rotation_3d_near, turns.matrix_of
     far, shapes = rotation.make(real, compiler.compiled).rotation_3d_far, make_shapes(compiler, real, shaping, AXES)
     prepare, finish, zero, one = shapes.prepare, shapes.finish, real(0), real(1)
+    store_matrix = make_frames(compiler).store_matrix
 
     @compiler.row
     def raise_rows(lean, sums):
@@ -171,9 +172,7 @@ def make_turn(compiler: Compiler, real: Any, shaping: frozenset[str]) -> Any:
             turned[2 * clusters + c] = y
             turned[3 * clusters + c] = z
             frame = row_at(frames, np.int64(FRAME * c))
-            (frame[0], frame[1], frame[2], frame[3], frame[4], frame[5], frame[6], frame[7], frame[8]) = finish(
-                c, n, arrays, maps, *matrix_of(w, x, y, z)
-            )
+            store_matrix(frame, *finish(c, n, arrays, maps, *matrix_of(w, x, y, z)))
             for axis in range(AXES):
                 frame[9 + axis] = centre(
                     position[axis * count + k], sums[axis * LANES + n], centres[4 * c + 3], frame[3 * axis],
@@ -201,12 +200,13 @@ def make_goals(compiler: Compiler, real: Any, has_rigid: bool) -> SimpleNamespac
     """Make `move_lone` and `move`.
 
     `move_lone(c, position, count, arrays, factors, frames, travel)` moves the particles of a lone cluster towards their
-    goals; `move(first, last, position, count, own, own_factors, frames, travel)` those of any clusters, which it
+    goals; `move(first, last, position, count, own, frames, travel)` those of any clusters, which it
     gathers. `travel`: as in particles.py; its slacks are read if bodies are rigid, `has_rigid`.
     """
     formulas = cluster.make(real, compiler.compiled)
     goal, added_way, arrived = formulas.goal, formulas.displacement_added, formulas.arrived
     settled, zero = rigid.make(real, compiler.compiled).settled, real(0)
+    frame_of = make_frames(compiler).frame_of
 
     @compiler.row
     def move_rows(blocks, frame, factor, least, rest_x, rest_y, rest_z, x, y, z):
@@ -214,9 +214,9 @@ def make_goals(compiler: Compiler, real: Any, has_rigid: bool) -> SimpleNamespac
             for lane in range(LANES):
                 k = block * LANES + lane
                 a, b, c = rest_x[k], rest_y[k], rest_z[k]
-                u = added_way(zero, factor, goal(frame[9], frame[0], frame[1], frame[2], a, b, c), x[k])
-                v = added_way(zero, factor, goal(frame[10], frame[3], frame[4], frame[5], a, b, c), y[k])
-                w = added_way(zero, factor, goal(frame[11], frame[6], frame[7], frame[8], a, b, c), z[k])
+                u = added_way(zero, factor, goal(frame.x, frame.xx, frame.xy, frame.xz, a, b, c), x[k])
+                v = added_way(zero, factor, goal(frame.y, frame.yx, frame.yy, frame.yz, a, b, c), y[k])
+                w = added_way(zero, factor, goal(frame.z, frame.zx, frame.zy, frame.zz, a, b, c), z[k])
                 if has_rigid:
                     u, v, w = settled(u, least, x[k]), settled(v, least, y[k]), settled(w, least, z[k])
                 x[k], y[k], z[k] = arrived(x[k], u), arrived(y[k], v), arrived(z[k], w)
@@ -227,23 +227,23 @@ def make_goals(compiler: Compiler, real: Any, has_rigid: bool) -> SimpleNamespac
         start, entries, first = starts[c], members.size // 4, np.int64(firsts[c])
         slack = travel[AXES * count + first] if has_rigid else zero
         move_rows(
-            (starts[c + 1] - start) // LANES, row_at(frames, np.int64(FRAME * c)), factors[start], slack,
+            (starts[c + 1] - start) // LANES, frame_of(frames, c), factors[start], slack,
             row_at(members, start), row_at(members, entries + start), row_at(members, 2 * entries + start),
             row_at(position, first), row_at(position, count + first), row_at(position, 2 * count + first),
         )  # fmt: skip
 
     @compiler.compiled
-    def move(first, last, position, count, own, own_factors, frames, travel):
-        starts, clusters, rests = own
+    def move(first, last, position, count, own, frames, travel):
+        starts, clusters, rests, factors = own
         for k in range(first, last):
             px, py, pz = position[k], position[count + k], position[2 * count + k]
             x, y, z = zero, zero, zero
             for n in range(starts[k], starts[k + 1]):
-                frame, factor = row_at(frames, np.int64(FRAME) * clusters[n]), own_factors[n]
+                frame, factor = frame_of(frames, clusters[n]), factors[n]
                 a, b, c = rests[3 * n], rests[3 * n + 1], rests[3 * n + 2]
-                x = added_way(x, factor, goal(frame[9], frame[0], frame[1], frame[2], a, b, c), px)
-                y = added_way(y, factor, goal(frame[10], frame[3], frame[4], frame[5], a, b, c), py)
-                z = added_way(z, factor, goal(frame[11], frame[6], frame[7], frame[8], a, b, c), pz)
+                x = added_way(x, factor, goal(frame.x, frame.xx, frame.xy, frame.xz, a, b, c), px)
+                y = added_way(y, factor, goal(frame.y, frame.yx, frame.yy, frame.yz, a, b, c), py)
+                z = added_way(z, factor, goal(frame.z, frame.zx, frame.zy, frame.zz, a, b, c), pz)
             if has_rigid:
                 slack = travel[AXES * count + k]
                 x, y, z = settled(x, slack, px), settled(y, slack, py), settled(z, slack, pz)

@@ -10,17 +10,18 @@ from __future__ import annotations
 
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import row_at
 from softlab.cpu_backend.core.progress import shares
-from softlab.cpu_backend.shape_matching.lattice_layout import FRAME, QUATERNION
+from softlab.cpu_backend.shape_matching.lattice_layout import QUATERNION
 from softlab.cpu_backend.shape_matching.lattice_rows import GOAL_LINE, LINE, SLICE, WINDOW, make_line_sums
-from softlab.cpu_backend.shape_matching.lattice_scan import make_goal_scan, make_moment_scan
+from softlab.cpu_backend.shape_matching.lattice_scan import GoalScan, MomentScan, Rows, make_goal_scan, make_moment_scan
 from softlab.cpu_backend.shape_matching.lattice_turns import make_turns
+from softlab.cpu_backend.shape_matching.motions import FRAME
 from softlab.model.assets.lattice import (
     T_CENTRE,
     T_COUNT,
@@ -33,6 +34,21 @@ from softlab.model.assets.lattice import (
     VALUES,
 )
 from softlab.model.formulas.shape_matching import lattice
+
+
+class Pencil(NamedTuple):
+    """A pencil of windows: its first cluster, clusters between its rows and of all lattices; the lattice's turn at the
+    start; rotations before and after; scratch; one over masses of the slice and along z."""
+
+    first: int
+    deep: int
+    clusters: int
+    start: np.ndarray
+    rotation: np.ndarray
+    turned: np.ndarray
+    reached: np.ndarray
+    inverse_slice: np.ndarray
+    inverses: np.ndarray
 
 
 def make_slice_up(compiler: Compiler, real: Any) -> Any:
@@ -57,13 +73,13 @@ def make_slice_up(compiler: Compiler, real: Any) -> Any:
             sum_line(
                 nx, region, x, count, row_at(x_table, T_WEIGHT * nx), row_at(x_table, T_CENTRE * nx), line, nx
             )  # fmt: skip
-        given = (
+        values = MomentScan(
             row_at(y_table, T_WEIGHT * ny), row_at(y_table, T_CENTRE * ny), row_at(y_table, T_MASS * ny),
-            row_at(x_table, T_MASS * nx), False,
+            row_at(x_table, T_MASS * nx), (),
         )  # fmt: skip
         scan(
-            nx, ny, region, (row_at(position, begin), nx, count), (room, LINE * nx, nx), (row_at(work, begin), nx, count),
-            row_at(room, LINE * nx * ny), given,
+            nx, ny, region, Rows(row_at(position, begin), nx, count), Rows(room, LINE * nx, nx),
+            Rows(row_at(work, begin), nx, count), row_at(room, LINE * nx * ny), values,
         )  # fmt: skip
 
     return slice_up
@@ -76,12 +92,11 @@ def make_turn(compiler: Compiler, real: Any) -> Any:
     turn_row, centre_row, show_row = turns.turn_row, turns.centre_row, turns.show_row
 
     @compiler.compiled
-    def turn_window(n, i, window, more):
-        first, deep, clusters, start, rotation, turned, reached, inverse_slice, inverses = more
-        here = first + i * deep
-        turn_row(n, start, window, row_at(rotation, here), row_at(turned, here), clusters, reached)
+    def turn_window(n, i, window, pencil):
+        p, here = pencil, pencil.first + i * pencil.deep
+        turn_row(n, p.start, window, row_at(p.rotation, here), row_at(p.turned, here), p.clusters, p.reached)
         for axis in range(3):
-            centre_row(n, inverse_slice, inverses[i], row_at(window, axis * n))
+            centre_row(n, p.inverse_slice, p.inverses[i], row_at(window, axis * n))
 
     scan = make_moment_scan(compiler, real, 2, turn_window)
     scan_goals = make_goal_scan(compiler, real, 2)
@@ -96,18 +111,18 @@ def make_turn(compiler: Compiler, real: Any) -> Any:
         n, deep, at_slice = nx * units[unit, 4] - below, nx * ny, numbers[which, 7] + below
         table, constants = row_at(tables, numbers[which, 6]), row_at(values, np.int64(VALUES * which))
         clusters, pitch, begin = rotation.size // QUATERNION, WINDOW * n, first + below
-        x, out = (row_at(position, begin), deep, count), (row_at(work, begin), deep, count)
+        x, out = Rows(row_at(position, begin), deep, count), Rows(row_at(work, begin), deep, count)
         sums = row_at(room, pitch * nz)
         groups, centres = row_at(sums, pitch), row_at(table, T_CENTRE * nz)
-        given = (
-            row_at(table, T_WEIGHT * nz), centres, row_at(table, T_MASS * nz), row_at(tables, at_slice),
-            (
-                cluster + below, deep, clusters, row_at(constants, V_TURN), rotation, turned, groups,
-                row_at(tables, at_slice + deep), row_at(table, T_INVERSE * nz),
-            ),
+        pencil = Pencil(
+            cluster + below, deep, clusters, row_at(constants, V_TURN), rotation, turned, groups,
+            row_at(tables, at_slice + deep), row_at(table, T_INVERSE * nz),
         )  # fmt: skip
-        windows = (room, pitch, n)
-        scan(n, nz, region, x, out, windows, sums, given)
+        masses, mass = row_at(table, T_MASS * nz), row_at(tables, at_slice)
+        windows = Rows(room, pitch, n)
+        scan(
+            n, nz, region, x, out, windows, sums, MomentScan(row_at(table, T_SHARE * nz), centres, masses, mass, pencil)
+        )
         if look:
             for i in range(nz):
                 here = cluster + below + i * deep
@@ -116,8 +131,8 @@ def make_turn(compiler: Compiler, real: Any) -> Any:
                     row_at(frames, np.int64(FRAME) * here),
                 )  # fmt: skip
             return
-        goals = centres, row_at(table, T_COUNT * nz), constants[V_SPACING], one, out
-        scan_goals(n, nz, region, x, windows, (groups, pitch, n), sums, goals)
+        goals = GoalScan(centres, row_at(table, T_COUNT * nz), constants[V_SPACING], one, out)
+        scan_goals(n, nz, region, x, windows, Rows(groups, pitch, n), sums, goals)
 
     return turn
 
@@ -142,10 +157,11 @@ def make_move(compiler: Compiler, real: Any) -> Any:
         z_table, constants = row_at(tables, numbers[which, 6]), row_at(values, np.int64(VALUES * which))
         begin, count_z = first + z * ny * nx, z_table[T_COUNT * nz + z]
         sums, counts = row_at(room, GOAL_LINE * nx * ny), row_at(y_table, T_COUNT * ny)
-        x, lines, spacing = row_at(position, begin), (room, GOAL_LINE * nx, nx), constants[V_SPACING]
+        x, lines, spacing = row_at(position, begin), Rows(room, GOAL_LINE * nx, nx), constants[V_SPACING]
         scan(
-            nx, ny, region, (x, nx, count), (row_at(work, begin), nx, count), (row_at(sums, SLICE * nx), SLICE * nx, nx),
-            sums, (row_at(y_table, T_CENTRE * ny), counts, spacing, count_z, lines),
+            nx, ny, region, Rows(x, nx, count), Rows(row_at(work, begin), nx, count),
+            Rows(row_at(sums, SLICE * nx), SLICE * nx, nx), sums,
+            GoalScan(row_at(y_table, T_CENTRE * ny), counts, spacing, count_z, lines),
         )  # fmt: skip
         for j in range(ny):
             here, line = row_at(x, j * nx), row_at(room, GOAL_LINE * nx * j)

@@ -8,6 +8,7 @@ import numpy as np
 
 from softlab.cpu_backend.core.layout import aligned_zeros
 from softlab.cpu_backend.shape_matching.lattice_rows import LINE, SLICE, WINDOW
+from softlab.cpu_backend.shape_matching.motions import FRAME
 from softlab.model.assets.lattice import T_INVERSE, T_MASS, VALUES
 from softlab.model.particles.body_set import BodySet
 from softlab.model.tables.method import Method
@@ -16,13 +17,13 @@ NUMBERS = 8  # of a lattice: counts along x, y, z, region, where its three table
 PENCIL = 5  # numbers of a pencil
 PARTS = 4  # minimum number of parts per thread
 LONG = 128  # masses along a pencil's rows, if possible: calls cost as much as short rows
-QUATERNION, FRAME = 4, 12
+QUATERNION = 4
 
 
 class LatticeArrays(NamedTuple):
     """Numbers of lattices (n, NUMBERS); slices (n, 3): lattice, first place, z; pencils (n, PENCIL): lattice, first place,
     first cluster, first y and the one behind the last; tables of axes and values of lattices, flat; sums of slices;
-    quaternions, four planes; scratch of all bands, and its length for one."""
+    quaternions, four planes; frames; scratch of all bands, and its length for one."""
 
     numbers: np.ndarray
     slices: np.ndarray
@@ -31,6 +32,7 @@ class LatticeArrays(NamedTuple):
     values: np.ndarray
     work: np.ndarray
     rotation: np.ndarray
+    frames: np.ndarray
     scratch: np.ndarray
     band_scratch: int
 
@@ -76,7 +78,8 @@ class Lattices:
         self.arrays = LatticeArrays(
             np.array(numbers, np.int64).reshape(-1, NUMBERS), np.array(slices, np.int64).reshape(-1, 3),
             np.array(pencils, np.int64).reshape(-1, PENCIL), np.concatenate(tables).astype(real), self.values,
-            aligned_zeros(SLICE * count if self.copies else 0, real), self.rotation, aligned_zeros(room * bands, real), room,
+            aligned_zeros(SLICE * count if self.copies else 0, real), self.rotation, self.frames,
+            aligned_zeros(room * bands, real), room,
         )  # fmt: skip
 
     def change(self, method: Method) -> None:

@@ -9,8 +9,9 @@ import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import row_at
-from softlab.cpu_backend.shape_matching.lattice_layout import FRAME, QUATERNION
+from softlab.cpu_backend.shape_matching.lattice_layout import QUATERNION
 from softlab.cpu_backend.shape_matching.lattice_rows import make_rows
+from softlab.cpu_backend.shape_matching.motions import FRAME, make_frames
 from softlab.model.formulas import rotation
 from softlab.model.formulas.shape_matching import lattice
 
@@ -61,10 +62,10 @@ def make_rotation_rows(compiler: Compiler, real: Any) -> SimpleNamespace:
 
 def make_turns(compiler: Compiler, real: Any) -> SimpleNamespace:
     """Make `turn_row` (see the inner function), `centre_row(n, of_slice, inverse, total)`, windows' centres from their
-    sums, and `show_row(n, clusters, plane, x, window, turned, frames)`, frames of a row of windows."""
+    sums, and `show_row(n, clusters, plane, position, window, turned, frames)`, frames of a row of windows."""
     rotations, copy, zero = make_rotation_rows(compiler, real), make_rows(compiler, real).copy, real(0)
     near_row, far_of, matrix_row = rotations.near_row, rotations.far_of, rotations.matrix_row
-    inlined = compiler.inlined
+    inlined, store_matrix = compiler.inlined, make_frames(compiler).store_matrix
     centre, matrix_of = lattice.make(real, inlined).centre, rotation.make(real, inlined).matrix_of
 
     @compiler.compiled
@@ -96,13 +97,12 @@ def make_turns(compiler: Compiler, real: Any) -> SimpleNamespace:
             total[k] = centre(total[k], of_slice[k], inverse)
 
     @compiler.compiled
-    def show_row(n, clusters, plane, x, window, turned, frames):
+    def show_row(n, clusters, plane, position, window, turned, frames):
         for k in range(n):
             frame = row_at(frames, np.int64(FRAME) * k)
-            frame[0], frame[1], frame[2], frame[3], frame[4], frame[5], frame[6], frame[7], frame[8] = (
-                matrix_of(turned[k], turned[clusters + k], turned[2 * clusters + k], turned[3 * clusters + k])
-            )  # fmt: skip
+            w, x, y, z = turned[k], turned[clusters + k], turned[2 * clusters + k], turned[3 * clusters + k]
+            store_matrix(frame, *matrix_of(w, x, y, z))
             for axis in range(3):
-                frame[9 + axis] = x[axis * plane + k] + window[axis * n + k]
+                frame[9 + axis] = position[axis * plane + k] + window[axis * n + k]
 
     return SimpleNamespace(turn_row=turn_row, centre_row=centre_row, show_row=show_row)

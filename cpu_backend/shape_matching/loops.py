@@ -34,7 +34,7 @@ def make_matching_stages(
     real: Any, math: str, shaping: frozenset[str] = frozenset(), has_rigid: bool = False
 ) -> SimpleNamespace:
     """Compile `match(bands, position, count, arrays, rotation, turned, frames, scratch)`, for all clusters, and
-    `move(bands, position, count, own, own_factors, frames, travel)`, for all particles: one parallel loop each, over
+    `move(bands, position, count, own, frames, travel)`, for all particles: one parallel loop each, over
     `bands` bands.
 
     `count`: particles and ghosts; `scratch`: flat, SCRATCH * LANES per band.
@@ -50,8 +50,8 @@ def make_matching_stages(
         for first in range(clusters * band // bands, stop, LANES):
             match_some(first, min(first + LANES, stop), position, count, arrays, rotation, turned, frames, room)
 
-    def move(band, bands, position, count, own, own_factors, frames, travel):
-        move_some(count * band // bands, count * (band + 1) // bands, position, count, own, own_factors, frames, travel)
+    def move(band, bands, position, count, own, frames, travel):
+        move_some(count * band // bands, count * (band + 1) // bands, position, count, own, frames, travel)
 
     return SimpleNamespace(match=compiler.banded(match), move=compiler.banded(move))
 
@@ -102,9 +102,9 @@ def make_bodies_stages(real: Any, math: str, parts: frozenset[str]) -> SimpleNam
         first, last = LANES * (count // LANES * band // bands), LANES * (count // LANES * (band + 1) // bands)
         rate_some(first, last, count, before, position, velocity, weights, parameters, travel)
 
-    def collide(band, bands, number, before, position, velocity, weights, count, parameters, bodies, kinds):
-        first, last = count * band // bands, count * (band + 1) // bands
-        collide_some(first, last, count, number, before, position, velocity, weights, parameters, bodies, kinds)
+    def collide(band, bands, number, before, position, velocity, weights, world):
+        first, last = weights.size * band // bands, weights.size * (band + 1) // bands
+        collide_some(first, last, number, before, position, velocity, weights, world)
 
     return SimpleNamespace(
         gravity=compiler.kernel(gravity), own={force.stage: stage_of(force.part) for force in own_forces(parts)},
@@ -114,7 +114,7 @@ def make_bodies_stages(real: Any, math: str, parts: frozenset[str]) -> SimpleNam
 
 def make_substep_end(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
     """Make `begin(first, last, c, ...)`, for the particles of a lone cluster c, and `end(first, last, low, high, lone,
-    number, before, after, velocity, weights, arrays, room, parameters, bodies, kinds)`.
+    number, before, after, b, room)`; `b`: BodyArrays.
 
     `end` completes a substep of the particles `first` to before `last`, of the clusters `low` to before `high`, which
     may be one `lone` cluster, after they have moved to their goals.
@@ -135,25 +135,23 @@ def make_substep_end(compiler: Compiler, real: Any, parts: frozenset[str]) -> Si
         return False
 
     @compiler.compiled
-    def begin(first, last, c, before, after, velocity, weights, arrays, parameters, integers):
+    def begin(first, last, c, before, after, b):
         """Predict the particles; for a rigid cluster also compute the velocities at the substep's end, as only matching
         moves it."""
-        count = weights.size
+        parameters, integers, count = b.world.parameters, b.world.integers, b.weights.size
         if has_rigid:
-            if is_rigid(c, arrays):
-                begin_rigid(first, last, count, before, after, velocity, weights, parameters, integers)
+            if is_rigid(c, b.clusters):
+                begin_rigid(first, last, count, before, after, b.velocity, b.weights, parameters, integers)
                 return
-        travel = arrays.rigid.travel if has_rigid else weights
-        begin_any(first, last, count, before, after, velocity, weights, parameters, integers, travel)
+        travel = b.clusters.rigid.travel if has_rigid else b.weights
+        begin_any(first, last, count, before, after, b.velocity, b.weights, parameters, integers, travel)
 
     @compiler.compiled
-    def end(
-        first, last, low, high, lone, number, before, after, velocity, weights, arrays, room, parameters, bodies, kinds
-    ):  # fmt: skip
-        count = weights.size
+    def end(first, last, low, high, lone, number, before, after, b, room):
+        velocity, weights, arrays, count = b.velocity, b.weights, b.clusters, b.weights.size
         travel = arrays.rigid.travel if has_rigid else weights
         if not (lone and is_rigid(low, arrays)):
-            rate(first, last, count, before, after, velocity, weights, parameters, travel)
+            rate(first, last, count, before, after, velocity, weights, b.world.parameters, travel)
         if has_rigid:
             for c in range(low, high):
                 gather_rigid(c, after, velocity, count, arrays, room)
@@ -164,22 +162,21 @@ def make_substep_end(compiler: Compiler, real: Any, parts: frozenset[str]) -> Si
                 gather(c, after, velocity, count, arrays, arrays.damping.motions, room)
             slow(first, last, after, velocity, count, arrays)
         if rebounds:
-            struck = arrays.rebound.impulses
-            strike(first, last, count, number, before, after, velocity, weights, parameters, bodies, kinds, struck)
+            strike(first, last, number, before, after, velocity, weights, b.world, arrays.rebound.impulses)
             for c in range(low, high):
                 answer(c, after, velocity, count, arrays, room)
             if not lone:
                 go(first, last, after, velocity, count, arrays)
         elif has_bodies:
-            collide(first, last, count, number, before, after, velocity, weights, parameters, bodies, kinds)
+            collide(first, last, number, before, after, velocity, weights, b.world)
 
     return SimpleNamespace(begin=begin, end=end)
 
 
 @cache
 def make_bodies_apart(real: Any, math: str, parts: frozenset[str]) -> Any:
-    """Compile advance(bands, bounds, groups, steps, step, substeps, iterations, even, odd, velocity, weights, arrays,
-    factors, own, own_factors, rotation, frames, scratch, parameters, integers, bodies, kinds): many steps in one call.
+    """Compile advance(bands, bounds, groups, steps, even, odd, b): many steps in one call; `steps`: Steps; `b`:
+    BodyArrays.
 
     Groups of bodies are independent, so a thread takes a group, which fits in its second-level cache, through all
     steps. `bounds` (bands + 1,): the bands' first groups; `groups` (groups, 5) int64: first and last particle, first
@@ -193,66 +190,48 @@ def make_bodies_apart(real: Any, math: str, parts: frozenset[str]) -> Any:
     begin_lone, end = of_substep.begin, of_substep.end
 
     @compiler.compiled
-    def pass_lone(
-        low, high, number, iterations, before, after, velocity, weights, arrays, factors, rotation, frames, room, parameters,
-        integers, bodies, kinds,
-    ):  # fmt: skip
-        starts, firsts, count = arrays.starts, arrays.firsts, weights.size
-        travel = arrays.rigid.travel if has_rigid else weights
+    def pass_lone(low, high, number, iterations, before, after, b, room):
+        arrays, starts, firsts, count = b.clusters, b.clusters.starts, b.clusters.firsts, b.weights.size
+        travel = arrays.rigid.travel if has_rigid else b.weights
         for iteration in range(iterations):
             for c in range(low, high):
                 first = np.int64(firsts[c])
                 if iteration == 0:
                     last = first + (starts[c + 1] - starts[c])
-                    begin_lone(first, last, c, before, after, velocity, weights, arrays, parameters, integers)
+                    begin_lone(first, last, c, before, after, b)
                 sum_up(c, c - low, after, count, arrays, room)
-            turn(low, high, after, count, arrays, rotation, rotation, frames, room)
+            turn(low, high, after, count, arrays, b.rotation, b.rotation, b.frames, room)
             for c in range(low, high):
-                move_lone(c, after, count, arrays, factors, frames, travel)
+                move_lone(c, after, count, arrays, b.factors, b.frames, travel)
                 if iteration == iterations - 1:
                     first = np.int64(firsts[c])
                     last = first + (starts[c + 1] - starts[c])
-                    end(
-                        first, last, c, c + 1, True, number, before, after, velocity, weights, arrays, room, parameters,
-                        bodies, kinds,
-                    )  # fmt: skip
+                    end(first, last, c, c + 1, True, number, before, after, b, room)
 
     @compiler.compiled
-    def pass_any(
-        first, last, low, high, number, iterations, before, after, velocity, weights, arrays, own, own_factors, rotation,
-        frames, room, parameters, integers, bodies, kinds,
-    ):  # fmt: skip
-        count = weights.size
-        travel = arrays.rigid.travel if has_rigid else weights
-        begin(first, last, count, before, after, velocity, weights, parameters, integers, travel)
+    def pass_any(first, last, low, high, number, iterations, before, after, b, room):
+        arrays, count = b.clusters, b.weights.size
+        travel = arrays.rigid.travel if has_rigid else b.weights
+        begin(
+            first, last, count, before, after, b.velocity, b.weights, b.world.parameters, b.world.integers, travel
+        )  # fmt: skip
         for _ in range(iterations):
             for c in range(low, high, LANES):
-                match(c, min(c + LANES, high), after, count, arrays, rotation, rotation, frames, room)
-            move(first, last, after, count, own, own_factors, frames, travel)
-        end(
-            first, last, low, high, False, number, before, after, velocity, weights, arrays, room, parameters, bodies, kinds
-        )  # fmt: skip
+                match(c, min(c + LANES, high), after, count, arrays, b.rotation, b.rotation, b.frames, room)
+            move(first, last, after, count, b.own, b.frames, travel)
+        end(first, last, low, high, False, number, before, after, b, room)
 
-    def advance(
-        band, bands, bounds, groups, steps, step, substeps, iterations, even, odd, velocity, weights, arrays, factors, own,
-        own_factors, rotation, frames, scratch, parameters, integers, bodies, kinds,
-    ):  # fmt: skip
-        room = row_at(scratch, np.int64(SCRATCH * LANES * band))
+    def advance(band, bands, bounds, groups, steps, even, odd, b):
+        room = row_at(b.scratch, np.int64(SCRATCH * LANES * band))
         for g in range(bounds[band], bounds[band + 1]):
             first, last, low, high, lone = groups[g, 0], groups[g, 1], groups[g, 2], groups[g, 3], groups[g, 4]
-            for n in range(steps * substeps):
-                number = step * substeps + n
+            for n in range(steps.steps * steps.substeps):
+                number, iterations = steps.step * steps.substeps + n, steps.iterations
                 before, after = (odd, even) if n % 2 else (even, odd)
                 if lone:
                     for c in range(low, high, LANES):
-                        pass_lone(
-                            c, min(c + LANES, high), number, iterations, before, after, velocity, weights, arrays,
-                            factors, rotation, frames, room, parameters, integers, bodies, kinds,
-                        )  # fmt: skip
+                        pass_lone(c, min(c + LANES, high), number, iterations, before, after, b, room)
                 else:
-                    pass_any(
-                        first, last, low, high, number, iterations, before, after, velocity, weights, arrays, own,
-                        own_factors, rotation, frames, room, parameters, integers, bodies, kinds,
-                    )  # fmt: skip
+                    pass_any(first, last, low, high, number, iterations, before, after, b, room)
 
     return compiler.banded(advance)

@@ -121,13 +121,15 @@ def make_particles(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simp
         )  # fmt: skip
 
     @compiler.compiled
-    def collide(first, last, count, number, before, after, velocity, weights, parameters, bodies, kinds):
+    def collide(first, last, number, before, after, velocity, weights, world):
+        count = weights.size
         for k in range(first, last):
             if has_spare and weights[k] == zero:
                 continue  # also skips ghosts
-            px, py, pz, vx, vy, vz = touch(
-                bodies, kinds, number, parameters, before[k], before[count + k], before[2 * count + k], after[k],
-                after[count + k], after[2 * count + k], velocity[k], velocity[count + k], velocity[2 * count + k],
+            (px, py, pz), (vx, vy, vz) = touch(
+                world.bodies, world.kinds, number, world.parameters,
+                (before[k], before[count + k], before[2 * count + k]), (after[k], after[count + k], after[2 * count + k]),
+                (velocity[k], velocity[count + k], velocity[2 * count + k]),
             )  # fmt: skip
             after[k], after[count + k], after[2 * count + k] = px, py, pz
             velocity[k], velocity[count + k], velocity[2 * count + k] = vx, vy, vz
@@ -143,17 +145,18 @@ def make_particles(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simp
             had_x[k], had_y[k], had_z[k] = vx[k] - had_x[k], vy[k] - had_y[k], vz[k] - had_z[k]
 
     @compiler.compiled
-    def strike(first, last, count, number, before, after, velocity, weights, parameters, bodies, kinds, struck):
+    def strike(first, last, number, before, after, velocity, weights, world, struck):
+        count = weights.size
         x, y, z = first, count + first, 2 * count + first
         vx, vy, vz = row_at(velocity, x), row_at(velocity, y), row_at(velocity, z)
         had_x, had_y, had_z = row_at(struck, x), row_at(struck, y), row_at(struck, z)
         note_rows(last - first, vx, vy, vz, had_x, had_y, had_z)
         if has_spare:
-            collide(first, last, count, number, before, after, velocity, weights, parameters, bodies, kinds)
+            collide(first, last, number, before, after, velocity, weights, world)
         else:
             collide_planes(
-                bodies, kinds, number, parameters, (last - first) // block, row_at(before, x), row_at(before, y),
-                row_at(before, z), row_at(after, x), row_at(after, y), row_at(after, z), vx, vy, vz,
+                world.bodies, world.kinds, number, world.parameters, (last - first) // block, row_at(before, x),
+                row_at(before, y), row_at(before, z), row_at(after, x), row_at(after, y), row_at(after, z), vx, vy, vz,
             )  # fmt: skip
         given_rows(last - first, vx, vy, vz, had_x, had_y, had_z)
 

@@ -15,6 +15,7 @@ from softlab.cpu_backend.core.progress import shares
 from softlab.cpu_backend.shape_matching.damping import make_damping, make_lane_sum
 from softlab.cpu_backend.shape_matching.kernels import AXES
 from softlab.cpu_backend.shape_matching.layout import LONE
+from softlab.cpu_backend.shape_matching.motions import make_motions
 from softlab.model.formulas.shape_matching import rebound
 from softlab.model.formulas.shape_matching.cluster import LANES
 from softlab.model.formulas.shape_matching.pace import MOTION
@@ -28,7 +29,9 @@ def make_answer(compiler: Compiler, real: Any, meets: bool = False) -> Any:
     (rebound.py, `shared`).
     """
     formulas, sum_of = rebound.make(real, compiler.compiled), make_lane_sum(compiler, real)
-    weighed, rigid, enlarged, scaled = formulas.weighed, formulas.rigid, formulas.enlarged, formulas.scaled
+    weighed, enlarged, scaled = formulas.weighed, formulas.enlarged, formulas.scaled
+    of_motions = make_motions(compiler, real)
+    motion_of, velocity_at = of_motions.motion_of, of_motions.velocity_at
     gather = make_damping(compiler, real, True).gather
     touched_mass, asked, bound = formulas.touched, formulas.asked, formulas.bound
     zero = real(0)
@@ -41,10 +44,7 @@ def make_answer(compiler: Compiler, real: Any, meets: bool = False) -> Any:
                 for lane in range(LANES):
                     e = block * LANES + lane
                     k, m = slots[e] if gathers else e, mass[e]
-                    dx, dy, dz = x[k] - motion[0], y[k] - motion[1], z[k] - motion[2]
-                    u = rigid(motion[3], motion[7], dz, motion[8], dy)
-                    v = rigid(motion[4], motion[8], dx, motion[6], dz)
-                    w = rigid(motion[5], motion[6], dy, motion[7], dx)
+                    u, v, w = velocity_at(motion, x[k], y[k], z[k])
                     lanes[lane] = weighed(lanes[lane], m, vx[k], vy[k], vz[k])
                     lanes[LANES + lane] = weighed(lanes[LANES + lane], m, u, v, w)
                     if meets:
@@ -96,15 +96,15 @@ def make_answer(compiler: Compiler, real: Any, meets: bool = False) -> Any:
         start, blocks, mass = starts[c], (starts[c + 1] - starts[c]) // LANES, 3 * (members.size // 4)
         if arrays.straight[c]:
             sum_worth(
-                blocks, motion, row_at(slots, start), row_at(position, first), row_at(position, count + first),
+                blocks, motion_of(motions, c), row_at(slots, start), row_at(position, first), row_at(position, count + first),
                 row_at(position, 2 * count + first), row_at(struck, first), row_at(struck, count + first),
                 row_at(struck, 2 * count + first), row_at(scales, first), row_at(members, mass + start), scratch,
             )  # fmt: skip
         else:
             gather_worth(
-                blocks, motion, row_at(slots, start), position, row_at(position, count), row_at(position, 2 * count),
-                struck, row_at(struck, count), row_at(struck, 2 * count), scales, row_at(members, mass + start),
-                scratch,
+                blocks, motion_of(motions, c), row_at(slots, start), position, row_at(position, count),
+                row_at(position, 2 * count), struck, row_at(struck, count), row_at(struck, 2 * count), scales,
+                row_at(members, mass + start), scratch,
             )  # fmt: skip
         if meets:
             total = sum_of(scratch, 3)
@@ -129,8 +129,9 @@ def make_rebound(compiler: Compiler, real: Any, rebounds: bool) -> SimpleNamespa
     if not rebounds:
         return _without(compiler)
     formulas, made = rebound.make(real, compiler.compiled), make_answer(compiler, real)
-    rigid, rebounded, touched, answer_whole = formulas.rigid, formulas.rebounded, made.touched, made.answer
-    zero = real(0)
+    rebounded, touched, answer_whole = formulas.rebounded, made.touched, made.answer
+    of_motions, zero = make_motions(compiler, real), real(0)
+    motion_of, velocity_at = of_motions.motion_of, of_motions.velocity_at
 
     @compiler.compiled
     def note(first, last, velocity, count, arrays):
@@ -151,10 +152,9 @@ def make_rebound(compiler: Compiler, real: Any, rebounds: bool) -> SimpleNamespa
         for block in range(blocks):
             for lane in range(LANES):
                 k = block * LANES + lane
-                dx, dy, dz = x[k] - motion[0], y[k] - motion[1], z[k] - motion[2]
-                vx[k] = rebounded(vx[k], struck_x[k], rigid(motion[3], motion[7], dz, motion[8], dy))
-                vy[k] = rebounded(vy[k], struck_y[k], rigid(motion[4], motion[8], dx, motion[6], dz))
-                vz[k] = rebounded(vz[k], struck_z[k], rigid(motion[5], motion[6], dy, motion[7], dx))
+                u, v, w = velocity_at(motion, x[k], y[k], z[k])
+                vx[k], vy[k] = rebounded(vx[k], struck_x[k], u), rebounded(vy[k], struck_y[k], v)
+                vz[k] = rebounded(vz[k], struck_z[k], w)
 
     @compiler.row
     def stay_rows(blocks, vx, vy, vz):
@@ -175,23 +175,25 @@ def make_rebound(compiler: Compiler, real: Any, rebounds: bool) -> SimpleNamespa
         if arrays.rebound.kinds[c] == LONE:
             struck = arrays.rebound.impulses
             go_rows(
-                blocks, row_at(arrays.rebound.motions, np.int64(MOTION * c)), row_at(position, x), row_at(position, y),
-                row_at(position, z), row_at(struck, x), row_at(struck, y), row_at(struck, z), row_at(velocity, x),
+                blocks, motion_of(arrays.rebound.motions, c), row_at(position, x), row_at(position, y), row_at(position, z),
+                row_at(struck, x), row_at(struck, y), row_at(struck, z), row_at(velocity, x),
                 row_at(velocity, y), row_at(velocity, z),
             )  # fmt: skip
 
     @compiler.compiled
     def go(first, last, position, velocity, count, arrays):
-        starts, clusters, factors, motions, _, struck, _, kinds = arrays.rebound
+        whole, struck = arrays.rebound, arrays.rebound.impulses
         for k in range(first, last):
-            for n in range(starts[k], starts[k + 1]):
-                if factors[n] != zero and kinds[clusters[n]] != LONE:
-                    g = row_at(motions, np.int64(MOTION) * clusters[n])
-                    dx, dy, dz = position[k] - g[0], position[count + k] - g[1], position[2 * count + k] - g[2]
-                    x, y, z = k, count + k, 2 * count + k
-                    velocity[x] = rebounded(velocity[x], struck[x], rigid(g[3], g[7], dz, g[8], dy))
-                    velocity[y] = rebounded(velocity[y], struck[y], rigid(g[4], g[8], dx, g[6], dz))
-                    velocity[z] = rebounded(velocity[z], struck[z], rigid(g[5], g[6], dy, g[7], dx))
+            x, y, z = k, count + k, 2 * count + k
+            for n in range(whole.starts[k], whole.starts[k + 1]):
+                c = whole.clusters[n]
+                if whole.factors[n] != zero and whole.kinds[c] != LONE:
+                    u, v, w = velocity_at(motion_of(whole.motions, c), position[x], position[y], position[z])
+                    velocity[x], velocity[y] = (
+                        rebounded(velocity[x], struck[x], u),
+                        rebounded(velocity[y], struck[y], v),
+                    )
+                    velocity[z] = rebounded(velocity[z], struck[z], w)
 
     return SimpleNamespace(note=note, strike=strike, answer=answer, go=go)
 

@@ -14,9 +14,8 @@ from softlab.cpu_backend.core.progress import shares
 from softlab.cpu_backend.shape_matching.damping import make_damping
 from softlab.cpu_backend.shape_matching.kernels import AXES
 from softlab.cpu_backend.shape_matching.layout import LONE
-from softlab.model.formulas.shape_matching import rebound
+from softlab.cpu_backend.shape_matching.motions import make_motions
 from softlab.model.formulas.shape_matching.cluster import LANES
-from softlab.model.formulas.shape_matching.pace import MOTION
 
 
 def make_steadying(compiler: Compiler, real: Any, has_rigid: bool) -> SimpleNamespace:
@@ -28,7 +27,8 @@ def make_steadying(compiler: Compiler, real: Any, has_rigid: bool) -> SimpleName
     """
     if not has_rigid:
         return _without(compiler)
-    rigid, zero = rebound.make(real, compiler.compiled).rigid, real(0)
+    of_motions, zero = make_motions(compiler, real), real(0)
+    motion_of, velocity_at = of_motions.motion_of, of_motions.velocity_at
     gather_motion = make_damping(compiler, real, True).gather
 
     @compiler.row
@@ -36,10 +36,7 @@ def make_steadying(compiler: Compiler, real: Any, has_rigid: bool) -> SimpleName
         for block in range(blocks):
             for lane in range(LANES):
                 k = block * LANES + lane
-                dx, dy, dz = x[k] - motion[0], y[k] - motion[1], z[k] - motion[2]
-                vx[k] = rigid(motion[3], motion[7], dz, motion[8], dy)
-                vy[k] = rigid(motion[4], motion[8], dx, motion[6], dz)
-                vz[k] = rigid(motion[5], motion[6], dy, motion[7], dx)
+                vx[k], vy[k], vz[k] = velocity_at(motion, x[k], y[k], z[k])
 
     @compiler.compiled
     def gather(c, position, velocity, count, arrays, scratch):
@@ -48,23 +45,19 @@ def make_steadying(compiler: Compiler, real: Any, has_rigid: bool) -> SimpleName
         if arrays.rigid.kinds[c] == LONE:  # including its ghosts, which belong to no cluster
             first = np.int64(arrays.firsts[c])
             steady_rows(
-                (arrays.starts[c + 1] - arrays.starts[c]) // LANES, row_at(arrays.rigid.motions, np.int64(MOTION * c)),
+                (arrays.starts[c + 1] - arrays.starts[c]) // LANES, motion_of(arrays.rigid.motions, c),
                 row_at(position, first), row_at(position, count + first), row_at(position, 2 * count + first),
                 row_at(velocity, first), row_at(velocity, count + first), row_at(velocity, 2 * count + first),
             )  # fmt: skip
 
     @compiler.compiled
     def steady(first, last, position, velocity, count, arrays):
-        starts, clusters, factors, motions, _, _, _ = arrays.rigid
+        of_rigid = arrays.rigid
         for k in range(first, last):
-            for n in range(starts[k], starts[k + 1]):
-                if factors[n] != zero:
-                    g = row_at(motions, np.int64(MOTION) * clusters[n])
-                    x, y, z = k, count + k, 2 * count + k
-                    dx, dy, dz = position[x] - g[0], position[y] - g[1], position[z] - g[2]
-                    velocity[x] = rigid(g[3], g[7], dz, g[8], dy)
-                    velocity[y] = rigid(g[4], g[8], dx, g[6], dz)
-                    velocity[z] = rigid(g[5], g[6], dy, g[7], dx)
+            for n in range(of_rigid.starts[k], of_rigid.starts[k + 1]):
+                if of_rigid.factors[n] != zero:
+                    x, y, z, motion = k, count + k, 2 * count + k, motion_of(of_rigid.motions, of_rigid.clusters[n])
+                    velocity[x], velocity[y], velocity[z] = velocity_at(motion, position[x], position[y], position[z])
 
     return SimpleNamespace(gather=gather, steady=steady)
 

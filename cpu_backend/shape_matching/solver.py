@@ -12,21 +12,22 @@ from typing import Any
 import numba
 import numpy as np
 
-from softlab.cpu_backend.contact.particles import NO_CONTACTS, ParticleContacts
+from softlab.cpu_backend.contact.particles import ParticleContacts
 from softlab.cpu_backend.contact.particles_project import PACES, make_settle_stage
 from softlab.cpu_backend.core.constraints import make_constraint_stage
 from softlab.cpu_backend.core.layout import aligned_zeros
 from softlab.cpu_backend.core.simulation import ParticlesSimulation, chosen_kernel
-from softlab.cpu_backend.shape_matching.arrays import ClusterArrays
+from softlab.cpu_backend.shape_matching.arrays import BodyArrays, ClusterArrays, Own, Steps, World
 from softlab.cpu_backend.shape_matching.bodies_bounce import make_bodies_bounce_stage
 from softlab.cpu_backend.shape_matching.couples import make_couples_stage
 from softlab.cpu_backend.shape_matching.damping import make_damping_stage
-from softlab.cpu_backend.shape_matching.kernels import AXES, FRAME, LANES, QUATERNION, SCRATCH
+from softlab.cpu_backend.shape_matching.kernels import AXES, LANES, QUATERNION, SCRATCH
 from softlab.cpu_backend.shape_matching.lattice import make_lattice_stages
 from softlab.cpu_backend.shape_matching.lattice_layout import Lattices
 from softlab.cpu_backend.shape_matching.layout import bounds_of, layout_of
 from softlab.cpu_backend.shape_matching.loops import make_bodies_apart, make_bodies_stages, make_matching_stages
 from softlab.cpu_backend.shape_matching.material import ClusterMaterial
+from softlab.cpu_backend.shape_matching.motions import FRAME
 from softlab.cpu_backend.shape_matching.rebound import make_rebound_stages
 from softlab.cpu_backend.shape_matching.rigid import make_rest_stage, make_steadying_stage
 from softlab.cpu_backend.shape_matching.together import make_bodies_together
@@ -69,7 +70,8 @@ class Bodies(ParticlesSimulation):
         self._rotation, self._turned = (np.zeros(QUATERNION * clusters, real) for _ in range(2))
         self._frames = aligned_zeros(FRAME * clusters, real)
         self._factors = np.zeros(len(self.layout.of_entry), real)
-        self._own_factors = np.zeros(len(self.layout.of_own), real)
+        starts, clusters_of, rests = self.layout.own
+        self._own = Own(starts, clusters_of, rests, np.zeros(len(self.layout.of_own), real))
         self.integers = np.zeros(2, np.uint64)  # of model/core/own_forces.py, particles by their places
         self._set_colliders(collider_numbers(scene, real))
         self._bands = max(1, min(self.threads, count // LANES))
@@ -99,29 +101,32 @@ class Bodies(ParticlesSimulation):
         self._lattices.change(method)
         found = matching_factors(self.clusters, method.dt / method.substeps, method.iterations)
         self._factors[:] = np.append(found, 0.0)[self.layout.of_entry]
-        self._own_factors[:] = found[self.layout.of_own]
+        self._own.factors[:] = found[self.layout.of_own]
         body_set = self.scene.body_set
         self._links[1][:] = body_set.links.values(method.dt / method.substeps, body_set.mass)
 
     def _advance(self, step: int, steps: int) -> None:
         method, variant = self.scene.method, (self.real, self.options.math, self.plan.parts)
-        middle = self._velocity, self._weights, self._material.steps
-        own = self.layout.own, self._own_factors, self._rotation, self._frames, self._scratch
-        last = self.parameters, self.integers, self.bodies, self.kinds
-        times = steps, step, method.substeps, method.iterations
+        arrays = BodyArrays(
+            self._velocity, self._weights, self._material.steps, self._factors, self._own, self._rotation, self._frames,
+            self._scratch, self._world,
+        )  # fmt: skip
+        times, contacts = Steps(steps, step, method.substeps, method.iterations), self.contacts
         if self._apart:
             make_bodies_apart(*variant)(
-                self._bands, self._bounds, self.layout.groups, *times, self._even, self._odd, *middle, self._factors, *own,
-                *last,
+                self._bands, self._bounds, self.layout.groups, times, self._even, self._odd, arrays
             )  # fmt: skip
         else:
             make_bodies_together(*variant)(
-                self._bands, *times, self._even, self._odd, *middle, (self._links,), *own, *last,
-                self.contacts.arrays if self.contacts else NO_CONTACTS,
-                *(self._lattices.arrays, self._lattices.frames) if self._lattices.copies else ((), ()),
+                self._bands, times, self._even, self._odd, arrays, (self._links,), contacts.arrays if contacts else (),
+                self._lattices.arrays if self._lattices.copies else (),
             )  # fmt: skip
         if steps * method.substeps % 2:
             self._even, self._odd = self._odd, self._even
+
+    @property
+    def _world(self) -> World:
+        return World(self.parameters, self.integers, self.bodies, self.kinds)
 
     def _stages(self) -> dict[str, StageRun]:
         """Return the function of each stage of the plan."""
@@ -145,15 +150,14 @@ class Bodies(ParticlesSimulation):
             return lambda moment: force(count, self._weights, self.record, self.integers, a)
 
         def move(moment: Moment) -> None:
-            goals.move(bands, position, count, self.layout.own, self._own_factors, self._frames, travel)
+            goals.move(bands, position, count, self._own, self._frames, travel)
             if self._lattices.copies:
                 make_lattice_stages(self.real, self.options.math).move(bands, position, count, self._lattices.arrays)
 
         def collide(moment: Moment) -> None:
             if "rigid-rebound" in self.plan.parts:
                 whole.note(bands, velocity, count, self._material.steps)
-            given = self._weights, count, self.parameters, self.bodies, self.kinds
-            stage.collide(bands, moment.number, before, position, velocity, *given)
+            stage.collide(bands, moment.number, before, position, velocity, self._weights, self._world)
 
         def rebound(moment: Moment) -> None:
             whole.rebound(bands, position, velocity, *over_clusters)
@@ -181,10 +185,10 @@ class Bodies(ParticlesSimulation):
             if "rigid-bounce" not in self.plan.parts:
                 contacts.bounce(position, velocity, self._weights)
                 return
-            (parameters, *_), _, _, _, neighbours, touching, (old,) = contacts.arrays
+            arrays = contacts.arrays
             bounce_bodies(
-                bands, position, old, velocity, self._weights, parameters, neighbours, touching, self._material.steps,
-                self._scratch, SCRATCH * LANES,
+                bands, position, arrays.old, velocity, self._weights, contacts.record, arrays.search.lists,
+                arrays.contacts, self._material.steps, self._scratch, SCRATCH * LANES,
             )  # fmt: skip
 
         def link(number: int) -> StageRun:

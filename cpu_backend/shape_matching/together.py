@@ -31,8 +31,7 @@ from softlab.model.tables.cloth import COLLIDER_KINDS
 
 
 def make_substep_end(compiler: Compiler, real: Any, math: str, parts: frozenset[str]) -> Any:
-    """Make end(team, member, bands, number, goes_on, before, after, velocity, weights, arrays, scratch, parameters,
-    integers, bodies, kinds, contacts).
+    """Make end(team, member, bands, number, goes_on, before, after, b, contacts); `b`: BodyArrays.
 
     Each member of a team runs it after particles have moved to their goals; if it `goes_on`, it also predicts the next
     substep.
@@ -54,11 +53,9 @@ def make_substep_end(compiler: Compiler, real: Any, math: str, parts: frozenset[
     rates_apart = has_pace or bounces or has_damping or keeps or has_couples  # others read velocities before colliders
 
     @compiler.compiled
-    def end(
-        team, member, bands, number, goes_on, before, after, velocity, weights, arrays, scratch, parameters, integers, bodies,
-        kinds, contacts,
-    ):  # fmt: skip
-        numbers, _, _, _, neighbours, touching, olds = contacts
+    def end(team, member, bands, number, goes_on, before, after, b, contacts):
+        velocity, weights, arrays, scratch = b.velocity, b.weights, b.clusters, b.scratch
+        parameters, integers = b.world.parameters, b.world.integers
         count, clusters = weights.size, arrays.centres.size // 4
         blocks = count // LANES
         travel = arrays.rigid.travel if keeps else weights
@@ -74,11 +71,11 @@ def make_substep_end(compiler: Compiler, real: Any, math: str, parts: frozenset[
                 if has_couples:
                     turn(first, last, after, travel, weights, count, arrays)
                 if has_pace:
-                    settle(first, last, count, before, after, numbers[0], travel)
+                    settle(first, last, count, before, after, contacts.rows.record, travel)
                 if bounces:
                     for axis in range(AXES):
                         for k in range(axis * count + first, axis * count + last):
-                            olds[0][k] = velocity[k]
+                            contacts.old[k] = velocity[k]
                 rate(first, last, count, before, after, velocity, weights, parameters, travel)
         if keeps:
             for band in shares(team, member, bands):
@@ -90,7 +87,19 @@ def make_substep_end(compiler: Compiler, real: Any, math: str, parts: frozenset[
                     first, last = LANES * (blocks * band // bands), LANES * (blocks * (band + 1) // bands)
                     steady(first, last, after, velocity, count, arrays)
         if bounces and not has_rigid:
-            bounce(team, member, bands, after, olds[0], velocity, weights, numbers[0], neighbours, touching)
+            lists = contacts.search.lists
+            bounce(
+                team,
+                member,
+                bands,
+                after,
+                contacts.old,
+                velocity,
+                weights,
+                contacts.rows.record,
+                lists,
+                contacts.contacts,
+            )
         if has_damping:
             for band in shares(team, member, bands):
                 room = row_at(scratch, np.int64(SCRATCH * LANES * band))
@@ -103,10 +112,9 @@ def make_substep_end(compiler: Compiler, real: Any, math: str, parts: frozenset[
             if has_damping:
                 slow(first, last, after, velocity, count, arrays)
             if rebounds:
-                struck = arrays.rebound.impulses
-                strike(first, last, count, number, before, after, velocity, weights, parameters, bodies, kinds, struck)
+                strike(first, last, number, before, after, velocity, weights, b.world, arrays.rebound.impulses)
             elif has_bodies:
-                collide(first, last, count, number, before, after, velocity, weights, parameters, bodies, kinds)
+                collide(first, last, number, before, after, velocity, weights, b.world)
             if not begins_last and goes_on:
                 begin(first, last, count, after, before, velocity, weights, parameters, integers, travel)
         if rebounds:
@@ -122,8 +130,8 @@ def make_substep_end(compiler: Compiler, real: Any, math: str, parts: frozenset[
                     begin(first, last, count, after, before, velocity, weights, parameters, integers, travel)
         if has_rigid:
             bounce_bodies(
-                team, member, bands, after, olds[0], velocity, weights, numbers[0], neighbours, touching, arrays, scratch,
-                SCRATCH * LANES,
+                team, member, bands, after, contacts.old, velocity, weights, contacts.rows.record, contacts.search.lists,
+                contacts.contacts, arrays, scratch, SCRATCH * LANES,
             )  # fmt: skip
         if rests:
             for band in shares(team, member, bands):
@@ -140,11 +148,10 @@ def make_substep_end(compiler: Compiler, real: Any, math: str, parts: frozenset[
 
 @cache
 def make_bodies_together(real: Any, math: str, parts: frozenset[str]) -> Any:
-    """Compile advance(bands, steps, step, substeps, iterations, even, odd, velocity, weights, arrays, links, own,
-    own_factors, rotation, frames, scratch, parameters, integers, bodies, kinds, contacts, lattices, lattice_frames).
+    """Compile advance(bands, steps, even, odd, b, links, contacts, lattices); `steps`: Steps; `b`: BodyArrays.
 
     As loops.make_bodies_apart, over clusters, then over particles, with the velocities of a substep and the predictions
-    of the next. `contacts`: ParticleContacts.arrays, or NO_CONTACTS; `lattices`: Lattices.arrays, or empty.
+    of the next. `contacts`: ContactArrays, or empty; `lattices`: Lattices.arrays, or empty.
     """
     compiler = Compiler(cloth_variant("bodies_together", real, math, parts), math)
     keeps = "rigid-motion" in parts
@@ -167,12 +174,10 @@ def make_bodies_together(real: Any, math: str, parts: frozenset[str]) -> Any:
         "rigid-motion",
     }  # particles end with the last displacement to their goals
 
-    def advance(
-        team, member, bands, steps, step, substeps, iterations, even, odd, velocity, weights, arrays, links, own,
-        own_factors, rotation, frames, scratch, parameters, integers, bodies, kinds, contacts, lattices, lattice_frames,
-    ):  # fmt: skip
-        numbers, of_particle, tables, in_order, neighbours, touching, _ = contacts
-        count, clusters, passes = weights.size, arrays.centres.size // 4, steps * substeps
+    def advance(team, member, bands, steps, even, odd, b, links, contacts, lattices):
+        velocity, weights, arrays, rotation, frames = b.velocity, b.weights, b.clusters, b.rotation, b.frames
+        parameters, integers, iterations = b.world.parameters, b.world.integers, steps.iterations
+        count, clusters, passes = weights.size, arrays.centres.size // 4, steps.steps * steps.substeps
         blocks = count // LANES
         travel = arrays.rigid.travel if keeps else weights
         couples = arrays.couples.sums if has_couples else weights
@@ -181,48 +186,33 @@ def make_bodies_together(real: Any, math: str, parts: frozenset[str]) -> Any:
             begin(first, last, count, even, odd, velocity, weights, parameters, integers, travel)
         for n in range(passes):
             before, after = (odd, even) if n % 2 else (even, odd)
-            number, goes_on = step * substeps + n, n < passes - 1
+            number, goes_on = steps.step * steps.substeps + n, n < passes - 1
             if has_contacts:
-                constants, reach, many, sweeps = numbers
-                find(
-                    team, member, bands, after, weights, constants, reach, many, of_particle, tables, in_order, neighbours
-                )  # fmt: skip
+                find(team, member, bands, after, weights, contacts.rows, contacts.search)
                 if keeps:
                     for band in shares(team, member, bands):
-                        clear(band, neighbours, touching)
+                        clear(band, contacts.search.lists, contacts.contacts)
             for iteration in range(iterations):
                 if has_links:
                     sweep_links(team, member, bands, after, weights, before, links, iteration == 0, parameters)
                 if clusters > 0:
                     for band in shares(team, member, bands):
-                        room = row_at(scratch, np.int64(SCRATCH * LANES * band))
+                        room = row_at(b.scratch, np.int64(SCRATCH * LANES * band))
                         stop = clusters * (band + 1) // bands
                         for c in range(clusters * band // bands, stop, LANES):
                             match(c, min(c + LANES, stop), after, count, arrays, rotation, rotation, frames, room)
                 if has_lattices:
                     match_windows(
-                        team, member, bands, after, count, lattices, lattices.rotation, lattice_frames, False
-                    )  # fmt: skip
+                        team, member, bands, after, count, lattices, lattices.rotation, lattices.frames, False
+                    )
                 if clusters > 0 or at_once:
                     for band in shares(team, member, bands):
                         first, last = LANES * (blocks * band // bands), LANES * (blocks * (band + 1) // bands)
-                        move(first, last, after, count, own, own_factors, frames, travel)
+                        move(first, last, after, count, b.own, frames, travel)
                         if at_once and iteration == iterations - 1:
                             rate(first, last, count, before, after, velocity, weights, parameters, travel)
                             if has_bodies:
-                                collide(
-                                    first,
-                                    last,
-                                    count,
-                                    number,
-                                    before,
-                                    after,
-                                    velocity,
-                                    weights,
-                                    parameters,
-                                    bodies,
-                                    kinds,
-                                )
+                                collide(first, last, number, before, after, velocity, weights, b.world)
                             if goes_on:
                                 begin(
                                     first, last, count, after, before, velocity, weights, parameters, integers, travel
@@ -231,23 +221,10 @@ def make_bodies_together(real: Any, math: str, parts: frozenset[str]) -> Any:
                     move_windows(team, member, bands, after, count, lattices)
                 if has_contacts:
                     take_out(
-                        team,
-                        member,
-                        bands,
-                        sweeps,
-                        before,
-                        after,
-                        weights,
-                        constants,
-                        neighbours,
-                        touching,
-                        travel,
-                        couples,
-                    )
+                        team, member, bands, contacts.sweeps, before, after, weights, contacts.rows.record,
+                        contacts.search.lists, contacts.contacts, travel, couples,
+                    )  # fmt: skip
             if not at_once:
-                end(
-                    team, member, bands, number, goes_on, before, after, velocity, weights, arrays, scratch, parameters,
-                    integers, bodies, kinds, contacts,
-                )  # fmt: skip
+                end(team, member, bands, number, goes_on, before, after, b, contacts)
 
     return compiler.team(advance)

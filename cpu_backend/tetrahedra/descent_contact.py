@@ -34,10 +34,10 @@ def make_meeting(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
     @compiled
     def answer(b, p, v, number, parameters, bodies, kinds):
         """Return the velocity after collision."""
-        _, _, _, x, y, z = touch(
-            bodies, kinds, number, parameters, b[0], b[1], b[2], p[0], p[1], p[2], v[0], v[1], v[2]
+        _, velocity = touch(
+            bodies, kinds, number, parameters, (b[0], b[1], b[2]), (p[0], p[1], p[2]), (v[0], v[1], v[2])
         )  # fmt: skip
-        return x, y, z
+        return velocity
 
     @compiled
     def met(k, sums, position, given):

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -23,22 +23,34 @@ from softlab.cpu_backend.tetrahedra.springs import make_springs
 from softlab.model.base.tuples import tuple_of
 from softlab.model.formulas.elastic import descent
 from softlab.model.tetrahedra.descent import CHEBYSHEV, CORNERS, RATE, SCALE, Descent, visited
-from softlab.model.tetrahedra.springs import PARTS, Springs
+from softlab.model.tetrahedra.springs import PARTS, SpringArrays, Springs
 
 ALONE = 8  # vertices of a colour that one thread processes faster than threads can synchronise: a few microseconds
 NOTHING: frozenset[str] = frozenset()
-DescentArrays = tuple[np.ndarray, ...]
+
+
+class DescentArrays(NamedTuple):
+    """Arrays of a material: order, colours' starts and lists of vertices, true for those that fall freely; corners, values
+    and strains of tetrahedra; springs."""
+
+    order: np.ndarray
+    starts: np.ndarray
+    offsets: np.ndarray
+    entries: np.ndarray
+    falls: np.ndarray
+    corners: np.ndarray
+    values: np.ndarray
+    strains: np.ndarray
+    springs: SpringArrays
 
 
 def descent_arrays(found: Descent, real: Any, damped: bool, held: Springs) -> DescentArrays:
-    """Return (order, starts, offsets, entries, falls, corners, values, strains, and those of springs) of a material,
-    the arguments of kernels."""
     count = len(found.corners) if damped else 0
     strains = np.zeros((count, descent.STRAINS), real)
     values = np.ascontiguousarray(found.values, real)
-    return (
+    return DescentArrays(
         found.order, found.starts, found.offsets, found.entries, found.falls, found.corners, values, strains,
-        *held.arrays(real),
+        held.arrays(real),
     )  # fmt: skip
 
 
@@ -77,7 +89,7 @@ def make_visits(real: Any, math: str, material: int, damped: bool, parts: frozen
 
     @compiled
     def remember(first, last, before, arrays):
-        corners, values, strains = arrays[5], arrays[6], arrays[7]
+        corners, values, strains = arrays.corners, arrays.values, arrays.strains
         for t in range(first, last):
             found = held(points_of(before, corners, t, t), values_of(values, t, t, t))
             for n in range(strains.shape[1]):
@@ -85,7 +97,7 @@ def make_visits(real: Any, math: str, material: int, damped: bool, parts: frozen
 
     @compiled
     def start(first, last, before, velocity, inertial, position, arrays, parameters):
-        order, falls = arrays[0], arrays[4]
+        order, falls = arrays.order, arrays.falls
         for k in range(first, last):
             vertex = order[k]
             x, y, z = row(inertial, vertex)
@@ -97,7 +109,8 @@ def make_visits(real: Any, math: str, material: int, damped: bool, parts: frozen
 
     @compiled
     def descend(first, last, position, inertial, arrays, parameters, given):
-        order, _, offsets, entries, _, corners, values, strains, meets, sprung_entries, ends, numbers = arrays
+        order, offsets, entries, corners = arrays.order, arrays.offsets, arrays.entries, arrays.corners
+        values, strains = arrays.values, arrays.strains
         rate = parameters[RATE]
         for k in range(first, last):
             vertex = order[k]
@@ -110,7 +123,7 @@ def make_visits(real: Any, math: str, material: int, damped: bool, parts: frozen
                     element(points_of(position, corners, t, t), values_of(values, t, t, t), old, entries[n] & 3, rate),
                 )
             if sprung:
-                x, y, z, hard, _ = pulled(vertex, position, (meets, sprung_entries, ends, numbers))
+                x, y, z, hard, _ = pulled(vertex, position, arrays.springs)
                 sums = added(sums, (x, y, z, hard, hard, hard, zero, zero, zero))
             if has_bodies:
                 number, before, holds, bodies, kinds = given
@@ -129,7 +142,7 @@ def make_material(compiler: Compiler, visits: Sequence[SimpleNamespace], damped:
     """Make loops over all materials in turn, each with its `visits`.
 
     `prepare(team, member, bands, before, velocity, inertial, position, descents, parameters)` and `sweep(team, member,
-    bands, position, inertial, descents, parameters, given)`; `descents`: the descent_arrays of each.
+    bands, position, inertial, descents, parameters, given)`; `descents`: DescentArrays of each.
     """
     found = SimpleNamespace(prepare=None, sweep=None)
     for number in range(len(visits) - 1, -1, -1):
@@ -148,10 +161,10 @@ def _of_material(
     def prepare(team, member, bands, before, velocity, inertial, position, descents, parameters):
         arrays = descents[number]
         if damped:
-            count = np.int64(arrays[5].shape[0])
+            count = np.int64(arrays.corners.shape[0])
             for part in shares(team, member, bands):
                 remember(count * part // bands, count * (part + 1) // bands, before, arrays)
-        free = np.int64(arrays[1][arrays[1].size - 1])
+        free = np.int64(arrays.starts[arrays.starts.size - 1])
         for part in shares(team, member, bands):
             first, last = free * part // bands, free * (part + 1) // bands
             start(first, last, before, velocity, inertial, position, arrays, parameters)
@@ -161,7 +174,7 @@ def _of_material(
     @compiler.compiled
     def sweep(team, member, bands, position, inertial, descents, parameters, given):
         arrays = descents[number]
-        starts = arrays[1]
+        starts = arrays.starts
         for colour in range(starts.size - 1):
             begin, many = np.int64(starts[colour]), starts[colour + 1] - starts[colour]
             parts = bands if many >= ALONE else 1

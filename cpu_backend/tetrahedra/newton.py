@@ -11,18 +11,8 @@ import numpy as np
 
 from softlab.cpu_backend.core.simulation import QuadsSimulation, chosen_kernel
 from softlab.cpu_backend.position_based.mesh_kernels import ALWAYS
-from softlab.cpu_backend.tetrahedra.newton_arrays import (
-    Coarse,
-    Elements,
-    Groups,
-    Inputs,
-    Matrix,
-    Rows,
-    Solver,
-    Springs,
-    Vectors,
-)
-from softlab.cpu_backend.tetrahedra.newton_steps import DONE, SUMS, make_newton_advance
+from softlab.cpu_backend.tetrahedra.newton_arrays import Coarse, Inputs, Solver, Vectors
+from softlab.cpu_backend.tetrahedra.newton_steps import SUMS, control_type, make_newton_advance
 from softlab.model.core.plan import Executor
 from softlab.model.core.simulation import Options
 from softlab.model.formulas.elastic import newton as passes
@@ -39,6 +29,7 @@ from softlab.model.tetrahedra.newton import (
     stage_vectors,
     stages_of,
 )
+from softlab.model.tetrahedra.newton_arrays import Elements, Matrix
 from softlab.model.tetrahedra.springs import rounding_of, springs
 from softlab.model.tetrahedra.tables import surface_lists
 
@@ -60,21 +51,20 @@ class TetrahedraNewton(QuadsSimulation):
         rows = block_rows(found.tetrahedra, count, held.pairs)
         matrix = ((tetrahedra * BLOCKS + len(held.blocks), 9), (len(rows.columns), 9), (count, 6), (tetrahedra, 12))
         rigid = aggregates(found, rows, self.body.inverse_mass > 0)
-        size = MODES * rigid.count
-        coarse = ((rigid.count, 4), (size, rigid.width), (1, size), (1, size))
+        size = MODES * rigid.number
+        coarse = ((rigid.number, 4), (size, rigid.width), (1, size), (1, size))
         hard = holding(found).astype(real)[:, None]
         groups, vectors = -(-max(count, tetrahedra) // SUMMED), VECTORS + stage_vectors(self.plan.parts)
         corners, values = np.ascontiguousarray(found.tetrahedra, np.int32), element_values(found).astype(real)
         self._solver = Solver(
-            Elements(corners, material_of(found), values), Rows(*rows.arrays), Springs(*held.arrays(real)),
+            Elements(corners, material_of(found), values), rows, held.arrays(real),
             Vectors(*(np.zeros((count, 3), real) for _ in range(vectors))),
             Matrix(*[*(np.zeros(shape, real) for shape in matrix), hard]), np.zeros((SUMS, groups), real),
-            Groups(*rigid.arrays), Coarse(*(np.zeros(shape, real) for shape in coarse)),
+            rigid, Coarse(*(np.zeros(shape, real) for shape in coarse)),
         )  # fmt: skip
         self._solver.matrix.element_blocks[tetrahedra * BLOCKS :] = held.blocks
         self._floor = real(rounding_floor(found, real) + rounding_of(held, found.extent, real))
-        self._control = np.zeros(2 + len(passes.COUNTS), np.int64)
-        self._values, self.done = np.zeros(len(passes.VALUES), real), np.zeros(len(DONE), np.int64)
+        self._control, self.done = np.zeros(1, control_type(real)), np.zeros(len(passes.DONE), np.int64)
         self._allocate(groups)
         self._velocity[:, 3] = found.damping_rates
         self._lists = surface_lists(found, False)
@@ -83,10 +73,10 @@ class TetrahedraNewton(QuadsSimulation):
 
     def _advance(self, step: int, steps: int) -> None:
         method = self.scene.method
-        self._control[:] = 0
+        self._control[...] = 0
         make_newton_advance(self.real, self.options.math, self.plan.parts - ALWAYS)(
             self._bands, steps, step, method.substeps * stages_of(self.scene), method.iterations, self._floor,
             (self._position, self._velocity, self._before),
             Inputs(self.parameters, self.integers, self._lists, self.bodies, self.kinds, self.driven), self._solver,
-            self._control, self._values, self.done,
+            self._control, self.done,
         )  # fmt: skip

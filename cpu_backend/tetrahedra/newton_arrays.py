@@ -6,6 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from softlab.model.tetrahedra.aggregates import Aggregates
+from softlab.model.tetrahedra.block_rows import BlockRows
+from softlab.model.tetrahedra.newton_arrays import Elements, Matrix
+from softlab.model.tetrahedra.springs import SpringArrays
+
 Absent = tuple[()]
 
 
@@ -19,46 +24,6 @@ class Inputs(NamedTuple):
     bodies: np.ndarray
     kinds: np.ndarray
     driven: np.ndarray
-
-
-class Elements(NamedTuple):
-    """Corners (tetrahedra, 4), materials and values (AT_ of model/tetrahedra/newton.py) of tetrahedra."""
-
-    corners: np.ndarray
-    materials: np.ndarray
-    values: np.ndarray
-
-
-class Springs(NamedTuple):
-    """Springs of attachments (model/tetrahedra/springs.py)."""
-
-    meets: np.ndarray
-    entries: np.ndarray
-    corners: np.ndarray
-    values: np.ndarray
-
-
-class Rows(NamedTuple):
-    """Rows of the matrix (model/tetrahedra/block_rows.py)."""
-
-    starts: np.ndarray
-    columns: np.ndarray
-    diagonal: np.ndarray
-    sources: np.ndarray
-    items: np.ndarray
-    meets: np.ndarray
-    corners: np.ndarray
-
-
-class Matrix(NamedTuple):
-    """Blocks of tetrahedra and of springs, blocks of rows, inverses of the diagonal as six numbers, forces at corners,
-    stiffness that holds each particle [N/m]."""
-
-    element_blocks: np.ndarray
-    blocks: np.ndarray
-    inverses: np.ndarray
-    forces: np.ndarray
-    stiffness: np.ndarray
 
 
 class Vectors(NamedTuple):
@@ -79,15 +44,6 @@ class Vectors(NamedTuple):
     first_end: np.ndarray | Absent = ()
 
 
-class Groups(NamedTuple):
-    """Groups of particles of the coarse level (model/tetrahedra/aggregates.py)."""
-
-    starts: np.ndarray
-    members: np.ndarray
-    group_of: np.ndarray
-    reach: np.ndarray
-
-
 class Coarse(NamedTuple):
     """Centres of groups and their scales (groups, 4); the band of the matrix, then of its factor U'U, from the diagonal on
     (6 groups, width); right-hand side, then solution (1, 6 groups); the diagonal before factoring (1, 6 groups)."""
@@ -98,14 +54,25 @@ class Coarse(NamedTuple):
     diagonal: np.ndarray
 
 
+class Since(NamedTuple):
+    """States that dampers resist changes from: 1 / h, positions at the start of the stage, positions at the first stage's
+    start and end, true in the second stage."""
+
+    rate: float
+    before: np.ndarray
+    origin: np.ndarray
+    middle: np.ndarray
+    second: bool
+
+
 class Solver(NamedTuple):
-    """All of the above but `Inputs`, and sums by groups of particles or tetrahedra (2, groups)."""
+    """Arrays besides the state and `Inputs`; `sums`: by groups of particles or tetrahedra (2, groups)."""
 
     elements: Elements
-    rows: Rows
-    springs: Springs
+    rows: BlockRows
+    springs: SpringArrays
     vectors: Vectors
     matrix: Matrix
     sums: np.ndarray
-    groups: Groups
+    groups: Aggregates
     coarse: Coarse

@@ -51,17 +51,17 @@ def make_coarse(compiler: Compiler, real: Any) -> SimpleNamespace:
     @compiled
     def gather(first, last, position, rows, blocks, groups, coarse):
         row_starts, row_columns = rows.starts, rows.columns
-        starts, members, group_of, reach = groups
+        starts, reach = groups.starts, groups.reach
         centres, band = coarse.centres, coarse.band
         for group in range(first, last):
             for i in range(MODES * group, MODES * (group + 1)):
                 for j in range(band.shape[1]):
                     band[i, j] = zero
             for n in range(starts[group], starts[group + 1]):
-                k = members[n]
+                k = groups.members[n]
                 d = arm_of(k, group, position, centres)
                 for b in range(row_starts[k], row_starts[k + 1]):
-                    other = group_of[row_columns[b]]
+                    other = groups.group[row_columns[b]]
                     if other < group or MODES * other > reach[MODES * group]:  # a group of another body
                         continue
                     e = arm_of(row_columns[b], other, position, centres)
@@ -93,7 +93,7 @@ def make_coarse(compiler: Compiler, real: Any) -> SimpleNamespace:
 
     @compiled
     def corrected(k, position, groups, coarse):
-        group, found = groups.group_of[k], coarse.solution
+        group, found = groups.group[k], coarse.solution
         place = MODES * group
         y = (
             found[0, place], found[0, place + 1], found[0, place + 2], found[0, place + 3], found[0, place + 4],

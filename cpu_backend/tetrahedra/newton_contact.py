@@ -33,9 +33,8 @@ def make_contact(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
     @compiled
     def depth(k, number, x, y, z, before, holds, met):
         parameters, bodies, kinds = met
-        p, q, r, _, _, _ = touch(
-            bodies, kinds, number, parameters, before[k, 0], before[k, 1], before[k, 2], x, y, z, zero, zero, zero
-        )  # fmt: skip
+        start = before[k, 0], before[k, 1], before[k, 2]
+        (p, q, r), _ = touch(bodies, kinds, number, parameters, start, (x, y, z), (zero, zero, zero))
         return x - p, y - q, z - r, contact * (holds[k, 0] + inertia_of(parameters.newton_inertia, before[k, 3]))
 
     @compiled

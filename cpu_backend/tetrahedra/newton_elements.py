@@ -17,7 +17,7 @@ def make_elements(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simpl
 
     `look(first, last, points, since, elements, forces, sums)`: energies, and forces on the four corners, of the
     tetrahedra of the groups `first` to before `last` of SUMMED. `blocks(first, last, points, since, elements, safe,
-    found)`: their tangents, in rows of BLOCKS blocks. `elements`: newton_arrays.py; `since`: see `make_damper`.
+    found)`: their tangents, in rows of BLOCKS blocks. `since`: Since of newton_arrays.py.
     """
     compiled = compiler.compiled
     elastic, shape = deformation.make_gradient(real, compiled), tangent.make(real, compiled)
@@ -51,7 +51,6 @@ def make_elements(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simpl
     @compiled
     def look(first, last, points, since, elements, forces, sums):
         corners, materials, values = elements
-        rate, _, _, _, _ = since
         for group in range(first, last):
             total, unsure = zero, zero
             for n in range(group * SUMMED, min((group + 1) * SUMMED, len(corners))):
@@ -62,7 +61,7 @@ def make_elements(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simpl
                 energy = volume * held
                 off = doubt(held, volume, values[n, AT_MU], values[n, AT_LAME], material == HOOKEAN)
                 if damped:
-                    mu, lame = scaled(values[n, AT_DAMPING], rate, values[n, AT_MU], values[n, AT_LAME])
+                    mu, lame = scaled(values[n, AT_DAMPING], since.rate, values[n, AT_MU], values[n, AT_LAME])
                     lost, pull = viscous(n, points, f, rest, since, corners, mu, lame)
                     p = stressed(p, f, pull)
                     energy, off = energy + volume * lost, off + doubt(lost, volume, mu, lame, False)
@@ -89,21 +88,21 @@ def make_elements(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simpl
     @compiled
     def blocks(first, last, points, since, elements, safe, found):
         corners, materials, values = elements
-        rate, _, _, _, _ = since
         for n in range(first * SUMMED, min(last * SUMMED, len(corners))):
             rest = rest_of(values, n)
             f = deformed(points, corners, rest, n)
             s, u, v = frame(f, rotation(f))
             axial, sums, offs = moduli(materials[n], s, values[n, AT_MU], values[n, AT_LAME], values[n, AT_ALPHA], safe)
             weight = values[n, AT_VOLUME]
-            b, c, d = (rest[0], rest[1], rest[2]), (rest[3], rest[4], rest[5]), (rest[6], rest[7], rest[8])
+            xx, xy, xz, yx, yy, yz, zx, zy, zz = rest
+            b, c, d = (xx, xy, xz), (yx, yy, yz), (zx, zy, zz)
             if damped:
-                mu, lame = scaled(values[n, AT_DAMPING], rate, values[n, AT_MU], values[n, AT_LAME])
+                mu, lame = scaled(values[n, AT_DAMPING], since.rate, values[n, AT_MU], values[n, AT_LAME])
                 _, pull = viscous(n, points, f, rest, since, corners, mu, lame)
                 if safe:
                     pull = positive(pull)
                 ff, rows = squared(f), (b, c, d)
-            seen = seen_in(v, b[0], b[1], b[2]), seen_in(v, c[0], c[1], c[2]), seen_in(v, d[0], d[1], d[2])
+            seen = seen_in(v, xx, xy, xz), seen_in(v, yx, yy, yz), seen_in(v, zx, zy, zz)
             place = n * BLOCKS + 4
             for p in range(3):  # a loop, so that a block is compiled once
                 for q in range(p, 3):
@@ -132,8 +131,7 @@ def make_damper(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     """Make viscous(n, points, f, rest, since, corners, mu, lame): (D, N) of tetrahedron n
     (model/formulas/elastic/damper.py).
 
-    `since`: (1 / h, positions at the start of the stage, positions at the first stage's start and end, true in the
-    second stage).
+    `since`: Since of newton_arrays.py.
     """
     compiled, formulas = compiler.compiled, damper.make(real, compiler.compiled)
     gradient, row = deformation.make_gradient(real, compiled).gradient, make_row(compiler)
@@ -159,14 +157,14 @@ def make_damper(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
 
     @compiled
     def viscous(n, points, f, rest, since, corners, mu, lame):
-        _, before, origin, middle, second = since
-        if staged and second:
+        middle = since.middle
+        if staged and since.second:
             e = increment(f, change(n, points, middle, corners, rest))
             a, b, c, d = corners[n, 0], corners[n, 1], corners[n, 2], corners[n, 3]
             f = gradient(row(middle, a), row(middle, b), row(middle, c), row(middle, d), rest)
-            e = beyond(e, increment(f, change(n, middle, origin, corners, rest)))
+            e = beyond(e, increment(f, change(n, middle, since.origin, corners, rest)))
         else:
-            e = increment(f, change(n, points, before, corners, rest))
+            e = increment(f, change(n, points, since.before, corners, rest))
         return resisted(e, mu, lame)
 
     return viscous

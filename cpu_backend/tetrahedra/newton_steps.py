@@ -17,6 +17,7 @@ from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.progress import shares
 from softlab.cpu_backend.core.scratch import cloth_variant
 from softlab.cpu_backend.position_based.mesh_kernels import make_begin, make_end
+from softlab.cpu_backend.tetrahedra.newton_arrays import Since
 from softlab.cpu_backend.tetrahedra.newton_coarse import make_band, make_coarse
 from softlab.cpu_backend.tetrahedra.newton_contact import make_contact
 from softlab.cpu_backend.tetrahedra.newton_elements import make_elements
@@ -27,10 +28,14 @@ from softlab.model.formulas.elastic import stages
 from softlab.model.tetrahedra.newton import DAMPED, STAGED, SUMMED
 
 SUMS = 2
-NEXT, SOLVED, COUNTS = range(3)  # of `control`: next pass, solves done, first counter
-DONE = ("solves", "looks", "matrices", "products", "steps")  # counters of a simulation
-SOLVES, LOOKS, MATRICES, PRODUCTS, STEPS = range(len(DONE))
-SAFE, ALPHA, BETA, SHARE = COUNTS + 1, 5, 6, 7  # of `control`, and of `values` (VALUES)
+
+
+def control_type(real: Any) -> np.dtype:
+    """Return the structured type of what passes leave for the next: its kind, solves done, Counts and Values of
+    formulas/elastic/newton.py."""
+    integers = [(name, np.int64) for name in ("next", "solved", *passes.Counts._fields)]
+    numbers = [(name, real) for name in passes.Values._fields]
+    return np.dtype((np.record, np.dtype([*integers, *numbers], align=True)))
 
 
 def make_substep_ends(
@@ -74,14 +79,13 @@ def make_substep_ends(
     @compiler.compiled
     def begin_groups(first, last, frame, number, state, given, vectors):
         position, velocity, before = state
-        parameters, integers, wind_lists, _, _, _ = given
         low, high = first * SUMMED, min(last * SUMMED, len(position))
         if staged:
             begin_stage(low, high, number, state, given, vectors)
         for k in range(low, high):
             for axis in range(position.shape[1]):
                 before[k, axis] = position[k, axis]
-        begin(low, high, frame, number, before, velocity, position, parameters, integers, wind_lists)
+        begin(low, high, frame, number, before, velocity, position, given.parameters, given.integers, given.wind_lists)
         if has_motion:
             drive_between(low, high, number, state, given)
         target = vectors.target
@@ -93,7 +97,7 @@ def make_substep_ends(
     @compiler.compiled
     def finish_groups(first, last, number, state, given, matrix):
         position, velocity, before = state
-        parameters, _, _, bodies, kinds, _ = given
+        parameters, bodies, kinds = given.parameters, given.bodies, given.kinds
         low, high = first * SUMMED, min(last * SUMMED, len(position))
         update_velocity(low, high, before, position, velocity, parameters)
         if has_motion:
@@ -106,10 +110,10 @@ def make_substep_ends(
 
 
 def make_pass(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
-    """Make one_pass(kind, band, bands, frame, number, safe, alpha, beta, share, state, given, solver): a pass on a
-    band.
+    """Make one_pass(control, band, bands, frame, number, state, given, solver): a pass on a band.
 
-    `state`: (position, velocity, before); `given`: Inputs; `solver`: Solver of newton_arrays.py.
+    `control`: the record of control_type; `state`: (position, velocity, before); `given`: Inputs; `solver`: Solver of
+    newton_arrays.py.
     """
     contact = make_contact(compiler, real, parts)
     elements, of_rows = make_elements(compiler, real, parts), make_matrix_rows(compiler, real, parts, contact)
@@ -125,8 +129,9 @@ def make_pass(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     two_stages = DAMPED in parts and STAGED in parts
 
     @compiler.compiled
-    def matrix_pass(kind, first, last, number, alpha, beta, state, given, solver):
-        _, rows, _, vectors, matrix, sums, groups, coarse = solver
+    def matrix_pass(control, first, last, number, state, given, solver):
+        rows, vectors, matrix, sums = solver.rows, solver.vectors, solver.matrix, solver.sums
+        groups, coarse, kind = solver.groups, solver.coarse, control.next
         position, _, before = state
         if kind == passes.ROWS:
             assemble(first, last, number, position, vectors.target, before, rows, matrix, given, sums)
@@ -135,7 +140,7 @@ def make_pass(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
         elif kind == passes.PRODUCT:
             product(first, last, before, rows, vectors, matrix, sums)
         elif kind == passes.UPDATE:
-            update(first, last, alpha, before, vectors)
+            update(first, last, control.alpha, before, vectors)
         elif kind == passes.CORRECT:
             correct(first, last, position, before, vectors, matrix, groups, coarse, sums)
         elif kind == passes.CENTRES:
@@ -145,7 +150,7 @@ def make_pass(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
         elif kind == passes.RESTRICT:
             restrict(first, last, position, vectors.residual, groups, coarse)
         else:
-            direct(first, last, beta, vectors)
+            direct(first, last, control.beta, vectors)
 
     @compiler.compiled
     def items_of(kind, tetrahedra, particles, groups):
@@ -157,16 +162,16 @@ def make_pass(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
 
     @compiler.compiled
     def since_of(number, before, given, vectors):
-        """Return `since` of make_damper in newton_elements.py."""
         rate = given.parameters.newton_rate
         if two_stages:
-            return rate, before, vectors.first_start, vectors.first_end, number % 2 == 1
-        return rate, before, before, before, False
+            return Since(rate, before, vectors.first_start, vectors.first_end, number % 2 == 1)
+        return Since(rate, before, before, before, False)
 
     @compiler.compiled
-    def one_pass(kind, band, bands, frame, number, safe, alpha, beta, share, state, given, solver):
+    def one_pass(control, band, bands, frame, number, state, given, solver):
         position, _, before = state
         elements, vectors, matrix, sums = solver.elements, solver.vectors, solver.matrix, solver.sums
+        kind = control.next
         many = items_of(kind, len(elements.corners), len(position), len(solver.groups.starts) - 1)
         first, last = many * band // bands, many * (band + 1) // bands
         if kind == passes.BEGIN:
@@ -174,19 +179,12 @@ def make_pass(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
         elif kind == passes.LOOK:
             look(first, last, position, since_of(number, before, given, vectors), elements, matrix.forces, sums)
         elif kind == passes.BLOCKS:
-            blocks(
-                first,
-                last,
-                position,
-                since_of(number, before, given, vectors),
-                elements,
-                safe != 0,
-                matrix.element_blocks,
-            )
+            since = since_of(number, before, given, vectors)
+            blocks(first, last, position, since, elements, control.safe != 0, matrix.element_blocks)
         elif kind == passes.WEIGH:
             weigh(first, last, number, position, before, given, solver)
         elif kind == passes.MOVE:
-            move(first, last, share, position, before, vectors, sums)
+            move(first, last, control.share, position, before, vectors, sums)
         elif kind == passes.ACCEPT:
             accept(first, last, position, vectors)
         elif kind == passes.RETURN:
@@ -196,17 +194,17 @@ def make_pass(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
         elif kind == passes.FINISH:
             finish_groups(first, last, number, state, given, matrix)
         else:
-            matrix_pass(kind, first, last, number, alpha, beta, state, given, solver)
+            matrix_pass(control, first, last, number, state, given, solver)
 
     return one_pass
 
 
 @cache
 def make_newton_advance(real: Any, math: str, parts: frozenset[str]) -> Any:
-    """Compile advance(bands, steps, step, solves, iterations, floor, state, given, solver, control, values, done): many
-    steps in one call.
+    """Compile advance(bands, steps, step, solves, iterations, floor, state, given, solver, control, done): many steps
+    in one call.
 
-    `control` (2 + COUNTS,): the next pass, solves done, counters; `values` (VALUES,); `done` (DONE,) is incremented.
+    `control` (1,): control_type; `done` (DONE,) is incremented.
     """
     compiler = Compiler(cloth_variant("newton", real, math, parts), math)
     one_pass = make_pass(compiler, real, parts)
@@ -232,45 +230,38 @@ def make_newton_advance(real: Any, math: str, parts: frozenset[str]) -> Any:
         return first
 
     @compiler.compiled
-    def go_on(control, values, iterations, floor, particles, solver, done):
-        """Choose the next pass from the sums of the last one."""
-        kind, sums = control[NEXT], solver.sums
+    def go_on(c, iterations, floor, particles, solver, done):
+        """Choose the next pass from the sums of the last one. `c`: the record of control_type."""
+        kind, sums = c.next, solver.sums
         groups = ((len(solver.elements.corners) if kind == passes.LOOK else particles) + SUMMED - 1) // SUMMED
         first = alone(kind, solver, total(sums, 0, groups))
         second = total(sums, 1, groups) if kind == passes.LOOK else zero
-        counts = control[COUNTS], control[COUNTS + 1], control[COUNTS + 2], control[COUNTS + 3], control[COUNTS + 4]
-        kept = (
-            values[0], values[1], values[2], values[3], values[4], values[5], values[6], values[7], values[8],
-            values[9],
-        )  # fmt: skip
-        later, counts, kept = after(kind, counts, kept, first, second, iterations, floor)
-        (control[COUNTS], control[COUNTS + 1], control[COUNTS + 2], control[COUNTS + 3], control[COUNTS + 4]) = counts
-        values[0], values[1], values[2], values[3], values[4], values[5], values[6], values[7], values[8], values[9] = (
-            kept
+        counts = passes.Counts(c.phase, c.safe, c.products, c.steps, c.halvings)
+        values = passes.Values(
+            c.energy, c.trial, c.noise, c.squared, c.enough, c.alpha, c.beta, c.share, c.slope, c.unsure
         )
-        done[LOOKS] += kind == passes.LOOK
-        done[MATRICES] += kind == passes.ROWS
-        done[PRODUCTS] += kind == passes.PRODUCT
+        later, counts, values = after(kind, counts, values, first, second, iterations, floor)
+        c.phase, c.safe, c.products, c.steps, c.halvings = counts
+        c.energy, c.trial, c.noise, c.squared, c.enough, c.alpha, c.beta, c.share, c.slope, c.unsure = values
+        done[passes.LOOKS] += kind == passes.LOOK
+        done[passes.MATRICES] += kind == passes.ROWS
+        done[passes.PRODUCTS] += kind == passes.PRODUCT
         if kind == passes.FINISH:
-            _, _, _, steps, _ = counts
-            done[SOLVES] += 1
-            done[STEPS] += steps
-            control[SOLVED] += 1
-        control[NEXT] = later
+            done[passes.SOLVES] += 1
+            done[passes.STEPS] += counts.steps
+            c.solved += 1
+        c.next = later
 
     def advance(
-        team, member, bands, steps, step, solves, iterations, floor, state, given, solver, control, values, done
+        team, member, bands, steps, step, solves, iterations, floor, state, given, solver, control, done
     ):  # fmt: skip
         position, _, _ = state
-        particles = len(position)
-        while control[SOLVED] < steps * solves:  # it only grows: a late member sees that all is done
+        while control[0].solved < steps * solves:  # it only grows: a late member sees that all is done
             for band in shares(team, member, bands):
-                number = control[SOLVED]
-                one_pass(
-                    control[NEXT], band, bands, step + number // solves, step * solves + number, control[SAFE], values[ALPHA],
-                    values[BETA], values[SHARE], state, given, solver,
-                )  # fmt: skip
+                number = control[0].solved
+                frame, number = step + number // solves, step * solves + number
+                one_pass(control[0], band, bands, frame, number, state, given, solver)
             for _ in shares(team, member, 1):
-                go_on(control, values, iterations, floor, particles, solver, done)
+                go_on(control[0], iterations, floor, len(position), solver, done)
 
     return compiler.team(advance)

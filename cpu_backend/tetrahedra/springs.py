@@ -13,7 +13,7 @@ def make_springs(compiler: Compiler, real: Any) -> SimpleNamespace:
     """Make `pulled(k, position, springs)`: the sum over all springs of particle k, in their order.
 
     It returns the derivative (three numbers), the diagonal of the block, and the energy that particle k counts.
-    `springs`: (meets, entries, corners, values).
+    `springs`: SpringArrays.
     """
     compiled = compiler.compiled
     pull, zero = spring.make(real, compiled).pull, real(0)

@@ -10,6 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 from numba import cuda
 
+from softlab.gpu_backend.fluid.cells import Particles
 from softlab.gpu_backend.fluid.solids import make_sampling, make_solid_kernels
 from softlab.gpu_backend.fluid.solver import Fluid
 from softlab.gpu_backend.fluid.stages import bind_fluid_stages
@@ -89,13 +90,14 @@ class FluidAmongSolids(Fluid):
         """Return the arguments of kernels about particles, whose numbers are `particle`."""
         return self.record, *self.lists, particle, np.int32(self._own), self._kinds
 
-    def sample(self, given: tuple[Any, ...]) -> None:
-        """Write the predicted positions of samples into the predicted arrays `given`."""
-        predicted, before, meant, number = given
+    def sample(self, particles: Particles) -> None:
+        """Write the predicted positions of samples."""
         self.places.take(fresh=True)
         points = *self._points, self.places.before, self.places.position
-        self.sampling.sample[self._flat](number, np.int32(self._own), *points, predicted, before, meant)
-        self.cells.bound(predicted)
+        self.sampling.sample[self._flat](
+            particles.number, np.int32(self._own), *points, particles.position, particles.before, particles.velocity
+        )
+        self.cells.bound(particles.position)
 
     def meet(self, position: Any, particle: Any, world: tuple[Any, ...]) -> None:
         """Store the slots of samples, and compute the factors of particles among them."""
@@ -135,7 +137,7 @@ class FluidAmongSolids(Fluid):
         given = self.predict(self._current, time)
         self._current = now = 1 - self._current
         self.sample(given)
-        self.cells.sort(self.record, given, (self.sorted, self.before, self.meant, self.particle[now]))
+        self.cells.sort(self.record, given, Particles(self.sorted, self.before, self.meant, self.particle[now]))
         self._moment, self._here, self._there = (self.bodies, self.integers, *time), self.sorted, self.corrected
         self.relaxing.find[self._flat](self._here, self.record, *self.near, self.cells.counts)
         self.meet(self._here, self.particle[now], self._moment)

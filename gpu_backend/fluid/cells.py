@@ -17,8 +17,7 @@ caches):
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import cuda
@@ -33,6 +32,15 @@ def cell_bytes(particles: int, cells: int, neighbours: int, item: int) -> int:
     """Return the device memory [bytes] for so many particles, cells and neighbours of a particle; `item`: bytes per
     scalar."""
     return 4 * (5 * particles + 3 * cells + neighbours * particles) + item * BOX * MOST_BOXES
+
+
+class Particles(NamedTuple):
+    """Arrays of particles that the sort moves: positions, positions at the substep's start, velocities (quads), numbers."""
+
+    position: Any
+    before: Any
+    velocity: Any
+    number: Any
 
 
 class Cells:
@@ -73,24 +81,25 @@ class Cells:
         """Compute the bounding boxes of quads, if no other launch has done it."""
         self._sort.bound[self.blocks, THREADS, self._stream](position, self.limit, self.boxes)
 
-    def sort(self, record: Any, given: Sequence[Any], into: Sequence[Any]) -> None:
-        """Sort particles (position, before, velocity: quads; number: int32), whose boxes are known, into the order of
-        cells."""
+    def sort(self, record: Any, particles: Particles, into: Particles) -> None:
+        """Sort particles, whose boxes are known, into the order of cells."""
         kernels, flat, stream = self._sort, self._flat, self._stream
         kernels.span[1, THREADS, stream](self.boxes, record, self._most, self.reals, self.numbers)
         hashed = self._keys, self._slots, self._counts
         if self._flow is None:
-            kernels.hash_particles[flat](given[0], self.reals, self.numbers, *hashed)
+            kernels.hash_particles[flat](particles.position, self.reals, self.numbers, *hashed)
         else:
             ends = self._flow.sinks, self._flow.there
-            self._flow.kernels.take[flat](given[0], given[-1], self.reals, self.numbers, *ends, *hashed)
+            self._flow.kernels.take[flat](
+                particles.position, particles.number, self.reals, self.numbers, *ends, *hashed
+            )
         kernels.chunks[self._chunks, THREADS, stream](self._counts, self.numbers, self._starts, self._totals)
         kernels.totals[1, THREADS, stream](self.numbers, self._totals)
-        counted = self._keys, self._slots, given[-1], self._starts, self._totals, self.numbers, self._counts
+        counted = self._keys, self._slots, particles.number, self._starts, self._totals, self.numbers, self._counts
         kernels.fill[flat](*counted, self.begins, self._filled)
-        kernels.arrange[flat](self._keys, self.begins, self._filled, *given, *into, self.sorted_keys)
+        kernels.arrange[flat](self._keys, self.begins, self._filled, *particles, *into, self.sorted_keys)
         if self._flow is not None:
-            self._flow.kernels.rest[1, 1, stream](self.numbers, into[-1], self.found)
+            self._flow.kernels.rest[1, 1, stream](self.numbers, into.number, self.found)
 
     @property
     def lost(self) -> int:

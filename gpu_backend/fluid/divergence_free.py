@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from softlab.gpu_backend.fluid.cells import Particles
 from softlab.gpu_backend.fluid.divergence import make_solve, make_targets
 from softlab.gpu_backend.fluid.divergence_motion import make_free_motion
 from softlab.gpu_backend.fluid.smoothing import make_smoothing
@@ -39,19 +40,19 @@ class DivergenceFree:
         parts = self.sim.plan.parts
         return 7 + 4 * self.sim.scene.method.iterations + bool(parts & SMOOTHING) + bool(parts & SHAPES)
 
-    def gather(self, current: int) -> tuple[Any, ...]:
+    def gather(self, current: int) -> Particles:
         """Copy the state `current` into its periodic box, unsorted (see Cells.sort)."""
         sim, position = self.sim, self.sim.position[current]
         if sim.repeats:
             position = sim.position[1 - current]
             self.motion.gather[sim._flat](sim.position[current], sim.record, position)
         sim.cells.bound(position)
-        return position, position, sim.velocity[current], sim.particle[current]
+        return Particles(position, position, sim.velocity[current], sim.particle[current])
 
-    def sort(self, given: tuple[Any, ...], particle: Any) -> None:
+    def sort(self, given: Particles, particle: Any) -> None:
         """Sort into `sorted`, `before`, `meant` and `particle`."""
         sim = self.sim
-        sim.cells.sort(sim.record, given, (sim.sorted, sim.before, sim.meant, particle))
+        sim.cells.sort(sim.record, given, Particles(sim.sorted, sim.before, sim.meant, particle))
 
     def search(self, world: tuple[Any, ...]) -> None:
         """Build neighbour lists and factors. `world`: bodies, integers, counter, place, substeps, substep."""
@@ -155,7 +156,7 @@ class DivergenceFree:
     def stages(self) -> dict[str, StageRun]:
         """Return the function that runs each stage of the plan; the state stays in its buffer."""
         sim, start = self.sim, self.sim.on_device(np.zeros(1, np.int64))
-        scratch, given = (sim.position[1], sim.velocity[1]), {"now": ()}
+        scratch, given = (sim.position[1], sim.velocity[1]), dict[str, Particles]()
 
         def time(moment: Moment) -> tuple[Any, ...]:
             return start, np.int64(moment.step), np.int64(moment.substeps), np.int64(moment.substep)

@@ -168,15 +168,15 @@ def _make_searching(
         particles, there = extent(found)
         if k < there:
             parameters, p = record[0], load_quad(position, k)
-            count, sums = search_and_sum(
+            count, (gx, gy, gz, own, total) = search_and_sum(
                 k, p, position, parameters, keys[k], numbers, begins, table, particles, beyond, weights_of(fluids)
             )
             found[k] = count
             _, number = clock(counter, place, substeps, substep)
             wall = meet_walls(k, p, gradients, World(parameters, bodies, integers), number)
-            factor = factor_of(p, sums, wall, fluids, parameters)
+            factor = factor_of(p, (gx, gy, gz, own), wall, fluids, parameters)
             factors[k] = factor
-            delta = relax(k, sums[4], wall[0], factor, multipliers, constraints, parameters, True)
+            delta = relax(k, total, wall[0], factor, multipliers, constraints, parameters, True)
             store_quad(into, k, p[0], p[1], p[2], delta)
 
     return make_kernels((find, prepare), f"fluid_{variant_name(*variant, repeats)}", **kernel_options(math))

@@ -48,11 +48,11 @@ def make_sampling(real: Any, math: str) -> SimpleNamespace:
     def sample(number, fluids, corners, shares, began, solid, predicted, before, meant):
         k = np.int32(cuda.grid(1))
         if k < number.size and number[k] >= fluids:
-            s, kept = np.int32(number[k] - fluids), load_quad(predicted, k)
+            s, old = np.int32(number[k] - fluids), load_quad(predicted, k)
             x, y, z = point(s, corners, shares, solid)
-            store_quad(predicted, k, x, y, z, kept[3])
+            store_quad(predicted, k, x, y, z, old[3])
             x, y, z = point(s, corners, shares, began)
-            store_quad(before, k, x, y, z, kept[3])
+            store_quad(before, k, x, y, z, old[3])
             store_quad(meant, k, zero, zero, zero, zero)
 
     def gather(number, fluids, slots):

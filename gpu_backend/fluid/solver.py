@@ -18,7 +18,7 @@ from softlab.gpu_backend.core.quads import SIZE
 from softlab.gpu_backend.core.simulation import NOTHING_BAD
 from softlab.gpu_backend.core.substeps import SubstepSimulation, launched_kernel
 from softlab.gpu_backend.fluid import divergence_free
-from softlab.gpu_backend.fluid.cells import Cells, cell_bytes
+from softlab.gpu_backend.fluid.cells import Cells, Particles, cell_bytes
 from softlab.gpu_backend.fluid.extent import FLOWS
 from softlab.gpu_backend.fluid.flow import Flow
 from softlab.gpu_backend.fluid.kernels import WALL, make_density_kernels
@@ -137,7 +137,7 @@ class Fluid(SubstepSimulation):
 
     # ------------------------------------------------------------------ a step
 
-    def predict(self, current: int, time: tuple[Any, ...]) -> tuple[Any, ...]:
+    def predict(self, current: int, time: tuple[Any, ...]) -> Particles:
         """Predict from the state `current`, into the other buffer and `corrected`. Returns (predicted, before, meant,
         numbers), unsorted. `time`: counter, place, substeps, substep."""
         other = 1 - current
@@ -148,7 +148,7 @@ class Fluid(SubstepSimulation):
             self.fluids, self.bodies, self.integers, *time, predicted, self.corrected, meant, self.cells.boxes,
             self.cells.counts,
         )  # fmt: skip
-        return predicted, before, meant, self.particle[current]
+        return Particles(predicted, before, meant, self.particle[current])
 
     @property
     def lists(self) -> tuple[Any, Any]:
@@ -172,7 +172,7 @@ class Fluid(SubstepSimulation):
             self.flow.emit(self.position[now], self.velocity[now], self.particle[now], time)
         given, flat, relaxing = self.predict(self._current, time), self._flat, self.relaxing
         self._current = now = 1 - self._current
-        self.cells.sort(self.record, given, (self.sorted, self.before, self.meant, self.particle[now]))
+        self.cells.sort(self.record, given, Particles(self.sorted, self.before, self.meant, self.particle[now]))
         world, a, b = (self.bodies, self.integers, *time), self.corrected, self.sorted
         relaxing.prepare[flat](
             b, self.record, *self.near, self.cells.counts, *self.relaxed, self.fluids, *world, a

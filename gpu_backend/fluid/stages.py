@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from softlab.gpu_backend.fluid.cells import Particles
 from softlab.model.core.plan import Moment, StageRun
 
 
@@ -38,7 +39,7 @@ def bind_fluid_stages(sim: Any) -> Bound:
         now["given"] = sim.predict(0, time(moment))
 
     def sort(moment: Moment) -> None:
-        into = sim.sorted, sim.before, sim.meant, sim.particle[1]
+        into = Particles(sim.sorted, sim.before, sim.meant, sim.particle[1])
         cells.sort(sim.record, now["given"], into)
         sim.particle[0].copy_to_device(sim.particle[1], stream=sim.stream)
         now["position"], now["other"] = sim.sorted, sim.corrected

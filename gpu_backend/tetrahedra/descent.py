@@ -80,7 +80,7 @@ class VertexBlockDescent(Tetrahedra):
         damped, real, count = DAMPED in self.plan.parts, self.real, np.int32(len(found.corners))
         kernels = make_visits(real, self.options.math, found.number, damped, visited(self.plan.parts))
         corners, values = self.on_device(pack(found.corners)), self.on_device(pack(found.values.astype(real)))
-        lists = tuple(self.on_device(one) for one in (found.order, found.offsets, found.entries))
+        order, offsets, entries = map(self.on_device, (found.order, found.offsets, found.entries))
         strains = self.on_device(np.zeros(STRAINS * len(found.corners) if damped else 1, real))
         all_of, every = self._over(len(found.corners), THREADS), np.int32(len(found.order))
         each, falls = self._over(len(found.order), THREADS), self.on_device(found.falls)
@@ -89,14 +89,16 @@ class VertexBlockDescent(Tetrahedra):
             kernels.remember[all_of](before, corners, values, strains, count)
 
         def start(before: Any, velocity: Any, position: Any, time: Any) -> None:
-            kernels.start[each](before, velocity, self._inertial, position, lists[0], falls, every, self.record)
+            kernels.start[each](before, velocity, self._inertial, position, order, falls, every, self.record)
 
         def descend(first: int, stop: int) -> Launch:
             launch, bounds = self._over(stop - first, THREADS), (np.int32(first), np.int32(stop), count)
             return lambda before, velocity, position, time: kernels.descend[launch](
                 position,
                 self._inertial,
-                *lists,
+                order,
+                offsets,
+                entries,
                 corners,
                 values,
                 strains,

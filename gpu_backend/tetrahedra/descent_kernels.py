@@ -23,7 +23,7 @@ from softlab.gpu_backend.tetrahedra.springs import make_pulled
 from softlab.model.base.tuples import each_of, tuple_of
 from softlab.model.formulas.elastic import chebyshev, descent
 from softlab.model.tetrahedra.descent import CORNERS, RATE, SCALE
-from softlab.model.tetrahedra.springs import PARTS
+from softlab.model.tetrahedra.springs import PARTS, SpringArrays
 
 NOTHING: frozenset[str] = frozenset()
 
@@ -128,7 +128,7 @@ def make_visits(real: Any, math: str, material: int, damped: bool, parts: frozen
                 points = points_of(position, corners, count, t)
                 sums = added(sums, element(points, values_of(values, count, t), old, corner, rate))
             if sprung:
-                x, y, z, hard, _ = pulled(vertex, position, meets, sprung_entries, ends, numbers)
+                x, y, z, hard, _ = pulled(vertex, position, SpringArrays(meets, sprung_entries, ends, numbers))
                 sums = added(sums, (x, y, z, hard, hard, hard, zero, zero, zero))
             p = load_quad(position, vertex)
             if has_bodies:

@@ -14,14 +14,15 @@ from softlab.gpu_backend.core.cooperative import Cooperative
 from softlab.gpu_backend.core.driven import DrivenSimulation
 from softlab.gpu_backend.core.quads import SIZE
 from softlab.gpu_backend.core.sheet import make_cloth_tools, make_mesh_tools
-from softlab.gpu_backend.tetrahedra.newton_kernel import DONE, WORKING, Lists, make_newton, packed
+from softlab.gpu_backend.tetrahedra.newton_kernel import WORKING, make_newton, packed
 from softlab.gpu_backend.tetrahedra.newton_sums import THREADS, UNIT
 from softlab.model.contact.cloth_parameters import PIN_FIELDS
 from softlab.model.core.options import unknown_kernel
 from softlab.model.core.plan import Executor
 from softlab.model.core.simulation import Options
+from softlab.model.formulas.elastic.newton import DONE
 from softlab.model.scene.scene import Scene
-from softlab.model.tetrahedra.aggregates import Couplings, aggregates, couplings
+from softlab.model.tetrahedra.aggregates import aggregates, couplings
 from softlab.model.tetrahedra.block_rows import BLOCKS, block_rows
 from softlab.model.tetrahedra.constraints import ITERATED
 from softlab.model.tetrahedra.material import material_of
@@ -58,26 +59,20 @@ class TetrahedraNewton(DrivenSimulation):
         self._springs = springs(found, "newton")
         rows = block_rows(found.tetrahedra, count, self._springs.pairs)
         groups = aggregates(found, rows, self.body.inverse_mass > 0)
-        pairs: Couplings = couplings(groups, rows)
-        self._tables = Lists._make(
-            (
-                found.tetrahedra,
-                material_of(found),
-                *rows.arrays,
-                *groups.arrays,
-                *vars(pairs).values(),
-                np.zeros(count if "motion" in self.plan.parts else 0, np.int32),
-                *self._springs.arrays(self.real)[:3],
-            )
-        )
+        pairs = couplings(groups, rows)
+        self._pins, held = np.zeros(count if "motion" in self.plan.parts else 0, np.int32), self._springs
+        self._tables = (
+            found.tetrahedra, material_of(found), *rows, *groups, *pairs, self._pins, held.meets, held.entries,
+            held.corners,
+        )  # fmt: skip
         tetrahedra, blocks, size = len(found.tetrahedra), len(rows.columns), len(groups.reach)
-        parts = max(-(-max(count, tetrahedra) // SUMMED), groups.count)
+        parts = max(-(-max(count, tetrahedra) // SUMMED), groups.number)
         self._sizes = (  # of the work arrays, in the kernel's order
             9 * (BLOCKS * tetrahedra + len(self._springs.blocks)), 9 * blocks, 6 * count, 4 * SIZE * tetrahedra,
         )  # fmt: skip
         inverse = int(pairs.places[-1]) if self.options.math != "exact" else 0
-        self._coarse_sizes = SIZE * groups.count, size * groups.width, 3 * size, inverse
-        self._sum_size, self._most_blocks = 4 * parts, max(-(-tetrahedra // UNIT), -(-count // SUMMED), groups.count)
+        self._coarse_sizes = SIZE * groups.number, size * groups.width, 3 * size, inverse
+        self._sum_size, self._most_blocks = 4 * parts, max(-(-tetrahedra // UNIT), -(-count // SUMMED), groups.number)
 
     def _require_space(self) -> None:
         item, found = np.dtype(self.real).itemsize, self.scene.tetrahedra_set
@@ -91,7 +86,7 @@ class TetrahedraNewton(DrivenSimulation):
         self._weight = (self.body.inverse_mass * scene.grid.mass).astype(real)
         self._fourth = found.damping_rates.astype(real)
         if self._first_pin:
-            self._tables.pins[self.body.pinned] = self._first_pin + PIN_FIELDS * np.arange(len(self.body.pinned))
+            self._pins[self.body.pinned] = self._first_pin + PIN_FIELDS * np.arange(len(self.body.pinned))
         self._lists = [self.on_device(array) for array in surface_lists(found, False)]
 
         def room(size: int) -> Any:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from functools import cache
 from types import SimpleNamespace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numba import cuda
@@ -27,23 +27,6 @@ ENTRIES = MODES * MODES
 assert max((TILE + 1) * ENTRIES, TEAMS * MODES * MOST, TEAMS * MODES * TEAM) <= ROOM
 
 
-class Coarse(NamedTuple):
-    """Arrays of the coarse level.
-
-    Centres of the groups with their scales (quads); the band of the matrix, then of its factor, `width` numbers per row
-    from the diagonal on; for each row the inverse of the factor's diagonal, the matrix's diagonal, the right-hand side
-    and solution; in `fast` math the inverses of the bodies' matrices, one after the other.
-    """
-
-    centres: Any
-    band: Any
-    pivots: Any
-    entries: Any
-    solved: Any
-    inverse: Any
-    width: Any
-
-
 @cache
 def make_arm(real: Any, math: str) -> Any:
     """Make arm_of(k, group, v, coarse): the vector to particle k from the group's centre."""
@@ -59,12 +42,12 @@ def make_arm(real: Any, math: str) -> Any:
 
 @cache
 def make_coarse(real: Any, math: str) -> SimpleNamespace:
-    """Make `centre(group, v, lists, coarse, shared)`, `restrict(group, ...)`, for a team, and `corrected(k, v, lists,
-    coarse)`: three numbers to add at particle k."""
+    """Make `centre(group, solver, shared)`, `restrict(group, solver, shared)`, for a team, and `corrected(k,
+    solver)`: three numbers to add at particle k."""
     inline, formulas = inlined(math), device_formulas(formulas_of.make, real, math)
     scale_of, arm, moment, motion = formulas.scale_of, formulas.arm, formulas.moment, formulas.motion
     dot, arm_of, sums = device_formulas(solving.make, real, math).dot, make_arm(real, math), make_sums(real, math)
-    meet_team, add_team = sums.meet_team, sums.add_team
+    meet_team, add_team, load_six = sums.meet_team, sums.add_team, make_block_access(math).load_six
     zero, one, next_one, none = real(0), real(1), np.int32(1), np.int32(0)
     team, modes = np.int32(TEAM), np.int32(MODES)
     room, one_lane, three = np.int32(MODES * TEAM), np.int32(1), np.int32(3)
@@ -76,14 +59,15 @@ def make_coarse(real: Any, math: str) -> SimpleNamespace:
         return np.int32(t % team), np.int32(t // team * room)
 
     @inline
-    def centre(group, v, lists, coarse, shared):
+    def centre(group, solver, shared):
+        v, coarse = solver.vectors, solver.coarse
         lane, base = place_of()
-        first, last = lists.group_starts[group], lists.group_starts[group + next_one]
+        first, last = solver.groups.starts[group], solver.groups.starts[group + next_one]
         count, running = real(last - first), zero
         for begin in range(first, last, team):
             x, y, z = zero, zero, zero
             if begin + lane < last:
-                p = load_quad(v.position, lists.members[begin + lane])
+                p = load_quad(v.position, solver.groups.members[begin + lane])
                 x, y, z = p[0], p[1], p[2]
             shared[base + lane], shared[base + team + lane], shared[base + 2 * team + lane] = x, y, z
             running = add_team(shared, base, three, lane, running)
@@ -96,7 +80,7 @@ def make_coarse(real: Any, math: str) -> SimpleNamespace:
         for begin in range(first, last, team):
             squared = zero
             if begin + lane < last:
-                p = load_quad(v.position, lists.members[begin + lane])
+                p = load_quad(v.position, solver.groups.members[begin + lane])
                 p, q, r = arm(p[0], p[1], p[2], cx, cy, cz, one)
                 squared = dot(p, q, r, p, q, r)
             shared[base + lane] = squared
@@ -108,13 +92,14 @@ def make_coarse(real: Any, math: str) -> SimpleNamespace:
             coarse.band[modes * group * width + n] = zero
 
     @inline
-    def restrict(group, v, lists, coarse, shared):
+    def restrict(group, solver, shared):
+        v, coarse = solver.vectors, solver.coarse
         lane, base = place_of()
-        first, last, running = lists.group_starts[group], lists.group_starts[group + next_one], zero
+        first, last, running = solver.groups.starts[group], solver.groups.starts[group + next_one], zero
         for begin in range(first, last, team):
             a, b, c, d, e, f = zero, zero, zero, zero, zero, zero
             if begin + lane < last:
-                k = lists.members[begin + lane]
+                k = solver.groups.members[begin + lane]
                 r = load_quad(v.residual, k)
                 a, b, c, d, e, f = moment(arm_of(k, group, v, coarse), r[0], r[1], r[2])
             at = np.int32(base + lane)
@@ -125,37 +110,37 @@ def make_coarse(real: Any, math: str) -> SimpleNamespace:
             coarse.solved[modes * group + lane] = running
 
     @inline
-    def corrected(k, v, lists, coarse):
-        group, found = lists.group[k], coarse.solved
-        at = np.int32(modes * group)
-        y = found[at], found[at + 1], found[at + 2], found[at + 3], found[at + 4], found[at + 5]
-        return motion(arm_of(k, group, v, coarse), y)
+    def corrected(k, solver):
+        group, coarse = solver.groups.group[k], solver.coarse
+        y = load_six(coarse.solved, np.int32(modes * group), next_one)
+        return motion(arm_of(k, group, solver.vectors, coarse), y)
 
     return SimpleNamespace(centre=centre, restrict=restrict, corrected=corrected)
 
 
 @cache
 def make_couple(real: Any, math: str) -> Any:
-    """Make couple(pair, v, matrix, lists, coarse, shared): for a block, the coupling of two groups by the matrix."""
+    """Make couple(pair, solver, shared): for a block, the coupling of two groups by the matrix."""
     inline, columns = inlined(math), device_formulas(formulas_of.make, real, math).columns
     load_block, arm_of = make_block_access(math).load_block, make_arm(real, math)
     zero, next_one, none = real(0), np.int32(1), np.int32(0)
     modes, tile, entries = np.int32(MODES), np.int32(TILE), np.int32(ENTRIES)
 
     @inline
-    def couple(pair, v, matrix, lists, coarse, shared):
+    def couple(pair, solver, shared):
+        v, coarse = solver.vectors, solver.coarse
         t, threads = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x)
-        group, other, width = lists.pair_first[pair], lists.pair_second[pair], coarse.width
-        first, last = lists.pair_starts[pair], lists.pair_starts[pair + next_one]
+        group, other, width = solver.pairs.first[pair], solver.pairs.second[pair], coarse.width
+        first, last = solver.pairs.starts[pair], solver.pairs.starts[pair + next_one]
         for e in range(t, entries, threads):
             shared[tile * entries + e] = zero
         for begin in range(first, last, tile):
             many = np.int32(min(tile, np.int32(last - begin)))
             cuda.syncthreads()
             for n in range(t, many, threads):
-                b = lists.pair_blocks[begin + n]
-                d, e = arm_of(lists.block_row[b], group, v, coarse), arm_of(lists.columns[b], other, v, coarse)
-                found = columns(d, e, load_block(matrix.blocks, b))
+                b = solver.pairs.blocks[begin + n]
+                d, e = arm_of(solver.pairs.row[b], group, v, coarse), arm_of(solver.rows.columns[b], other, v, coarse)
+                found = columns(d, e, load_block(solver.matrix.blocks, b))
                 for j in range(MODES):
                     for i in range(MODES):
                         shared[(modes * i + j) * tile + n] = found[j][i]
@@ -179,7 +164,7 @@ def make_couple(real: Any, math: str) -> Any:
 
 @cache
 def make_band(real: Any, math: str) -> SimpleNamespace:
-    """Make `factor(body, lists, coarse)` and `solve(body, lists, coarse, shared)`.
+    """Make `factor(body, solver)` and `solve(body, solver, shared)`.
 
     `factor`: for a block; 1 if the body's coarse matrix is not positive, else 0. `solve`: for a team; every entry is
     updated in the order of the CPU.
@@ -196,12 +181,13 @@ def make_band(real: Any, math: str) -> SimpleNamespace:
     )
 
     @inline
-    def factor(body, lists, coarse):
+    def factor(body, solver):
+        coarse = solver.coarse
         t, threads = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x)
         band, width, bad, last_inverse, last_many = coarse.band, coarse.width, zero, zero, none
-        for k in range(modes * lists.bodies[body], modes * lists.bodies[body + next_one]):
+        for k in range(modes * solver.pairs.bodies[body], modes * solver.pairs.bodies[body + next_one]):
             cuda.syncthreads()
-            row, many = np.int32(k * width), np.int32(lists.reach[k] - k)
+            row, many = np.int32(k * width), np.int32(solver.groups.reach[k] - k)
             inverse, negative = pivot(band[row], coarse.entries[k])
             if negative:
                 bad = one
@@ -218,16 +204,20 @@ def make_band(real: Any, math: str) -> SimpleNamespace:
         return bad
 
     @inline
-    def solve(body, lists, coarse, shared):
+    def solve(body, solver, shared):
+        coarse = solver.coarse
         t = np.int32(cuda.threadIdx.x)
         lane, base = np.int32(t % team), np.int32(t // team * room)
         band, width = coarse.band, coarse.width
-        first, last = np.int32(modes * lists.bodies[body]), np.int32(modes * lists.bodies[body + next_one])
+        first, last = (
+            np.int32(modes * solver.pairs.bodies[body]),
+            np.int32(modes * solver.pairs.bodies[body + next_one]),
+        )
         for k in range(first + lane, last, team):
             shared[base + k - first] = coarse.solved[k]
         meet_team()
         for k in range(first, last):
-            at, row, many = np.int32(base + k - first), np.int32(k * width), np.int32(lists.reach[k] - k)
+            at, row, many = np.int32(base + k - first), np.int32(k * width), np.int32(solver.groups.reach[k] - k)
             y = times(coarse.pivots[k], shared[at])
             for j in range(lane + next_one, many + next_one, team):
                 shared[at + j] = moved(shared[at + j], -y, band[row + j])
@@ -240,7 +230,7 @@ def make_band(real: Any, math: str) -> SimpleNamespace:
             at = np.int32(base + k - first)
             y = times(coarse.pivots[k], shared[at])
             i = np.int32(k - next_one - lane)
-            while i >= first and lists.reach[i] >= k:
+            while i >= first and solver.groups.reach[i] >= k:
                 shared[base + i - first] = moved(shared[base + i - first], -y, band[i * width + k - i])
                 i = np.int32(i - team)
             meet_team()

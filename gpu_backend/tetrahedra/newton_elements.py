@@ -24,8 +24,8 @@ from softlab.model.tetrahedra.newton import AT_ALPHA, AT_DAMPING, AT_LAME, AT_MU
 
 @cache
 def make_block_access(math: str) -> SimpleNamespace:
-    """Make `load_block(array, place)`, `store_block(array, place, m)`: nine numbers, by rows; `transposed(m)`;
-    `added(a, b)`."""
+    """Make `load_block(array, place)`, `store_block(array, place, m)`: nine numbers, by rows; `load_six(array,
+    first, step)`; `transposed(m)`; `added(a, b)`."""
     inline = inlined(math)
     nine = np.int32(9)
 
@@ -44,6 +44,14 @@ def make_block_access(math: str) -> SimpleNamespace:
         array[k + 5], array[k + 6], array[k + 7], array[k + 8] = m[5], m[6], m[7], m[8]
 
     @inline
+    def load_six(array, first, step):
+        """Return six numbers that are `step` apart."""
+        return (
+            array[first], array[step + first], array[2 * step + first], array[3 * step + first], array[4 * step + first],
+            array[5 * step + first],
+        )  # fmt: skip
+
+    @inline
     def transposed(m):
         return m[0], m[3], m[6], m[1], m[4], m[7], m[2], m[5], m[8]
 
@@ -54,7 +62,9 @@ def make_block_access(math: str) -> SimpleNamespace:
             a[8] + b[8],
         )  # fmt: skip
 
-    return SimpleNamespace(load_block=load_block, store_block=store_block, transposed=transposed, added=added)
+    return SimpleNamespace(
+        load_block=load_block, store_block=store_block, load_six=load_six, transposed=transposed, added=added
+    )
 
 
 @cache
@@ -123,7 +133,7 @@ def make_damper(real: Any, math: str, parts: frozenset[str]) -> Any:
 
 @cache
 def make_look(real: Any, math: str, parts: frozenset[str]) -> Any:
-    """Make look(n, count, v, corners, materials, values, rate, number, forces) -> (energy, its rounding error) [J].
+    """Make look(n, count, solver, rate, number) -> (energy, its rounding error) [J].
 
     It also writes the forces at the four corners of tetrahedron n of `count`; all three include dampers. `rate`: 1 / h,
     of the solve `number`.
@@ -148,7 +158,8 @@ def make_look(real: Any, math: str, parts: frozenset[str]) -> Any:
         store_quad(forces, place, x, y, z, zero)
 
     @inline
-    def look(n, count, v, corners, materials, values, rate, number, forces):
+    def look(n, count, solver, rate, number):
+        v, forces, (corners, materials, values) = solver.vectors, solver.matrix.forces, solver.elements
         material, rest, volume = materials[n], rest_of(values, n, count, n), values[AT_VOLUME * count + n]
         mu, lame = values[AT_MU * count + n], values[AT_LAME * count + n]
         f = deformed(n, v.position, corners, rest)
@@ -175,7 +186,7 @@ def make_look(real: Any, math: str, parts: frozenset[str]) -> Any:
 
 @cache
 def make_blocks(real: Any, math: str, parts: frozenset[str]) -> Any:
-    """Make blocks(n, count, v, corners, materials, values, rate, number, safe, found): the tangent of tetrahedron n of
+    """Make blocks(n, count, solver, rate, number, safe): the tangent of tetrahedron n of
     `count`, BLOCKS blocks, including dampers."""
     inline, every = inlined(math), np.int32(BLOCKS)
     rotation, shape = device_formulas(deformation.make_rotation, real, math), device_formulas(tangent.make, real, math)
@@ -202,14 +213,16 @@ def make_blocks(real: Any, math: str, parts: frozenset[str]) -> Any:
         return negative(added(added(a, b), c))
 
     @inline
-    def blocks(n, count, v, corners, materials, values, rate, number, safe, found):
+    def blocks(n, count, solver, rate, number, safe):
+        v, found, (corners, materials, values) = solver.vectors, solver.matrix.element_blocks, solver.elements
         rest, weight = rest_of(values, n, count, n), values[AT_VOLUME * count + n]
         mu, lame = values[AT_MU * count + n], values[AT_LAME * count + n]
         f = deformed(n, v.position, corners, rest)
         s, u, w = frame(f, rotation(f))
         axial, sums, offs = moduli(materials[n], s, mu, lame, values[AT_ALPHA * count + n], safe)
-        b, c, d = (rest[0], rest[1], rest[2]), (rest[3], rest[4], rest[5]), (rest[6], rest[7], rest[8])
-        p, q, r = seen_in(w, b[0], b[1], b[2]), seen_in(w, c[0], c[1], c[2]), seen_in(w, d[0], d[1], d[2])
+        xx, xy, xz, yx, yy, yz, zx, zy, zz = rest
+        b, c, d = (xx, xy, xz), (yx, yy, yz), (zx, zy, zz)
+        p, q, r = seen_in(w, xx, xy, xz), seen_in(w, yx, yy, yz), seen_in(w, zx, zy, zz)
         bb, bc = block(u, axial, sums, offs, p, p), block(u, axial, sums, offs, p, q)
         bd, cc = block(u, axial, sums, offs, p, r), block(u, axial, sums, offs, q, q)
         cd, dd = block(u, axial, sums, offs, q, r), block(u, axial, sums, offs, r, r)

@@ -8,9 +8,10 @@ a fast block begins the next pass while a slow one still reads them.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache
 from types import SimpleNamespace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numba import cuda
@@ -21,7 +22,7 @@ from softlab.gpu_backend.core.integers import knows_time
 from softlab.gpu_backend.core.meeting import make_meet
 from softlab.gpu_backend.core.quads import SIZE
 from softlab.gpu_backend.core.world import World
-from softlab.gpu_backend.tetrahedra.newton_coarse import Coarse
+from softlab.gpu_backend.tetrahedra.newton_arrays import Coarse, Solver, Vectors
 from softlab.gpu_backend.tetrahedra.newton_passes import (
     BACK,
     FACTOR,
@@ -30,7 +31,6 @@ from softlab.gpu_backend.tetrahedra.newton_passes import (
     make_quick_passes,
     make_unit_passes,
 )
-from softlab.gpu_backend.tetrahedra.newton_rows import Matrix, Vectors
 from softlab.gpu_backend.tetrahedra.newton_sums import ROOM, THREADS, UNIT, make_sums
 from softlab.model.formulas.elastic import newton
 from softlab.model.formulas.elastic.newton import (
@@ -42,64 +42,42 @@ from softlab.model.formulas.elastic.newton import (
     DIRECTION,
     FINISH,
     LOOK,
+    LOOKS,
+    MATRICES,
     MOVE,
     PRODUCT,
+    PRODUCTS,
     RESTRICT,
     ROWS,
     SOLVE,
+    SOLVES,
+    STEPS,
     UPDATE,
     WEIGH,
+    Counts,
+    Values,
 )
+from softlab.model.tetrahedra.aggregates import Aggregates, Couplings
+from softlab.model.tetrahedra.block_rows import BlockRows
 from softlab.model.tetrahedra.newton import SUMMED
+from softlab.model.tetrahedra.newton_arrays import Elements, Matrix
+from softlab.model.tetrahedra.springs import SpringArrays
 
-DONE = ("solves", "looks", "matrices", "products", "steps")  # counters of a simulation
 WORKING = len(Vectors._fields) - 4  # besides the state; two directions, and not the last three, which few scenes have
 
 
-class Lists(NamedTuple):
-    """Lists of model/tetrahedra: a tetrahedron's corners and material; BlockRows; Aggregates; Couplings; for each
-    pinned particle the start of its row in `bodies`, 0 for a free one, empty if none moves; lists of Springs."""
-
-    tetrahedra: Any
-    materials: Any
-    starts: Any
-    columns: Any
-    diagonal: Any
-    sources: Any
-    items: Any
-    meets: Any
-    corners: Any
-    group_starts: Any
-    members: Any
-    group: Any
-    reach: Any
-    pair_starts: Any
-    pair_first: Any
-    pair_second: Any
-    pair_blocks: Any
-    block_row: Any
-    bodies: Any
-    body_of: Any
-    places: Any
-    pins: Any
-    spring_meets: Any
-    spring_entries: Any
-    spring_corners: Any
+def packed(arrays: Sequence[np.ndarray]) -> np.ndarray:
+    """Return int32: the start of each array, and the end of the last; then the arrays."""
+    ends = np.cumsum([len(arrays) + 1, *(one.size for one in arrays)])
+    return np.concatenate([ends, *(one.reshape(-1) for one in arrays)]).astype(np.int32)
 
 
-def packed(lists: Lists) -> np.ndarray:
-    """Return int32: the start of each list, and the end of the last; then the lists."""
-    ends = np.cumsum([len(lists) + 1, *(one.size for one in lists)])
-    return np.concatenate([ends, *(one.reshape(-1) for one in lists)]).astype(np.int32)
+def _make_views(math: str) -> SimpleNamespace:
+    """Make `vectors(position, velocity, working)` and views of the `packed` arrays t: `rows(t)`, `groups(t)`, `pairs(t)`.
 
-
-def _views(math: str) -> SimpleNamespace:
-    """Make views of packed arrays: `vectors(position, velocity, working)`, `lists(tables)`, `coarse(lists, centres,
-    band, unknowns, inverse)`.
-
-    Written out in full: tuples of slices that functions make one by one take minutes to compile.
+    A device function returns no slice by itself.
     """
-    inline, one = inlined(math), np.int32(1)
+    inline = inlined(math)
 
     @inline
     def vectors(position, velocity, working):
@@ -111,52 +89,60 @@ def _views(math: str) -> SimpleNamespace:
         )  # fmt: skip
 
     @inline
-    def lists(t):
-        return Lists(
-            t[t[0] : t[1]], t[t[1] : t[2]], t[t[2] : t[3]], t[t[3] : t[4]], t[t[4] : t[5]], t[t[5] : t[6]], t[t[6] : t[7]],
-            t[t[7] : t[8]], t[t[8] : t[9]], t[t[9] : t[10]], t[t[10] : t[11]], t[t[11] : t[12]], t[t[12] : t[13]],
-            t[t[13] : t[14]], t[t[14] : t[15]], t[t[15] : t[16]], t[t[16] : t[17]], t[t[17] : t[18]], t[t[18] : t[19]],
-            t[t[19] : t[20]], t[t[20] : t[21]], t[t[21] : t[22]], t[t[22] : t[23]],
-            t[t[23] : t[24]], t[t[24] : t[25]],
+    def rows(t):
+        return BlockRows(
+            t[t[2] : t[3]], t[t[3] : t[4]], t[t[4] : t[5]], t[t[5] : t[6]], t[t[6] : t[7]], t[t[7] : t[8]], t[t[8] : t[9]]
         )  # fmt: skip
 
     @inline
-    def coarse(lists, centres, band, unknowns, inverse):
-        many = np.int32(len(lists.reach))
-        return Coarse(
-            centres, band, unknowns[:many], unknowns[many : 2 * many], unknowns[2 * many : 3 * many], inverse,
-            np.int32(band.size // max(many, one)),
+    def groups(t):
+        return Aggregates(t[t[9] : t[10]], t[t[10] : t[11]], t[t[11] : t[12]], t[t[12] : t[13]])
+
+    @inline
+    def pairs(t):
+        return Couplings(
+            t[t[13] : t[14]], t[t[14] : t[15]], t[t[15] : t[16]], t[t[16] : t[17]], t[t[17] : t[18]], t[t[18] : t[19]],
+            t[t[19] : t[20]], t[t[20] : t[21]],
         )  # fmt: skip
 
-    return SimpleNamespace(vectors=vectors, lists=lists, coarse=coarse)
+    return SimpleNamespace(vectors=vectors, rows=rows, groups=groups, pairs=pairs)
 
 
 @cache
 def make_newton(real: Any, math: str, parts: frozenset[str]) -> Any:
-    """Compile kernel(position, velocity, working, values, found, blocks, inverses, forces, holding, springs, centres,
-    band, unknowns, inverse, tables, sums, flags, done, record, bodies, integers, counter, steps, solves, iterations,
-    floor).
+    """Compile kernel(position, velocity, working, values, element_blocks, blocks, inverses, forces, stiffness,
+    springs, centres, band, unknowns, inverse, tables, sums, flags, done, record, bodies, integers, counter, steps,
+    solves, iterations, floor).
 
     It does `steps` steps, of so many `solves` each, of the state in `position` and `velocity`. `working`: WORKING
-    vectors of quads, for order 2 some more; `values`: of tetrahedra, column by column; then those of Matrix and Coarse,
-    of which `unknowns` has three; `tables`: `packed`; `sums`: two buffers of the groups' sums; `flags` (1,) int32, 0
+    vectors of quads, for order 2 some more; `values`: of tetrahedra, column by column; then those of Matrix, `springs`
+    and those of Coarse, of which `unknowns` has three; `tables`: `packed` corners and materials of tetrahedra, BlockRows,
+    Aggregates, Couplings, pins and lists of springs; `sums`: two buffers of the groups' sums; `flags` (1,) int32, 0
     before the launch; `done` (DONE,) int64 is incremented; `floor`: of residuals that are not reduced further.
     """
-    views, dispatch, sum_up = _views(math), _make_dispatch(real, math, parts), _make_sum_up(real, math)
-    vectors_of, lists_of, coarse_of = views.vectors, views.lists, views.coarse
+    views, dispatch, sum_up = _make_views(math), _make_dispatch(real, math, parts), _make_sum_up(real, math)
+    vectors_of, rows_of, groups_of, pairs_of = views.vectors, views.rows, views.groups, views.pairs
     # always decided in exact math: the energy of a distant trial may be NaN, which fast math treats as a number
     after, meet = device_formulas(newton.make_control, real, "exact").after, make_meet(math)
-    has_time, zero, quick = knows_time(parts), real(0), math != "exact"
+    has_time, zero, none, one, quick = knows_time(parts), real(0), np.int64(0), np.int32(1), math != "exact"
 
     def newton_steps(
-        position, velocity, working, values, found, blocks, inverses, forces, holding, springs, centres, band,
+        position, velocity, working, values, element_blocks, blocks, inverses, forces, stiffness, springs, centres, band,
         unknowns, inverse, tables, sums, flags, done, record, bodies, integers, counter, steps, solves, iterations, floor,
     ):  # fmt: skip
         shared = cuda.shared.array(ROOM, real)
         world = World(record[0], bodies, integers)
-        matrix = Matrix(found, blocks, inverses, forces, holding, springs)
-        v, lists = vectors_of(position, velocity, working), lists_of(tables)
-        coarse = coarse_of(lists, centres, band, unknowns, inverse)
+        t, v = tables, vectors_of(position, velocity, working)
+        matrix = Matrix(element_blocks, blocks, inverses, forces, stiffness)
+        elements, rows = Elements(t[t[0] : t[1]], t[t[1] : t[2]], values), rows_of(t)
+        groups, pairs, pins = groups_of(t), pairs_of(t), t[t[21] : t[22]]
+        sprung = SpringArrays(t[t[22] : t[23]], t[t[23] : t[24]], t[t[24] : t[25]], springs)
+        size = np.int32(len(groups.reach))
+        coarse = Coarse(
+            centres, band, unknowns[:size], unknowns[size : 2 * size], unknowns[2 * size : 3 * size], inverse,
+            np.int32(band.size // max(size, one)),
+        )  # fmt: skip
+        solver = Solver(elements, rows, sprung, v, matrix, groups, pairs, coarse, pins)
         wanted, turn, flip, half = np.int32(cuda.gridDim.x), 0, 0, sums.size // 2
         first_thread = cuda.blockIdx.x == 0 and cuda.threadIdx.x == 0
         for number in range(steps * solves):
@@ -164,40 +150,39 @@ def make_newton(real: Any, math: str, parts: frozenset[str]) -> Any:
             if has_time:
                 step = counter[0] + number // solves
             time = step, step * solves + number % solves
-            kind, counts = BEGIN, (0, 0, 0, 0, 0)
-            kept = zero, zero, zero, zero, zero, zero, zero, zero, zero, zero
+            kind, counts = BEGIN, Counts(none, none, none, none, none)
+            numbers = Values(zero, zero, zero, zero, zero, zero, zero, zero, zero, zero)
             while True:
                 parts_of = sums[turn * half : (turn + 1) * half]
-                shares = kept[5], kept[6], kept[7]
-                dispatch(kind, v, matrix, lists, coarse, values, world, time, counts[1], flip, shares, shared, parts_of)
+                dispatch(kind, solver, world, time, counts.safe, flip, numbers, shared, parts_of)
                 wanted = meet(flags, wanted)
                 if kind == FINISH:
                     break
                 if kind == COARSE or (quick and kind == FACTOR) or (not quick and kind == RESTRICT):
                     kind = FACTOR if kind == COARSE else (INVERT if quick else BACK)
                     continue
-                first, second = sum_up(kind, v, lists, shared, parts_of)
+                first, second = sum_up(kind, solver, shared, parts_of)
                 if first_thread:
                     if kind == LOOK:
-                        done[1] += 1
+                        done[LOOKS] += 1
                     elif kind == ROWS:
-                        done[2] += 1
+                        done[MATRICES] += 1
                     elif kind == PRODUCT:
-                        done[3] += 1
+                        done[PRODUCTS] += 1
                 if kind in (FACTOR, INVERT):
                     kind = COARSE
                 elif kind == BACK:
                     kind = RESTRICT
                 elif kind == PRODUCT:
                     flip = 1 - flip
-                kind, counts, kept = after(kind, counts, kept, first, second, iterations, floor)
+                kind, counts, numbers = after(kind, counts, numbers, first, second, iterations, floor)
                 if quick:
                     if kind in (RESTRICT, DIRECTION):  # already done, or done with the next pass
-                        kind, counts, kept = after(kind, counts, kept, zero, zero, iterations, floor)
+                        kind, counts, numbers = after(kind, counts, numbers, zero, zero, iterations, floor)
                 turn = 1 - turn
             if first_thread:
-                done[0] += 1
-                done[4] += counts[3]
+                done[SOLVES] += 1
+                done[STEPS] += counts.steps
 
     variant = variant_name(real, math, parts)
     return make_kernel(newton_steps, f"newton_{variant}", launch_bounds=(THREADS, 1), **kernel_options(math))
@@ -210,39 +195,40 @@ def _make_dispatch(real: Any, math: str, parts: frozenset[str]) -> Any:
     summed, unit_size, quad, quick = np.int32(SUMMED), np.int32(UNIT), np.int32(SIZE), math != "exact"
 
     @inlined(math)
-    def dispatch(kind, v, matrix, lists, coarse, values, world, time, safe, flip, shares, shared, sums):
+    def dispatch(kind, solver, world, time, safe, flip, values, shared, sums):
         block, blocks = np.int32(cuda.blockIdx.x), np.int32(cuda.gridDim.x)
-        particles, tetrahedra = np.int32(v.position.size // quad), np.int32(len(lists.materials))
+        particles = np.int32(solver.vectors.position.size // quad)
+        tetrahedra = np.int32(len(solver.elements.materials))
         if kind in (LOOK, BLOCKS):
             for unit in range(block, (tetrahedra + unit_size - 1) // unit_size, blocks):
-                of_elements(kind, unit, tetrahedra, v, matrix, lists, values, world, time[1], safe, shared, sums)
+                of_elements(kind, unit, tetrahedra, solver, world, time[1], safe, shared, sums)
         elif kind in (CENTRES, COARSE, FACTOR, INVERT, RESTRICT, BACK):
-            coarse_pass(kind, v, matrix, lists, coarse, shared, sums)
+            coarse_pass(kind, solver, shared, sums)
         elif quick and kind in (SOLVE, UPDATE, PRODUCT, CORRECT):
-            quick_pass(kind, particles, v, matrix, lists, coarse, flip, shares, shared, sums)
+            quick_pass(kind, particles, solver, flip, values, shared, sums)
         else:
             for group in range(block, (particles + summed - 1) // summed, blocks):
-                of_particles(kind, group, particles, v, matrix, lists, coarse, world, time, shares, shared, sums)
+                of_particles(kind, group, particles, solver, world, time, values, shared, sums)
 
     return dispatch
 
 
 def _make_sum_up(real: Any, math: str) -> Any:
-    """Make sum_up(kind, v, lists, shared, parts) -> the two sums of a pass, 0 if it has none."""
+    """Make sum_up(kind, solver, shared, parts) -> the two sums of a pass, 0 if it has none."""
     total, zero, summed, quad = make_sums(real, math).total, real(0), np.int32(SUMMED), np.int32(SIZE)
     one_sum, two_sums, quick = np.int32(1), np.int32(2), math != "exact"
 
     @inlined(math)
-    def sum_up(kind, v, lists, shared, parts):
+    def sum_up(kind, solver, shared, parts):
         first, second, count = zero, zero, np.int32(0)
         if kind == LOOK:
-            count = np.int32((len(lists.materials) + summed - 1) // summed)
+            count = np.int32((len(solver.elements.materials) + summed - 1) // summed)
         elif kind in (FACTOR, INVERT):
-            count = np.int32(len(lists.bodies) - 1)
+            count = np.int32(len(solver.pairs.bodies) - 1)
         elif quick and kind == CORRECT:
-            count = np.int32(len(lists.body_of))
+            count = np.int32(len(solver.pairs.body_of))
         elif kind in (WEIGH, ROWS, PRODUCT, CORRECT, MOVE):
-            count = np.int32((v.position.size // quad + summed - 1) // summed)
+            count = np.int32((solver.vectors.position.size // quad + summed - 1) // summed)
         if count > 0:
             total(shared, two_sums if kind == LOOK else one_sum, count, parts)
             first = shared[0]

@@ -48,8 +48,8 @@ FACTOR, INVERT, BACK = range(len(KINDS), len(KINDS) + 3)  # passes after `coarse
 
 @cache
 def make_substep_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """Make `begin(k, v, lists, world, time)`, the inertial or driven position of particle k, and `finish(k, v, matrix,
-    lists, world, number)`, its velocity and collisions."""
+    """Make `begin(k, solver, world, time)`, the inertial or driven position of particle k, and `finish(k, solver, world,
+    number)`, its velocity and collisions."""
     forces, motion = make_forces(real, math, parts), make_motion(real, math, parts, AXES)
     add_gravity, add_own, predict = forces.add_gravity, forces.add_own, motion.predict
     rate_of, collide = motion.rate_of, motion.collide
@@ -81,7 +81,8 @@ def make_substep_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleName
         return p, w
 
     @inline
-    def begin(k, v, lists, world, time):
+    def begin(k, solver, world, time):
+        v = solver.vectors
         p, w = load_quad(v.position, k), load_quad(v.velocity, k)
         if staged:
             p, w = begin_stage(k, p, w, v, world.parameters.dt, time[1])
@@ -94,22 +95,23 @@ def make_substep_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleName
         store_quad(v.before, k, p[0], p[1], p[2], p[3])
         if moves:
             if p[3] == zero:
-                x, y, z, _, _, _ = driven(k, p, lists, world, time[1])
+                x, y, z, _, _, _ = driven(k, p, solver.pins, world, time[1])
                 store_quad(v.position, k, x, y, z, p[3])
         store_quad(v.target, k, x, y, z, p[3])
 
     @inline
-    def finish(k, v, matrix, lists, world, number):
+    def finish(k, solver, world, number):
+        v = solver.vectors
         b, p, rate = load_quad(v.before, k), load_quad(v.position, k), zero
         x, y, z = p[0], p[1], p[2]
         vx, vy, vz = zero, zero, zero
         if moves:
             if b[3] == zero:
-                x, y, z, vx, vy, vz = driven(k, p, lists, world, number)
+                x, y, z, vx, vy, vz = driven(k, p, solver.pins, world, number)
         if b[3] != zero:
             vx, vy, vz = rate_of(p, b, world.parameters)
             if has_bodies:
-                vx, vy, vz = pressed(b, p, (vx, vy, vz), matrix.holding[k], world, number)
+                vx, vy, vz = pressed(b, p, (vx, vy, vz), solver.matrix.stiffness[k], world, number)
                 x, y, z, vx, vy, vz = collide(b, p, vx, vy, vz, world, number)
         store_quad(v.position, k, x, y, z, b[3])
         if is_slowed:
@@ -121,18 +123,19 @@ def make_substep_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleName
 
 @cache
 def make_assembly(real: Any, math: str, parts: frozenset[str]) -> Any:
-    """Make assemble(group, particles, matrix, lists): for a block, it assembles the rows of SUMMED particles from the
+    """Make assemble(group, particles, solver): for a block, it assembles the rows of SUMMED particles from the
     blocks of their tetrahedra."""
     gather, inline = make_rows(real, math, parts).gather, inlined(math)
     store_block, summed = make_block_access(math).store_block, np.int32(SUMMED)
 
     @inline
-    def assemble(group, particles, matrix, lists):
+    def assemble(group, particles, solver):
+        rows, matrix = solver.rows, solver.matrix
         t, threads = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x)
         first = np.int32(group * summed)
         last = np.int32(min(np.int32(first + summed), particles))
-        for n in range(lists.starts[first] + t, lists.starts[last], threads):
-            store_block(matrix.blocks, n, gather(n, lists, matrix.found))
+        for n in range(rows.starts[first] + t, rows.starts[last], threads):
+            store_block(matrix.blocks, n, gather(n, rows, matrix.element_blocks))
         cuda.syncthreads()
 
     return assemble
@@ -153,7 +156,7 @@ def make_unit_passes(real: Any, math: str, parts: frozenset[str]) -> SimpleNames
     ordered, next_one = math == "exact", np.int32(1)
 
     @inline
-    def of_elements(kind, unit, count, v, matrix, lists, values, world, number, safe, shared, sums):
+    def of_elements(kind, unit, count, solver, world, number, safe, shared, sums):
         t, threads = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x)
         rate = world.parameters.newton_rate
         for one in range(t, unit_size, threads):
@@ -161,13 +164,9 @@ def make_unit_passes(real: Any, math: str, parts: frozenset[str]) -> SimpleNames
             held, unsure = zero, zero
             if n < count:
                 if kind == LOOK:
-                    held, unsure = look(
-                        n, count, v, lists.tetrahedra, lists.materials, values, rate, number, matrix.forces
-                    )  # fmt: skip
+                    held, unsure = look(n, count, solver, rate, number)
                 else:
-                    blocks(
-                        n, count, v, lists.tetrahedra, lists.materials, values, rate, number, safe != 0, matrix.found
-                    )  # fmt: skip
+                    blocks(n, count, solver, rate, number, safe != 0)
             shared[one], shared[unit_size + one] = held, unsure
         if kind == LOOK:
             groups = np.int32((count + summed - 1) // summed)
@@ -175,30 +174,30 @@ def make_unit_passes(real: Any, math: str, parts: frozenset[str]) -> SimpleNames
             add_groups(shared, both, width, np.int32(unit * unit_size // summed), groups, sums)
 
     @inline
-    def of_particles(kind, group, particles, v, matrix, lists, coarse, world, time, shares, shared, sums):
+    def of_particles(kind, group, particles, solver, world, time, values, shared, sums):
         t, threads, number = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x), time[1]
-        alpha, beta, share = shares
+        v = solver.vectors
         if kind == ROWS:
-            assemble(group, particles, matrix, lists)
+            assemble(group, particles, solver)
         for one in range(t, summed, threads):
             k, total = np.int32(group * summed + one), zero
             if k < particles:
                 if kind == BEGIN:
-                    begin(k, v, lists, world, time)
+                    begin(k, solver, world, time)
                 elif kind == FINISH:
-                    finish(k, v, matrix, lists, world, number)
+                    finish(k, solver, world, number)
                 elif kind == ROWS:
-                    total = settle_row(k, particles, v, matrix, lists, world, number)
+                    total = settle_row(k, particles, solver, world, number)
                 elif load_quad(v.before, k)[3] != zero:
                     if kind == WEIGH:
-                        total = weigh(k, v, matrix, lists, world, number)
+                        total = weigh(k, solver, world, number)
                     elif ordered and kind in (PRODUCT, UPDATE, CORRECT, DIRECTION):
                         more = zero, zero, zero
                         if kind == CORRECT:
-                            more = corrected(k, v, lists, coarse)
-                        total = solve(kind, k, particles, v, matrix, lists, more, alpha, beta)
+                            more = corrected(k, solver)
+                        total = solve(kind, k, particles, solver, more, values.alpha, values.beta)
                     else:
-                        total = move(kind, k, v, share)
+                        total = move(kind, k, v, values.share)
             shared[one] = total
         if kind in (WEIGH, ROWS, PRODUCT, CORRECT, MOVE):
             groups = np.int32((particles + summed - 1) // summed)
@@ -209,7 +208,7 @@ def make_unit_passes(real: Any, math: str, parts: frozenset[str]) -> SimpleNames
 
 @cache
 def make_coarse_passes(real: Any, math: str) -> Any:
-    """Make coarse_pass(kind, v, matrix, lists, coarse, shared, sums): for all blocks, over groups, pairs of them, or
+    """Make coarse_pass(kind, solver, shared, sums): for all blocks, over groups, pairs of them, or
     bodies."""
     level, band, inline = make_coarse(real, math), make_band(real, math), inlined(math)
     centre, restrict, factor, solve = level.centre, level.restrict, band.factor, band.solve
@@ -217,38 +216,38 @@ def make_coarse_passes(real: Any, math: str) -> Any:
     team, next_one, ordered, invert = np.int32(TEAM), np.int32(1), math == "exact", make_invert(real, math)
 
     @inline
-    def coarse_pass(kind, v, matrix, lists, coarse, shared, sums):
+    def coarse_pass(kind, solver, shared, sums):
         block, blocks = np.int32(cuda.blockIdx.x), np.int32(cuda.gridDim.x)
         t, teams = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x // team)
         first_team = np.int32(block * teams + t // team)
         if kind == COARSE:
-            for pair in range(block, len(lists.pair_first), blocks):
-                couple(pair, v, matrix, lists, coarse, shared)
+            for pair in range(block, len(solver.pairs.first), blocks):
+                couple(pair, solver, shared)
         elif kind == FACTOR:
-            for body in range(block, len(lists.bodies) - 1, blocks):
-                bad = factor(body, lists, coarse)
+            for body in range(block, len(solver.pairs.bodies) - 1, blocks):
+                bad = factor(body, solver)
                 if t == 0:
                     sums[body] = bad
         elif kind == CENTRES:
-            for group in range(first_team, len(lists.body_of), blocks * teams):
-                centre(group, v, lists, coarse, shared)
+            for group in range(first_team, len(solver.pairs.body_of), blocks * teams):
+                centre(group, solver, shared)
         elif ordered:
             if kind == RESTRICT:
-                for group in range(first_team, len(lists.body_of), blocks * teams):
-                    restrict(group, v, lists, coarse, shared)
+                for group in range(first_team, len(solver.pairs.body_of), blocks * teams):
+                    restrict(group, solver, shared)
             else:
-                for body in range(first_team, len(lists.bodies) - next_one, blocks * teams):
-                    solve(body, lists, coarse, shared)
+                for body in range(first_team, len(solver.pairs.bodies) - next_one, blocks * teams):
+                    solve(body, solver, shared)
         else:
-            for column in range(first_team, len(lists.reach), blocks * teams):
-                invert(column, lists, coarse, shared)
+            for column in range(first_team, len(solver.groups.reach), blocks * teams):
+                invert(column, solver, shared)
 
     return coarse_pass
 
 
 @cache
 def make_quick_passes(real: Any, math: str) -> Any:
-    """Make quick_pass(kind, particles, v, matrix, lists, coarse, flip, shares, shared, sums): for all blocks, the
+    """Make quick_pass(kind, particles, solver, flip, values, shared, sums): for all blocks, the
     passes of conjugate gradients in `fast` math.
 
     `solve` and `update`, which also restrict, `product` with the new direction, `correct`.
@@ -258,17 +257,16 @@ def make_quick_passes(real: Any, math: str) -> Any:
     inline, summed = inlined(math), np.int32(SUMMED)
 
     @inline
-    def quick_pass(kind, particles, v, matrix, lists, coarse, flip, shares, shared, sums):
+    def quick_pass(kind, particles, solver, flip, values, shared, sums):
         block, blocks = np.int32(cuda.blockIdx.x), np.int32(cuda.gridDim.x)
-        alpha, beta, _ = shares
         if kind == PRODUCT:
             for group in range(block, (particles + summed - 1) // summed, blocks):
-                product(group, particles, v, matrix, lists, flip, beta, shared, sums)
+                product(group, particles, solver, flip, values.beta, shared, sums)
         elif kind == CORRECT:
-            for group in range(block, len(lists.body_of), blocks):
-                correct(group, particles, v, matrix, lists, coarse, shared, sums)
+            for group in range(block, len(solver.pairs.body_of), blocks):
+                correct(group, particles, solver, shared, sums)
         else:
-            for group in range(block, len(lists.body_of), blocks):
-                advance(kind, group, particles, v, flip, lists, coarse, alpha, shared)
+            for group in range(block, len(solver.pairs.body_of), blocks):
+                advance(kind, group, particles, solver, flip, values.alpha, shared)
 
     return quick_pass

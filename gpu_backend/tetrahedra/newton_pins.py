@@ -19,7 +19,7 @@ MOTION = "motion"  # among the parts
 
 @cache
 def make_driven(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """Make `driven(k, b, lists, world, number)` -> (x, y, z, vx, vy, vz): the pinned particle k, which was at `b` (a
+    """Make `driven(k, b, pins, world, number)` -> (x, y, z, vx, vy, vz): the pinned particle k, which was at `b` (a
     quad), at the end of substep `number`: at rest there, unless it follows a motion. `moves`: true if any pin does."""
     inline, moves = inlined(math), MOTION in parts
     follow = make_pins(real, math, frozenset({MOTION})).follow
@@ -27,9 +27,9 @@ def make_driven(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
     zero, one, nowhere = real(0), np.int64(1), np.int32(0)
 
     @inline
-    def driven(k, b, lists, world, number):
+    def driven(k, b, pins, world, number):
         x, y, z, vx, vy, vz = b[0], b[1], b[2], zero, zero, zero
-        pin = lists.pins[k]
+        pin = pins[k]
         if pin > nowhere:
             if world.colliders[pin + P_MOTION] >= zero:
                 parameters = world.parameters

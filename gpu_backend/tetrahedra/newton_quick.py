@@ -59,8 +59,8 @@ def make_residual(real: Any, math: str) -> Any:
 
 @cache
 def make_quick_groups(real: Any, math: str) -> SimpleNamespace:
-    """Make `advance(kind, group, particles, v, flip, lists, coarse, alpha, shared)`, the residual of the group's
-    particles and its restriction, and `correct(group, particles, v, matrix, lists, coarse, shared, parts)`, the
+    """Make `advance(kind, group, particles, solver, flip, alpha, shared)`, the residual of the group's
+    particles and its restriction, and `correct(group, particles, solver, shared, parts)`, the
     preconditioned residual. `flip`: which of the two directions is the last one."""
     inline, formulas = inlined(math), device_formulas(formulas_of.make, real, math)
     moment, motion = formulas.moment, formulas.motion
@@ -77,14 +77,16 @@ def make_quick_groups(real: Any, math: str) -> SimpleNamespace:
         np.int32(MODES),
         np.int32(TEAM),
     )
+    none, load_six = np.int32(0), make_block_access(math).load_six
     put, slots, of_team, of_block = quick.put, quick.slots, quick.of_team, quick.of_block
 
     @inline
-    def advance(kind, group, particles, v, flip, lists, coarse, alpha, shared):
+    def advance(kind, group, particles, solver, flip, alpha, shared):
+        v, coarse = solver.vectors, solver.coarse
         t, threads = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x)
         a, b, c, d, e, f = zero, zero, zero, zero, zero, zero
-        for n in range(lists.group_starts[group] + t, lists.group_starts[group + next_one], threads):
-            k = lists.members[n]
+        for n in range(solver.groups.starts[group] + t, solver.groups.starts[group + next_one], threads):
+            k = solver.groups.members[n]
             x, y, z = residual_of(kind, k, particles, v, flip, alpha)
             p, q, r, s, u, w = moment(arm_of(k, group, v, coarse), x, y, z)
             a, b, c, d, e, f = a + p, b + q, c + r, d + s, e + u, f + w
@@ -101,11 +103,12 @@ def make_quick_groups(real: Any, math: str) -> SimpleNamespace:
         cuda.syncthreads()
 
     @inline
-    def correct(group, particles, v, matrix, lists, coarse, shared, parts):
+    def correct(group, particles, solver, shared, parts):
+        v, coarse = solver.vectors, solver.coarse
         t, threads = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x)
-        body = lists.body_of[group]
-        first = np.int32(modes * lists.bodies[body])
-        size, place = np.int32(modes * lists.bodies[body + next_one] - first), lists.places[body]
+        body = solver.pairs.body_of[group]
+        first = np.int32(modes * solver.pairs.bodies[body])
+        size, place = np.int32(modes * solver.pairs.bodies[body + next_one] - first), solver.pairs.places[body]
         cuda.syncthreads()
         for i in range(t // team, modes, threads // team):
             running, row = zero, np.int32(place + (modes * group - first + i) * size)
@@ -115,16 +118,11 @@ def make_quick_groups(real: Any, math: str) -> SimpleNamespace:
             if t % team == 0:
                 shared[i] = running
         cuda.syncthreads()
-        y = shared[0], shared[1], shared[2], shared[3], shared[4], shared[5]
-        total, inverses = zero, matrix.inverses
-        for n in range(lists.group_starts[group] + t, lists.group_starts[group + next_one], threads):
-            k = lists.members[n]
+        y, total = load_six(shared, none, next_one), zero
+        for n in range(solver.groups.starts[group] + t, solver.groups.starts[group + next_one], threads):
+            k = solver.groups.members[n]
             r = load_quad(v.residual, k)
-            six = (
-                inverses[k], inverses[particles + k], inverses[2 * particles + k], inverses[3 * particles + k],
-                inverses[4 * particles + k], inverses[5 * particles + k],
-            )  # fmt: skip
-            x, y_own, z = preconditioned(six, r[0], r[1], r[2])
+            x, y_own, z = preconditioned(load_six(solver.matrix.inverses, k, particles), r[0], r[1], r[2])
             p, q, s = motion(arm_of(k, group, v, coarse), y)
             x, y_own, z = x + p, y_own + q, z + s
             store_quad(v.better, k, x, y_own, z, zero)
@@ -139,7 +137,7 @@ def make_quick_groups(real: Any, math: str) -> SimpleNamespace:
 
 @cache
 def make_quick_product(real: Any, math: str) -> Any:
-    """Make product(group, particles, v, matrix, lists, flip, beta, shared, parts): for SUMMED particles, the new
+    """Make product(group, particles, solver, flip, beta, shared, parts): for SUMMED particles, the new
     direction and its product with the matrix, four threads per row; `flip`: which of the two directions is the old
     one."""
     inline, quick = inlined(math), make_quick_sums(real, math)
@@ -154,18 +152,19 @@ def make_quick_product(real: Any, math: str) -> Any:
         return moved(z[0], beta, d[0]), moved(z[1], beta, d[1]), moved(z[2], beta, d[2])
 
     @inline
-    def product(group, particles, v, matrix, lists, flip, beta, shared, parts):
+    def product(group, particles, solver, flip, beta, shared, parts):
+        v = solver.vectors
         t, threads = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x)
         total = zero
         for one in range(t // four, summed, threads // four):
             k, x, y, z = np.int32(group * summed + one), zero, zero, zero
             free = False
             if k < particles:
-                free = lists.group[k] >= 0
+                free = solver.groups.group[k] >= 0
             if free:
-                for n in range(lists.starts[k] + t % four, lists.starts[k + next_one], four):
-                    d = direction_of(lists.columns[n], particles, v, flip, beta)
-                    p, q, r = applied(load_block(matrix.blocks, n), d[0], d[1], d[2])
+                for n in range(solver.rows.starts[k] + t % four, solver.rows.starts[k + next_one], four):
+                    d = direction_of(solver.rows.columns[n], particles, v, flip, beta)
+                    p, q, r = applied(load_block(solver.matrix.blocks, n), d[0], d[1], d[2])
                     x, y, z = x + p, y + q, z + r
             x, y, z = of_four(shared, x), of_four(shared, y), of_four(shared, z)
             if free and t % four == 0:
@@ -183,7 +182,7 @@ def make_quick_product(real: Any, math: str) -> Any:
 
 @cache
 def make_invert(real: Any, math: str) -> Any:
-    """Make invert(column, lists, coarse, shared): for a team, one column of the inverse of a body's coarse matrix; data
+    """Make invert(column, solver, shared): for a team, one column of the inverse of a body's coarse matrix; data
     of the next row is loaded while one is processed."""
     inline, meet_team, zero, one = inlined(math), make_sums(real, math).meet_team, real(0), real(1)
     team, modes, next_one, none, room = (
@@ -195,32 +194,36 @@ def make_invert(real: Any, math: str) -> Any:
     )
 
     @inline
-    def above(i, k, first, lists, coarse):
+    def above(i, k, first, solver):
         """Return row i's entry in column k."""
-        found = zero
+        coarse, found = solver.coarse, zero
         if i >= first:
-            if lists.reach[i] >= k:
+            if solver.groups.reach[i] >= k:
                 found = coarse.band[i * coarse.width + k - i]
         return found
 
     @inline
-    def invert(column, lists, coarse, shared):
+    def invert(column, solver, shared):
+        coarse = solver.coarse
         t = np.int32(cuda.threadIdx.x)
         lane, base = np.int32(t % team), np.int32(t // team * room)
-        band, width, body = coarse.band, coarse.width, lists.body_of[column // modes]
-        first, last = np.int32(modes * lists.bodies[body]), np.int32(modes * lists.bodies[body + next_one])
+        band, width, body = coarse.band, coarse.width, solver.pairs.body_of[column // modes]
+        first, last = (
+            np.int32(modes * solver.pairs.bodies[body]),
+            np.int32(modes * solver.pairs.bodies[body + next_one]),
+        )
         size, x = np.int32(last - first), np.int32(base - first)
         meet_team()
         for k in range(first + lane, last, team):
             shared[x + k] = one if k == column else zero
         meet_team()
         entry, pivot = band[column * width + min(lane + next_one, width - next_one)], coarse.pivots[column]
-        many = np.int32(lists.reach[column] - column)
+        many = np.int32(solver.groups.reach[column] - column)
         for k in range(column, last):
             now, here, reached = entry, pivot, many
             if k + 1 < last:
                 entry = band[(k + 1) * width + min(lane + next_one, width - next_one)]
-                pivot, many = coarse.pivots[k + 1], np.int32(lists.reach[k + 1] - (k + 1))
+                pivot, many = coarse.pivots[k + 1], np.int32(solver.groups.reach[k + 1] - (k + 1))
             y = here * shared[x + k]
             if lane < reached:
                 shared[x + k + 1 + lane] -= y * now
@@ -231,7 +234,7 @@ def make_invert(real: Any, math: str) -> Any:
                 shared[x + k] = y
         meet_team()
         entry, pivot = (
-            above(np.int32(last - 2 - lane), last - next_one, first, lists, coarse),
+            above(np.int32(last - 2 - lane), last - next_one, first, solver),
             coarse.pivots[last - next_one],
         )
         for n in range(size):
@@ -239,21 +242,21 @@ def make_invert(real: Any, math: str) -> Any:
             i = np.int32(k - next_one - lane)
             if k > first:
                 entry, pivot = (
-                    above(np.int32(i - next_one), k - next_one, first, lists, coarse),
+                    above(np.int32(i - next_one), k - next_one, first, solver),
                     coarse.pivots[k - next_one],
                 )
             y = here * shared[x + k]
             if i >= first:
                 shared[x + i] -= y * now
             i = np.int32(i - team)
-            while i >= first and lists.reach[i] >= k:
+            while i >= first and solver.groups.reach[i] >= k:
                 shared[x + i] -= y * band[i * width + k - i]
                 i = np.int32(i - team)
             meet_team()
             if lane == none:
                 shared[x + k] = y
         meet_team()
-        place = np.int32(lists.places[body] + (column - first) * size)
+        place = np.int32(solver.pairs.places[body] + (column - first) * size)
         for k in range(first + lane, last, team):
             coarse.inverse[place + k - first] = shared[x + k]
         meet_team()

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from functools import cache
 from types import SimpleNamespace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -23,50 +23,12 @@ from softlab.model.formulas.elastic.newton import AHEAD, CORRECT, DIRECTION, MOV
 from softlab.model.tetrahedra.springs import PARTS
 
 
-class Vectors(NamedTuple):
-    """Quads of every particle.
-
-    The state; old position, with its weight; inertial position; position after the last step; the potential's gradient
-    there, and at a trial; a step; its residual; the matrix times the direction; preconditioned residual; the direction,
-    two alternating ones in `fast` math; for a substep with stages, velocities at its start, and for dampers positions
-    at the first stage's start and end.
-    """
-
-    position: Any
-    velocity: Any
-    before: Any
-    target: Any
-    current: Any
-    gradient: Any
-    trial: Any
-    solution: Any
-    residual: Any
-    product: Any
-    better: Any
-    direction: Any
-    start: Any
-    origin: Any
-    middle: Any
-
-
-class Matrix(NamedTuple):
-    """Blocks of tetrahedra, of the matrix's rows; inverses of the diagonal (6 numbers per particle, column by column);
-    forces at corners (quads); stiffness that holds each particle [N/m]; values of springs."""
-
-    found: Any
-    blocks: Any
-    inverses: Any
-    forces: Any
-    holding: Any
-    springs: Any
-
-
 @cache
 def make_rows(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """Make `gather`, `apply` and `settle_row`.
 
-    `gather(n, lists, found)`: block n of the rows, summed over its tetrahedra and springs; `apply(k, lists, blocks,
-    vector)`: a row's product; `settle_row(k, particles, v, matrix, lists, world, number)`: the row's diagonal and its
+    `gather(n, rows, found)`: block n of the rows, summed over its tetrahedra and springs; `apply(k, rows, blocks,
+    vector)`: a row's product; `settle_row(k, particles, solver, world, number)`: the row's diagonal and its
     inverse: 1 if that is not positive, else 0.
     """
     inline, formulas = inlined(math), device_formulas(newton.make, real, math)
@@ -78,10 +40,10 @@ def make_rows(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
     zero, one, next_one = real(0), real(1), np.int32(1)
 
     @inline
-    def gather(n, lists, found):
+    def gather(n, rows, found):
         s = zero, zero, zero, zero, zero, zero, zero, zero, zero
-        for place in range(lists.sources[n], lists.sources[n + next_one]):
-            item = lists.items[place]
+        for place in range(rows.sources[n], rows.sources[n + next_one]):
+            item = rows.items[place]
             m = load_block(found, np.int32(item >> 1))
             if item & 1:
                 m = transposed(m)
@@ -89,17 +51,18 @@ def make_rows(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
         return s
 
     @inline
-    def apply(k, lists, blocks, vector):
+    def apply(k, rows, blocks, vector):
         x, y, z = zero, zero, zero
-        for n in range(lists.starts[k], lists.starts[k + next_one]):
-            d = load_quad(vector, lists.columns[n])
+        for n in range(rows.starts[k], rows.starts[k + next_one]):
+            d = load_quad(vector, rows.columns[n])
             p, q, r = applied(load_block(blocks, n), d[0], d[1], d[2])
             x, y, z = x + p, y + q, z + r
         return x, y, z
 
     @inline
-    def settle_row(k, particles, v, matrix, lists, world, number):
-        b, n = load_quad(v.before, k), lists.diagonal[k]
+    def settle_row(k, particles, solver, world, number):
+        v, matrix = solver.vectors, solver.matrix
+        b, n = load_quad(v.before, k), solver.rows.diagonal[k]
         bad = zero
         if b[3] != zero:
             inertia, m = inertia_of(world.parameters.newton_inertia, b[3]), load_block(matrix.blocks, n)
@@ -108,7 +71,7 @@ def make_rows(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
             zx, zy, zz = m[6], m[7], m[8] + inertia
             if has_bodies:
                 x, y, z, hard = nearly_within(
-                    b, load_quad(v.position, k), load_quad(v.target, k), matrix.holding[k], world, number
+                    b, load_quad(v.position, k), load_quad(v.target, k), matrix.stiffness[k], world, number
                 )
                 s, t, u, p, q, r = outer(x, y, z, hard)
                 xx, xy, xz, yx, yy, yz = xx + s, xy + t, xz + u, yx + t, yy + p, yz + q
@@ -130,21 +93,21 @@ def make_rows(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
 
 @cache
 def make_solving(real: Any, math: str, apply: Any) -> Any:
-    """Make solving(kind, k, particles, v, matrix, lists, added, alpha, beta): particle k's summand in that pass of
+    """Make solving(kind, k, particles, solver, added, alpha, beta): particle k's summand in that pass of
     conjugate gradients; `added`: the coarse level's correction of the residual there."""
     inline, moved = inlined(math), device_formulas(newton.make, real, math).moved
     products, zero = device_formulas(solving.make, real, math), real(0)
-    preconditioned, dot = products.preconditioned, products.dot
+    preconditioned, dot, load_six = products.preconditioned, products.dot, make_block_access(math).load_six
 
     @inline
     def moved_3(a, share, b):
         return moved(a[0], share, b[0]), moved(a[1], share, b[1]), moved(a[2], share, b[2])
 
     @inline
-    def solve(kind, k, particles, v, matrix, lists, added, alpha, beta):
-        total = zero
+    def solve(kind, k, particles, solver, added, alpha, beta):
+        v, matrix, total = solver.vectors, solver.matrix, zero
         if kind == PRODUCT:
-            x, y, z = apply(k, lists, matrix.blocks, v.direction)
+            x, y, z = apply(k, solver.rows, matrix.blocks, v.direction)
             store_quad(v.product, k, x, y, z, zero)
             d = load_quad(v.direction, k)
             total = dot(d[0], d[1], d[2], x, y, z)
@@ -155,12 +118,8 @@ def make_solving(real: Any, math: str, apply: Any) -> Any:
             x, y, z = moved_3(load_quad(v.residual, k), -alpha, q)
             store_quad(v.residual, k, x, y, z, zero)
         elif kind == CORRECT:
-            r, i = load_quad(v.residual, k), matrix.inverses
-            six = (
-                i[k], i[particles + k], i[2 * particles + k], i[3 * particles + k], i[4 * particles + k],
-                i[5 * particles + k],
-            )  # fmt: skip
-            x, y, z = preconditioned(six, r[0], r[1], r[2])
+            r = load_quad(v.residual, k)
+            x, y, z = preconditioned(load_six(matrix.inverses, k, particles), r[0], r[1], r[2])
             x, y, z = x + added[0], y + added[1], z + added[2]
             store_quad(v.better, k, x, y, z, zero)
             total = dot(r[0], r[1], r[2], x, y, z)
@@ -174,7 +133,7 @@ def make_solving(real: Any, math: str, apply: Any) -> Any:
 
 @cache
 def make_moving(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """Make `weigh(k, v, matrix, lists, world, number)`, the potential's gradient at particle k and its energy without
+    """Make `weigh(k, solver, world, number)`, the potential's gradient at particle k and its energy without
     tetrahedra, and `move(kind, k, v, share)`, the passes that only move it, with its summand in MOVE."""
     inline, formulas = inlined(math), device_formulas(newton.make, real, math)
     products = device_formulas(solving.make, real, math)
@@ -184,23 +143,22 @@ def make_moving(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
     pulled, sprung = make_pulled(real, math), bool(parts & PARTS)
 
     @inline
-    def weigh(k, v, matrix, lists, world, number):
+    def weigh(k, solver, world, number):
+        v, rows, matrix = solver.vectors, solver.rows, solver.matrix
         b, at, target = load_quad(v.before, k), load_quad(v.position, k), load_quad(v.target, k)
         parameters = world.parameters
         inertia = inertia_of(parameters.newton_inertia, b[3])
         x, y, z = at[0] - target[0], at[1] - target[1], at[2] - target[2]
         total = kept(inertia, x, y, z)
         x, y, z = scaled(inertia, x, y, z)
-        for n in range(lists.meets[k], lists.meets[k + next_one]):
-            f = load_quad(matrix.forces, lists.corners[n])
+        for n in range(rows.meets[k], rows.meets[k + next_one]):
+            f = load_quad(matrix.forces, rows.corners[n])
             x, y, z = x + f[0], y + f[1], z + f[2]
         if sprung:
-            p, q, r, _, held = pulled(
-                k, v.position, lists.spring_meets, lists.spring_entries, lists.spring_corners, matrix.springs
-            )
+            p, q, r, _, held = pulled(k, v.position, solver.springs)
             total, x, y, z = total + held, x + p, y + q, z + r
         if has_bodies:
-            p, q, r, hard = within(b, at, matrix.holding[k], world, number)
+            p, q, r, hard = within(b, at, matrix.stiffness[k], world, number)
             total = total + kept(hard, p, q, r)
             x, y, z = moved(x, hard, p), moved(y, hard, q), moved(z, hard, r)
         store_quad(v.trial, k, x, y, z, zero)

@@ -18,7 +18,7 @@ from softlab.model.formulas.elastic import spring
 
 @cache
 def make_pulled(real: Any, math: str) -> Any:
-    """Make pulled(k, position, meets, entries, corners, values): the sum over all springs of particle k, in their
+    """Make pulled(k, position, springs): the sum over all springs of particle k, in their
     order.
 
     It returns the derivative (three numbers), the diagonal of the block, and the energy that particle k counts.
@@ -32,7 +32,8 @@ def make_pulled(real: Any, math: str) -> Any:
         return quad[0], quad[1], quad[2]
 
     @inline
-    def pulled(k, position, meets, entries, corners, values):
+    def pulled(k, position, springs):
+        meets, entries, corners, values = springs
         x, y, z, hard, total = zero, zero, zero, zero, zero
         for n in range(meets[k], meets[k + one]):
             entry = entries[n]

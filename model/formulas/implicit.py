@@ -14,6 +14,9 @@ of a residual bounds the error of the velocity.
 from __future__ import annotations
 
 from types import SimpleNamespace
+from typing import NamedTuple
+
+import numpy as np
 
 from softlab.model.formulas import plain
 from softlab.model.formulas.lengths import make as make_lengths
@@ -30,6 +33,9 @@ UPDATE = 3  # directions q, A q, the solution s, and r
 MOVE = 4  # u + s, x
 RETREAT = 5  # s / 2; u - s, x
 FINISH = 6  # p, v from x, u; colliders
+
+DONE = ("steps", "matrices", "iterations", "halvings")  # counters of a simulation
+STEPS, MATRICES, ITERATIONS, HALVINGS = range(len(DONE))
 
 MAX_NEWTON = 50  # matrices a step
 MAX_ITERATIONS = 5000  # of conjugate gradients, for one matrix
@@ -92,6 +98,27 @@ def make(real, compiled=plain):
     )
 
 
+class Counts(NamedTuple):
+    """Integers between passes: matrices of a step, halvings of a Newton step, iterations for this matrix."""
+
+    matrices: int | np.int64
+    halvings: int | np.int64
+    iterations: int | np.int64
+
+
+class Values(NamedTuple):
+    """Numbers between passes: squared norms of the step's first residual, of the previous one, and the target of the
+    iterations; r.s of the last step; of conjugate gradients r.r, alpha and beta."""
+
+    first: float
+    before: float
+    limit: float
+    slope: float
+    squared: float
+    alpha: float
+    beta: float
+
+
 def make_control(real, compiled=plain, linear=False):
     """Make the functions that decide how often each pass runs, in the arithmetic `real`.
 
@@ -100,7 +127,7 @@ def make_control(real, compiled=plain, linear=False):
     zero, half = real(0), real(0.5)
     tolerance, most_left = real(NEWTON_TOLERANCE**2), real(LINEAR_TOLERANCE**2 if linear else LOOSEST**2)
     least_left, forcing, of_noise, overshoot = real(LINEAR_TOLERANCE**2), real(FORCING**2), real(0.01), real(OVERSHOOT)
-    newton_steps = 1 if linear else MAX_NEWTON
+    newton_steps, none = 1 if linear else MAX_NEWTON, np.int64(0)
 
     @compiled
     def noise(velocity_squared, springs_squared, roundoff):
@@ -113,45 +140,45 @@ def make_control(real, compiled=plain, linear=False):
 
     @compiled
     def after_residual(counts, values, sums, springs_squared, roundoff):
-        """(next pass, counts, values) once a residual is known.
+        """(next pass, Counts, Values) once a residual is known.
 
-        `counts`: matrices so far, halvings, iterations for this matrix. `values`: squared norms of the step's first
-        residual, of the previous one, and the target of the iterations; r.s of the last step; of conjugate gradients
-        r.r, alpha and beta. A Newton step that went too far is halved. The solution is found once the residual is below
-        NEWTON_TOLERANCE of the step's first or is rounding (`noise`).
+        A Newton step that went too far is halved. The solution is found once the residual is below NEWTON_TOLERANCE of
+        the step's first or is rounding (`noise`).
         """
-        newton, halvings, _ = counts
-        first, before, limit, slope, gamma, alpha, beta = values
+        newton, halvings, v = counts.matrices, counts.halvings, values
         squared, along, velocity_squared = sums
-        if newton > 0 and halvings < MAX_HALVINGS and along < -(overshoot * slope):
-            return RETREAT, (newton, halvings + 1, 0), (first, before, limit, half * slope, gamma, alpha, beta)
+        if newton > 0 and halvings < MAX_HALVINGS and along < -(overshoot * v.slope):
+            halved = Values(v.first, v.before, v.limit, half * v.slope, v.squared, v.alpha, v.beta)
+            return RETREAT, Counts(newton, halvings + 1, none), halved
+        first = v.first
         left = most_left
         if newton == 0:
             first = squared
-        elif squared < before:
-            left = min(most_left, max(least_left, forcing * (squared / before) * (squared / before)))
+        elif squared < v.before:
+            left = min(most_left, max(least_left, forcing * (squared / v.before) * (squared / v.before)))
         rounding = noise(velocity_squared, springs_squared, roundoff)
         kind = FINISH
         if squared > max(tolerance * first, rounding) and newton < newton_steps:
             kind = PRODUCT
         limit = max(left * squared, of_noise * rounding)
-        return kind, (newton, 0, 0), (first, squared, limit, zero, zero, zero, zero)
+        return kind, Counts(newton, none, none), Values(first, squared, limit, zero, zero, zero, zero)
 
     @compiled
     def after_product(counts, values, squared, curvature):
-        """(next pass, counts, values) once r.r and r.A r are known: conjugate gradients continue, or their sum is
+        """(next pass, Counts, Values) once r.r and r.A r are known: conjugate gradients continue, or their sum is
         applied."""
         newton, halvings, iterations = counts
-        first, before, limit, slope, gamma, alpha, beta = values
-        beta, divisor = zero, curvature
+        v, beta, divisor = values, zero, curvature
         if iterations > 0:
-            beta = squared / gamma
-            divisor = curvature - beta * squared / alpha
-        if squared > limit and divisor > zero and iterations < MAX_ITERATIONS:
+            beta = squared / v.squared
+            divisor = curvature - beta * squared / v.alpha
+        if squared > v.limit and divisor > zero and iterations < MAX_ITERATIONS:
             alpha = squared / divisor
-            slope = slope + alpha * squared  # r.s with the residual at the start of conjugate gradients
-            return UPDATE, (newton, halvings, iterations + 1), (first, before, limit, slope, squared, alpha, beta)
+            slope = v.slope + alpha * squared  # r.s with the residual at the start of conjugate gradients
+            later = Values(v.first, v.before, v.limit, slope, squared, alpha, beta)
+            return UPDATE, Counts(newton, halvings, iterations + 1), later
         kind = FINISH if iterations == 0 else MOVE
-        return kind, (newton + 1, 0, iterations), (first, before, limit, slope, gamma, alpha, beta)
+        later = Values(v.first, v.before, v.limit, v.slope, v.squared, v.alpha, beta)
+        return kind, Counts(newton + 1, none, iterations), later
 
     return SimpleNamespace(after_residual=after_residual, after_product=after_product)

@@ -25,6 +25,7 @@ from softlab.model.formulas.frame import make as make_frame
 from softlab.model.formulas.lengths import make as make_lengths
 
 NODE, CORNERS = 8, 9  # numbers per node and per triangle
+SKIP, TRIANGLE = 6, 7  # of a node: the next one if it is skipped, for the root the number of nodes; its triangle or -1
 ROUNDS = 4  # largest number of corrections before the final check: two folds, each tested twice
 SETTLED = 1 - 2.0**-6  # of the thickness: a corrected mass that is no nearer than that stays
 NEAR = (
@@ -129,7 +130,7 @@ def make_tree(real, compiled=plain):
         """
         low_x, low_y, low_z = min(px, qx), min(py, qy), min(pz, qz)
         high_x, high_y, high_z = max(px, qx), max(py, qy), max(pz, qz)
-        count, node = np.int32(numbers[tree + 6]), np.int32(0)
+        count, node = np.int32(numbers[tree + SKIP]), np.int32(0)
         best, place = two, np.int32(-1)
         while node < count:
             at = np.int32(tree + (node << 3))
@@ -141,7 +142,7 @@ def make_tree(real, compiled=plain):
                 and numbers[at + 2] <= high_z
                 and numbers[at + 5] >= low_z
             ):
-                triangle = np.int32(numbers[at + 7])
+                triangle = np.int32(numbers[at + TRIANGLE])
                 if triangle >= 0:
                     t = np.int32(tree + (count << 3) + (triangle << 3) + triangle)
                     part = crossing(
@@ -152,7 +153,7 @@ def make_tree(real, compiled=plain):
                         best, place = part, t
                 node = np.int32(node + 1)
             else:
-                node = np.int32(numbers[at + 6])
+                node = np.int32(numbers[at + SKIP])
         return best, place
 
     @compiled
@@ -164,7 +165,7 @@ def make_tree(real, compiled=plain):
     def nearest(numbers, tree, x, y, z, squared_radius):
         """(squared distance, vector from the nearest point, index of its triangle or -1 where none is within the
         squared radius)."""
-        count, node = np.int32(numbers[tree + 6]), np.int32(0)
+        count, node = np.int32(numbers[tree + SKIP]), np.int32(0)
         best, place, wx, wy, wz = squared_radius, np.int32(-1), zero, zero, zero
         while node < count:
             at = np.int32(tree + (node << 3))
@@ -172,7 +173,7 @@ def make_tree(real, compiled=plain):
             dy = outside(numbers[at + 1], y, numbers[at + 4])
             dz = outside(numbers[at + 2], z, numbers[at + 5])
             if dot(dx, dy, dz, dx, dy, dz) < best:
-                triangle = np.int32(numbers[at + 7])
+                triangle = np.int32(numbers[at + TRIANGLE])
                 if triangle >= 0:
                     t = np.int32(tree + (count << 3) + (triangle << 3) + triangle)
                     squared, ux, uy, uz = from_triangle(
@@ -183,7 +184,7 @@ def make_tree(real, compiled=plain):
                         best, place, wx, wy, wz = squared, t, ux, uy, uz
                 node = np.int32(node + 1)
             else:
-                node = np.int32(numbers[at + 6])
+                node = np.int32(numbers[at + SKIP])
         return best, wx, wy, wz, place
 
     @compiled

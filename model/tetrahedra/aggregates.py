@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,8 +14,7 @@ MOST = 48  # groups of a body: 288 unknowns, whose factorisation takes less than
 MODES = 6  # of a rigid body
 
 
-@dataclass(frozen=True, eq=False)
-class Aggregates:
+class Aggregates(NamedTuple):
     """Group a has the particles `members[starts[a]]` ... before `members[starts[a + 1]]`.
 
     `group` (particles,): the group of each, -1 for pinned ones. `reach` (6 groups,): for each row of the coarse matrix,
@@ -29,7 +28,7 @@ class Aggregates:
     reach: np.ndarray
 
     @property
-    def count(self) -> int:
+    def number(self) -> int:
         """Number of groups."""
         return len(self.starts) - 1
 
@@ -37,11 +36,6 @@ class Aggregates:
     def width(self) -> int:
         """Largest number of entries of a row from its diagonal on."""
         return int((self.reach - np.arange(len(self.reach)) + 1).max(initial=1))
-
-    @property
-    def arrays(self) -> tuple[np.ndarray, ...]:
-        """The arrays in the order above, for kernels."""
-        return self.starts, self.members, self.group, self.reach
 
 
 def aggregates(body_set: TetrahedraSet, rows: BlockRows, free: np.ndarray) -> Aggregates:
@@ -75,8 +69,7 @@ def aggregates(body_set: TetrahedraSet, rows: BlockRows, free: np.ndarray) -> Ag
     ))  # fmt: skip
 
 
-@dataclass(frozen=True, eq=False)
-class Couplings:
+class Couplings(NamedTuple):
     """Sums that make the blocks of the coarse matrix on and above its diagonal.
 
     Pair n, of the groups `first[n]` and `second[n]` >= `first[n]`, is the sum of the blocks `blocks[starts[n]]` ...
@@ -101,16 +94,16 @@ def couplings(groups: Aggregates, rows: BlockRows) -> Couplings:
     first, second = groups.group[row].astype(np.int64), groups.group[rows.columns].astype(np.int64)
     chosen = np.flatnonzero((first >= 0) & (second >= first))
     chosen = chosen[MODES * second[chosen] <= groups.reach[MODES * first[chosen]]]  # of one body
-    key = first[chosen] * max(groups.count, 1) + second[chosen]
+    key = first[chosen] * max(groups.number, 1) + second[chosen]
     order = np.argsort(key, kind="stable")
     keys, starts = np.unique(key[order], return_index=True)
     furthest = groups.reach[MODES - 1 :: MODES] // MODES
-    bodies = np.append(0, np.flatnonzero(furthest == np.arange(groups.count)) + 1)
+    bodies = np.append(0, np.flatnonzero(furthest == np.arange(groups.number)) + 1)
     sizes = np.diff(bodies)
     return Couplings(*(
         np.ascontiguousarray(one, np.int32)
         for one in (
-            np.append(starts, len(order)), keys // max(groups.count, 1), keys % max(groups.count, 1), chosen[order], row,
+            np.append(starts, len(order)), keys // max(groups.number, 1), keys % max(groups.number, 1), chosen[order], row,
             bodies, np.repeat(np.arange(len(sizes)), sizes), np.cumsum([0, *(MODES * sizes.astype(np.int64)) ** 2]),
         )
     ))  # fmt: skip

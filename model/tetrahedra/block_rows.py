@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,8 +10,7 @@ BLOCKS = 10  # stored ones of a tetrahedron: of the pairs of corners p <= q
 _PLACE = np.array([[0, 1, 2, 3], [1, 4, 5, 6], [2, 5, 7, 8], [3, 6, 8, 9]])  # index of a pair's block among them
 
 
-@dataclass(frozen=True, eq=False)
-class BlockRows:
+class BlockRows(NamedTuple):
     """Row k, of particle k, has the blocks `starts[k]` to before `starts[k + 1]`, `columns` (blocks,) ascending.
 
     Its diagonal block is at `diagonal[k]`. Block n is the sum of the tetrahedra's blocks `items[sources[n]]` ... before
@@ -27,11 +26,6 @@ class BlockRows:
     items: np.ndarray
     meets: np.ndarray
     corners: np.ndarray
-
-    @property
-    def arrays(self) -> tuple[np.ndarray, ...]:
-        """The arrays in the order above, for kernels."""
-        return self.starts, self.columns, self.diagonal, self.sources, self.items, self.meets, self.corners
 
 
 Pairs = tuple[np.ndarray, np.ndarray, np.ndarray]

@@ -7,6 +7,7 @@ mesh is. Stiffer ones would be more accurate, and vertex block descent would nee
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,6 +22,15 @@ from softlab.model.tetrahedra.newton import holding
 HARD = {"vbd": 10.0, "newton": 100.0}  # by solver
 PARTS = frozenset({part_of("world"), part_of("bodies")})  # parts of a plan with springs
 PAIRS = CORNERS * CORNERS  # blocks of a spring, by rows
+
+
+class SpringArrays(NamedTuple):
+    """Arrays of Springs that kernels read."""
+
+    meets: np.ndarray
+    entries: np.ndarray
+    corners: np.ndarray
+    values: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,9 +49,8 @@ class Springs:
     entries: np.ndarray
     bodies: np.ndarray
 
-    def arrays(self, real: type) -> tuple[np.ndarray, ...]:
-        """Return (meets, entries, corners, values) for kernels."""
-        return self.meets, self.entries, self.corners, np.ascontiguousarray(self.values, real)
+    def arrays(self, real: type) -> SpringArrays:
+        return SpringArrays(self.meets, self.entries, self.corners, np.ascontiguousarray(self.values, real))
 
     @property
     def fours(self) -> np.ndarray:

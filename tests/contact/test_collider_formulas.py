@@ -153,6 +153,6 @@ def test_one_mass_meets_a_collider_on_the_cpu(name: str, real: type) -> None:
     kind, table, met, expected = CASES[name]
     scene = scene_of(kind, table)
     touch = getattr(make_touches(Uncompiled(), real, cloth_parts(scene)), kind)  # type: ignore[arg-type]
-    vectors = [real(number) for vector in met for number in vector]
-    found = touch(numbers_of(scene, real), real(STEP * DT), real((STEP + 1) * DT), real(0), *vectors)
-    assert found == pytest.approx([*expected[0], *expected[1]], abs=1e-6)
+    vectors = [tuple(real(number) for number in vector) for vector in met]
+    position, velocity = touch(numbers_of(scene, real), real(STEP * DT), real((STEP + 1) * DT), real(0), *vectors)
+    assert [*position, *velocity] == pytest.approx([*expected[0], *expected[1]], abs=1e-6)

@@ -8,7 +8,7 @@ from test_newton import STILL, bar, opened, start
 
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.plain import translated
-from softlab.cpu_backend.tetrahedra.newton_arrays import Coarse, Groups, Rows
+from softlab.cpu_backend.tetrahedra.newton_arrays import Coarse
 from softlab.cpu_backend.tetrahedra.newton_coarse import make_band, make_coarse
 from softlab.model.tetrahedra.aggregates import MOST, aggregates
 from softlab.model.tetrahedra.block_rows import block_rows
@@ -23,14 +23,14 @@ def test_groups_hold_each_free_particle_once_and_reach_as_far_as_the_matrix() ->
     free[found.pinned_vertices] = False
     rows = block_rows(found.tetrahedra, found.particle_count)
     groups = aggregates(found, rows, free)
-    assert np.array_equal(np.sort(groups.members), np.flatnonzero(free)) and 1 < groups.count <= MOST
+    assert np.array_equal(np.sort(groups.members), np.flatnonzero(free)) and 1 < groups.number <= MOST
     assert (groups.group[~free] == -1).all()
-    for number in range(groups.count):
+    for number in range(groups.number):
         assert (groups.group[groups.members[groups.starts[number] : groups.starts[number + 1]]] == number).all()
     for k in np.flatnonzero(free):
         met = groups.group[rows.columns[rows.starts[k] : rows.starts[k + 1]]]
         assert 6 * met.max() + 5 <= groups.reach[6 * groups.group[k]]
-    assert groups.width < 6 * groups.count / 2  # a slender body has a band
+    assert groups.width < 6 * groups.number / 2  # a slender body has a band
 
 
 def test_the_coarse_level_is_the_matrix_seen_by_rigid_motions() -> None:
@@ -39,7 +39,7 @@ def test_the_coarse_level_is_the_matrix_seen_by_rigid_motions() -> None:
     count, random = found.particle_count, np.random.default_rng(0)
     rows = block_rows(found.tetrahedra, count)
     groups = aggregates(found, rows, np.ones(count, bool))
-    assert groups.count == 2
+    assert groups.number == 2
     position = found.position + 0.01 * random.normal(size=found.position.shape)
     position[groups.group == 1] = position[groups.group == 1][0]
     full = np.zeros((3 * count, 3 * count))
@@ -53,17 +53,17 @@ def test_the_coarse_level_is_the_matrix_seen_by_rigid_motions() -> None:
         for n in range(rows.starts[k], rows.starts[k + 1]):
             c = rows.columns[n]
             blocks[n] = full[3 * k : 3 * k + 3, 3 * c : 3 * c + 3].ravel()
-    size = 6 * groups.count
-    shapes = (groups.count, 4), (size, groups.width), (1, size), (1, size)
+    size = 6 * groups.number
+    shapes = (groups.number, 4), (size, groups.width), (1, size), (1, size)
     coarse = Coarse(*(np.zeros(shape) for shape in shapes))
-    tables, residual = Groups(*groups.arrays), random.normal(size=(count, 3))
+    residual = random.normal(size=(count, 3))
     plain = {name: translated(function) for name, function in LEVEL.items()}
-    plain["centre"](0, groups.count, position, tables, coarse)
-    plain["gather"](0, groups.count, position, Rows(*rows.arrays), blocks, tables, coarse)
-    assert not plain["factor"](coarse, tables)
-    plain["restrict"](0, groups.count, position, residual, tables, coarse)
-    plain["solve"](coarse, tables)
-    got = np.array([plain["corrected"](k, position, tables, coarse) for k in range(count)])
+    plain["centre"](0, groups.number, position, groups, coarse)
+    plain["gather"](0, groups.number, position, rows, blocks, groups, coarse)
+    assert not plain["factor"](coarse, groups)
+    plain["restrict"](0, groups.number, position, residual, groups, coarse)
+    plain["solve"](coarse, groups)
+    got = np.array([plain["corrected"](k, position, groups, coarse) for k in range(count)])
     rigid = np.zeros((3 * count, size))
     for k in range(count):
         a = groups.group[k]

@@ -18,6 +18,7 @@ import pytest
 
 from softlab.app.driver import open_simulation
 from softlab.cpu_backend.mass_spring.grid import solver as mass_spring
+from softlab.cpu_backend.mass_spring.grid.choice import Tiling
 from softlab.model.scene.scene import load_scene
 
 PACKED_ROOT = r"\bv?r?sqrt(14|28)?p[sd]\b"
@@ -45,7 +46,7 @@ def assembly(kernel: str, precision: str, math: str) -> str:
     if kernel == "team":
         arguments += [np.zeros((2, 16), np.int64)]
     elif kernel == "tiled":
-        arguments += [12, 64, 16, 112]
+        arguments += [Tiling(12, 64, 16, 112, 0)]
     make = getattr(mass_spring, MAKERS[kernel]).__wrapped__  # past the memory of kernels made before
     dispatcher = make(np.dtype(precision).type, math, "lab", parts)
     dispatcher._cache = numba.core.caching.NullCache()

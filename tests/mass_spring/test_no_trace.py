@@ -24,6 +24,7 @@ from numba import types
 import softlab.cpu_backend.mass_spring.grid.rows as cpu_rows
 import softlab.cpu_backend.mass_spring.grid.solver as cpu_mass_spring
 from softlab.app.driver import open_simulation
+from softlab.cpu_backend.mass_spring.arrays import Passes, Sheet
 from softlab.cpu_backend.mass_spring.grid.kernels import make_advance
 from softlab.model.core import own_forces
 from softlab.model.core.integrators import INTEGRATORS
@@ -125,18 +126,9 @@ def fresh() -> Callable[..., Any]:
                 real, math, integrator, parts
             )  # past the memory of kernels made before
             dispatcher._cache = numba.core.caching.NullCache()
-            given = (
-                *(whole,) * 4,
-                scalar[::1],
-                whole,
-                INTS,
-                record_of(real, "grid").dtype,
-                UINTS,
-                INTS,
-                INTS,
-                scalar[:, ::1],
-            )
-            dispatcher.compile((whole, types.Tuple(given)))
+            members = INTS, record_of(real, "grid").dtype, UINTS, INTS, INTS, types.Tuple(()), types.Tuple(())
+            passes, sheet = types.NamedUniTuple(whole, 4, Passes), types.NamedTuple(members, Sheet)
+            dispatcher.compile((whole, types.Tuple((passes, scalar[::1], whole, sheet, scalar[:, ::1]))))
             known[variant] = dispatcher
         return known[variant]
 

@@ -88,7 +88,7 @@ CPU: tuple[Mistake, ...] = (
         "test_cpu_bits.py::test_bits_do_not_depend_on_threads_kernel_or_batches test_cpu_reference.py::test_odd_grids_free",
         {
             "a band ends a row early (cpu)": ("first, last = rows * band // bands, rows * (band + 1) // bands", "first, last = rows * band // bands, rows * (band + 1) // bands - 1"),
-            "the states do not change places (cpu)": ("states, (current + k) % 2, layout", "states, current, layout"),
+            "the states do not change places (cpu)": ("states, (current + k) % 2, sheet", "states, current, sheet"),
         },
     ),
     *in_file(
@@ -96,12 +96,12 @@ CPU: tuple[Mistake, ...] = (
         "test_collider_formulas.py",
         {
             "a capsule stays where it began (cpu)": (
-                "def touch_capsule(body, begin, end, slow, ax, ay, az, px, py, pz, vx, vy, vz):\n        cx, cy, cz = point(body, end)",
-                "def touch_capsule(body, begin, end, slow, ax, ay, az, px, py, pz, vx, vy, vz):\n        cx, cy, cz = point(body, begin)",
+                "def touch_capsule(body, begin, end, slow, a, p, v):\n        cx, cy, cz = point(body, end)",
+                "def touch_capsule(body, begin, end, slow, a, p, v):\n        cx, cy, cz = point(body, begin)",
             ),
             "a collider's static coefficient is its dynamic one (cpu)": ("static, dynamic = zero, zero\n        if has_friction:\n            static, dynamic = body[B_STATIC], body[B_DYNAMIC]\n        ux", "static, dynamic = zero, zero\n        if has_friction:\n            static, dynamic = body[B_DYNAMIC], body[B_DYNAMIC]\n        ux"),
             "a mass is pushed out to the surface, not to the thickness (cpu)": ("depth = thickness - distance", "depth = -distance"),
-            "a plane pushes to its other side (cpu)": ("return push(body, slow, distance, nx, ny, nz, px, py, pz, vx, vy, vz)\n\n    @compiled\n    def touch_sphere", "return push(body, slow, -distance, nx, ny, nz, px, py, pz, vx, vy, vz)\n\n    @compiled\n    def touch_sphere"),
+            "a plane pushes to its other side (cpu)": ("return push(body, slow, distance, (nx, ny, nz), p, v)\n\n    @compiled\n    def touch_sphere", "return push(body, slow, -distance, (nx, ny, nz), p, v)\n\n    @compiled\n    def touch_sphere"),
         },
     ),
     *in_file(

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numba import cuda
 
-from softlab.gpu_backend.fluid.cells import Cells
+from softlab.gpu_backend.fluid.cells import Cells, Particles
 from softlab.gpu_backend.fluid.kernels import make_density_kernels
 from softlab.gpu_backend.fluid.sort_kernels import CELLS, WRAPS
 from softlab.model.fluid.parameters import FLUID_PARAMETERS
@@ -51,14 +51,14 @@ def made(kind: str, axes: int, most: int, real: Any) -> SimpleNamespace:
     quads = np.concatenate([position, np.arange(count)[:, None]], axis=1).astype(real)
     shuffled = np.random.default_rng(7).permutation(count).astype(np.int32)  # numbers of where particles lie
     arrays = quads, quads[:, ::-1].copy(), -quads, shuffled
-    given = [cuda.to_device(a.reshape(-1)) for a in arrays]
-    into = [cuda.to_device(np.zeros_like(a.copy_to_host())) for a in given]
+    given = Particles(*(cuda.to_device(a.reshape(-1)) for a in arrays))
+    into = Particles(*(cuda.to_device(np.zeros_like(a.copy_to_host())) for a in given))
     for _ in range(2):  # counters must be 0 again
-        cells.bound(given[0])
+        cells.bound(given.position)
         cells.sort(record, given, into)
     find = make_density_kernels(real, "exact", frozenset({"flat"} if axes == 2 else ()), repeats, NEIGHBOURS).find
     table = cells.table, cells.found, cells.counts
-    find[-(-count // 32), 32](into[0], record, cells.sorted_keys, cells.numbers, cells.begins, *table)
+    find[-(-count // 32), 32](into.position, record, cells.sorted_keys, cells.numbers, cells.begins, *table)
     return SimpleNamespace(cells=cells, arrays=arrays, into=into, numbers=cells.numbers.copy_to_host())
 
 

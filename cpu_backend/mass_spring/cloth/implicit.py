@@ -15,6 +15,7 @@ from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import L_COLUMNS, L_PLANE, L_ROWS, aligned_zeros, block_of, row_at
 from softlab.cpu_backend.core.progress import shares
 from softlab.cpu_backend.core.scratch import AXES, REACH, cloth_variant, triples_of
+from softlab.cpu_backend.mass_spring.arrays import ImplicitArrays
 from softlab.cpu_backend.mass_spring.cloth.implicit_rows import AR, WORK_PLANES, R, S, U, X, make_row_passes
 from softlab.cpu_backend.mass_spring.cloth.kernels import PLANES
 from softlab.cpu_backend.mass_spring.cloth.sums import make_sums_over_masses
@@ -30,9 +31,13 @@ from softlab.model.mass_spring.implicit_parameters import (
     without_dampers,
 )
 
-N_KIND, N_STEPS, N_COUNTS = 0, 1, 2  # indices in `control`: kind of the next pass, steps done, three counters
-VALUES = 7  # numbers that the formulas store from pass to pass
-COUNTS = ("steps", "matrices", "iterations", "halvings")  # counters of a simulation
+
+def control_type(real: Any) -> np.dtype:
+    """Return the structured type of what passes leave for the next: its kind, steps done, Counts and Values of
+    formulas/implicit.py."""
+    integers = [(name, np.int64) for name in ("next", "steps", *implicit.Counts._fields)]
+    numbers = [(name, real) for name in implicit.Values._fields]
+    return np.dtype((np.record, np.dtype([*integers, *numbers], align=True)))
 
 
 def factors_of(kind: int) -> int:
@@ -52,8 +57,8 @@ def factors(kind: int, n: int) -> tuple[int, int]:
 
 
 def make_pass_band(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
-    """Make pass_band(band, kind, first_iteration, step, alpha, beta, source, work, target, ...): one pass on a band's
-    rows."""
+    """Make pass_band(c, band, step, source, target, sheet, system, arrays): one pass on a band's rows; `c`: the record of
+    control_type; `arrays`: ImplicitArrays."""
     rows_of = make_row_passes(compiler, real, parts)
     elsewhere, clear, pull_end, pull_matrix = rows_of.elsewhere, rows_of.clear, rows_of.pull_end, rows_of.pull_matrix
     walk_else, sum_else, air_now = elsewhere.begin_walk, elsewhere.sum_forces, elsewhere.air_now
@@ -68,14 +73,13 @@ def make_pass_band(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     triples, block, zero = triples_of(parts)["count"], block_of(real), real(0)
 
     @compiler.compiled
-    def pass_band(
-        band, kind, first_iteration, step, alpha, beta, source, work, target, layout, parameters, system, integers, bodies,
-        kinds, pin_start, pin_column, scratches, lanes, sums,
-    ):  # fmt: skip
+    def pass_band(c, band, step, source, target, sheet, system, arrays):
+        layout, parameters, integers, kind = sheet.layout, sheet.parameters, sheet.integers, c.next
+        work, scratches, sums = arrays.work, arrays.scratches, arrays.sums
         rows, columns, plane = layout[L_ROWS], layout[L_COLUMNS], layout[L_PLANE]
         bands, width = np.int64(scratches.shape[0]), np.int64(scratches.shape[1]) // (AXES * triples)
         first, last = rows * band // bands, rows * (band + 1) // bands
-        scratch, running = scratches[band], lanes[band]
+        scratch, running = scratches[band], arrays.lanes[band]
         blocks, segments = (columns + block - 1) // block, (columns + SEGMENT - 1) // SEGMENT
         count, end, air = rows * segments, zero, (zero, zero, zero)
         if has_motion:
@@ -98,21 +102,21 @@ def make_pass_band(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
                 sum_else(i, step, step, blocks, layout, source, parameters, integers, air, scratch, width)
                 start_row(i, blocks, layout, source, work, parameters, scratch, width)
             elif kind == RESIDUAL:
-                residual_row(i, blocks, layout, work, parameters, system, pin_start, pin_column, scratch, width)
+                residual_row(i, blocks, work, sheet, system, scratch, width)
             elif kind == PRODUCT:
-                product_row(i, blocks, layout, work, system, pin_start, pin_column, scratch, width)
+                product_row(i, blocks, work, sheet, system, scratch, width)
             elif kind == UPDATE:
-                update_row(i, first_iteration, blocks, layout, work, alpha, beta)
+                update_row(i, c.iterations == 1, blocks, layout, work, c.alpha, c.beta)
             elif kind in (MOVE, RETREAT):
                 move_row(i, kind == RETREAT, blocks, layout, source, work, parameters)
             else:
-                finish_row(i, step, blocks, layout, source, work, target, parameters, bodies, kinds)
+                finish_row(i, step, blocks, layout, source, work, target, parameters, sheet.bodies, sheet.kinds)
             for n in range(sums_of(kind)):
                 one, other = factors_at(kind, n)
                 add_up(i, layout, work, one, other, running, row_at(sums, n * count + i * segments))
             if kind in (START, MOVE, RETREAT, FINISH):
                 into = target if kind == FINISH else row_at(work, X * plane)
-                settle(i, blocks, layout, source, into, pin_start, pin_column, end, bodies, integers)
+                settle(i, blocks, source, into, end, sheet)
             if kind == START:
                 leave_row(i, blocks, layout, work, parameters)
 
@@ -121,69 +125,61 @@ def make_pass_band(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
 
 @cache
 def make_cloth_implicit(real: Any, math: str, linear: bool, parts: frozenset[str]) -> Any:
-    """Compile advance(bands, steps, step, states, current, work, layout, parameters, system, integers, bodies, kinds,
-    pin_start, pin_column, scratches, lanes, sums, tree, done, control, values).
+    """Compile advance(bands, steps, step, states, current, sheet, system, arrays).
 
-    It does `steps` steps, alternating between the two states of `states` (core/layout.py). `work`: WORK_PLANES planes;
-    `system`: model/mass_spring/implicit_parameters.py; `lanes` (bands, LANES), `sums` and `tree`: scratch; `done`
-    (len(COUNTS),) is incremented; `control` (N_COUNTS + 3,), `values` (VALUES,): state of the iteration, 0 at first.
-    With `linear` a step ends after its first matrix.
+    It does `steps` steps, alternating between the two states of `states` (core/layout.py). `system`:
+    model/mass_spring/implicit_parameters.py; `arrays`: ImplicitArrays, whose `control` is 0 at first. With `linear` a
+    step ends after its first matrix.
     """
     compiler = Compiler(cloth_variant(f"implicit_{'once' if linear else 'newton'}", real, math, parts), math)
     pass_band, total = make_pass_band(compiler, real, parts), make_sums_over_masses(compiler, real).total
     control = implicit.make_control(real, compiler.compiled, linear)
     after_residual, after_product = control.after_residual, control.after_product
-    zero = real(0)
+    zero, none = real(0), np.int64(0)
 
     @compiler.compiled
-    def go_on(control, values, count, system, sums, tree, done):
-        """Choose the next pass from the sums of the last one."""
-        kind = control[N_KIND]
-        counts = control[N_COUNTS], control[N_COUNTS + 1], control[N_COUNTS + 2]
-        old = values[0], values[1], values[2], values[3], values[4], values[5], values[6]
-        new, later = old, RESIDUAL
+    def go_on(c, count, system, sums, tree, done):
+        """Choose the next pass from the sums of the last one. `c`: the record of control_type."""
+        kind, later = c.next, RESIDUAL
+        counts = implicit.Counts(c.matrices, c.halvings, c.iterations)
+        values = implicit.Values(c.first, c.before, c.limit, c.slope, c.squared, c.alpha, c.beta)
         if kind == RESIDUAL:
             found = (
                 total(sums, count, tree), total(row_at(sums, count), count, tree),
                 total(row_at(sums, 2 * count), count, tree),
             )  # fmt: skip
-            later, counts, new = after_residual(counts, old, found, system.speed_squared, system.roundoff)
-            done[3] += later == RETREAT
+            later, counts, values = after_residual(counts, values, found, system.speed_squared, system.roundoff)
+            done[implicit.HALVINGS] += later == RETREAT
         elif kind == PRODUCT:
             squared, curvature = total(sums, count, tree), total(row_at(sums, count), count, tree)
-            later, counts, new = after_product(counts, old, squared, curvature)
-            done[2] += later == UPDATE
-            done[1] += later != UPDATE
+            later, counts, values = after_product(counts, values, squared, curvature)
+            done[implicit.ITERATIONS] += later == UPDATE
+            done[implicit.MATRICES] += later != UPDATE
         elif kind == UPDATE:
             later = PRODUCT
         elif kind == MOVE and linear:
             later = FINISH
         elif kind == FINISH:
-            later, counts, new = START, (0, 0, 0), (zero, zero, zero, zero, zero, zero, zero)
-            done[0] += 1
-            control[N_STEPS] += 1
-        control[N_KIND] = later
-        for n in range(VALUES):
-            values[n] = new[n]
-        control[N_COUNTS], control[N_COUNTS + 1], control[N_COUNTS + 2] = counts
+            later, counts = START, implicit.Counts(none, none, none)
+            values = implicit.Values(zero, zero, zero, zero, zero, zero, zero)
+            done[implicit.STEPS] += 1
+            c.steps += 1
+        c.next = later
+        c.matrices, c.halvings, c.iterations = counts
+        c.first, c.before, c.limit, c.slope, c.squared, c.alpha, c.beta = values
 
-    def advance(
-        team, member, bands, steps, step, states, current, work, layout, parameters, system, integers, bodies, kinds,
-        pin_start, pin_column, scratches, lanes, sums, tree, done, control, values,
-    ):  # fmt: skip
+    def advance(team, member, bands, steps, step, states, current, sheet, system, arrays):
+        layout, control = sheet.layout, arrays.control
         size = PLANES * layout[L_PLANE]
         count = layout[L_ROWS] * ((layout[L_COLUMNS] + SEGMENT - 1) // SEGMENT)
-        while control[N_STEPS] < steps:  # it only grows: a late member sees that all is done
+        while control[0].steps < steps:  # it only grows: a late member sees that all is done
             for band in shares(team, member, bands):
-                now = (current + control[N_STEPS]) % 2
+                c = control[0]
+                now = (current + c.steps) % 2
                 source, target = row_at(states, now * size), row_at(states, (1 - now) * size)
-                pass_band(
-                    band, control[N_KIND], control[N_COUNTS + 2] == 1, step + control[N_STEPS], values[5], values[6],
-                    source, work, target, layout, parameters, system, integers, bodies, kinds, pin_start, pin_column,
-                    scratches, lanes, sums,
-                )  # fmt: skip
+                pass_band(c, band, step + c.steps, source, target, sheet, system, arrays)
             for _ in shares(team, member, 1):
-                go_on(control, values, count, system, sums, tree, done)
+                go_on(control[0], count, system, arrays.sums, arrays.tree, arrays.done)
 
     return compiler.team(advance)
 
@@ -199,12 +195,13 @@ class ImplicitSteps:
         self.simulation = simulation
         real, body, scene = simulation.real, simulation.body, simulation.scene
         bands, plane = simulation._bands, simulation._layout.plane
-        self._work = aligned_zeros(WORK_PLANES * plane, real)
-        self._lanes = aligned_zeros(bands * LANES, real).reshape(bands, LANES)
-        self._sums = np.zeros(SUMS * segments_of(body.rows, body.columns), real)
-        self._tree = aligned_zeros(TREE, real)
-        self.done = np.zeros(len(COUNTS), np.int64)
-        self._control, self._values = np.zeros(N_COUNTS + 3, np.int64), np.zeros(VALUES, real)
+        self.done = np.zeros(len(implicit.DONE), np.int64)
+        self._arrays = ImplicitArrays(
+            aligned_zeros(WORK_PLANES * plane, real), simulation._scratch,
+            aligned_zeros(bands * LANES, real).reshape(bands, LANES),
+            np.zeros(SUMS * segments_of(body.rows, body.columns), real), aligned_zeros(TREE, real), self.done,
+            np.zeros(1, control_type(real)),
+        )  # fmt: skip
         linear = scene.method.integrator == "implicit-euler-linear"
         parts = without_dampers(simulation.plan.parts)
         self._kernel = make_cloth_implicit(real, simulation.options.math, linear, parts)
@@ -216,10 +213,6 @@ class ImplicitSteps:
 
     def advance(self, step: int, steps: int) -> None:
         sim = self.simulation
-        layout, parameters, *rest = sim._given()
-        self._control[:], self._values[:] = START, 0
-        self._kernel(
-            sim._bands, steps, step, sim._states, sim._current, self._work, layout, parameters, self._system, *rest,
-            self._lanes, self._sums, self._tree, self.done, self._control, self._values,
-        )  # fmt: skip
+        self._arrays.control[...] = 0
+        self._kernel(sim._bands, steps, step, sim._states, sim._current, sim.sheet, self._system, self._arrays)
         sim._current = (sim._current + steps) % 2

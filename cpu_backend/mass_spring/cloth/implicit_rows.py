@@ -119,13 +119,14 @@ def make_system_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> Si
     close, triples = at["close"], at["count"]
 
     @compiled
-    def hold(i, layout, work, vector, pin_start, pin_column):
+    def hold(i, work, vector, sheet):
+        layout = sheet.layout
         """Zero the entries of pinned masses in a vector of the system."""
         if has_pins:
             here, plane = i * layout[L_STRIDE], layout[L_PLANE]
-            for k in range(pin_start[i], pin_start[i + 1]):
+            for k in range(sheet.pin_start[i], sheet.pin_start[i + 1]):
                 for axis in range(AXES):
-                    work[here + pin_column[k] + (vector + axis) * plane] = zero
+                    work[here + sheet.pin_column[k] + (vector + axis) * plane] = zero
 
     @compiled
     def add_up(i, layout, work, one, other, lanes, out):
@@ -143,7 +144,8 @@ def make_system_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> Si
             clear_triple(scratch, np.int64(triple), width)
 
     @compiled
-    def residual_row(i, blocks, layout, work, parameters, system, pin_start, pin_column, scratch, width):
+    def residual_row(i, blocks, work, sheet, system, scratch, width):
+        layout, parameters = sheet.layout, sheet.parameters
         plane, here = layout[L_PLANE], i * layout[L_STRIDE]
         sum_accelerations(i, blocks, parameters, scratch, width)
         for axis in range(AXES):
@@ -152,10 +154,11 @@ def make_system_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> Si
                 row_at(scratch, place(close, axis, width)), system.dt, system.damping_of_step,
                 row_at(work, here + (R + axis) * plane),
             )  # fmt: skip
-        hold(i, layout, work, R, pin_start, pin_column)
+        hold(i, work, R, sheet)
 
     @compiled
-    def product_row(i, blocks, layout, work, system, pin_start, pin_column, scratch, width):
+    def product_row(i, blocks, work, sheet, system, scratch, width):
+        layout = sheet.layout
         plane, here = layout[L_PLANE], i * layout[L_STRIDE]
         sum_accelerations(i, blocks, system, scratch, width)
         for axis in range(AXES):
@@ -163,7 +166,7 @@ def make_system_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> Si
                 blocks, row_at(work, here + (R + axis) * plane), row_at(scratch, place(close, axis, width)),
                 system.mass_entry, row_at(work, here + (AR + axis) * plane),
             )  # fmt: skip
-        hold(i, layout, work, AR, pin_start, pin_column)
+        hold(i, work, AR, sheet)
 
     @compiled
     def update_row(i, first, blocks, layout, work, alpha, beta):

@@ -35,7 +35,7 @@ PIN_ROWS = 3  # index in the integers: where the rows of pins begin among those 
 
 def make_settle(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
     """Make the functions that complete a written row: `collide_row` (contact/colliders.py; only if `has_colliders`) and
-    `settle(i, blocks, layout, source, target, pin_start, pin_column, time, bodies, integers)`.
+    `settle(i, blocks, source, target, time, sheet)`.
 
     `settle` puts pinned masses where `source` has them, at rest, or where their motion has them at `time` [s]; the
     padding columns copy the row's last mass, at rest, so that they stay finite.
@@ -49,16 +49,17 @@ def make_settle(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleN
             plane_row[j] = value if j >= block - spare else plane_row[j]
 
     @compiler.compiled
-    def settle(i, blocks, layout, source, target, pin_start, pin_column, time, bodies, integers):
+    def settle(i, blocks, source, target, time, sheet):
+        layout, bodies = sheet.layout, sheet.bodies
         columns, plane, here = layout[L_COLUMNS], layout[L_PLANE], i * layout[L_STRIDE]
         if has_pins:
-            for k in range(pin_start[i], pin_start[i + 1]):
-                place = here + pin_column[k]
+            for k in range(sheet.pin_start[i], sheet.pin_start[i + 1]):
+                place = here + sheet.pin_column[k]
                 for axis in range(AXES):
                     target[place + axis * plane] = source[place + axis * plane]
                     target[place + (AXES + axis) * plane] = zero
                 if has_motion:
-                    pin = np.int64(integers[PIN_ROWS]) + PIN_FIELDS * k
+                    pin = np.int64(sheet.integers[PIN_ROWS]) + PIN_FIELDS * k
                     if bodies[pin + P_MOTION] >= zero:
                         x, y, z, vx, vy, vz = follow(bodies, pin, time)
                         target[place], target[place + plane], target[place + 2 * plane] = x, y, z
@@ -88,10 +89,9 @@ def make_finish_rows(compiler: Compiler, real: Any, integrator: str, parts: froz
 def make_cloth_advance(real: Any, math: str, integrator: str, parts: frozenset[str]) -> Any:
     """Compile the kernel for one-force integrators and velocity Verlet.
 
-    advance(bands, passes, first_kind, last_kind, step, states, current, layout, parameters, integers, bodies, kinds,
-    pin_start, pin_column, scratches) does `passes` passes over the sheet, alternating between the two states in the
-    flat array `states` (core/layout.py); the first reads number `current`. If velocity Verlet's kicks cannot be
-    combined (model/cloth_plan.kicks_meet), passes open and close steps in turn. `bodies`, `kinds`: the colliders;
+    advance(bands, passes, states, current, sheet, scratches) does the passes of `passes` over the sheet,
+    alternating between the two states in the flat array `states` (core/layout.py); the first reads number `current`. If
+    velocity Verlet's kicks cannot be combined (model/cloth_plan.kicks_meet), passes open and close steps in turn.
     `scratches`: a flat row per band.
     """
     compiler = Compiler(cloth_variant(f"fused_{integrator}", real, math, parts), math)
@@ -108,9 +108,8 @@ def make_cloth_advance(real: Any, math: str, integrator: str, parts: frozenset[s
     triples, block, zero = triples_of(parts)["count"], block_of(real), real(0)
 
     @compiler.compiled
-    def advance_band(
-        band, kind, step, states, current, layout, parameters, integers, bodies, kinds, pin_start, pin_column, scratches
-    ):  # fmt: skip
+    def advance_band(band, kind, step, states, current, sheet, scratches):
+        layout, parameters, integers = sheet.layout, sheet.parameters, sheet.integers
         rows, columns, stride, plane = layout[L_ROWS], layout[L_COLUMNS], layout[L_STRIDE], layout[L_PLANE]
         bands, width = np.int64(scratches.shape[0]), np.int64(scratches.shape[1]) // (AXES * triples)
         first, last = rows * band // bands, rows * (band + 1) // bands
@@ -138,21 +137,17 @@ def make_cloth_advance(real: Any, math: str, integrator: str, parts: frozenset[s
                     row_at(target, position), row_at(target, velocity),
                 )  # fmt: skip
             if has_colliders and not (verlet and kind == CLOSING):
-                collide_row(bodies, kinds, step, parameters, blocks, source, here, plane, target, here, plane)
-            settle(i, blocks, layout, source, target, pin_start, pin_column, end, bodies, integers)
+                collide_row(
+                    sheet.bodies, sheet.kinds, step, parameters, blocks, source, here, plane, target, here, plane
+                )
+            settle(i, blocks, source, target, end, sheet)
 
-    def advance(
-        team, member, bands, passes, first_kind, last_kind, step, states, current, layout, parameters, integers, bodies,
-        kinds, pin_start, pin_column, scratches,
-    ):  # fmt: skip
-        for k in range(passes):
-            kind, begun = kind_of(k, passes, first_kind, last_kind), k
+    def advance(team, member, bands, passes, states, current, sheet, scratches):
+        for k in range(passes.number):
+            kind, begun = kind_of(k, passes), k
             if in_turn:
                 kind, begun = CLOSING if k % 2 else OPENING, (k + 1) // 2
             for band in shares(team, member, bands):
-                advance_band(
-                    np.int64(band), kind, step + begun, states, (current + k) % 2, layout, parameters, integers, bodies,
-                    kinds, pin_start, pin_column, scratches,
-                )  # fmt: skip
+                advance_band(np.int64(band), kind, passes.step + begun, states, (current + k) % 2, sheet, scratches)
 
     return compiler.team(advance)

@@ -68,9 +68,8 @@ def make_stage_band(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any
             target[j] = source[j]
 
     @compiled
-    def stage_band(
-        band, stage, step, states, layout, parameters, integers, bodies, kinds, pin_start, pin_column, scratches
-    ):  # fmt: skip
+    def stage_band(band, stage, step, states, sheet, scratches):
+        layout, parameters, integers = sheet.layout, sheet.parameters, sheet.integers
         rows, columns, stride, plane = layout[L_ROWS], layout[L_COLUMNS], layout[L_STRIDE], layout[L_PLANE]
         bands, width = np.int64(scratches.shape[0]), np.int64(scratches.shape[1]) // (AXES * triples)
         first, last = rows * band // bands, rows * (band + 1) // bands
@@ -104,33 +103,26 @@ def make_stage_band(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any
                     stage, blocks, row_at(base, velocity), rate, parameters, row_at(total, velocity), row_at(into, velocity)
                 )  # fmt: skip
             if has_colliders and stage == 3:
-                collide_row(bodies, kinds, step, parameters, blocks, base, here, plane, spare, here, plane)
+                collide_row(sheet.bodies, sheet.kinds, step, parameters, blocks, base, here, plane, spare, here, plane)
                 for axis in range(PLANES):
                     copy_row(blocks, row_at(spare, here + axis * plane), row_at(base, here + axis * plane))
-            settle(i, blocks, layout, source, target, pin_start, pin_column, end, bodies, integers)
+            settle(i, blocks, source, target, end, sheet)
 
     return stage_band
 
 
 @cache
 def make_cloth_rk4(real: Any, math: str, parts: frozenset[str]) -> Any:
-    """Compile advance(bands, steps, step, states, layout, parameters, integers, bodies, kinds, pin_start, pin_column,
-    scratches).
+    """Compile advance(bands, steps, step, states, sheet, scratches).
 
     `states` as in mass_spring/grid/rk4.py, the rest as in mass_spring/cloth/kernels.py.
     """
     compiler = Compiler(cloth_variant("fused_rk4", real, math, parts), math)
     stage_band = make_stage_band(compiler, real, parts)
 
-    def advance(
-        team, member, bands, steps, step, states, layout, parameters, integers, bodies, kinds, pin_start, pin_column,
-        scratches
-    ):  # fmt: skip
+    def advance(team, member, bands, steps, step, states, sheet, scratches):
         for k in range(4 * steps):
             for band in shares(team, member, bands):
-                stage_band(
-                    np.int64(band), k % 4, step + k // 4, states, layout, parameters, integers, bodies, kinds, pin_start,
-                    pin_column, scratches,
-                )  # fmt: skip
+                stage_band(np.int64(band), k % 4, step + k // 4, states, sheet, scratches)
 
     return compiler.team(advance)

@@ -12,6 +12,7 @@ from softlab.cpu_backend.core.layout import aligned_zeros, padded, plain
 from softlab.cpu_backend.core.normals import make_normals
 from softlab.cpu_backend.core.scratch import AXES, scratch_width, triples_of
 from softlab.cpu_backend.core.simulation import RowsSimulation, chosen_kernel
+from softlab.cpu_backend.mass_spring.arrays import Passes, Sheet
 from softlab.cpu_backend.mass_spring.cloth.implicit import ImplicitSteps
 from softlab.cpu_backend.mass_spring.cloth.kernels import PIN_ROWS, PLANES, make_cloth_advance
 from softlab.cpu_backend.mass_spring.cloth.rk4 import make_cloth_rk4
@@ -74,11 +75,11 @@ class ClothMassSpring(RowsSimulation):
         self._kernel = make_cloth_advance(self.real, self.options.math, integrator, self.plan.parts)
         return Executor(self.plan, {}, self._advance_fused)
 
-    def _given(self) -> tuple[Any, ...]:
-        """Return the last arguments of both kernels."""
-        return (
-            self._integers_of_layout, self.parameters, self.integers, self.bodies, self.kinds, self._pin_start,
-            self._pin_column, self._scratch,
+    @property
+    def sheet(self) -> Sheet:
+        return Sheet(
+            self._integers_of_layout, self.parameters, self.integers, self._pin_start, self._pin_column, self.bodies,
+            self.kinds,
         )  # fmt: skip
 
     def _passes(self, step: int, steps: int) -> tuple[Any, ...]:
@@ -87,15 +88,15 @@ class ClothMassSpring(RowsSimulation):
         verlet = self.scene.method.integrator == "velocity-verlet"
         first, last = (OPENING, CLOSING) if verlet else (MIDDLE, MIDDLE)
         passes = 2 * steps if verlet and not kicks_meet(self.plan.parts) else steps + verlet
-        return passes, first, last, step, self._states, self._current, *self._given()
+        return Passes(passes, first, last, step), self._states, self._current, self.sheet, self._scratch
 
     def _advance_fused(self, step: int, steps: int) -> None:
         arguments = self._passes(step, steps)
         self._kernel(self._bands, *arguments)
-        self._current = (self._current + arguments[0]) % 2
+        self._current = (self._current + arguments[0].number) % 2
 
     def _advance_rk4(self, step: int, steps: int) -> None:
-        self._kernel(self._bands, steps, step, self._states, *self._given())
+        self._kernel(self._bands, steps, step, self._states, self.sheet, self._scratch)
 
     def _parameters_changed(self) -> None:
         super()._parameters_changed()

@@ -21,8 +21,7 @@ On 100 000 x 3 masses `tiled` took 1.4, on 100 000 x 16 0.6. On the layer `workq
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -41,8 +40,7 @@ LEVELS = 12  # passes in flight in `tiled`: 8 took 1.1 times as long, 4 1.3 time
 TILE_BYTES = 4032  # of a tile's row: 2 KiB took 1.2 times as long, 8 KiB the same with twice the cache
 
 
-@dataclass(frozen=True)
-class Tiling:
+class Tiling(NamedTuple):
     """Sizes: `levels` passes in flight, `tile` columns and `halo` more on each side; `width`, `scratch`: see
     tile_buffer."""
 

@@ -27,9 +27,9 @@ SCRATCH_ROWS = ABOVE_ROWS + SUM_ROWS
 def make_advance(real: Any, math: str, integrator: str, parts: frozenset[str]) -> Any:
     """Compile the kernel for one-force integrators and velocity Verlet.
 
-    advance(bands, passes, first_kind, last_kind, step, states, current, layout, parameters, integers, pin_start,
-    pin_column, scratches) does `passes` passes over the grid, alternating between the two states in the flat array
-    `states` (core/layout.py); the first reads number `current`. `scratches`: SCRATCH_ROWS rows per band.
+    advance(bands, passes, states, current, sheet, scratches) does the passes of `passes` over the grid,
+    alternating between the two states in the flat array `states` (core/layout.py); the first reads number `current`.
+    `scratches`: SCRATCH_ROWS rows per band.
     """
     compiler = Compiler(variant_name("fused", real, math, integrator, parts), math)
     begin_walk, step_row = make_row_step(compiler, real, integrator, parts)
@@ -37,9 +37,8 @@ def make_advance(real: Any, math: str, integrator: str, parts: frozenset[str]) -
     block = block_of(real)
 
     @compiler.compiled
-    def advance_band(
-        band, kind, step, states, current, layout, parameters, integers, pin_start, pin_column, scratches
-    ):  # fmt: skip
+    def advance_band(band, kind, step, states, current, sheet, scratches):
+        layout = sheet.layout
         rows, columns, stride, plane = layout[L_ROWS], layout[L_COLUMNS], layout[L_STRIDE], layout[L_PLANE]
         bands, width = np.int64(scratches.shape[0]), np.int64(scratches.shape[1]) // SCRATCH_ROWS
         first, last = rows * band // bands, rows * (band + 1) // bands
@@ -47,26 +46,19 @@ def make_advance(real: Any, math: str, integrator: str, parts: frozenset[str]) -
         above = scratches[band]
         sums = row_at(above, ABOVE_ROWS * width)
         blocks = (columns + block - 1) // block
-        given = (layout, parameters, integers, pin_start, pin_column)
-        begin_walk(first, blocks, source, first * stride, stride, plane, parameters, above, width)
+        begin_walk(first, blocks, source, first * stride, stride, plane, sheet.parameters, above, width)
         for i in range(first, last):
             here = i * stride
             below = here + stride if i < rows - 1 else here
             step_row(
                 kind, step, i, np.int64(0), blocks, source, here, below, plane, target, here, plane, above, sums, width,
-                given,
+                sheet,
             )  # fmt: skip
 
-    def advance(
-        team, member, bands, passes, first_kind, last_kind, step, states, current, layout, parameters, integers, pin_start,
-        pin_column, scratches,
-    ):  # fmt: skip
-        for k in range(passes):
-            kind = kind_of(k, passes, first_kind, last_kind)
+    def advance(team, member, bands, passes, states, current, sheet, scratches):
+        for k in range(passes.number):
+            kind = kind_of(k, passes)
             for band in shares(team, member, bands):
-                advance_band(
-                    np.int64(band), kind, step + k, states, (current + k) % 2, layout, parameters, integers, pin_start,
-                    pin_column, scratches,
-                )  # fmt: skip
+                advance_band(np.int64(band), kind, passes.step + k, states, (current + k) % 2, sheet, scratches)
 
     return compiler.team(advance)

@@ -34,60 +34,46 @@ def make_band_pass(compiler: Compiler, real: Any, integrator: str, parts: frozen
     kind_of, block = compiler.compiled(pass_kind), block_of(real)
 
     @compiler.compiled
-    def walk(
-        start, end, kind, step, states, current, layout, parameters, integers, pin_start, pin_column, above, sums, width
-    ):
+    def walk(start, end, kind, step, states, current, sheet, above, sums, width):
         """Do the rows from `start` to before `end`, whose walk was begun."""
+        layout = sheet.layout
         rows, columns, stride, plane = layout[L_ROWS], layout[L_COLUMNS], layout[L_STRIDE], layout[L_PLANE]
         source, target = row_at(states, current * PLANES * plane), row_at(states, (1 - current) * PLANES * plane)
         blocks = (columns + block - 1) // block
-        given = (layout, parameters, integers, pin_start, pin_column)
         for i in range(start, end):
             here = i * stride
             below = here + stride if i < rows - 1 else here
             step_row(
                 kind, step, i, np.int64(0), blocks, source, here, below, plane, target, here, plane, above, sums, width,
-                given,
+                sheet,
             )  # fmt: skip
 
     @compiler.compiled
-    def begin(i, states, current, layout, parameters, above, width):
-        columns, stride, plane = layout[L_COLUMNS], layout[L_STRIDE], layout[L_PLANE]
+    def begin(i, states, current, sheet, above, width):
+        columns, stride, plane = sheet.layout[L_COLUMNS], sheet.layout[L_STRIDE], sheet.layout[L_PLANE]
         source = row_at(states, current * PLANES * plane)
-        begin_walk(i, (columns + block - 1) // block, source, i * stride, stride, plane, parameters, above, width)
+        begin_walk(i, (columns + block - 1) // block, source, i * stride, stride, plane, sheet.parameters, above, width)
 
     @compiler.compiled
-    def pass_band(
-        band, bands, k, passes, first_kind, last_kind, step, states, current, layout, parameters, integers, pin_start,
-        pin_column, scratches, progress,
-    ):  # fmt: skip
-        rows = layout[L_ROWS]
+    def pass_band(band, bands, k, passes, states, current, sheet, scratches, progress):
+        rows = sheet.layout[L_ROWS]
         width = np.int64(scratches.shape[1]) // TEAM_SCRATCH_ROWS
         first, last = rows * band // bands, rows * (band + 1) // bands
         above = scratches[band]
         sums = row_at(above, ABOVE_ROWS * width)
         above_border = row_at(above, SCRATCH_ROWS * width)
-        kind, now, source = kind_of(k, passes, first_kind, last_kind), step + k, (current + k) % 2
+        kind, now, source = kind_of(k, passes), passes.step + k, (current + k) % 2
         inner_first, inner_last = first, last
-        begin(first, states, source, layout, parameters, above, width)
+        begin(first, states, source, sheet, above, width)
         if band > 0:
             inner_first = first + 1
-            walk(
-                first, inner_first, kind, now, states, source, layout, parameters, integers, pin_start, pin_column, above,
-                sums, width,
-            )  # fmt: skip
+            walk(first, inner_first, kind, now, states, source, sheet, above, sums, width)
         if band < bands - 1 and inner_first < last:
             inner_last = last - 1
-            begin(inner_last, states, source, layout, parameters, above_border, width)
-            walk(
-                inner_last, last, kind, now, states, source, layout, parameters, integers, pin_start, pin_column,
-                above_border, sums, width,
-            )  # fmt: skip
+            begin(inner_last, states, source, sheet, above_border, width)
+            walk(inner_last, last, kind, now, states, source, sheet, above_border, sums, width)
         store_release(progress, BORDER * bands + band, k + 1)
-        walk(
-            inner_first, inner_last, kind, now, states, source, layout, parameters, integers, pin_start, pin_column, above,
-            sums, width,
-        )  # fmt: skip
+        walk(inner_first, inner_last, kind, now, states, source, sheet, above, sums, width)
         store_release(progress, DONE * bands + band, k + 1)
 
     return pass_band
@@ -95,8 +81,8 @@ def make_band_pass(compiler: Compiler, real: Any, integrator: str, parts: frozen
 
 @cache
 def make_team_advance(real: Any, math: str, integrator: str, parts: frozenset[str]) -> Any:
-    """Compile advance(bands, passes, first_kind, last_kind, step, states, current, layout, parameters, integers,
-    pin_start, pin_column, scratches, progress), as the kernel `fused` (mass_spring/grid/kernels.py).
+    """Compile advance(bands, passes, states, current, sheet, scratches, progress), as the kernel `fused`
+    (mass_spring/grid/kernels.py).
 
     `progress`: TEAM_FLAGS flags per band, all 0; `scratches`: TEAM_SCRATCH_ROWS rows per band.
     """
@@ -113,22 +99,16 @@ def make_team_advance(real: Any, math: str, integrator: str, parts: frozenset[st
             return False
         return exchange(progress, band, k, k + 1)
 
-    def advance(
-        team, member, bands, passes, first_kind, last_kind, step, states, current, layout, parameters, integers, pin_start,
-        pin_column, scratches, progress,
-    ):  # fmt: skip
+    def advance(team, member, bands, passes, states, current, sheet, scratches, progress):
         patience, looks, left, stepped_in = np.int64(SPINS), 0, True, False
         while left:
             left, worked = False, False
             for n in range(bands):
                 band = (member + n) % bands
                 k = load_acquire(progress, DONE * bands + band)
-                left = left or k < passes
-                if k < passes and (n == 0 or looks >= patience) and taken(band, bands, k, progress):
-                    pass_band(
-                        band, bands, k, passes, first_kind, last_kind, step, states, current, layout, parameters, integers,
-                        pin_start, pin_column, scratches, progress,
-                    )  # fmt: skip
+                left = left or k < passes.number
+                if k < passes.number and (n == 0 or looks >= patience) and taken(band, bands, k, progress):
+                    pass_band(band, bands, k, passes, states, current, sheet, scratches, progress)
                     if n > 0:
                         patience, stepped_in = patience // 2, True
                     else:

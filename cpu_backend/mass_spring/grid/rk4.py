@@ -65,7 +65,7 @@ def make_rk4_rows(compiler: Compiler, real: Any) -> Any:
 
 @cache
 def make_advance_rk4(real: Any, math: str, parts: frozenset[str]) -> Any:
-    """Compile advance(bands, steps, step, states, layout, parameters, integers, pin_start, pin_column, scratches).
+    """Compile advance(bands, steps, step, states, sheet, scratches).
 
     The flat array `states` has, in this order (core/layout.py): the state, two stages used in turn, the running sum.
     Each step is four passes over the grid; the last writes the state, which is no longer read. `scratches`:
@@ -88,7 +88,8 @@ def make_advance_rk4(real: Any, math: str, parts: frozenset[str]) -> Any:
             out[j] = damped(out[j], velocity[j], parameters.damping)
 
     @compiled
-    def stage_band(band, stage, step, states, layout, parameters, integers, pin_start, pin_column, scratches):
+    def stage_band(band, stage, step, states, sheet, scratches):
+        layout, parameters = sheet.layout, sheet.parameters
         rows, columns, stride, plane = layout[L_ROWS], layout[L_COLUMNS], layout[L_STRIDE], layout[L_PLANE]
         bands, width = np.int64(scratches.shape[0]), np.int64(scratches.shape[1]) // SCRATCH_ROWS
         first, last = rows * band // bands, rows * (band + 1) // bands
@@ -112,7 +113,7 @@ def make_advance_rk4(real: Any, math: str, parts: frozenset[str]) -> Any:
             else:
                 sum_row(blocks, *given)
             if later_parts:
-                add_later_parts(i, np.int64(0), blocks, layout, parameters, integers, step, sums, width)
+                add_later_parts(i, np.int64(0), blocks, layout, parameters, sheet.integers, step, sums, width)
             for axis in range(2):
                 position, velocity = here + axis * plane, here + (2 + axis) * plane
                 rate = row_at(sums, (CLOSE_X + axis) * width)
@@ -126,17 +127,14 @@ def make_advance_rk4(real: Any, math: str, parts: frozenset[str]) -> Any:
                     stage, blocks, row_at(base, velocity), rate, parameters, row_at(total, velocity), row_at(target, velocity)
                 )  # fmt: skip
             if has_pins:  # a pinned mass does not move, so any stage has its position
-                hold_pins(i, np.int64(0), blocks, source, here, plane, target, here, plane, pin_start, pin_column)
+                hold_pins(
+                    i, np.int64(0), blocks, source, here, plane, target, here, plane, sheet.pin_start, sheet.pin_column
+                )  # fmt: skip
             place_ghosts(np.int64(0), blocks, layout, target, here, plane)
 
-    def advance(
-        team, member, bands, steps, step, states, layout, parameters, integers, pin_start, pin_column, scratches
-    ):
+    def advance(team, member, bands, steps, step, states, sheet, scratches):
         for k in range(4 * steps):
             for band in shares(team, member, bands):
-                stage_band(
-                    np.int64(band), k % 4, step + k // 4, states, layout, parameters, integers, pin_start, pin_column,
-                    scratches,
-                )  # fmt: skip
+                stage_band(np.int64(band), k % 4, step + k // 4, states, sheet, scratches)
 
     return compiler.team(advance)

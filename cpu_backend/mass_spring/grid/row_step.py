@@ -8,7 +8,9 @@ in rows of scratch.
 from __future__ import annotations
 
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import block_of, row_at
@@ -18,13 +20,21 @@ from softlab.model.formulas import integrators
 OPENING, MIDDLE, CLOSING = 0, 1, 2  # passes of velocity Verlet; one-force integrators use MIDDLE only
 
 
-def pass_kind(k, passes, first_kind, last_kind):
-    """Return the kind of pass `k` of `passes`; kernels compile it."""
+class Walk(NamedTuple):
+    """Pulls passed down a walk, two rows of `width`, and rows of scratch for sums."""
+
+    above: np.ndarray
+    sums: np.ndarray
+    width: int
+
+
+def pass_kind(k, passes):
+    """Return the kind of pass `k` of Passes; kernels compile it."""
     kind = MIDDLE
-    if k == passes - 1:
-        kind = last_kind
+    if k == passes.number - 1:
+        kind = passes.last
     if k == 0:
-        kind = first_kind
+        kind = passes.first
     return kind
 
 
@@ -65,11 +75,10 @@ def make_row_step(compiler: Compiler, real: Any, integrator: str, parts: frozens
     """Make (begin_walk, step_row) of a variant; begin_walk: see mass_spring/grid/rows.py.
 
     step_row(kind, step, i, column, blocks, source, here, below, source_plane, target, there, target_plane, above, sums,
-    width, given) advances row `i` of the grid, `blocks` blocks from `column` on, by one pass. `here` and `below`:
+    width, sheet) advances row `i` of the grid, `blocks` blocks from `column` on, by one pass. `here` and `below`:
     offsets of that part of the row, and of the row below it, in the flat array `source`, whose planes are
     `source_plane` apart; it is written to `target` from `there` on. For the grid's last row `below` is `here`. `above`:
-    the pulls passed down the walk, two rows of `width`. `sums`: scratch of SUM_ROWS such rows. `given`: (layout,
-    parameters, integers, pin_start, pin_column).
+    the pulls passed down the walk, two rows of `width`. `sums`: scratch of SUM_ROWS such rows.
     """
     forces = make_row_forces(compiler, real, integrator, parts)
     finishes = make_finishes(compiler, real, integrator, "damping" in parts, forces.damped)
@@ -81,10 +90,9 @@ def make_row_step(compiler: Compiler, real: Any, integrator: str, parts: frozens
     @compiler.inlined
     def step_row(
         kind, step, i, column, blocks, source, here, below, source_plane, target, there, target_plane, above, sums, width,
-        given,
+        sheet,
     ):  # fmt: skip
-        layout, parameters, integers, pin_start, pin_column = given
-        left = pull_from_left(source, here, source_plane, column, parameters)
+        left = pull_from_left(source, here, source_plane, column, sheet.parameters)
         old = (
             row_at(source, here), row_at(source, here + source_plane), row_at(source, here + 2 * source_plane),
             row_at(source, here + 3 * source_plane), row_at(source, below), row_at(source, below + source_plane),
@@ -93,12 +101,12 @@ def make_row_step(compiler: Compiler, real: Any, integrator: str, parts: frozens
             row_at(target, there), row_at(target, there + target_plane), row_at(target, there + 2 * target_plane),
             row_at(target, there + 3 * target_plane),
         )  # fmt: skip
-        advance_row(kind, step, i, column, blocks, old, new, left, above, sums, width, layout, parameters, integers)
-        if has_pins and pin_start[i] < pin_start[i + 1]:
+        advance_row(kind, step, i, column, blocks, old, new, left, Walk(above, sums, width), sheet)
+        if has_pins and sheet.pin_start[i] < sheet.pin_start[i + 1]:
             hold_pins(
-                i, column, blocks, source, here, source_plane, target, there, target_plane, pin_start, pin_column
+                i, column, blocks, source, here, source_plane, target, there, target_plane, sheet.pin_start, sheet.pin_column
             )  # fmt: skip
-        place_ghosts(column, blocks, layout, target, there, target_plane)
+        place_ghosts(column, blocks, sheet.layout, target, there, target_plane)
 
     return forces.begin_walk, step_row
 
@@ -115,23 +123,8 @@ def _make_row_in_one_loop(compiler: Compiler, forces: SimpleNamespace, real: Any
         finish = finishes.get(name, finishes["middle"])
 
         def whole_row(
-            blocks,
-            x,
-            y,
-            vx,
-            vy,
-            x_below,
-            y_below,
-            left_x,
-            left_y,
-            above_x,
-            above_y,
-            parameters,
-            new_x,
-            new_y,
-            new_vx,
-            new_vy,
-        ):
+            blocks, x, y, vx, vy, x_below, y_below, left_x, left_y, above_x, above_y, parameters, new_x, new_y, new_vx, new_vy
+        ):  # fmt: skip
             stiffness, stiffness_rest = parameters.stiffness, parameters.stiffness_rest
             for j in range(blocks * block):
                 ax, ay = zero, zero
@@ -161,10 +154,10 @@ def _make_row_in_one_loop(compiler: Compiler, forces: SimpleNamespace, real: Any
     opening, middle, closing = make_loop("opening"), make_loop("middle"), make_loop("closing")
 
     @compiler.inlined
-    def in_one_loop(kind, step, i, column, blocks, old, new, left, above, sums, width, layout, parameters, integers):
+    def in_one_loop(kind, step, i, column, blocks, old, new, left, walk, sheet):
         x, y, vx, vy, x_below, y_below = old
         new_x, new_y, new_vx, new_vy = new
-        above_x, above_y = row_at(above, 0), row_at(above, width)
+        above_x, above_y, parameters = row_at(walk.above, 0), row_at(walk.above, walk.width), sheet.parameters
         if verlet and kind == OPENING:
             opening(
                 blocks, x, y, vx, vy, x_below, y_below, left[0], left[1], above_x, above_y, parameters, new_x, new_y, new_vx,
@@ -223,7 +216,9 @@ def _make_row_through_sums(compiler: Compiler, forces: SimpleNamespace, real: An
     finish_axis = make_finish_axis(compiler, real, finishes)
 
     @compiler.inlined
-    def through_sums(kind, step, i, column, blocks, old, new, left, above, sums, width, layout, parameters, integers):
+    def through_sums(kind, step, i, column, blocks, old, new, left, walk, sheet):
+        above, sums, width = walk
+        parameters = sheet.parameters
         x, y, vx, vy, x_below, y_below = old
         new_x, new_y, new_vx, new_vy = new
         close_x, close_y = row_at(sums, CLOSE_X * width), row_at(sums, CLOSE_Y * width)
@@ -237,7 +232,7 @@ def _make_row_through_sums(compiler: Compiler, forces: SimpleNamespace, real: An
             )  # fmt: skip
         else:
             sum_row(blocks, x, y, x_below, y_below, left[0], left[1], above_x, above_y, parameters, close_x, close_y)
-        add_later_parts(i, column, blocks, layout, parameters, integers, step, sums, width)
+        add_later_parts(i, column, blocks, sheet.layout, parameters, sheet.integers, step, sums, width)
         finish_axis(kind, blocks, x, vx, close_x, open_x, parameters, new_x, new_vx)
         finish_axis(kind, blocks, y, vy, close_y, open_y, parameters, new_y, new_vy)
 

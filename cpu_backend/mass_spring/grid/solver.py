@@ -14,6 +14,7 @@ import numpy as np
 from softlab.cpu_backend.core.layout import aligned_zeros, padded, plain
 from softlab.cpu_backend.core.progress import new_flags
 from softlab.cpu_backend.core.simulation import RowsSimulation
+from softlab.cpu_backend.mass_spring.arrays import Passes, Sheet
 from softlab.cpu_backend.mass_spring.grid.choice import choose_kernel, tiling
 from softlab.cpu_backend.mass_spring.grid.kernels import SCRATCH_ROWS, make_advance
 from softlab.cpu_backend.mass_spring.grid.persistent import TEAM_FLAGS, TEAM_SCRATCH_ROWS, make_team_advance
@@ -73,32 +74,30 @@ class MassSpring(RowsSimulation):
         """Return the first arguments of every kernel of one-force integrators and velocity Verlet."""
         verlet = self.scene.method.integrator == "velocity-verlet"
         first, last = (OPENING, CLOSING) if verlet else (MIDDLE, MIDDLE)
-        return (
-            steps + verlet, first, last, step, self._states, self._current, self._integers_of_layout, self.parameters,
-            self.integers, self._pin_start, self._pin_column, self._scratch,
-        )  # fmt: skip
+        return Passes(steps + verlet, first, last, step), self._states, self._current, self._sheet, self._scratch
+
+    @property
+    def _sheet(self) -> Sheet:
+        return Sheet(self._integers_of_layout, self.parameters, self.integers, self._pin_start, self._pin_column)
 
     def _advance_fused(self, step: int, steps: int) -> None:
         arguments = self._passes(step, steps)
         self._kernel(self._bands, *arguments)
-        self._current = (self._current + arguments[0]) % 2
+        self._current = (self._current + arguments[0].number) % 2
 
     def _advance_team(self, step: int, steps: int) -> None:
         arguments = self._passes(step, steps)
         self._progress.fill(0)
         self._kernel(self._bands, *arguments, self._progress)
-        self._current = (self._current + arguments[0]) % 2
+        self._current = (self._current + arguments[0].number) % 2
 
     def _advance_tiled(self, step: int, steps: int) -> None:
         arguments, tiles = self._passes(step, steps), self._tiling
-        self._kernel(self._bands, *arguments, tiles.levels, tiles.tile, tiles.halo, tiles.width)
-        self._current = (self._current - -arguments[0] // tiles.levels) % 2  # states are swapped once per levels
+        self._kernel(self._bands, *arguments, tiles)
+        self._current = (self._current - -arguments[0].number // tiles.levels) % 2  # states are swapped once per levels
 
     def _advance_rk4(self, step: int, steps: int) -> None:
-        self._kernel(
-            self._bands, steps, step, self._states, self._integers_of_layout, self.parameters, self.integers, self._pin_start,
-            self._pin_column, self._scratch,
-        )  # fmt: skip
+        self._kernel(self._bands, steps, step, self._states, self._sheet, self._scratch)
 
     def _upload(self, position: np.ndarray, velocity: np.ndarray) -> None:
         super()._upload(position, velocity)

@@ -44,11 +44,10 @@ def tile_buffer(levels: int, tile: int, real: Any) -> tuple[int, int]:
 
 @cache
 def make_tiled_advance(real: Any, math: str, integrator: str, parts: frozenset[str]) -> Any:
-    """Compile advance(bands, passes, first_kind, last_kind, step, states, current, layout, parameters, integers,
-    pin_start, pin_column, scratches, levels, tile, halo, width).
+    """Compile advance(bands, passes, states, current, sheet, scratches, tiling).
 
     As the kernel `fused` (mass_spring/grid/kernels.py), but the states are swapped only once per `levels` passes.
-    `tile`, `halo`: columns, whole blocks. `scratches`, `width`: see tile_buffer.
+    `tiling`: Tiling of choice.py.
     """
     compiler = Compiler(variant_name("tiled", real, math, integrator, parts), math)
     begin_walk, step_row = make_row_step(compiler, real, integrator, parts)
@@ -56,13 +55,12 @@ def make_tiled_advance(real: Any, math: str, integrator: str, parts: frozenset[s
     block = np.int64(block_of(real))
 
     @compiler.compiled
-    def walk_tile(
-        first, last, start, tile, halo, width, buffer, first_pass, levels, passes, first_kind, last_kind, step, source,
-        target, layout, parameters, integers, pin_start, pin_column,
-    ):  # fmt: skip
-        """Do `levels` passes of rows `first` to before `last`, columns `start` to before `start + tile`."""
+    def walk_tile(first, last, start, tiling, buffer, first_pass, passes, source, target, sheet):
+        """Do the tiling's passes from `first_pass` on of rows `first` to before `last`, columns `start` to before
+        `start + tile`."""
+        tile, halo, width, layout = tiling.tile, tiling.halo, tiling.width, sheet.layout
+        levels = min(tiling.levels, passes.number - first_pass)
         rows, columns, stride, plane = layout[L_ROWS], layout[L_COLUMNS], layout[L_STRIDE], layout[L_PLANE]
-        given = (layout, parameters, integers, pin_start, pin_column)
         left = max(start - halo, 0)
         all_blocks = (min(start + tile + halo, columns) - left + block - 1) // block
         last_blocks = (min(start + tile, columns) - start + block - 1) // block
@@ -86,10 +84,14 @@ def make_tiled_advance(real: Any, math: str, integrator: str, parts: frozenset[s
                     here = ring + (i % 2) * PLANES * width + column - left
                     below = ring + ((i + 1) % 2) * PLANES * width + column - left
                 if i < top:  # only the pull of this row on the next is needed
-                    begin_walk(i + 1, blocks, level_source, below, below - here, source_plane, parameters, above, width)
+                    begin_walk(
+                        i + 1, blocks, level_source, below, below - here, source_plane, sheet.parameters, above, width
+                    )
                     continue
                 if i == 0:
-                    begin_walk(i, blocks, level_source, here, below - here, source_plane, parameters, above, width)
+                    begin_walk(
+                        i, blocks, level_source, here, below - here, source_plane, sheet.parameters, above, width
+                    )
                 if i == rows - 1:
                     below = here
                 if level == levels:
@@ -99,36 +101,26 @@ def make_tiled_advance(real: Any, math: str, integrator: str, parts: frozenset[s
                     there = ring + LEVEL_ROWS * width + (i % 2) * PLANES * width
                 k = first_pass + level - 1
                 step_row(
-                    kind_of(k, passes, first_kind, last_kind), step + k, i, column, blocks, level_source, here, below,
-                    source_plane, level_target, there, target_plane, above, sums, width, given,
+                    kind_of(k, passes), passes.step + k, i, column, blocks, level_source, here, below,
+                    source_plane, level_target, there, target_plane, above, sums, width, sheet,
                 )  # fmt: skip
 
     @compiler.compiled
-    def walk_band(
-        band, tile, halo, width, scratches, first_pass, levels, passes, first_kind, last_kind, step, states, current,
-        layout, parameters, integers, pin_start, pin_column,
-    ):  # fmt: skip
+    def walk_band(band, tiling, scratches, first_pass, passes, states, current, sheet):
+        layout = sheet.layout
         rows, columns, plane = layout[L_ROWS], layout[L_COLUMNS], layout[L_PLANE]
         bands = np.int64(scratches.shape[0])
         first, last = rows * band // bands, rows * (band + 1) // bands
         source, target = row_at(states, current * PLANES * plane), row_at(states, (1 - current) * PLANES * plane)
-        for start in range(0, columns, tile):
+        for start in range(0, columns, tiling.tile):
             walk_tile(
-                first, last, np.int64(start), tile, halo, width, scratches[band], first_pass, levels, passes, first_kind,
-                last_kind, step, source, target, layout, parameters, integers, pin_start, pin_column,
+                first, last, np.int64(start), tiling, scratches[band], first_pass, passes, source, target, sheet
             )  # fmt: skip
 
-    def advance(
-        team, member, bands, passes, first_kind, last_kind, step, states, current, layout, parameters, integers, pin_start,
-        pin_column, scratches, levels, tile, halo, width,
-    ):  # fmt: skip
-        for way in range((passes + levels - 1) // levels):
-            first_pass = way * levels
+    def advance(team, member, bands, passes, states, current, sheet, scratches, tiling):
+        for turn in range((passes.number + tiling.levels - 1) // tiling.levels):
+            first_pass, now = turn * tiling.levels, (current + turn) % 2
             for band in shares(team, member, bands):
-                walk_band(
-                    np.int64(band), tile, halo, width, scratches, first_pass, min(levels, passes - first_pass), passes,
-                    first_kind, last_kind, step, states, (current + way) % 2, layout, parameters, integers, pin_start,
-                    pin_column,
-                )  # fmt: skip
+                walk_band(np.int64(band), tiling, scratches, first_pass, passes, states, now, sheet)
 
     return compiler.team(advance)

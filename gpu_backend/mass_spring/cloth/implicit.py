@@ -25,7 +25,21 @@ from softlab.gpu_backend.mass_spring.cloth.implicit_point import make_implicit_p
 from softlab.gpu_backend.mass_spring.cloth.point import make_cloth_forces
 from softlab.model.base.errors import SceneError
 from softlab.model.formulas import implicit
-from softlab.model.formulas.implicit import FINISH, MOVE, PRODUCT, RESIDUAL, RETREAT, START, UPDATE
+from softlab.model.formulas.implicit import (
+    FINISH,
+    HALVINGS,
+    ITERATIONS,
+    MATRICES,
+    MOVE,
+    PRODUCT,
+    RESIDUAL,
+    RETREAT,
+    START,
+    STEPS,
+    UPDATE,
+    Counts,
+    Values,
+)
 from softlab.model.mass_spring.implicit_parameters import (
     LANES,
     SEGMENT,
@@ -37,7 +51,6 @@ from softlab.model.mass_spring.implicit_parameters import (
 )
 from softlab.model.scene.scene import Scene
 
-COUNTS = ("steps", "matrices", "iterations", "halvings")  # counters of a simulation
 THREADS = LANES if simulated() else SEGMENT  # per block; the simulator's are Python threads
 TOGETHER = 2  # minimum number of blocks per multiprocessor, which bounds their registers
 
@@ -125,7 +138,7 @@ def make_cloth_implicit(real: Any, math: str, linear: bool, parts: frozenset[str
     integers, counter, steps, rows, columns): `steps` steps of the state in `position` and `velocity`.
 
     The nine arrays of quads that follow are working memory; `sums` (SUMS * segments,); `flags` (1,) int32, 0 before the
-    launch; `done` (len(COUNTS),) int64 is incremented; the rest is as in mass_spring/cloth/kernels.py. With `linear` a
+    launch; `done` (len(DONE),) int64 is incremented; the rest is as in mass_spring/cloth/kernels.py. With `linear` a
     step ends after its first matrix.
     """
     point, meetings = make_implicit_point(real, math, parts), make_meetings(real, math)
@@ -135,7 +148,7 @@ def make_cloth_implicit(real: Any, math: str, linear: bool, parts: frozenset[str
     control = device_formulas(implicit.make_control, real, math, linear=linear)
     after_residual, after_product = control.after_residual, control.after_product
     current_step = make_cloth_forces(real, math, parts).current_step
-    has_wind, zero, shared = "wind" in parts, real(0), SUMS * TREE
+    has_wind, zero, none, shared = "wind" in parts, real(0), np.int64(0), SUMS * TREE
     segment, residual_sums, product_sums = np.int32(SEGMENT), np.int32(SUMS), np.int32(2)
 
     def implicit_steps(
@@ -152,13 +165,14 @@ def make_cloth_implicit(real: Any, math: str, linear: bool, parts: frozenset[str
         first_thread = cuda.blockIdx.x == 0 and t == 0
         for number in range(steps):
             step = current_step(counter, np.int64(number))
-            kind, counts, values = START, (0, 0, 0), (zero, zero, zero, zero, zero, zero, zero)
+            kind, counts = START, Counts(none, none, none)
+            values = Values(zero, zero, zero, zero, zero, zero, zero)
             while True:
                 air = (zero, zero, zero)
                 if has_wind:
                     if kind == START:
                         air = air_now(parameters, integers, step, zero)
-                first_iteration, alpha, beta = counts[2] == 1, values[5], values[6]
+                first_iteration, alpha, beta = counts.iterations == 1, values.alpha, values.beta
                 for g in range(np.int32(cuda.blockIdx.x), count, np.int32(cuda.gridDim.x)):
                     i, first = np.int32(g // across), np.int32((g % across) * segment)
                     width = np.int32(min(segment, np.int32(columns - first)))
@@ -193,13 +207,13 @@ def make_cloth_implicit(real: Any, math: str, linear: bool, parts: frozenset[str
                     total(products, product_sums, count, sums)
                     kind, counts, values = after_product(counts, values, products[0], products[TREE])
                     if first_thread:
-                        done[2 if kind == UPDATE else 1] += 1
+                        done[ITERATIONS if kind == UPDATE else MATRICES] += 1
                 elif kind == RESIDUAL:
                     total(products, residual_sums, count, sums)
                     found = products[0], products[TREE], products[2 * TREE]
                     kind, counts, values = after_residual(counts, values, found, system.speed_squared, system.roundoff)
                     if first_thread and kind == RETREAT:
-                        done[3] += 1
+                        done[HALVINGS] += 1
                 elif kind == UPDATE:
                     kind = PRODUCT
                 elif kind == MOVE and linear:
@@ -208,7 +222,7 @@ def make_cloth_implicit(real: Any, math: str, linear: bool, parts: frozenset[str
                     kind = RESIDUAL
                 cuda.syncthreads()
             if first_thread:
-                done[0] += 1
+                done[STEPS] += 1
 
     variant = variant_name(real, math, linear, parts)
     return make_kernel(implicit_steps, variant, launch_bounds=(SEGMENT, TOGETHER), **kernel_options(math))
@@ -231,7 +245,7 @@ class ImplicitSteps:
         count = segments_of(body.rows, body.columns)
         self._vectors = [sim.new_array() for _ in range(9)]
         self._sums = cuda.to_device(np.zeros(SUMS * count, real), stream=sim.stream)
-        self._done = cuda.to_device(np.zeros(len(COUNTS), np.int64), stream=sim.stream)
+        self._done = cuda.to_device(np.zeros(len(implicit.DONE), np.int64), stream=sim.stream)
         self._system = cuda.to_device(system_record(sim.scene, real), stream=sim.stream)
         linear = sim.scene.method.integrator == "implicit-euler-linear"
         kernel = make_cloth_implicit(real, sim.options.math, linear, without_dampers(sim.plan.parts))

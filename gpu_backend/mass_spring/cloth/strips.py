@@ -18,7 +18,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -70,6 +70,39 @@ def _make_planes(real: Any, math: str, parts: frozenset[str], tile: Tile) -> tup
         return put
 
     return make_load, make_put
+
+
+class Window(NamedTuple):
+    """Positions of a mass's neighbours."""
+
+    above: Any
+    below: Any
+    below_2: Any
+    left_above: Any
+    left: Any
+    left_below: Any
+    right_above: Any
+    right: Any
+    right_below: Any
+
+
+class Places(NamedTuple):
+    """Places in a plane of a mass and of its neighbours in the row."""
+
+    here: Any
+    west: Any
+    east: Any
+    west_2: Any
+    east_2: Any
+
+
+class Ups(NamedTuple):
+    """Pulls on the masses at the upper ends of the springs to a mass from above, from two above, and to the next one from
+    two above."""
+
+    above: Any
+    above_2: Any
+    next_above_2: Any
 
 
 def _make_sides(math: str, strip: int) -> tuple[Any, Any]:
@@ -126,44 +159,41 @@ def _make_forces(
 
         @inline
         def spring_sum(shared, places, sides, here, ups, window, parameters):
-            """Return (sum on mass r, which is `here`; the `ups` of the next mass).
-
-            `ups`: pulls on the masses at the upper ends of the springs to this mass from above, from two above, and to
-            the next one from two above. `window`: (above, below, two below, left above, left, left below, right above,
-            right, right below).
-            """
+            """Return (sum on mass r, which is `here`; the `ups` of the next mass)."""
             north, south, north_2, south_2 = there(sides)
             west, east = sides & WEST != 0, sides & EAST != 0
-            above, below, below_2 = window[0], window[1], window[2]
-            up, up_two, next_up_two = ups[0], ups[1], ups[2]
+            above, below, below_2 = window.above, window.below, window.below_2
+            up, up_two, next_up_two = ups.above, ups.above_2, ups.next_above_2
             if first:
                 up = structural(here, above, north, parameters)
-                up_two = bending(here, up_2(shared, places[0]), north_2, parameters)
+                up_two = bending(here, up_2(shared, places.here), north_2, parameters)
                 next_up_two = bending(below, above, north, parameters)
             down, down_two = structural(below, here, south, parameters), bending(below_2, here, south_2, parameters)
             ax, ay, az = zero, zero, zero
             if has_structural:
                 right, left = (
-                    structural(window[7], here, True, parameters),
-                    structural(window[4], here, True, parameters),
+                    structural(window.right, here, True, parameters),
+                    structural(window.left, here, True, parameters),
                 )
                 ax, ay, az = carried(right, left, down, up)
             if has_shear:
                 hx, hy, hz = paired(
-                    shear(window[8], here, east and south, parameters), shear(window[3], here, west and north, parameters),
-                    shear(window[5], here, west and south, parameters), shear(window[6], here, east and north, parameters),
-                )  # fmt: skip
+                    shear(window.right_below, here, east and south, parameters),
+                    shear(window.left_above, here, west and north, parameters),
+                    shear(window.left_below, here, west and south, parameters),
+                    shear(window.right_above, here, east and north, parameters),
+                )
                 if has_structural:
                     hx, hy, hz = ax + hx, ay + hy, az + hz
                 ax, ay, az = hx, hy, hz
             if has_bending:
-                right = bending(load_here(shared, places[4]), here, True, parameters)
-                left = bending(load_here(shared, places[3]), here, True, parameters)
+                right = bending(load_here(shared, places.east_2), here, True, parameters)
+                left = bending(load_here(shared, places.west_2), here, True, parameters)
                 bx, by, bz = carried(right, left, down_two, up_two)
                 if has_structural or has_shear:
                     bx, by, bz = ax + bx, ay + by, az + bz
                 ax, ay, az = bx, by, bz
-            return (ax, ay, az), (down, next_up_two, down_two)
+            return (ax, ay, az), Ups(down, next_up_two, down_two)
 
         return spring_sum
 
@@ -174,12 +204,11 @@ def _make_forces(
         def wind_on(sides, here, window, parameters, air):
             north, south, _, _ = there(sides)
             west, east = sides & WEST != 0, sides & EAST != 0
-            above, below, left, right = window[0], window[1], window[4], window[7]
-            below_right, above_left = window[8], window[3]
+            w = window
             return wind_of(
-                here, right if east else here, below if south else here, left if west and south else here,
-                above if north and east else here, below_right if south and east else here, left if west else here,
-                above if north else here, above_left if north and west else here, parameters, air,
+                here, w.right if east else here, w.below if south else here, w.left if west and south else here,
+                w.above if north and east else here, w.right_below if south and east else here, w.left if west else here,
+                w.above if north else here, w.left_above if north and west else here, parameters, air,
             )  # fmt: skip
 
         return wind_on
@@ -221,11 +250,11 @@ def _make_mass(
                 ax, ay, az = ax + wx, ay + wy, az + wz
             next_here, next_window = here, window
             if not last:  # loaded before this mass is stored, since no load may overtake a store
-                next_here = window[1]
-                next_window = (
-                    here, window[2] if reach == 2 else load_below_next(shared, places[0]),
-                    load_below_2(shared, places[0]), window[4], window[5], load_below_next(shared, places[1]), window[7],
-                    window[8], load_below_next(shared, places[2]),
+                next_here = window.below
+                next_window = Window(
+                    here, window.below_2 if reach == 2 else load_below_next(shared, places.here),
+                    load_below_2(shared, places.here), window.left, window.left_below, load_below_next(shared, places.west),
+                    window.right, window.right_below, load_below_next(shared, places.east),
                 )  # fmt: skip
             if active & bit:
                 mark = zero
@@ -279,16 +308,16 @@ def make_cloth_strips(
         base = np.int32(old + place)
         west, east = base - one if sides & WEST else base, base + one if sides & EAST else base
         west_2, east_2 = base - two if sides & WEST_2 else base, base + two if sides & EAST_2 else base
-        places = (base, np.int32(west), np.int32(east), np.int32(west_2), np.int32(east_2))
-        window = (
+        places = Places(base, np.int32(west), np.int32(east), np.int32(west_2), np.int32(east_2))
+        window = Window(
             load_above(shared, base), load_below(shared, base), load_two_below(shared, base),
-            load_above(shared, places[1]), load_here(shared, places[1]), load_below(shared, places[1]),
-            load_above(shared, places[2]), load_here(shared, places[2]), load_below(shared, places[2]),
+            load_above(shared, places.west), load_here(shared, places.west), load_below(shared, places.west),
+            load_above(shared, places.east), load_here(shared, places.east), load_below(shared, places.east),
         )  # fmt: skip
         none = (zero, zero, zero)
         first_mass(
             shared, places, np.int32(new + place), sides, active, sending, held, vx, vy, vz, k, columns, position, world,
-            number, air, post, load_here(shared, base), (none, none, none), window,
+            number, air, post, load_here(shared, base), Ups(none, none, none), window,
         )  # fmt: skip
 
     return SimpleNamespace(constants=reader(CLOTH_PARAMETERS, inline), put=put, sides=sides, step=step)

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from math import sqrt
 from types import SimpleNamespace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -28,8 +29,8 @@ KINDS = (
 BEHIND, BEFORE, SEARCH = range(
     3
 )  # states whose potential is evaluated: the substep's start, without elasticity, along a step
-COUNTS = ("phase", "safe", "products", "steps", "halvings")
-VALUES = ("energy", "trial", "noise", "squared", "enough", "alpha", "beta", "share", "slope", "unsure")
+DONE = ("solves", "looks", "matrices", "products", "steps")  # counters of a simulation
+SOLVES, LOOKS, MATRICES, PRODUCTS, STEPS = range(len(DONE))
 NEAR = 1e-4  # remaining residual, in the norm of the preconditioner, over the first one
 DOWNHILL = 1e-4  # of the descent that the slope predicts
 MOST_HALVINGS = 20  # to a millionth of a step
@@ -37,6 +38,34 @@ MOST_PRODUCTS = 1000  # a system that needs more is not solved in this step: the
 CONTACT = 10.0  # stiffness of colliders while a step is solved, over that of a particle's inertia and elasticity
 SOON = 1 / 64  # of the displacement to the inertial position: a particle within a collider there rests on it
 CONVERGED = {4: 1e-6, 8: 1e-13}  # descent that a step predicted, over the potential: below it no step follows
+
+
+class Counts(NamedTuple):
+    """Integers between passes: the state whose potential is evaluated (BEHIND ...), 1 for a matrix that is assembled
+    `safe`, products of a solve, steps of a substep, halvings of a step."""
+
+    phase: int
+    safe: int
+    products: int
+    steps: int
+    halvings: int
+
+
+class Values(NamedTuple):
+    """Numbers between passes: potential of the accepted state, of a trial, and its rounding error [J]; squared residual
+    of a solve, and where it ends; factors of the last step, the next direction, a Newton step; slope along that step;
+    rounding error of the accepted state's potential [J]."""
+
+    energy: float
+    trial: float
+    noise: float
+    squared: float
+    enough: float
+    alpha: float
+    beta: float
+    share: float
+    slope: float
+    unsure: float
 
 
 def make_search(real, compiled=plain):
@@ -78,7 +107,7 @@ def make_search(real, compiled=plain):
 
 
 def make_control(real, compiled=plain):
-    """Make `after(kind, counts, values, first, second, iterations, floor)`: (next pass, counts, values) after the pass
+    """Make `after(kind, counts, values, first, second, iterations, floor)`: (next pass, Counts, Values) after the pass
     `kind`, whose sums are `first` and `second`."""
     zero, one, near = real(0), real(1), real(NEAR**2)
     search = make_search(real, compiled)
@@ -135,8 +164,8 @@ def make_control(real, compiled=plain):
             later = LOOK
         elif kind == FINISH:
             later = BEGIN
-        counts = phase, safe, products, steps, halvings
-        return later, counts, (energy, trial, noise, squared, enough, alpha, beta, fraction, slope, unsure)
+        counts = Counts(phase, safe, products, steps, halvings)
+        return later, counts, Values(energy, trial, noise, squared, enough, alpha, beta, fraction, slope, unsure)
 
     return SimpleNamespace(after=after)
 
