@@ -51,8 +51,9 @@ class HeldContacts:
         self._links, self._lost = self._integers(3 * most), self._new(np.zeros(1, np.int64))
         self._link_scan = Scan(masses, stream)
         rubs = part.static_friction > 0
+        self._levers = rubs and surfaces
         self._around = tuple(self._integers(0) for _ in range(3))
-        self._turns = self._new(np.zeros(2 * SIZE * most if rubs and surfaces else 0, real))
+        self._turns = self._new(np.zeros(2 * SIZE * most if self._levers else 0, real))
         self._project, self._of_masses = make_project(real, math, rubs, surfaces), self._launch(masses)
 
     def _new(self, array: np.ndarray) -> Any:
@@ -67,7 +68,7 @@ class HeldContacts:
     @property
     def projecting(self) -> int:
         """Number of launches of `project`."""
-        return 4 * self._sweeps
+        return (4 + 2 * self._levers) * self._sweeps
 
     @property
     def lost(self) -> int:
@@ -84,18 +85,16 @@ class HeldContacts:
         """Sweep over the contacts of the substep that began at `before`."""
         kernels, flat = self._project, self._of_masses
         links = self._link_starts, self._link_counts, self._links
+        contacts = position, before, self.found, self.corners, self._normals, self.shares
+        to_move = position, self.found, self.shares, *links, self._weights, self._loads, self._forces
         for _ in range(self._sweeps):
-            kernels.deepen[flat](
-                position, before, self.found, self.corners, self._normals, self.shares, *self._around, self._forces
-            )
+            kernels.deepen[flat](*contacts, *self._around, self._forces)
             kernels.load_up[flat](self.found, self.shares, *links, self._forces, self._loads)
-            kernels.push[flat](
-                position, before, self.found, self.corners, self._normals, self.shares, self._weights, self._loads,
-                self.record, self._forces, self._turns,
-            )  # fmt: skip
-            kernels.gather[flat](
-                position, self.found, self.shares, *links, self._weights, self._loads, self._forces, self._turns
-            )  # fmt: skip
+            kernels.push[flat](*contacts, self._weights, self._loads, self.record, self._forces)
+            kernels.gather[flat](*to_move)
+            if self._levers:
+                kernels.rub[flat](*contacts, self._weights, self._loads, self.record, self._forces, self._turns)
+                kernels.gather_rubbed[flat](*to_move, self._turns)
 
 
 class Contacts(HeldContacts):

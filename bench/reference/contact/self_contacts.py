@@ -173,8 +173,6 @@ def project(
     if surfaces is not None:
         depth = surfaces.depth(found, offset(before), before, position, depth)
     on = depth > 0
-    if surfaces is not None and part.static_friction > 0:
-        return position + weight[:, None] * surfaces.rub(part, found.where(on), before, position, weight, depth[on])
     load = np.zeros(len(position))
     np.add.at(load, found.mass[on], 1.0)
     np.add.at(load, found.corners[on], found.weights[on])
@@ -186,11 +184,16 @@ def project(
     size = np.linalg.norm(slid, axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
         stopped = np.where(size <= part.static_friction * depth, 1.0, part.dynamic_friction * depth / size)
+        stopped *= surfaces is None  # friction of surfaces comes after all pushes
         push = (depth[:, None] * found.normal - stopped[:, None] * slid) / bound[:, None]
     moved = np.zeros_like(position)
     np.add.at(moved, found.mass[on], push[on])
     np.subtract.at(moved, found.corners[on], found.weights[on][:, :, None] * push[on][:, None])
-    return position + weight[:, None] * moved
+    position = position + weight[:, None] * moved
+    if surfaces is not None and part.static_friction > 0:
+        moved = surfaces.rub(part, found.where(on), before, position, weight, depth[on] / bound[on])
+        position = position + weight[:, None] * moved
+    return position
 
 
 def simulate(

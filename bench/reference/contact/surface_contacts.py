@@ -100,12 +100,12 @@ def force_matrices(corners: np.ndarray, weights: np.ndarray, r: np.ndarray) -> n
 
 
 def rub(
-    part: Any, found: Found, before: np.ndarray, position: np.ndarray, weight: np.ndarray, deep: np.ndarray
+    part: Any, found: Found, before: np.ndarray, position: np.ndarray, weight: np.ndarray, press: np.ndarray
 ) -> np.ndarray:
-    """Return particles' displacements (particles, 3) by the contacts `found` of depth `deep` [m], for a weight of 1.
+    """Return particles' displacements (particles, 3) by friction of the contacts `found`, for a weight of 1.
 
-    A particle's mass is split among its contacts. The normal impulse of each contact acts first, at the triangle's
-    point. Then friction acts against the remaining slip at that point, as much as stops it, or as Coulomb's law allows.
+    `position`: after the normal impulses `press` (n,) of all contacts. A particle's mass is split among its contacts.
+    Friction acts against the slip at the vertex, as much as stops it, or as Coulomb's law allows.
     """
     parts = found.weights + SHARE
     load = np.zeros(len(position))
@@ -117,22 +117,18 @@ def rub(
         position[found.mass] - np.einsum("nk,nkd->nd", found.weights, position[found.corners]),
     )  # fmt: skip
     for n, (vertex, corners) in enumerate(zip(found.mass, found.corners, strict=True)):
-        masses = split[corners] / parts[n]
-        bound = split[vertex] + masses @ found.weights[n] ** 2
-        if bound == 0:
-            continue
-        press, normal = deep[n] / bound, found.normal[n]
-        ways = position[corners] - before[corners] - np.outer(masses * found.weights[n] * press, normal)
-        slip = position[vertex] - before[vertex] - np.einsum("kdc,kd->c", matrices[n], ways)
+        masses, normal = split[corners] / parts[n], found.normal[n]
+        slip = position[vertex] - before[vertex]
+        slip = slip - np.einsum("kdc,kd->c", matrices[n], position[corners] - before[corners])
         slip = slip - (slip @ normal) * normal
         each = matrices[n] @ slip
         yielding = split[vertex] * (slip @ slip) + masses @ (each**2).sum(axis=1)
         stops = slip @ slip / yielding if yielding > 0 else 0.0
         asked = stops * float(np.linalg.norm(slip))
-        if asked > part.static_friction * press:
-            stops *= part.dynamic_friction * press / asked
-        moved[vertex] += press * normal - stops * slip
-        moved[corners] -= np.outer(found.weights[n] * press, normal) - stops * each
+        if asked > part.static_friction * press[n]:
+            stops *= part.dynamic_friction * press[n] / asked
+        moved[vertex] -= stops * slip
+        moved[corners] += stops * each
     return moved
 
 
