@@ -1,5 +1,6 @@
-"""Projection of a cloth's self-contacts: each mass sums the corrections of its contacts, as their mass and as a corner
-of their triangle, in the order of the contacts. Parallel, with the same bits for any number of threads."""
+"""Projection of contacts of masses with triangles, of a cloth with itself or of surfaces: each mass sums the corrections
+of its contacts, as their mass and as a corner of their triangle, in the order of the contacts. Parallel, with the same
+bits for any number of threads."""
 
 from __future__ import annotations
 
@@ -21,7 +22,7 @@ LEVERS = FORCES + 6  # with friction of surfaces: extra displacements of two cor
 
 
 def _make_now(compiler: Compiler, real: Any) -> SimpleNamespace:
-    """Make `shallower`, `rubbed`: corrections of surface contacts from the current triangle (surface_contact.py)."""
+    """Make `shallower`, `rubbed`, `load`: corrections of contacts from the current triangles (surface_contact.py)."""
     formulas = surface_contact.make(real, compiler.compiled)
     checked, apart, over, through = formulas.checked, formulas.apart, formulas.over, formulas.through
     rub, load, split = formulas.rub, formulas.load, formulas.split
@@ -51,6 +52,8 @@ def _make_now(compiler: Compiler, real: Any) -> SimpleNamespace:
             for corner in range(3):
                 for at in range(starts[corners[slot, corner]], starts[corners[slot, corner] + 1]):
                     a, b, c = surface[lists[at], 0], surface[lists[at], 1], surface[lists[at], 2]
+                    if k in (a, b, c):
+                        continue
                     p, q, w = seen_from(points, k, a, b, c)
                     x, u, v = seen_from(begin, k, a, b, c)
                     if through(over(x, u, v), over(p, q, w)):
@@ -105,7 +108,7 @@ def _make_contact(
         a, b, c = corners[slot, 0], corners[slot, 1], corners[slot, 2]
         x, y, z = offset(points, k, a, b, c, values[slot, V_B], values[slot, V_C])
         depth = values[slot, V_HELD] - dot(values[slot, V_NX], values[slot, V_NY], values[slot, V_NZ], x, y, z)
-        if surfaces and depth > zero:
+        if depth > zero:
             r = offset(begin, k, a, b, c, values[slot, V_B], values[slot, V_C])
             depth = shallower(slot, k, points, begin, corners, values, r, depth, around)
         return depth
@@ -255,8 +258,7 @@ def _make_gather(compiler: Compiler, real: Any, formulas: SimpleNamespace) -> tu
 def make_project(real: Any, math: str, friction: bool, surfaces: bool = False) -> SimpleNamespace:
     """Compile `link_contacts` and `project_contacts`; the arrays are those of cpu_backend/contact/self_contact.py.
 
-    `surfaces`: contacts use the current triangles, and friction exerts no moment. `around`: for surfaces (offsets and
-    triangles at each particle, the triangles' corners).
+    `surfaces`: friction exerts no moment. `around`: (offsets and triangles at each particle, the triangles' corners).
     """
     words = ("friction" if friction else "smooth") + "_surfaces" * surfaces
     variant = f"{np.dtype(real).name}_{math}_{words}"

@@ -1,4 +1,4 @@
-"""Projection of a cloth's self-contacts on CUDA: one thread per mass, which sums the corrections of its contacts in
+"""Projection of contacts of masses with triangles on CUDA: one thread per mass, which sums the corrections of its contacts in
 their order, so that no sum depends on the order of threads. Atomics only count integers."""
 
 from __future__ import annotations
@@ -120,6 +120,8 @@ def _make_now(real: Any, math: str) -> SimpleNamespace:
                 for at in range(starts[corners[place]], starts[corners[place] + 1]):
                     t = 3 * lists[at]
                     a, b, c = surface[t], surface[t + 1], surface[t + 2]
+                    if k in (a, b, c):
+                        continue
                     p, q, w = seen_from(position, k, a, b, c)
                     x, u, v = seen_from(before, k, a, b, c)
                     if through(over(x, u, v), over(p, q, w)):
@@ -176,10 +178,9 @@ def _move(real: Any, math: str, friction: bool, surfaces: bool) -> tuple[Any, ..
                 a, b, c = corners[3 * slot], corners[3 * slot + 1], corners[3 * slot + 2]
                 x, y, z = offset(position, k, a, b, c, w[0], w[1])
                 depth = n[3] - dot(n[0], n[1], n[2], x, y, z)
-                if surfaces:
-                    if depth > zero:
-                        r = offset(before, k, a, b, c, w[0], w[1])
-                        depth = shallower(slot, k, position, before, corners, n, r, depth, starts, lists, surface)
+                if depth > zero:
+                    r = offset(before, k, a, b, c, w[0], w[1])
+                    depth = shallower(slot, k, position, before, corners, n, r, depth, starts, lists, surface)
                 store_quad(forces, slot, zero, zero, zero, depth)
 
     def push(position, before, found, corners, normals, weights, mass_weights, loads, record, forces):

@@ -131,7 +131,7 @@ def test_a_contact_is_the_references() -> None:
     for number in range(300):
         of = random_contact(random, number)
         ways, _ = after_formula(np.float64, formulas, of)
-        contact = surface_contacts.Touching(
+        contact = self_contacts.Found(
             mass=np.array([0]), triangle=np.array([0]), corners=np.array([[1, 2, 3]]), weights=of.weights[None],
             normal=of.normal[None], held=np.array([DISTANCE]), distance=np.array([DISTANCE]), around=around([[[1, 2, 3]]]),
         )  # fmt: skip
@@ -156,7 +156,7 @@ def test_contacts_that_share_particles_gain_no_energy() -> None:
         mass, triangles = np.repeat([4, 5], 3), np.tile(sides, (2, 1))
         normal = np.tile([0.0, 1.0, 0.0], (6, 1))
         start = points[mass] - np.einsum("nk,nkd->nd", weights, points[triangles])
-        contact = surface_contacts.Touching(
+        contact = self_contacts.Found(
             mass=mass, triangle=np.tile([0, 1, 2], 2), corners=triangles, weights=weights, normal=normal, held=start[:, 1],
             distance=start[:, 1], around=around([triangles[:3]] * 6),
         )  # fmt: skip
@@ -177,7 +177,7 @@ def test_a_triangle_that_is_pressed_evenly_is_not_rubbed() -> None:
     points = np.vstack([triangle, weights @ triangle + [0.0, DISTANCE, 0.0]])
     ways = np.zeros_like(points)
     ways[3:, 1] = -1e-3
-    contact = surface_contacts.Touching(
+    contact = self_contacts.Found(
         mass=np.arange(3, 6), triangle=np.zeros(3, int), corners=np.tile([0, 1, 2], (3, 1)), weights=weights,
         normal=np.tile([0.0, 1.0, 0.0], (3, 1)), held=np.full(3, DISTANCE), distance=np.full(3, DISTANCE),
         around=around([[[0, 1, 2]]] * 3),
