@@ -133,7 +133,8 @@ def find(
     order = np.lexsort((triangle, distance, mass))
     mass, triangle, corners = mass[order], triangle[order], corners[order]
     around = triangles_around(every, mass, corners)
-    return Found(mass, triangle, corners, *(a[order] for a in (weights, normal, held, distance)), around)
+    weights, normal, held, distance = (a[order] for a in (weights, normal, held, distance))
+    return Found(mass, triangle, corners, weights, normal, held, distance, around)
 
 
 def triangles_around(every: np.ndarray, mass: np.ndarray, corners: np.ndarray) -> np.ndarray:
