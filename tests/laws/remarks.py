@@ -99,7 +99,7 @@ REMARKS: tuple[Remark, ...] = (
         "voxels that starts without strain on a slope of tan a = 0.9 mu = 0.45 goes 967, 78, 43 and 39 mm with 1, 2, 4 and 8 "
         "substeps (1e5 Pa, no damping), and stays there but for the first",
         "elements move what lies there by M g h^2/m, and a collider takes that back, as a spring of m/h^2 would; "
-        "model/tetrahedra/contact_sag.py, tests/tetrahedra/test_contact_sag.py",
+        "model/tetrahedra/contact_sag.py, tests/core/test_damping_load.py",
     ),
     Remark(
         "tetrahedra, xpbd on a slope",
