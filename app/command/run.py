@@ -40,6 +40,7 @@ from softlab.model.fluid.speeds import speed_lines
 from softlab.model.scene.resting import resting_notes
 from softlab.model.scene.scene import Scene
 from softlab.model.scene.sheets import mesh_lines, rest_lines
+from softlab.model.tetrahedra.contact_sag import sag_lines
 from softlab.model.tetrahedra.damping_load import damping_lines
 
 WARM_UP_STEPS = 512  # on a real GPU: enough to capture every graph that a long run replays
@@ -146,7 +147,7 @@ def run_scene(scene: Scene, request: Request, *, progress: bool = True) -> Resul
     """Run `scene` as requested. Raises SceneError, InputError, BackendUnavailable; a divergence is part of the
     result."""
     built = mesh_lines, rest_lines, body_lines, resting_notes, collider_lines
-    lines = *built, overlap_lines, limit_notes, damping_lines, speed_lines, shear_lines
+    lines = *built, overlap_lines, limit_notes, damping_lines, sag_lines, speed_lines, shear_lines
     with work("checking the scene"):
         notes = [line for describe in lines for line in describe(scene)]
         known = request.precision in PRECISIONS  # others are refused below

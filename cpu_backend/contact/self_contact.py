@@ -8,7 +8,12 @@ import numpy as np
 
 from softlab.cpu_backend.contact.self_find import VALUES, make_find
 from softlab.cpu_backend.contact.self_project import FORCES, LEVERS, make_project
-from softlab.model.contact.self_contact_parameters import MAX_CONTACTS, contact_record, table_size
+from softlab.model.contact.self_contact_parameters import (
+    MAX_CONTACTS,
+    contact_record,
+    table_size,
+    triangles_around,
+)
 from softlab.model.core.build import Body
 from softlab.model.scene.scene import Scene
 
@@ -21,6 +26,7 @@ class HeldContacts:
     """
 
     record: np.ndarray
+    _around: tuple[np.ndarray, np.ndarray, np.ndarray]  # see `make_project`
 
     def __init__(
         self,
@@ -44,7 +50,6 @@ class HeldContacts:
         self._scratch = (np.zeros((masses, 3), real), np.zeros(masses, real), np.zeros((most, forces), real))
         self._project = make_project(real, math, rubs, surfaces)
         self.lost = 0
-        self._around = np.zeros(0, np.int32), np.zeros(0, np.int32), np.zeros((0, 3), np.int32)
         self._empty = True
 
     def _link(self) -> None:
@@ -75,6 +80,7 @@ class Contacts(HeldContacts):
         assert part is not None
         super().__init__(part, real, math, threads, weights)
         self.rows, self.columns = body.rows, body.columns
+        self._around = triangles_around(body.rows, body.columns)
         masses, cells = body.rows * body.columns, max(0, (body.rows - 1) * (body.columns - 1))
         self.change(scene)
         bands = np.zeros(threads, np.int64)

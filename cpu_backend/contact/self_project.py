@@ -1,5 +1,6 @@
-"""Projection of a cloth's self-contacts: each mass sums the corrections of its contacts, as their mass and as a corner
-of their triangle, in the order of the contacts. Parallel, with the same bits for any number of threads."""
+"""Projection of contacts of masses with triangles, of a cloth with itself or of surfaces: each mass sums the corrections
+of its contacts, as their mass and as a corner of their triangle, in the order of the contacts. Parallel, with the same
+bits for any number of threads."""
 
 from __future__ import annotations
 
@@ -21,7 +22,7 @@ LEVERS = FORCES + 6  # with friction of surfaces: extra displacements of two cor
 
 
 def _make_now(compiler: Compiler, real: Any) -> SimpleNamespace:
-    """Make `shallower`, `rubbed`: corrections of surface contacts from the current triangle (surface_contact.py)."""
+    """Make `shallower`, `rubbed`, `load`: corrections of contacts from the current triangles (surface_contact.py)."""
     formulas = surface_contact.make(real, compiler.compiled)
     checked, apart, over, through = formulas.checked, formulas.apart, formulas.over, formulas.through
     rub, load, split = formulas.rub, formulas.load, formulas.split
@@ -51,6 +52,8 @@ def _make_now(compiler: Compiler, real: Any) -> SimpleNamespace:
             for corner in range(3):
                 for at in range(starts[corners[slot, corner]], starts[corners[slot, corner] + 1]):
                     a, b, c = surface[lists[at], 0], surface[lists[at], 1], surface[lists[at], 2]
+                    if k in (a, b, c):
+                        continue
                     p, q, w = seen_from(points, k, a, b, c)
                     x, u, v = seen_from(begin, k, a, b, c)
                     if through(over(x, u, v), over(p, q, w)):
@@ -61,17 +64,17 @@ def _make_now(compiler: Compiler, real: Any) -> SimpleNamespace:
 
     @compiler.compiled
     def rubbed(slot, k, points, begin, corners, values, weights, loads, parameters, r, slid, forces):
+        """Write the displacement of a contact's mass by friction, for a weight of 1, and the levers on its corners."""
         a, b, c = corners[slot, 0], corners[slot, 1], corners[slot, 2]
-        s, t = values[slot, V_B], values[slot, V_C]
+        s, t, n = values[slot, V_B], values[slot, V_C], (values[slot, V_NX], values[slot, V_NY], values[slot, V_NZ])
         first = first_weight(s, t)
         masses = (
             weights[k] * loads[k], split(weights[a], load(first), loads[a]), split(weights[b], load(s), loads[b]),
             split(weights[c], load(t), loads[c]),
         )  # fmt: skip
         j, second, third = rub(
-            (values[slot, V_NX], values[slot, V_NY], values[slot, V_NZ]), r, slid, forces[slot, F_DEPTH], (first, s, t),
-            masses, difference(points, a, b), difference(points, a, c), difference(begin, a, b), difference(begin, a, c),
-            parameters.static_friction, parameters.dynamic_friction,
+            n, r, slid, forces[slot, F_DEPTH], (first, s, t), masses, difference(points, a, b), difference(points, a, c),
+            difference(begin, a, b), difference(begin, a, c), parameters.static_friction, parameters.dynamic_friction,
         )  # fmt: skip
         for axis in range(3):
             forces[slot, F_X + axis] = j[axis]
@@ -82,13 +85,13 @@ def _make_now(compiler: Compiler, real: Any) -> SimpleNamespace:
 
 def _make_contact(
     compiler: Compiler, real: Any, formulas: SimpleNamespace, friction: bool, surfaces: bool
-) -> tuple[Any, Any]:
-    """Make (depth_of, push), for one contact."""
+) -> tuple[Any, Any, Any]:
+    """Make (depth_of, push, rub), for one contact; `rub` is the friction of surfaces, after all of `push`."""
     current, zero = _make_now(compiler, real), real(0)
     shallower, rubbed_surfaces = current.shallower, current.rubbed
     dot, length, mixed, along = formulas.dot, formulas.length, formulas.mixed, formulas.along
     stiffness, inverse, slip = formulas.stiffness, formulas.inverse, formulas.slip
-    correction, rubbed = formulas.correction, formulas.rubbed
+    correction, rubbed, scaled = formulas.correction, formulas.rubbed, formulas.scaled
 
     @compiler.compiled
     def offset(points, k, a, b, c, s, t):
@@ -105,29 +108,28 @@ def _make_contact(
         a, b, c = corners[slot, 0], corners[slot, 1], corners[slot, 2]
         x, y, z = offset(points, k, a, b, c, values[slot, V_B], values[slot, V_C])
         depth = values[slot, V_HELD] - dot(values[slot, V_NX], values[slot, V_NY], values[slot, V_NZ], x, y, z)
-        if surfaces and depth > zero:
+        if depth > zero:
             r = offset(begin, k, a, b, c, values[slot, V_B], values[slot, V_C])
             depth = shallower(slot, k, points, begin, corners, values, r, depth, around)
         return depth
+
+    @compiler.compiled
+    def slid(slot, k, points, begin, corners, values):
+        """Return (the vector from the triangle's point to the mass, its change in this substep)."""
+        a, b, c, s, t = corners[slot, 0], corners[slot, 1], corners[slot, 2], values[slot, V_B], values[slot, V_C]
+        r, o = offset(points, k, a, b, c, s, t), offset(begin, k, a, b, c, s, t)
+        return r, (r[0] - o[0], r[1] - o[1], r[2] - o[2])
 
     @compiler.compiled
     def push(slot, k, points, begin, corners, values, weights, loads, parameters, forces):
         a, b, c = corners[slot, 0], corners[slot, 1], corners[slot, 2]
         s, t, depth = values[slot, V_B], values[slot, V_C], forces[slot, F_DEPTH]
         nx, ny, nz = values[slot, V_NX], values[slot, V_NY], values[slot, V_NZ]
-        if friction:
-            r = offset(points, k, a, b, c, s, t)
-            ox, oy, oz = offset(begin, k, a, b, c, s, t)
-            x, y, z = r[0] - ox, r[1] - oy, r[2] - oz  # displacement in this substep, not only tangential
-            if surfaces:
-                rubbed_surfaces(
-                    slot, k, points, begin, corners, values, weights, loads, parameters, r, (x, y, z), forces
-                )
-                return
         scale = inverse(
             stiffness(weights[k], loads[k], weights[a], loads[a], weights[b], loads[b], weights[c], loads[c], s, t)
         )
-        if friction:
+        if friction and not surfaces:
+            _, (x, y, z) = slid(slot, k, points, begin, corners, values)
             toward = dot(nx, ny, nz, x, y, z)
             x, y, z = along(x, nx, toward), along(y, ny, toward), along(z, nz, toward)
             part = slip(length(x, y, z), depth, parameters.static_friction, parameters.dynamic_friction)
@@ -138,8 +140,15 @@ def _make_contact(
             forces[slot, F_X] = correction(depth, nx, scale)
             forces[slot, F_Y] = correction(depth, ny, scale)
             forces[slot, F_Z] = correction(depth, nz, scale)
+            if friction:  # which comes next, and takes the normal impulse
+                forces[slot, F_DEPTH] = scaled(depth, scale)
 
-    return depth_of, push
+    @compiler.compiled
+    def rub(slot, k, points, begin, corners, values, weights, loads, parameters, forces):
+        r, displacement = slid(slot, k, points, begin, corners, values)
+        rubbed_surfaces(slot, k, points, begin, corners, values, weights, loads, parameters, r, displacement, forces)
+
+    return depth_of, push, rub
 
 
 def _make_link(compiler: Compiler) -> Any:
@@ -189,7 +198,7 @@ def _make_link(compiler: Compiler) -> Any:
     return compiler.team(link_contacts)
 
 
-def _make_gather(compiler: Compiler, real: Any, formulas: SimpleNamespace, levered: bool) -> tuple[Any, Any]:
+def _make_gather(compiler: Compiler, real: Any, formulas: SimpleNamespace) -> tuple[Any, Any]:
     """Make (gather, load_of), for one mass."""
     first_weight, taken, zero, one = formulas.first_weight, formulas.taken, real(0), real(1)
     load_of_share = _make_now(compiler, real).load
@@ -211,7 +220,7 @@ def _make_gather(compiler: Compiler, real: Any, formulas: SimpleNamespace, lever
         return forces[slot, FORCES + 3 * (corner - 1) + axis]
 
     @compiler.compiled
-    def gather(k, found, values, starts, links, forces):
+    def gather(k, found, values, starts, links, forces, levered):
         """Return the displacement of mass k by all its contacts, for a weight of 1."""
         x, y, z = zero, zero, zero
         for slot in range(k * MAX_CONTACTS, k * MAX_CONTACTS + min(found[k], MAX_CONTACTS)):
@@ -230,7 +239,7 @@ def _make_gather(compiler: Compiler, real: Any, formulas: SimpleNamespace, lever
         return x, y, z
 
     @compiler.compiled
-    def load_of(k, found, values, starts, links, forces):
+    def load_of(k, found, values, starts, links, forces, levered):
         """Return the number of active contacts of mass k; as a triangle's corner it counts them by its weight."""
         load = zero
         for slot in range(k * MAX_CONTACTS, k * MAX_CONTACTS + min(found[k], MAX_CONTACTS)):
@@ -249,15 +258,24 @@ def _make_gather(compiler: Compiler, real: Any, formulas: SimpleNamespace, lever
 def make_project(real: Any, math: str, friction: bool, surfaces: bool = False) -> SimpleNamespace:
     """Compile `link_contacts` and `project_contacts`; the arrays are those of cpu_backend/contact/self_contact.py.
 
-    `surfaces`: contacts use the current triangles, and friction exerts no moment. `around`: for surfaces (offsets and
-    triangles at each particle, the triangles' corners).
+    `surfaces`: friction exerts no moment. `around`: (offsets and triangles at each particle, the triangles' corners).
     """
     words = ("friction" if friction else "smooth") + "_surfaces" * surfaces
     variant = f"{np.dtype(real).name}_{math}_{words}"
     compiler = Compiler(variant, math)
     formulas, zero = contact.make(real, compiler.compiled), real(0)
-    (depth_of, push), shifted = _make_contact(compiler, real, formulas, friction, surfaces), formulas.shifted
-    gather, load_of = _make_gather(compiler, real, formulas, friction and surfaces)
+    (depth_of, push, rub), shifted = _make_contact(compiler, real, formulas, friction, surfaces), formulas.shifted
+    (gather, load_of), levered = _make_gather(compiler, real, formulas), friction and surfaces
+
+    @compiler.compiled
+    def move(k, position, found, values, starts, links, weights, forces, points, levered):
+        x, y, z = gather(k, found, values, starts, links, forces, levered)
+        i, j = k // position.shape[2], k % position.shape[2]
+        position[0, i, j] = shifted(points[k, 0], weights[k], x)
+        position[1, i, j] = shifted(points[k, 1], weights[k], y)
+        position[2, i, j] = shifted(points[k, 2], weights[k], z)
+        for axis in range(3):
+            points[k, axis] = position[axis, i, j]
 
     def project_contacts(
         team, member, bands, sweeps, position, begin, found, corners, values, starts, links, weights, parameters, around,
@@ -277,7 +295,7 @@ def make_project(real: Any, math: str, friction: bool, surfaces: bool = False) -
                         forces[slot, F_DEPTH] = depth_of(slot, k, points, begin, corners, values, around)
             for band in shares(team, member, bands):
                 for k in range(masses * band // bands, masses * (band + 1) // bands):
-                    loads[k] = load_of(k, found, values, starts, links, forces)
+                    loads[k] = load_of(k, found, values, starts, links, forces, False)
             for band in shares(team, member, bands):
                 for k in range(masses * band // bands, masses * (band + 1) // bands):
                     for slot in range(k * MAX_CONTACTS, k * MAX_CONTACTS + min(found[k], MAX_CONTACTS)):
@@ -286,10 +304,18 @@ def make_project(real: Any, math: str, friction: bool, surfaces: bool = False) -
             for band in shares(team, member, bands):
                 for k in range(masses * band // bands, masses * (band + 1) // bands):
                     if loads[k] > zero and weights[k] > zero:
-                        i, j = k // columns, k % columns
-                        x, y, z = gather(k, found, values, starts, links, forces)
-                        position[0, i, j] = shifted(points[k, 0], weights[k], x)
-                        position[1, i, j] = shifted(points[k, 1], weights[k], y)
-                        position[2, i, j] = shifted(points[k, 2], weights[k], z)
+                        move(k, position, found, values, starts, links, weights, forces, points, False)
+                    if levered:
+                        loads[k] = load_of(k, found, values, starts, links, forces, True)
+            if levered:
+                for band in shares(team, member, bands):
+                    for k in range(masses * band // bands, masses * (band + 1) // bands):
+                        for slot in range(k * MAX_CONTACTS, k * MAX_CONTACTS + min(found[k], MAX_CONTACTS)):
+                            if forces[slot, F_DEPTH] > zero:
+                                rub(slot, k, points, begin, corners, values, weights, loads, parameters, forces)
+                for band in shares(team, member, bands):
+                    for k in range(masses * band // bands, masses * (band + 1) // bands):
+                        if loads[k] > zero and weights[k] > zero:
+                            move(k, position, found, values, starts, links, weights, forces, points, True)
 
     return SimpleNamespace(link_contacts=_make_link(compiler), project_contacts=compiler.team(project_contacts))

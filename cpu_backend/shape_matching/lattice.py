@@ -121,7 +121,14 @@ def make_turn(compiler: Compiler, real: Any) -> Any:
         masses, mass = row_at(table, T_MASS * nz), row_at(tables, at_slice)
         windows = Rows(room, pitch, n)
         scan(
-            n, nz, region, x, out, windows, sums, MomentScan(row_at(table, T_SHARE * nz), centres, masses, mass, pencil)
+            n,
+            nz,
+            region,
+            x,
+            out,
+            windows,
+            sums,
+            MomentScan(row_at(table, T_WEIGHT * nz), centres, masses, mass, pencil),
         )
         if look:
             for i in range(nz):

@@ -12,7 +12,12 @@ from softlab.gpu_backend.contact.self_find import make_find
 from softlab.gpu_backend.contact.self_project import make_project
 from softlab.gpu_backend.core.quads import SIZE
 from softlab.gpu_backend.core.scan import Scan
-from softlab.model.contact.self_contact_parameters import MAX_CONTACTS, contact_record, table_size
+from softlab.model.contact.self_contact_parameters import (
+    MAX_CONTACTS,
+    contact_record,
+    table_size,
+    triangles_around,
+)
 from softlab.model.core.build import Body
 from softlab.model.scene.scene import Scene
 
@@ -22,7 +27,7 @@ THREADS = 128
 def contact_bytes(masses: int, item: int) -> int:
     """Return the device memory [bytes] for the contacts of so many masses; `item`: bytes per scalar."""
     contacts = MAX_CONTACTS * (3 * SIZE * item + 4 + 12 + 12)
-    return masses * (contacts + 2 * SIZE * item + 8 + 4 * (2 + 3 * 4) + 4 * 4 + 2 * item)
+    return masses * (contacts + 2 * SIZE * item + 8 + 4 * (2 + 3 * 4) + 4 * 4 + 4 * (1 + 6 + 6) + 2 * item)
 
 
 class HeldContacts:
@@ -30,6 +35,7 @@ class HeldContacts:
     device."""
 
     record: Any
+    _around: tuple[Any, Any, Any]  # see `make_project`
 
     def __init__(
         self,
@@ -51,8 +57,8 @@ class HeldContacts:
         self._links, self._lost = self._integers(3 * most), self._new(np.zeros(1, np.int64))
         self._link_scan = Scan(masses, stream)
         rubs = part.static_friction > 0
-        self._around = tuple(self._integers(0) for _ in range(3))
-        self._turns = self._new(np.zeros(2 * SIZE * most if rubs and surfaces else 0, real))
+        self._levers = rubs and surfaces
+        self._turns = self._new(np.zeros(2 * SIZE * most if self._levers else 0, real))
         self._project, self._of_masses = make_project(real, math, rubs, surfaces), self._launch(masses)
 
     def _new(self, array: np.ndarray) -> Any:
@@ -67,7 +73,7 @@ class HeldContacts:
     @property
     def projecting(self) -> int:
         """Number of launches of `project`."""
-        return 4 * self._sweeps
+        return (4 + 2 * self._levers) * self._sweeps
 
     @property
     def lost(self) -> int:
@@ -84,18 +90,16 @@ class HeldContacts:
         """Sweep over the contacts of the substep that began at `before`."""
         kernels, flat = self._project, self._of_masses
         links = self._link_starts, self._link_counts, self._links
+        contacts = position, before, self.found, self.corners, self._normals, self.shares
+        to_move = position, self.found, self.shares, *links, self._weights, self._loads, self._forces
         for _ in range(self._sweeps):
-            kernels.deepen[flat](
-                position, before, self.found, self.corners, self._normals, self.shares, *self._around, self._forces
-            )
+            kernels.deepen[flat](*contacts, *self._around, self._forces)
             kernels.load_up[flat](self.found, self.shares, *links, self._forces, self._loads)
-            kernels.push[flat](
-                position, before, self.found, self.corners, self._normals, self.shares, self._weights, self._loads,
-                self.record, self._forces, self._turns,
-            )  # fmt: skip
-            kernels.gather[flat](
-                position, self.found, self.shares, *links, self._weights, self._loads, self._forces, self._turns
-            )  # fmt: skip
+            kernels.push[flat](*contacts, self._weights, self._loads, self.record, self._forces)
+            kernels.gather[flat](*to_move)
+            if self._levers:
+                kernels.rub[flat](*contacts, self._weights, self._loads, self.record, self._forces, self._turns)
+                kernels.gather_rubbed[flat](*to_move, self._turns)
 
 
 class Contacts(HeldContacts):
@@ -109,6 +113,7 @@ class Contacts(HeldContacts):
         self._shape = (np.int32(body.rows), np.int32(body.columns))
         masses, cells = body.rows * body.columns, (body.rows - 1) * (body.columns - 1)
         self._touches = cells > 0
+        self._around = tuple(self._new(one.reshape(-1)) for one in triangles_around(body.rows, body.columns))
         cells = max(1, cells)
         table = table_size(cells)
         self.record = self._new(contact_record(scene, real))

@@ -1,4 +1,4 @@
-"""Projection of a cloth's self-contacts on CUDA: one thread per mass, which sums the corrections of its contacts in
+"""Projection of contacts of masses with triangles on CUDA: one thread per mass, which sums the corrections of its contacts in
 their order, so that no sum depends on the order of threads. Atomics only count integers."""
 
 from __future__ import annotations
@@ -48,9 +48,9 @@ def _make_corners(real: Any, math: str) -> SimpleNamespace:
     return SimpleNamespace(held=held, offset=offset, share=share)
 
 
-def _link(real: Any, math: str, levered: bool) -> tuple[Any, ...]:
+def _link(real: Any, math: str) -> tuple[Any, ...]:
     """Make the kernels that list the contacts that a mass is a corner of, in one order, and sum their load on it."""
-    corners_of, load_of_share, zero, one = _make_corners(real, math), _make_now(real, math).load, real(0), real(1)
+    corners_of, zero, one = _make_corners(real, math), real(0), real(1)
     held, share = corners_of.held, corners_of.share
 
     def fill_links(found, corners, cursors, links):
@@ -81,8 +81,7 @@ def _link(real: Any, math: str, levered: bool) -> tuple[Any, ...]:
                     load += one
             for entry in range(starts[k], starts[k] + counts[k]):
                 if load_quad(forces, links[entry] // 3)[3] > zero:
-                    part = share(weights, links[entry])
-                    load += load_of_share(part) if levered else part
+                    load += share(weights, links[entry])
             loads[k] = load
 
     return fill_links, sort_links, load_up
@@ -121,6 +120,8 @@ def _make_now(real: Any, math: str) -> SimpleNamespace:
                 for at in range(starts[corners[place]], starts[corners[place] + 1]):
                     t = 3 * lists[at]
                     a, b, c = surface[t], surface[t + 1], surface[t + 2]
+                    if k in (a, b, c):
+                        continue
                     p, q, w = seen_from(position, k, a, b, c)
                     x, u, v = seen_from(before, k, a, b, c)
                     if through(over(x, u, v), over(p, q, w)):
@@ -130,14 +131,14 @@ def _make_now(real: Any, math: str) -> SimpleNamespace:
         return min(depth, left)
 
     @device
-    def rubbed(k, a, b, c, position, before, n, w, mass_weights, loads, parameters, r, slid, depth):
+    def rubbed(k, a, b, c, position, before, n, w, mass_weights, loads, parameters, r, slid, press):
         first = first_weight(w[0], w[1])
         masses = (
             mass_weights[k] * loads[k], split(mass_weights[a], load(first), loads[a]),
             split(mass_weights[b], load(w[0]), loads[b]), split(mass_weights[c], load(w[1]), loads[c]),
         )  # fmt: skip
         return rub(
-            (n[0], n[1], n[2]), r, slid, depth, (first, w[0], w[1]), masses, difference(position, a, b),
+            (n[0], n[1], n[2]), r, slid, press, (first, w[0], w[1]), masses, difference(position, a, b),
             difference(position, a, c), difference(before, a, b), difference(before, a, c), parameters.static_friction,
             parameters.dynamic_friction,
         )  # fmt: skip
@@ -156,13 +157,16 @@ def _make_now(real: Any, math: str) -> SimpleNamespace:
 
 
 def _move(real: Any, math: str, friction: bool, surfaces: bool) -> tuple[Any, ...]:
-    current = _make_now(real, math)
-    shallower, rubbed_surfaces, lever = current.shallower, current.rubbed, current.lever
-    levered = friction and surfaces
-    corners_of, f, zero = _make_corners(real, math), device_formulas(contact.make, real, math), real(0)
-    held, offset, share = corners_of.held, corners_of.offset, corners_of.share
+    shallower, levered = _make_now(real, math).shallower, friction and surfaces
+    corners_of, f, zero, one = _make_corners(real, math), device_formulas(contact.make, real, math), real(0), real(1)
+    held, offset, share, load_of_share = (
+        corners_of.held,
+        corners_of.offset,
+        corners_of.share,
+        _make_now(real, math).load,
+    )
     dot, length, along, stiffness, inverse, slip = f.dot, f.length, f.along, f.stiffness, f.inverse, f.slip
-    correction, rubbed, taken, shifted = f.correction, f.rubbed, f.taken, f.shifted
+    correction, rubbed, scaled, taken, shifted = f.correction, f.rubbed, f.scaled, f.taken, f.shifted
 
     def deepen(position, before, found, corners, normals, weights, starts, lists, surface, forces):
         """Write forces (quads): the depth of contacts. `starts`, `lists`, `surface`: see `make_project`."""
@@ -174,14 +178,14 @@ def _move(real: Any, math: str, friction: bool, surfaces: bool) -> tuple[Any, ..
                 a, b, c = corners[3 * slot], corners[3 * slot + 1], corners[3 * slot + 2]
                 x, y, z = offset(position, k, a, b, c, w[0], w[1])
                 depth = n[3] - dot(n[0], n[1], n[2], x, y, z)
-                if surfaces:
-                    if depth > zero:
-                        r = offset(before, k, a, b, c, w[0], w[1])
-                        depth = shallower(slot, k, position, before, corners, n, r, depth, starts, lists, surface)
+                if depth > zero:
+                    r = offset(before, k, a, b, c, w[0], w[1])
+                    depth = shallower(slot, k, position, before, corners, n, r, depth, starts, lists, surface)
                 store_quad(forces, slot, zero, zero, zero, depth)
 
-    def push(position, before, found, corners, normals, weights, mass_weights, loads, record, forces, turns):
-        """Compute the displacement of a mass by a contact, for a weight of 1."""
+    def push(position, before, found, corners, normals, weights, mass_weights, loads, record, forces):
+        """Compute the displacement of a mass by a contact, for a weight of 1; before friction of surfaces, its normal
+        impulse in place of the depth."""
         parameters = record[0]
         k = np.int64(cuda.grid(1))
         if k < found.size:
@@ -191,36 +195,81 @@ def _move(real: Any, math: str, friction: bool, surfaces: bool) -> tuple[Any, ..
                 if depth > zero:
                     n, w = load_quad(normals, slot), load_quad(weights, slot)
                     a, b, c = corners[3 * slot], corners[3 * slot + 1], corners[3 * slot + 2]
-                    if friction:
-                        r = offset(position, k, a, b, c, w[0], w[1])
+                    scale = inverse(stiffness(
+                        mass_weights[k], loads[k], mass_weights[a], loads[a], mass_weights[b], loads[b],
+                        mass_weights[c], loads[c], w[0], w[1],
+                    ))  # fmt: skip
+                    if friction and not surfaces:
+                        rx, ry, rz = offset(position, k, a, b, c, w[0], w[1])
                         ox, oy, oz = offset(before, k, a, b, c, w[0], w[1])
-                        x, y, z = r[0] - ox, r[1] - oy, r[2] - oz
-                    if levered:
-                        j, d, e = rubbed_surfaces(
-                            k, a, b, c, position, before, n, w, mass_weights, loads, parameters, r, (x, y, z), depth
-                        )
-                        x, y, z = j
-                        store_quad(turns, 2 * slot, d[0], d[1], d[2], zero)
-                        store_quad(turns, 2 * slot + 1, e[0], e[1], e[2], zero)
+                        x, y, z = rx - ox, ry - oy, rz - oz
+                        toward = dot(n[0], n[1], n[2], x, y, z)
+                        x, y, z = along(x, n[0], toward), along(y, n[1], toward), along(z, n[2], toward)
+                        part = slip(length(x, y, z), depth, parameters.static_friction, parameters.dynamic_friction)
+                        x = rubbed(depth, n[0], part, x, scale)
+                        y = rubbed(depth, n[1], part, y, scale)
+                        z = rubbed(depth, n[2], part, z, scale)
                     else:
-                        scale = inverse(stiffness(
-                            mass_weights[k], loads[k], mass_weights[a], loads[a], mass_weights[b], loads[b],
-                            mass_weights[c], loads[c], w[0], w[1],
-                        ))  # fmt: skip
-                        if friction:
-                            toward = dot(n[0], n[1], n[2], x, y, z)
-                            x, y, z = along(x, n[0], toward), along(y, n[1], toward), along(z, n[2], toward)
-                            part = slip(length(x, y, z), depth, parameters.static_friction, parameters.dynamic_friction)
-                            x = rubbed(depth, n[0], part, x, scale)
-                            y = rubbed(depth, n[1], part, y, scale)
-                            z = rubbed(depth, n[2], part, z, scale)
-                        else:
-                            x, y, z = (
-                                correction(depth, n[0], scale), correction(depth, n[1], scale), correction(depth, n[2], scale)
-                            )  # fmt: skip
-                    store_quad(forces, slot, x, y, z, depth)
+                        x, y, z = (
+                            correction(depth, n[0], scale), correction(depth, n[1], scale), correction(depth, n[2], scale)
+                        )  # fmt: skip
+                    store_quad(forces, slot, x, y, z, scaled(depth, scale) if levered else depth)
 
-    def gather(position, found, weights, starts, counts, links, mass_weights, loads, forces, turns):
+    def gather(position, found, weights, starts, counts, links, mass_weights, loads, forces):
+        """Move the masses by their contacts. With friction of surfaces, write the loads for it, too."""
+        k = np.int64(cuda.grid(1))
+        if k < found.size:
+            x, y, z, load = zero, zero, zero, zero
+            first, last = held(found, k)
+            for slot in range(first, last):
+                force = load_quad(forces, slot)
+                if force[3] > zero:
+                    x, y, z, load = x + force[0], y + force[1], z + force[2], load + one
+            for entry in range(starts[k], starts[k] + counts[k]):
+                force = load_quad(forces, links[entry] // 3)
+                if force[3] > zero:
+                    part = share(weights, links[entry])
+                    x, y, z = taken(x, part, force[0]), taken(y, part, force[1]), taken(z, part, force[2])
+                    load += load_of_share(part)
+            if loads[k] > zero and mass_weights[k] > zero:
+                p, w = load_quad(position, k), mass_weights[k]
+                store_quad(position, k, shifted(p[0], w, x), shifted(p[1], w, y), shifted(p[2], w, z), p[3])
+            if levered:
+                loads[k] = load
+
+    return deepen, push, gather
+
+
+def _rub(real: Any, math: str) -> tuple[Any, ...]:
+    """Make the kernels of the friction of surfaces, after `gather`."""
+    current, corners_of, zero = _make_now(real, math), _make_corners(real, math), real(0)
+    rubbed, lever = current.rubbed, current.lever
+    held, offset, share = corners_of.held, corners_of.offset, corners_of.share
+    f = device_formulas(contact.make, real, math)
+    taken, shifted = f.taken, f.shifted
+
+    def rub(position, before, found, corners, normals, weights, mass_weights, loads, record, forces, turns):
+        """Compute the displacement of a mass by a contact's friction, for a weight of 1, and the levers on corners."""
+        k = np.int64(cuda.grid(1))
+        if k < found.size:
+            first, last = held(found, k)
+            for slot in range(first, last):
+                press = load_quad(forces, slot)[3]
+                if press > zero:
+                    n, w = load_quad(normals, slot), load_quad(weights, slot)
+                    a, b, c = corners[3 * slot], corners[3 * slot + 1], corners[3 * slot + 2]
+                    r = offset(position, k, a, b, c, w[0], w[1])
+                    ox, oy, oz = offset(before, k, a, b, c, w[0], w[1])
+                    j, d, e = rubbed(
+                        k, a, b, c, position, before, n, w, mass_weights, loads, record[0], r,
+                        (r[0] - ox, r[1] - oy, r[2] - oz), press,
+                    )  # fmt: skip
+                    store_quad(turns, 2 * slot, d[0], d[1], d[2], zero)
+                    store_quad(turns, 2 * slot + 1, e[0], e[1], e[2], zero)
+                    store_quad(forces, slot, j[0], j[1], j[2], press)
+
+    def gather_rubbed(position, found, weights, starts, counts, links, mass_weights, loads, forces, turns):
+        """Move the masses by the friction of their contacts."""
         k = np.int64(cuda.grid(1))
         if k < found.size and loads[k] > zero and mass_weights[k] > zero:
             x, y, z = zero, zero, zero
@@ -232,26 +281,25 @@ def _move(real: Any, math: str, friction: bool, surfaces: bool) -> tuple[Any, ..
             for entry in range(starts[k], starts[k] + counts[k]):
                 force = load_quad(forces, links[entry] // 3)
                 if force[3] > zero:
-                    part = share(weights, links[entry])
+                    part, d = share(weights, links[entry]), lever(turns, links[entry])
                     x, y, z = taken(x, part, force[0]), taken(y, part, force[1]), taken(z, part, force[2])
-                    if levered:
-                        d = lever(turns, links[entry])
-                        x, y, z = x - d[0], y - d[1], z - d[2]
+                    x, y, z = x - d[0], y - d[1], z - d[2]
             p, w = load_quad(position, k), mass_weights[k]
             store_quad(position, k, shifted(p[0], w, x), shifted(p[1], w, y), shifted(p[2], w, z), p[3])
 
-    return deepen, push, gather
+    return rub, gather_rubbed
 
 
 @cache
 def make_project(real: Any, math: str, friction: bool, surfaces: bool = False) -> SimpleNamespace:
-    """Compile `fill_links` and `sort_links` (once per substep), `deepen`, `load_up`, `push` and `gather` (each sweep).
+    """Compile `fill_links` and `sort_links` (once per substep), `deepen`, `load_up`, `push` and `gather` (each sweep), and
+    for friction of surfaces `rub` and `gather_rubbed`.
 
     `surfaces`: as on the CPU; `starts`, `lists`, `surface`: offsets and triangles at each particle, and the triangles'
-    corners; `turns`: two quads per contact with friction of surfaces, else empty.
+    corners; `turns`: two quads per contact.
     """
     variant = f"contacts_{variant_name(real, math, f'friction_{int(friction)}')}{'_surfaces' * surfaces}"
-    levered = friction and surfaces
+    kernels = *_link(real, math), *_move(real, math, friction, surfaces)
     return make_kernels(
-        (*_link(real, math, levered), *_move(real, math, friction, surfaces)), variant, **kernel_options(math)
+        (*kernels, *_rub(real, math)) if friction and surfaces else kernels, variant, **kernel_options(math)
     )

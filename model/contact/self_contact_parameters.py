@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from softlab.model.core.parameters import rounded_record
+from softlab.model.geometry.lists import grouped
+from softlab.model.geometry.sheets import sheet_triangles
 from softlab.model.scene.scene import Scene
 from softlab.model.tables.self_collision import MAX_CONTACTS as MAX_CONTACTS
 
@@ -57,6 +59,14 @@ def contact_record(scene: Scene, real: type) -> np.ndarray:
         f"{set(values) ^ set(SELF_CONTACT_PARAMETERS)} or their order differ"
     )
     return rounded_record(scene, values, {name: f"self_collision.{name}" for name in values}, real)
+
+
+def triangles_around(rows: int, columns: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the triangles at each mass of a sheet: offsets (masses + 1,), triangles (all entries,) and the corners of
+    each triangle (triangles, 3), int32."""
+    corners = sheet_triangles(rows, columns).astype(np.int32)
+    lists = grouped(corners.ravel(), np.repeat(np.arange(len(corners)), 3), rows * columns)
+    return lists.offsets, lists.indices, corners
 
 
 def table_size(entries: int) -> int:

@@ -185,31 +185,26 @@ def make_current(real, compiled=plain):
         return across(less(less(sum_of, along(lift, d), second), along(lift, e), third), r)
 
     @compiled
-    def rub(n, r, slid, depth, weights, masses, q, w, u, v, static_friction, dynamic_friction):
+    def rub(n, r, slid, press, weights, masses, q, w, u, v, static_friction, dynamic_friction):
         """(j, second, third): displacement of the contact's vertex, and levers on corners two and three, for a weight
-        of 1.
+        of 1, by friction after all normal impulses of the sweep.
 
         `n`: the contact's normal; `r`: from the triangle's point to the vertex; `slid`: the change of that in the
-        substep [m]; `weights` of the corners; `masses`: inverse ones of the vertex and the corners, as split among
-        contacts; `q`, `w`: the triangle's edges; `u`, `v`: those at the substep's start.
+        substep [m]; `press`: the normal impulse; `weights` of the corners; `masses`: inverse ones of the vertex and the
+        corners, as split among contacts; `q`, `w`: the triangle's edges; `u`, `v`: those at the substep's start.
 
-        First the normal impulse p = depth / sum b_k^2/m_k acts at the triangle's point. Then friction acts at the
-        vertex, on the slip there. A force f at the vertex gives -A_k f to corner k, A_k f = b_k f + lever k of f. The
-        slip is the transpose of that, s = d_0 - sum A_k^T d_k of the displacements d after the normal impulse, its
+        Friction acts at the vertex, on the slip there. A force f at the vertex gives -A_k f to corner k, A_k f = b_k f
+        + lever k of f. The slip is the transpose of that, s = d_0 - sum A_k^T d_k of the displacements d, its
         tangential part. The impulse -F s with F = part |s|^2/Y, Y = |s|^2/m_0 + sum |A_k s|^2/m_k, changes sum m d^2/2
         by
           -F |s|^2 + F^2 Y/2 = -part (1 - part/2) |s|^4/Y <= 0, as 0 <= part <= 1,
         so that no contact gains energy by friction. Nor do all at once: a particle moves by the mean displacement of
         its pieces, and the energy of a mean is at most the mean energy (R. Tonge et al., SIGGRAPH 2012, on splitting).
-        `part` is 1 where F |s| <= static_friction p, else Coulomb's: F |s| = dynamic_friction p.
+        `part` is 1 where F |s| <= static_friction press, else Coulomb's: F |s| = dynamic_friction press.
         """
         a, b, c = weights
-        stiffness = masses[0] + ((a * a * masses[1] + b * b * masses[2]) + c * c * masses[3])
-        press = depth * inverse(stiffness)
         second, third, lift = gradients(r, q, w)
-        first = masses[1] * a
-        d = less((q[0] - u[0], q[1] - u[1], q[2] - u[2]), (masses[2] * b - first) * press, n)
-        e = less((w[0] - v[0], w[1] - v[1], w[2] - v[2]), (masses[3] * c - first) * press, n)
+        d, e = less(q, one, u), less(w, one, v)
         s = less(slid, one, carried(r, d, e, second, third, lift))
         s = less(s, along(n, s), n)
         x, y = levers(r, s, second, third, lift)
@@ -221,7 +216,7 @@ def make_current(real, compiled=plain):
         )
         stops = squared * inverse(yields)
         stops = stops * slip(stops * sqrt(squared), press, static_friction, dynamic_friction)
-        return less(times(press, n), stops, s), times(-stops, x), times(-stops, y)
+        return times(-stops, s), times(-stops, x), times(-stops, y)
 
     return SimpleNamespace(
         over=over, through=through, apart=apart, checked=checked, gradients=gradients, levers=levers, rub=rub

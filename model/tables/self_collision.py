@@ -9,8 +9,8 @@ from softlab.model.tables.parts import friction_is_ordered
 
 MAX_CONTACTS = 12  # of one mass with triangles; the nearest are used, those beyond are counted
 # Largest host memory per mass: each contact's triangle, corners, links, values and forces; its cell of space and
-# scratch.
-CONTACT_BYTES = MAX_CONTACTS * (4 * (1 + 3 + 3) + 8 * (7 + 4)) + 176
+# scratch; the triangles around it.
+CONTACT_BYTES = MAX_CONTACTS * (4 * (1 + 3 + 3) + 8 * (7 + 4)) + 176 + 4 * (1 + 6 + 6)
 
 
 class SelfCollision(Part):

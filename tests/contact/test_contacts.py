@@ -278,3 +278,42 @@ def test_masses_far_off_and_not_finite_ones_end_the_search() -> None:
 
 def test_tables_are_powers_of_two() -> None:
     assert [table_size(n) for n in (1, 2, 3, 5, 1000)] == [2, 4, 8, 16, 2048]
+
+
+# ---------------------------------------------------------------------- layers that are apart
+
+
+def passing(scene: Scene, lower: float, upper: float) -> tuple[np.ndarray, np.ndarray]:
+    """(positions (rows, columns, 3), whether in the upper layer): a sheet folded in the middle, whose layers are tilted
+    [degrees] about the fold's normal; the upper one begins before the lower one, the thickness and a millimetre above."""
+    grid = scene.grid
+    assert scene.self_collision is not None
+    row, column = np.indices((grid.rows, grid.columns))
+    top = row >= grid.rows // 2
+    place = np.zeros((grid.rows, grid.columns, 3))
+    for layer, angle in ((~top, np.radians(lower)), (top, np.radians(upper))):
+        place[layer, 0] = (np.cos(angle) * column * SPACING)[layer]
+        place[layer, 1] = (np.sin(angle) * column * SPACING)[layer]
+    place[..., 2] = np.where(top, grid.rows - 1 - row, row) * SPACING
+    place[top, 0] += place[~top, 0].min() - place[top, 0].max() - 0.03
+    place[top, 1] += place[~top, 1].max() - place[top, 1].min() + scene.self_collision.thickness + 0.001
+    return place, top
+
+
+@pytest.mark.parametrize(
+    ("lower", "upper"), [(0.0, 0.0), (10.0, 0.0), (0.0, 10.0), (0.0, 45.0)], ids=["flat", "lower", "upper", "steep"]
+)
+def test_layers_that_pass_by_are_not_pushed(lower: float, upper: float) -> None:
+    """Nothing moves that lies two rows from the fold, where layers are tied. (Planes of contacts had no end and pushed
+    by up to 10 mm in a substep.)"""
+    rows = 8
+    for thickness, stride in ((0.025, 0.0157), (0.005, 0.0157), (0.025, 0.05)):
+        scene = folded(rows=rows, self_collision={"thickness": thickness})
+        place, top = passing(scene, lower, upper)
+        for step in range(round(0.9 / stride)):
+            before, predicted = place.copy(), place.copy()
+            before[top, 0] += stride * step
+            predicted[top, 0] += stride * (step + 1)
+            _, after = contacts_of(scene, before.reshape(-1, 3), predicted.reshape(-1, 3))
+            pushed = np.abs(after.reshape(predicted.shape) - predicted)[[0, 1, rows - 2, rows - 1]]
+            assert pushed.max() == 0, (thickness, stride, step)

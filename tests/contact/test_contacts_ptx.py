@@ -20,8 +20,8 @@ PROJECT = {
     "sort_links": "iii",
     "deepen": "ffiiffiiif",
     "load_up": "ifiiiff",
-    "push": "ffiiffffpff",
-    "gather": "fifiiiffff",
+    "push": "ffiiffffpf",
+    "gather": "fifiiifff",
 }
 SCAN = {"chunks": "iii", "totals": "i", "add": "iii"}
 

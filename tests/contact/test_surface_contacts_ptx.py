@@ -9,7 +9,8 @@ import pytest
 from kernel_text import entry_of, record_of
 
 FIND = {"take": "fif", "clear": "ii", "find_contacts": "fffiiiiiiiipfiiffiil"}
-PROJECT = {"deepen": "ffiiffiiif", "push": "ffiiffffpff", "gather": "fifiiiffff"}
+PROJECT = {"deepen": "ffiiffiiif", "push": "ffiiffffpf", "gather": "fifiiifff"}
+RUB = {"rub": "ffiiffffpff", "gather_rubbed": "fifiiiffff"}
 
 pytestmark = pytest.mark.usefixtures("ptx_compiler")
 
@@ -32,12 +33,12 @@ def test_finding_holds_no_double(name: str, math: str) -> None:
 
 
 @pytest.mark.parametrize("math", ["fast", "exact"])
-@pytest.mark.parametrize("name", PROJECT)
+@pytest.mark.parametrize("name", PROJECT | RUB)
 def test_projecting_knows_the_surfaces_record(name: str, math: str) -> None:
     from softlab.gpu_backend.contact.self_project import make_project
 
     kernels = make_project(np.float32, math, True, surfaces=True)
-    assert ".f64" not in ptx(getattr(kernels, name), PROJECT[name], np.float32, math)
+    assert ".f64" not in ptx(getattr(kernels, name), (PROJECT | RUB)[name], np.float32, math)
 
 
 def test_exact_math_contracts_nothing() -> None:

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from softlab.app.driver import open_simulation
-from softlab.cpu_backend.contact.surfaces_find import V_DISTANCE, V_INSIDE
+from softlab.cpu_backend.contact.surfaces_find import V_INSIDE
 from softlab.model.contact.self_contact_parameters import MAX_CONTACTS
 from softlab.model.contact.shortfalls import shortfalls
 from softlab.model.contact.surface_parameters import contact_distance, contact_surface
@@ -18,10 +18,9 @@ MIDDLE = {"star", "ball", "beam", "letter-o", "tile", "short-pipe", "column"}
 
 
 def test_a_heap_comes_to_rest_and_stays() -> None:
-    """Four seconds and one more: half of its particles go slower than 1 cm/s (measured: 3 mm/s, the mean square 9 mm/s);
-    one body may still roll or slip (a column that lies on the others),
-    not as far as the heap is high, no other goes farther than two voxels; nothing was left out of the contacts, and what is
-    inside another body lies there by no more than half a voxel. No tetrahedron ends inside out, no vertex caught."""
+    """Four seconds and one more: half of its particles go slower than 1 mm/s (measured: 0.4 mm/s, the mean square 8 mm/s),
+    and no body goes as far as a centimetre; nothing was left out of the contacts, and nothing is inside another body. No
+    tetrahedron ends inside out, no vertex caught."""
     tables = load_scene("fem-drop").as_dict()
     others = {name for name, table in tables.items() if isinstance(table, dict) and "young_modulus" in table} - MIDDLE
     scene = Scene({name: table for name, table in tables.items() if name not in others})
@@ -34,17 +33,15 @@ def test_a_heap_comes_to_rest_and_stays() -> None:
         faults = shortfalls(simulation, state.position, state.inverse_mass)
     assert faults == {"contacts_lost": 0, "inverted": 0, "caught": 0}
     found, speed = scene.tetrahedra_set, np.linalg.norm(state.velocity, axis=1)
-    assert np.median(speed) < 0.01 and np.sqrt((speed**2).mean()) < 0.03
+    assert np.median(speed) < 0.001 and np.sqrt((speed**2).mean()) < 0.02
     ends = np.append(found.first_particle, found.particle_count)
     shift = state.position - before
     moved = sorted(float(np.linalg.norm(shift[first:last].mean(axis=0))) for first, last in pairwise(ends))
-    assert moved[-2] < 0.12 and moved[-1] < np.ptp(state.position[:, 1]), moved
+    assert moved[-1] < 0.01, moved
     assert contacts.neighbours_lost == 0 and contacts.lost < 10
     held = (np.arange(MAX_CONTACTS) < contacts.found[:, None]).ravel()
     values = contacts.values[held]
-    depths = values[values[:, V_INSIDE] > 0, V_DISTANCE]
-    print(np.median(speed), np.sqrt((speed**2).mean()), moved, len(values), depths)
-    assert len(values) > 20 and len(depths) < 20 and depths.max(initial=0.0) < 0.03
+    assert len(values) > 100 and not (values[:, V_INSIDE] > 0).any()
 
 
 def test_the_catalogues_heap_has_a_few_dozen_contacts_at_most_where_it_begins() -> None:

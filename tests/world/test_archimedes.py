@@ -112,13 +112,19 @@ def test_of_three_bodies_steel_sinks() -> None:
 @pytest.mark.parametrize(("name", "kept"), [("jelly-bowl", 0.9), ("wet-cloth", 1.0)])
 def test_water_stays_where_it_is_held(name: str, kept: float) -> None:
     """Nothing runs through a wall of jelly or a cloth that sags and swings, which is thinner than a particle: all water is
-    over what holds it, but drops that splash over a bowl's rim; those of a cloth stay on it."""
+    over what holds it, but drops that splash over a bowl's rim; they were in its upper half when they were as far from its
+    axis as that. Those of a cloth stay on it."""
     scene = load_scene(name)
     water = scene.world_set.slices()["fluid"]
+    splashed = np.zeros(water.stop - water.start, bool)
     with open_simulation(scene, **HOW) as simulation:
-        simulation.advance(75)
-        place = simulation.read("position")
-    solid, drops = place[: water.start], place[water]
-    middle, reach = solid.mean(axis=0), np.ptp(solid, axis=0) / 2
-    over = (np.abs(drops - middle)[:, [0, 2]] < reach[[0, 2]]).all(axis=1) & (drops[:, 1] > solid[:, 1].min())
+        for _ in range(75):
+            simulation.advance(1)
+            place = simulation.read("position")
+            solid, drops = place[: water.start], place[water]
+            middle, reach = solid.mean(axis=0), np.ptp(solid, axis=0) / 2
+            aside = np.abs(drops - middle)
+            splashed |= (np.hypot(aside[:, 0], aside[:, 2]) > reach[0]) & (drops[:, 1] > middle[1])
+    over = (aside[:, [0, 2]] < reach[[0, 2]]).all(axis=1) & (drops[:, 1] > solid[:, 1].min())
+    assert (over | splashed).all(), "water runs through"
     assert over.mean() >= kept, over.mean()

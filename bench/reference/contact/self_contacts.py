@@ -2,10 +2,11 @@
 
 From the papers, without model/formulas or a backend. The nearest point of a triangle is the projection into its plane
 where that lies inside, else the nearest point of its three sides. A contact requires n . (p - sum of b_k q_k) >= d with
-n and the b_k of the beginning of the substep (C. Lewin, "Cloth Self Collision with Predictive Contacts", GDC 2018). One
-sweep projects all contacts that are too near at once, each divided by the bound of its row in the contacts' system
-(Gershgorin; R. Tonge et al., "Mass Splitting for Jitter-Free Parallel Rigid Body Simulation", SIGGRAPH 2012). Friction
-as in M. Macklin et al., "Unified Particle Physics for Real-Time Applications", SIGGRAPH 2014, eq. 24.
+n and the b_k of the beginning of the substep (C. Lewin, "Cloth Self Collision with Predictive Contacts", GDC 2018), as
+far as the mass is nearer than d to where the triangles are now. One sweep projects all contacts that are too near at
+once, each divided by the bound of its row in the contacts' system (Gershgorin; R. Tonge et al., "Mass Splitting for
+Jitter-Free Parallel Rigid Body Simulation", SIGGRAPH 2012). Friction as in M. Macklin et al., "Unified Particle Physics
+for Real-Time Applications", SIGGRAPH 2014, eq. 24.
 """
 
 from __future__ import annotations
@@ -24,6 +25,8 @@ from softlab.model.tables.self_collision import SelfCollision
 # of the thickness: margin of the contact search beyond the predicted motion; distance below which the triangle's normal
 # replaces the vector from the nearest point; height over the plane below which a mass is on neither side
 MARGIN, FLAT, COINCIDENT = 0.1, 0.0625, 1e-3
+UPRIGHT = 0.99999  # cosine of a contact's normal with the triangle's, above which it is the triangle's
+PAST = 2.0**-10  # of a triangle: margin beyond its edges within which a path through its plane is one through it
 
 
 @dataclass(frozen=True)
@@ -39,6 +42,7 @@ class Found:
     normal: np.ndarray
     held: np.ndarray  # m, the required distance
     distance: np.ndarray  # m, at the beginning of the substep
+    around: np.ndarray  # object, (m, 3) int each: corners of the triangles with one of the triangle's corners
 
     def kept(self, most: int) -> Found:
         """Return the `most` nearest contacts of every mass."""
@@ -47,7 +51,7 @@ class Found:
 
     def where(self, chosen: np.ndarray) -> Found:
         """Return the contacts whose entry in `chosen` (n,) is true."""
-        return type(self)(*(getattr(self, name)[chosen] for name in self.__dataclass_fields__))
+        return Found(*(getattr(self, name)[chosen] for name in self.__dataclass_fields__))
 
 
 def triangles(rows: int, columns: int) -> np.ndarray:
@@ -127,7 +131,23 @@ def find(
     gap = np.einsum("nk,nk->n", normal, r)
     held = np.minimum(np.minimum(part.thickness, rest), gap + part.separation_speed * h)
     order = np.lexsort((triangle, distance, mass))
-    return Found(*(a[order] for a in (mass, triangle, corners, weights, normal, held, distance)))
+    mass, triangle, corners = mass[order], triangle[order], corners[order]
+    around = triangles_around(every, mass, corners)
+    weights, normal, held, distance = (a[order] for a in (weights, normal, held, distance))
+    return Found(mass, triangle, corners, weights, normal, held, distance, around)
+
+
+def triangles_around(every: np.ndarray, mass: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """Return (n,) object: of `every` triangle those without the mass that have one of the `corners` (n, 3)."""
+    holds: dict[int, list[int]] = {}
+    for number, own in enumerate(every.tolist()):
+        for corner in own:
+            holds.setdefault(corner, []).append(number)
+    result = np.empty(len(mass), object)
+    for n, own in enumerate(corners.tolist()):
+        near = every[sorted({number for corner in own for number in holds[corner]})]
+        result[n] = near[(near != mass[n]).all(axis=1)]
+    return result
 
 
 def _normals(
@@ -151,6 +171,50 @@ def _normals(
     return normal
 
 
+def _heights(p: np.ndarray, q: np.ndarray) -> np.ndarray:
+    """Return (n, 4): weights of the corners of triangles (n, 3, 3) at the foot of p (n, 3), and the height [m] of p."""
+    u, v, r = q[:, 1] - q[:, 0], q[:, 2] - q[:, 0], p - q[:, 0]
+    normal = np.cross(u, v)
+    normal = normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
+    height = (normal * r).sum(axis=1)
+    edges = np.stack([u, v], axis=2)
+    found = np.einsum("nij,nj->ni", np.linalg.pinv(edges), r) if len(r) else np.zeros((0, 2))
+    return np.column_stack([1 - found.sum(axis=1), found, height])
+
+
+def _passed(early: np.ndarray, late: np.ndarray, old: np.ndarray, new: np.ndarray) -> np.ndarray:
+    """Return a mask (n,): a point from `early` to `late` (3,) passed the triangles from `old` to `new` (n, 3, 3)."""
+    first, last = (_heights(np.broadcast_to(p, (len(q), 3)), q) for p, q in ((early, old), (late, new)))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        part = first[:, 3:] / (first[:, 3:] - last[:, 3:])
+        at = first[:, :3] + part * (last[:, :3] - first[:, :3])
+    return ((first[:, 3] >= 0) != (last[:, 3] >= 0)) & (at >= -PAST).all(axis=1)
+
+
+def limited(found: Found, r: np.ndarray, before: np.ndarray, now: np.ndarray, deep: np.ndarray) -> np.ndarray:
+    """Return the remaining part of the planes' depth `deep` with the triangles at `now`: (n,) [m].
+
+    It is at most what the vertex lacks of the distance from its triangle, unless the vertex began inside (`r`, at the
+    beginning of the substep, against the normal), or came through one of the triangles around. Beside a triangle whose
+    own normal is the contact's, the distance is that from the nearest one around.
+    """
+    old, new = before[found.corners], now[found.corners]
+    normal = np.cross(old[:, 1] - old[:, 0], old[:, 2] - old[:, 0])
+    own = np.abs((found.normal * normal).sum(axis=1)) >= UPRIGHT * np.linalg.norm(normal, axis=1)
+    beside = own & (_heights(now[found.mass], new)[:, :3] < 0).any(axis=1)
+    result = deep.copy()
+    for n in np.flatnonzero((deep > 0) & ((found.normal * r).sum(axis=1) > 0)):
+        vertex, near = found.mass[n], found.around[n]
+        if beside[n] or deep[n] > found.held[n]:
+            if _passed(before[vertex], now[vertex], before[near], now[near]).any():
+                continue
+        triangles = now[near] if beside[n] else new[n : n + 1]
+        p = np.broadcast_to(now[vertex], (len(triangles), 3))
+        feet = np.einsum("nk,nkd->nd", nearest_weights(p, triangles), triangles)
+        result[n] = min(deep[n], found.held[n] - np.linalg.norm(p - feet, axis=1).min())
+    return result
+
+
 def project(
     part: SelfCollision,
     found: Found,
@@ -170,11 +234,8 @@ def project(
 
     now = offset(position)
     depth = found.held - np.einsum("nk,nk->n", found.normal, now)
-    if surfaces is not None:
-        depth = surfaces.depth(found, offset(before), before, position, depth)
+    depth = limited(found, offset(before), before, position, depth)
     on = depth > 0
-    if surfaces is not None and part.static_friction > 0:
-        return position + weight[:, None] * surfaces.rub(part, found.where(on), before, position, weight, depth[on])
     load = np.zeros(len(position))
     np.add.at(load, found.mass[on], 1.0)
     np.add.at(load, found.corners[on], found.weights[on])
@@ -186,11 +247,16 @@ def project(
     size = np.linalg.norm(slid, axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
         stopped = np.where(size <= part.static_friction * depth, 1.0, part.dynamic_friction * depth / size)
+        stopped *= surfaces is None  # friction of surfaces comes after all pushes
         push = (depth[:, None] * found.normal - stopped[:, None] * slid) / bound[:, None]
     moved = np.zeros_like(position)
     np.add.at(moved, found.mass[on], push[on])
     np.subtract.at(moved, found.corners[on], found.weights[on][:, :, None] * push[on][:, None])
-    return position + weight[:, None] * moved
+    position = position + weight[:, None] * moved
+    if surfaces is not None and part.static_friction > 0:
+        moved = surfaces.rub(part, found.where(on), before, position, weight, depth[on] / bound[on])
+        position = position + weight[:, None] * moved
+    return position
 
 
 def simulate(

@@ -10,70 +10,16 @@ a vertex stays on its side.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from softlab.bench.reference.contact.self_contacts import FLAT, MARGIN, Found, nearest_weights
+from softlab.bench.reference.contact.self_contacts import FLAT, MARGIN, Found, nearest_weights, triangles_around
 from softlab.model.contact.attachments import attachment_sets
 from softlab.model.scene.scene import Scene
 
 BEHIND = 0.25
 SHARE = 0.25  # added to a corner's weight when its particle's mass is split, so that levers act where the weight is 0
-UPRIGHT = 0.99999  # cosine of a contact's normal with the triangle's, above which it is the triangle's
-PAST = 2.0**-10  # of a triangle: margin beyond its edges within which a path through its plane is one through it
-
-
-@dataclass(frozen=True)
-class Touching(Found):
-    """Contacts of surfaces; `around` (n,) object: (m, 3) int, corners of triangles with one of the triangle's corners."""
-
-    around: np.ndarray
-
-
-def _heights(p: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """Return (n, 4): weights of the corners of triangles (n, 3, 3) at the foot of p (n, 3), and the height [m] of p."""
-    u, v, r = q[:, 1] - q[:, 0], q[:, 2] - q[:, 0], p - q[:, 0]
-    normal = np.cross(u, v)
-    normal = normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
-    height = (normal * r).sum(axis=1)
-    edges = np.stack([u, v], axis=2)
-    found = np.einsum("nij,nj->ni", np.linalg.pinv(edges), r) if len(r) else np.zeros((0, 2))
-    return np.column_stack([1 - found.sum(axis=1), found, height])
-
-
-def _passed(early: np.ndarray, late: np.ndarray, old: np.ndarray, new: np.ndarray) -> np.ndarray:
-    """Return a mask (n,): a point from `early` to `late` (3,) passed the triangles from `old` to `new` (n, 3, 3)."""
-    first, last = (_heights(np.broadcast_to(p, (len(q), 3)), q) for p, q in ((early, old), (late, new)))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        part = first[:, 3:] / (first[:, 3:] - last[:, 3:])
-        at = first[:, :3] + part * (last[:, :3] - first[:, :3])
-    return ((first[:, 3] >= 0) != (last[:, 3] >= 0)) & (at >= -PAST).all(axis=1)
-
-
-def depth(found: Touching, r: np.ndarray, before: np.ndarray, now: np.ndarray, deep: np.ndarray) -> np.ndarray:
-    """Return the remaining part of the planes' depth `deep` with the triangles at `now`: (n,) [m].
-
-    It is at most what the vertex lacks of the distance from its triangle, unless the vertex began inside (`r`, at the
-    beginning of the substep, against the normal), or came through one of the triangles around. Beside a triangle whose
-    own normal is the contact's, the distance is that from the nearest one around.
-    """
-    old, new = before[found.corners], now[found.corners]
-    normal = np.cross(old[:, 1] - old[:, 0], old[:, 2] - old[:, 0])
-    own = np.abs((found.normal * normal).sum(axis=1)) >= UPRIGHT * np.linalg.norm(normal, axis=1)
-    beside = own & (_heights(now[found.mass], new)[:, :3] < 0).any(axis=1)
-    result = deep.copy()
-    for n in np.flatnonzero((deep > 0) & ((found.normal * r).sum(axis=1) > 0)):
-        vertex, near = found.mass[n], found.around[n]
-        if beside[n] or deep[n] > found.held[n]:
-            if _passed(before[vertex], now[vertex], before[near], now[near]).any():
-                continue
-        triangles = now[near] if beside[n] else new[n : n + 1]
-        p = np.broadcast_to(now[vertex], (len(triangles), 3))
-        feet = np.einsum("nk,nkd->nd", nearest_weights(p, triangles), triangles)
-        result[n] = min(deep[n], found.held[n] - np.linalg.norm(p - feet, axis=1).min())
-    return result
 
 
 def force_matrices(corners: np.ndarray, weights: np.ndarray, r: np.ndarray) -> np.ndarray:
@@ -100,12 +46,12 @@ def force_matrices(corners: np.ndarray, weights: np.ndarray, r: np.ndarray) -> n
 
 
 def rub(
-    part: Any, found: Found, before: np.ndarray, position: np.ndarray, weight: np.ndarray, deep: np.ndarray
+    part: Any, found: Found, before: np.ndarray, position: np.ndarray, weight: np.ndarray, press: np.ndarray
 ) -> np.ndarray:
-    """Return particles' displacements (particles, 3) by the contacts `found` of depth `deep` [m], for a weight of 1.
+    """Return particles' displacements (particles, 3) by friction of the contacts `found`, for a weight of 1.
 
-    A particle's mass is split among its contacts. The normal impulse of each contact acts first, at the triangle's
-    point. Then friction acts against the remaining slip at that point, as much as stops it, or as Coulomb's law allows.
+    `position`: after the normal impulses `press` (n,) of all contacts. A particle's mass is split among its contacts.
+    Friction acts against the slip at the vertex, as much as stops it, or as Coulomb's law allows.
     """
     parts = found.weights + SHARE
     load = np.zeros(len(position))
@@ -117,22 +63,18 @@ def rub(
         position[found.mass] - np.einsum("nk,nkd->nd", found.weights, position[found.corners]),
     )  # fmt: skip
     for n, (vertex, corners) in enumerate(zip(found.mass, found.corners, strict=True)):
-        masses = split[corners] / parts[n]
-        bound = split[vertex] + masses @ found.weights[n] ** 2
-        if bound == 0:
-            continue
-        press, normal = deep[n] / bound, found.normal[n]
-        ways = position[corners] - before[corners] - np.outer(masses * found.weights[n] * press, normal)
-        slip = position[vertex] - before[vertex] - np.einsum("kdc,kd->c", matrices[n], ways)
+        masses, normal = split[corners] / parts[n], found.normal[n]
+        slip = position[vertex] - before[vertex]
+        slip = slip - np.einsum("kdc,kd->c", matrices[n], position[corners] - before[corners])
         slip = slip - (slip @ normal) * normal
         each = matrices[n] @ slip
         yielding = split[vertex] * (slip @ slip) + masses @ (each**2).sum(axis=1)
         stops = slip @ slip / yielding if yielding > 0 else 0.0
         asked = stops * float(np.linalg.norm(slip))
-        if asked > part.static_friction * press:
-            stops *= part.dynamic_friction * press / asked
-        moved[vertex] += press * normal - stops * slip
-        moved[corners] -= np.outer(found.weights[n] * press, normal) - stops * each
+        if asked > part.static_friction * press[n]:
+            stops *= part.dynamic_friction * press[n] / asked
+        moved[vertex] -= stops * slip
+        moved[corners] += stops * each
     return moved
 
 
@@ -165,7 +107,7 @@ def _outward(
     return inside, normal
 
 
-def find(scene: Scene, distance: float, before: np.ndarray, predicted: np.ndarray) -> Touching:
+def find(scene: Scene, distance: float, before: np.ndarray, predicted: np.ndarray) -> Found:
     """Return the possible contacts within a substep from `before` to `predicted` (particles, 3) [m].
 
     Bodies have no contact with themselves. A contact is a triangle of another body whose nearest point is nearer than
@@ -191,7 +133,7 @@ def find(scene: Scene, distance: float, before: np.ndarray, predicted: np.ndarra
 def among(
     every: np.ndarray, vertex: np.ndarray, triangle: np.ndarray, body: np.ndarray, is_closed: np.ndarray,
     distance: np.ndarray, push: float, before: np.ndarray, predicted: np.ndarray,
-) -> Touching:  # fmt: skip
+) -> Found:  # fmt: skip
     """Return the contacts like `find`, for pairs of a `vertex` (n,) and a `triangle` (n,) of `every` (triangles, 3).
 
     `body` (particles,); `is_closed` (bodies,): whether the body has an inside; `distance` (particles,) [m]: required of
@@ -215,7 +157,5 @@ def among(
         pair = int(vertex[n]), int(body[corners[n, 0]])
         if leads.setdefault(pair, n) == n or not (inside[leads[pair]] or inside[n]):
             kept.append(n)
-    around = np.empty(len(kept), object)
-    for at, n in enumerate(kept):
-        around[at] = every[np.isin(every, corners[n]).any(axis=1)]
-    return Touching(*[*(a[kept] for a in (vertex, triangle, corners, weights, normal, held, length)), around])
+    around = triangles_around(every, vertex[kept], corners[kept])
+    return Found(*[*(a[kept] for a in (vertex, triangle, corners, weights, normal, held, length)), around])
