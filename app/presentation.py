@@ -1,4 +1,4 @@
-"""How the scenes of a family are drawn, exported and described, one entry each, which the family names (`SolverFamily`)."""
+"""Pictures, exports and descriptions of the scenes of a family: one entry each, which the family names (`SolverFamily`)."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def row_and_column(scene: Scene, particle: int) -> str:
 
 @dataclass(frozen=True)
 class Presentation:
-    """How the scenes of a family are drawn, exported and described.
+    """Functions that draw, export and describe the scenes of a family.
 
     - `view(scene, detail, quick, first_colour)`: a view in the current OpenGL context (app/render/views.py).
     - `view_options()`: the words that `--look` takes.

@@ -1,4 +1,4 @@
-"""How bodies of clusters are drawn, exported and described."""
+"""Pictures, exports and descriptions of bodies of clusters."""
 
 from __future__ import annotations
 

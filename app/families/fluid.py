@@ -1,4 +1,4 @@
-"""How fluids are drawn, exported and described."""
+"""Pictures, exports and descriptions of fluids."""
 
 from __future__ import annotations
 

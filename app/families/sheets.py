@@ -1,4 +1,4 @@
-"""How grids, cloths and meshes are drawn, exported and described."""
+"""Pictures, exports and descriptions of grids, cloths and meshes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How tetrahedral bodies, and a cloth beside them, are drawn, exported and described."""
+"""Pictures, exports and descriptions of tetrahedral bodies and a cloth beside them."""
 
 from __future__ import annotations
 

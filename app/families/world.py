@@ -1,4 +1,4 @@
-"""How worlds are drawn and described: member by member."""
+"""Pictures and descriptions of worlds, member by member."""
 
 from __future__ import annotations
 

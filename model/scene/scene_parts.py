@@ -182,8 +182,8 @@ class SceneParts:
 
     @cached_property
     def content(self) -> str:
-        """What the scene's particles are: `world`, or by the only family of particles `fluids`, `tetrahedra` (and a cloth
-        beside them), `bodies` or `sheet`."""
+        """Kind of the scene's particles: `world`, or of their only family `fluids`, `tetrahedra` (and a cloth beside them),
+        `bodies` or `sheet`."""
         own = {"world": self.is_world, "fluids": self.fluids, "tetrahedra": self.tetrahedra, "bodies": self.bodies}
         return next((name for name, particles in own.items() if particles), "sheet")
 

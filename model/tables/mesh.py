@@ -89,7 +89,7 @@ class Mesh(Cloth):
         return mesh_of(self).triangles.astype(np.uint32)
 
     def normals(self, position: np.ndarray) -> np.ndarray:
-        """See Grid."""
+        """Return the unit normals of the vertices at `position` (particles, 3), (particles, 3) float64."""
         return mesh_normals(position, self.triangles())
 
     def _idle_fields(self) -> set[str]:
