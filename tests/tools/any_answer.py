@@ -58,18 +58,6 @@ class Still(FakeCloth):
         if self.runs > PARTS:
             raise Worked
 
-    def _upload_rotation(self, rotation: Any) -> None:
-        pass
-
-    def _upload_plastic(self, plastic: Any) -> None:
-        pass
-
-    def _download_rotation(self) -> None:
-        return None
-
-    def _download_plastic(self) -> None:
-        return None
-
 
 @contextlib.contextmanager
 def quiet_lab() -> Iterator[None]:

@@ -70,6 +70,20 @@ class FakeCloth(Simulation):
         self.asked.append(name)
         return super().read(name, into)
 
+    # arrays of the state of bodies, which hang still
+
+    def _upload_rotation(self, rotation: Any) -> None:
+        pass
+
+    def _upload_plastic(self, plastic: Any) -> None:
+        pass
+
+    def _download_rotation(self) -> None:
+        return None
+
+    def _download_plastic(self) -> None:
+        return None
+
 
 def open_fake(scene: Scene, backend: str, *, live: Any = (), initial: Any = None, **options: Any) -> FakeCloth:
     """As `open_simulation`, for `Demo(open_world=open_fake)`."""
