@@ -113,7 +113,7 @@ def kept_growth(
     """`measure_growth`, kept in `folder` as references are (None: nothing is kept)."""
     file = folder / f"growth-{cache.key(scene, time, 1.0, DISTURBANCE)}.npz" if folder else None
     shapes = {"times": (LOOKS,), "factors": (LOOKS,)}
-    found = cache.kept_arrays(file, shapes, lambda: vars(measure_growth(scene, time, integrator, per_radian)))
+    found = cache.cached_arrays(file, shapes, lambda: vars(measure_growth(scene, time, integrator, per_radian)))
     return Growth(found["times"], found["factors"])
 
 

@@ -131,7 +131,7 @@ class _Group:
         self.tell(f"{label}: converged reference", 0)
         right, half = converged_for(label, scene, end, self.folder), None
         if not scene.cloth:
-            half = cache.kept(scene, end, self.folder, inertia=HALF_ACCELERATION)
+            half = cache.cached_reference(scene, end, self.folder, inertia=HALF_ACCELERATION)
         growth = growth_for(label, scene, end, self.folder)
         with ExitStack() as stack:
             subjects = []

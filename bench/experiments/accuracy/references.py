@@ -70,12 +70,12 @@ def converged_for(label: str, scene: Scene, end: float, folder: Path | None) -> 
         position = rope.hanging(scene)
         return cache.Converged(position, np.zeros_like(position), LEFT)
     if scene.loads:
-        return cache.kept(scene, end, folder, tolerance=ROPE_TOLERANCE, per_radian=ROPE_STEPS_PER_RADIAN)
+        return cache.cached_reference(scene, end, folder, tolerance=ROPE_TOLERANCE, per_radian=ROPE_STEPS_PER_RADIAN)
     if scene.colliders:
         return contact_converged(scene, end, folder)
     if scene.cloth:
-        return cache.kept(scene, end, folder, tolerance=CLOTH_TOLERANCE)
-    return cache.kept(scene, end, folder)
+        return cache.cached_reference(scene, end, folder, tolerance=CLOTH_TOLERANCE)
+    return cache.cached_reference(scene, end, folder)
 
 
 def growth_for(label: str, scene: Scene, end: float, folder: Path | None) -> Growth:
@@ -101,7 +101,7 @@ def contact_converged(scene: Scene, time: float, folder: Path | None) -> cache.C
         return cache.Converged(position, velocity, float(np.linalg.norm(position - coarse, axis=1).max()))
 
     key = f"{cache.key(scene, time, 1.0, 1 / FINER)}-{source_hash('cpu')}"
-    return cache.kept_state(folder / f"contact-{key}.npz" if folder else None, scene, make)
+    return cache.cached_state(folder / f"contact-{key}.npz" if folder else None, scene, make)
 
 
 def _end(scene: Scene, time: float, steps: int) -> tuple[np.ndarray, np.ndarray]:
@@ -144,7 +144,7 @@ def growth_of(scene: Scene, time: float, folder: Path | None) -> Growth:
 
 def converged_of(scene: Scene, time: float, folder: Path | None) -> cache.Converged:
     """Return the converged reference, from NumPy (stored in `folder`) if affordable, else by the RK4 of this lab."""
-    return cache.kept(scene, time, folder) if by_numpy(scene, time) else own_converged(scene, time)
+    return cache.cached_reference(scene, time, folder) if by_numpy(scene, time) else own_converged(scene, time)
 
 
 def _opened(scene: Scene, dt: float) -> Simulation:
@@ -218,4 +218,4 @@ def held_converged(scene: Scene, steps: int, folder: Path | None) -> cache.Conve
         return cache.Converged(*refine(solve, first, cache.TOLERANCE * scene.grid.spacing, most, smooth=True))
 
     key = cache.key(scene, steps * dt, 1.0, cache.TOLERANCE)
-    return cache.kept_state(folder / f"held-{key}-{steps}.npz" if folder else None, scene, make)
+    return cache.cached_state(folder / f"held-{key}-{steps}.npz" if folder else None, scene, make)

@@ -50,7 +50,7 @@ class Iterated:
         if key not in self._held:
             file = self.folder / f"iterated-{key}.npz" if self.folder else None
             shapes = {"position": (scene.grid.particle_count, scene.dimensions)}
-            self._held[key] = cache.kept_arrays(file, shapes, lambda: {"position": _end(scene, steps)})["position"]
+            self._held[key] = cache.cached_arrays(file, shapes, lambda: {"position": _end(scene, steps)})["position"]
         return self._held[key]
 
     def converged(self, scene: Scene, steps: int, free: np.ndarray) -> tuple[np.ndarray, float, int]:

@@ -201,7 +201,7 @@ class _Work:
         if not growth.chaotic:
             return converged_of(motion, self.end, folder), growth
         if by_numpy(motion, self.end):
-            return cache.kept(motion, self.end, folder, tolerance=FOR_STATISTICS), growth
+            return cache.cached_reference(motion, self.end, folder, tolerance=FOR_STATISTICS), growth
         return own_converged(motion, self.end, FOR_STATISTICS), growth
 
     def measure(self, group: Sequence[Variant], tell: Tell) -> None:

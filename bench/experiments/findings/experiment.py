@@ -94,7 +94,7 @@ def _damping(store: Store) -> list[Experiment]:
 
 
 def _damped_error(store: Store, scene: Scene, method: str) -> Measures:
-    right = cache.kept(scene, END, references(store))
+    right = cache.cached_reference(scene, END, references(store))
     position, _ = reference.simulate(scene, round(END / scene.method.dt), integrator=method)
     return {ERROR: (_error(scene, position, right.position), "spacing", "NumPy reference")}
 
@@ -118,7 +118,7 @@ def _floor(store: Store, backend: str) -> list[Experiment]:
 
 
 def _floor_error(store: Store, scene: Scene, backend: str, precision: str) -> Measures:
-    right = cache.kept(scene, END, references(store))
+    right = cache.cached_reference(scene, END, references(store))
     state = _end(scene, backend, round(END / scene.method.dt), allow_unstable=True, precision=precision)
     error = np.inf if state is None else _error(scene, state.position, right.position)
     return {ERROR: (error, "spacing", None if state else "diverged")}

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from softlab.bench.reference.cache import kept_arrays, sources
+from softlab.bench.reference.cache import cached_arrays, sources
 from softlab.bench.reference.finite_elements import mode_shapes
 from softlab.bench.reference.finite_elements_newton import nonlinear_static
 from softlab.model.core.disk_cache import cache_folder, write_arrays
@@ -113,7 +113,7 @@ def exact_rest(across: int) -> np.ndarray:
 
     def make() -> dict[str, np.ndarray]:
         gravity = 0.0, -WEIGHT * REFERENCE, 0.0
-        start = kept_arrays(begun, shapes, lambda: {"position": found.position})["position"]
+        start = cached_arrays(begun, shapes, lambda: {"position": found.position})["position"]
         position = nonlinear_static(
             found.position, found.tetrahedra, REFERENCE, POISSON, fixed, "fixed-corotated", gravity=gravity, density=DENSITY,
             start=start, watch=lambda x: write_arrays(begun, position=x),
@@ -121,7 +121,7 @@ def exact_rest(across: int) -> np.ndarray:
         begun.unlink(missing_ok=True)
         return {"position": position}
 
-    return kept_arrays(_file("rest", across), shapes, make)["position"]
+    return cached_arrays(_file("rest", across), shapes, make)["position"]
 
 
 @cache
@@ -135,7 +135,7 @@ def _modes(across: int) -> tuple[np.ndarray, np.ndarray]:
         return dict(zip(("frequency", "shapes"), modes, strict=True))
 
     shapes = {"frequency": (MODES,), "shapes": (MODES, *found.position.shape)}
-    kept = kept_arrays(_file("modes", across), shapes, make)
+    kept = cached_arrays(_file("modes", across), shapes, make)
     return kept["frequency"], kept["shapes"]
 
 

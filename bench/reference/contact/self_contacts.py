@@ -27,7 +27,7 @@ MARGIN, FLAT, COINCIDENT = 0.1, 0.0625, 1e-3
 
 
 @dataclass(frozen=True)
-class Found:
+class TriangleContacts:
     """Contacts, (n,) each, by mass, then by distance, then by triangle; `corners` and `weights` (n, 3), `normal` (n,
     3).
     """
@@ -37,15 +37,15 @@ class Found:
     corners: np.ndarray
     weights: np.ndarray
     normal: np.ndarray
-    held: np.ndarray  # m, the required distance
+    required: np.ndarray  # m, the required distance
     distance: np.ndarray  # m, at the beginning of the substep
 
-    def kept(self, most: int) -> Found:
+    def nearest(self, most: int) -> TriangleContacts:
         """Return the `most` nearest contacts of every mass."""
         rank = np.arange(len(self.mass)) - np.searchsorted(self.mass, self.mass)
         return self.where(rank < most)
 
-    def where(self, chosen: np.ndarray) -> Found:
+    def where(self, chosen: np.ndarray) -> TriangleContacts:
         """Return the contacts whose entry in `chosen` (n,) is true."""
         return type(self)(*(getattr(self, name)[chosen] for name in self.__dataclass_fields__))
 
@@ -83,24 +83,24 @@ def nearest_weights(p: np.ndarray, q: np.ndarray) -> np.ndarray:
     return best
 
 
-def _answers(rows: int, columns: int, corners: np.ndarray, weights: np.ndarray) -> np.ndarray:
+def _first_with_feature(rows: int, columns: int, corners: np.ndarray, weights: np.ndarray) -> np.ndarray:
     """Return a mask (n,) of triangles that are the first of all with the corners of non-zero weight."""
     every = triangles(rows, columns)
     holders: dict[int, set[int]] = {}
-    for number, own in enumerate(every.tolist()):
-        for mass in own:
+    for number, triangle in enumerate(every.tolist()):
+        for mass in triangle:
             holders.setdefault(mass, set()).add(number)
     result = np.zeros(len(corners), bool)
-    for n, (own, weight) in enumerate(zip(corners.tolist(), weights, strict=True)):
-        feature = [mass for mass, w in zip(own, weight, strict=True) if w > 0]
+    for n, (triangle, weight) in enumerate(zip(corners.tolist(), weights, strict=True)):
+        feature = [mass for mass, w in zip(triangle, weight, strict=True) if w > 0]
         numbers = set.intersection(*(holders[mass] for mass in feature))
-        result[n] = every[min(numbers)].tolist() == own
+        result[n] = every[min(numbers)].tolist() == triangle
     return result
 
 
 def find(
     part: SelfCollision, rows: int, columns: int, spacing: float, before: np.ndarray, predicted: np.ndarray, h: float
-) -> Found:
+) -> TriangleContacts:
     """Return the contacts that are possible in a substep of `h` [s] from `before` to `predicted` (particles, 3) [m].
 
     A contact is a mass and a triangle without it as a corner, whose nearest point is nearer than the thickness, a
@@ -118,16 +118,16 @@ def find(
     move = predicted - before
     motion = np.linalg.norm(move[mass][:, None] - move[corners], axis=2).max(axis=1)
     near = distance < part.thickness * (1 + MARGIN) + motion
-    near[near] = _answers(rows, columns, corners[near], weights[near])
+    near[near] = _first_with_feature(rows, columns, corners[near], weights[near])
     mass, triangle, corners, weights = mass[near], triangle[near], corners[near], weights[near]
     r, distance = r[near], distance[near]
     normal = _normals(part.thickness, before, mass, corners, r, distance)
     place = np.stack(np.divmod(np.arange(rows * columns), columns), -1) * spacing
     rest = np.linalg.norm(place[mass] - np.einsum("nk,nkd->nd", weights, place[corners]), axis=1)
     gap = np.einsum("nk,nk->n", normal, r)
-    held = np.minimum(np.minimum(part.thickness, rest), gap + part.separation_speed * h)
+    required = np.minimum(np.minimum(part.thickness, rest), gap + part.separation_speed * h)
     order = np.lexsort((triangle, distance, mass))
-    return Found(*(a[order] for a in (mass, triangle, corners, weights, normal, held, distance)))
+    return TriangleContacts(*(a[order] for a in (mass, triangle, corners, weights, normal, required, distance)))
 
 
 def _normals(
@@ -153,7 +153,7 @@ def _normals(
 
 def project(
     part: SelfCollision,
-    found: Found,
+    contacts: TriangleContacts,
     before: np.ndarray,
     position: np.ndarray,
     weight: np.ndarray,
@@ -166,30 +166,30 @@ def project(
     """
 
     def offset(p: np.ndarray) -> np.ndarray:
-        return p[found.mass] - np.einsum("nk,nkd->nd", found.weights, p[found.corners])
+        return p[contacts.mass] - np.einsum("nk,nkd->nd", contacts.weights, p[contacts.corners])
 
     now = offset(position)
-    depth = found.held - np.einsum("nk,nk->n", found.normal, now)
+    depth = contacts.required - np.einsum("nk,nk->n", contacts.normal, now)
     if surfaces is not None:
-        depth = surfaces.depth(found, offset(before), before, position, depth)
+        depth = surfaces.depth(contacts, offset(before), before, position, depth)
     on = depth > 0
     if surfaces is not None and part.static_friction > 0:
-        return position + weight[:, None] * surfaces.rub(part, found.where(on), before, position, weight, depth[on])
+        return position + weight[:, None] * surfaces.rub(part, contacts.where(on), before, position, weight, depth[on])
     load = np.zeros(len(position))
-    np.add.at(load, found.mass[on], 1.0)
-    np.add.at(load, found.corners[on], found.weights[on])
-    bound = weight[found.mass] * load[found.mass]
-    bound = bound + (found.weights * (weight * load)[found.corners]).sum(axis=1)
+    np.add.at(load, contacts.mass[on], 1.0)
+    np.add.at(load, contacts.corners[on], contacts.weights[on])
+    bound = weight[contacts.mass] * load[contacts.mass]
+    bound = bound + (contacts.weights * (weight * load)[contacts.corners]).sum(axis=1)
     on &= bound > 0
     slid = now - offset(before)
-    slid -= np.einsum("nk,nk->n", found.normal, slid)[:, None] * found.normal
+    slid -= np.einsum("nk,nk->n", contacts.normal, slid)[:, None] * contacts.normal
     size = np.linalg.norm(slid, axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
         stopped = np.where(size <= part.static_friction * depth, 1.0, part.dynamic_friction * depth / size)
-        push = (depth[:, None] * found.normal - stopped[:, None] * slid) / bound[:, None]
+        push = (depth[:, None] * contacts.normal - stopped[:, None] * slid) / bound[:, None]
     moved = np.zeros_like(position)
-    np.add.at(moved, found.mass[on], push[on])
-    np.subtract.at(moved, found.corners[on], found.weights[on][:, :, None] * push[on][:, None])
+    np.add.at(moved, contacts.mass[on], push[on])
+    np.subtract.at(moved, contacts.corners[on], contacts.weights[on][:, :, None] * push[on][:, None])
     return position + weight[:, None] * moved
 
 
@@ -216,11 +216,11 @@ def simulate(
         before = p
         v = np.where(free, v * (1 - h * drag) + h * gravity, 0.0)
         p, multipliers = before + h * v, np.zeros(len(constraints.first))
-        found = find(part, grid.rows, grid.columns, grid.spacing, before, p, h).kept(most)
+        contacts = find(part, grid.rows, grid.columns, grid.spacing, before, p, h).nearest(most)
         for _ in range(method.iterations):
             p, multipliers = xpbd.iterate(constraints, p, multipliers, before, inverse_mass, h, ordering)
             for _ in range(part.sweeps):
-                p = project(part, found, before, p, inverse_mass * grid.mass)
+                p = project(part, contacts, before, p, inverse_mass * grid.mass)
         v = (p - before) / h
         if scene.colliders:
             moved = cloth.collide(fine, before.reshape(shape), p.reshape(shape), v.reshape(shape), number)

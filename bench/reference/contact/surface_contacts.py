@@ -15,18 +15,20 @@ from typing import Any
 
 import numpy as np
 
-from softlab.bench.reference.contact.self_contacts import FLAT, MARGIN, Found, nearest_weights
+from softlab.bench.reference.contact.self_contacts import FLAT, MARGIN, TriangleContacts, nearest_weights
 from softlab.model.scene.scene import Scene
 from softlab.model.tetrahedra.attachments import attachment_sets
 
 BEHIND = 0.25
-SHARE = 0.25  # added to a corner's weight when its particle's mass is split, so that levers act where the weight is 0
-UPRIGHT = 0.99999  # cosine of a contact's normal with the triangle's, above which it is the triangle's
+EXTRA_WEIGHT = (
+    0.25  # added to a corner's weight when its particle's mass is split, so that levers act where the weight is 0
+)
+PARALLEL = 0.99999  # cosine of a contact's normal with the triangle's, above which it is the triangle's
 PAST = 2.0**-10  # of a triangle: margin beyond its edges within which a path through its plane is one through it
 
 
 @dataclass(frozen=True)
-class Touching(Found):
+class Touching(TriangleContacts):
     """Contacts of surfaces; `around` (n,) object: (m, 3) int, corners of triangles with one of the triangle's corners."""
 
     around: np.ndarray
@@ -39,8 +41,8 @@ def _heights(p: np.ndarray, q: np.ndarray) -> np.ndarray:
     normal = normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
     height = (normal * r).sum(axis=1)
     edges = np.stack([u, v], axis=2)
-    found = np.einsum("nij,nj->ni", np.linalg.pinv(edges), r) if len(r) else np.zeros((0, 2))
-    return np.column_stack([1 - found.sum(axis=1), found, height])
+    coordinates = np.einsum("nij,nj->ni", np.linalg.pinv(edges), r) if len(r) else np.zeros((0, 2))
+    return np.column_stack([1 - coordinates.sum(axis=1), coordinates, height])
 
 
 def _passed(early: np.ndarray, late: np.ndarray, old: np.ndarray, new: np.ndarray) -> np.ndarray:
@@ -52,27 +54,27 @@ def _passed(early: np.ndarray, late: np.ndarray, old: np.ndarray, new: np.ndarra
     return ((first[:, 3] >= 0) != (last[:, 3] >= 0)) & (at >= -PAST).all(axis=1)
 
 
-def depth(found: Touching, r: np.ndarray, before: np.ndarray, now: np.ndarray, deep: np.ndarray) -> np.ndarray:
+def depth(contacts: Touching, r: np.ndarray, before: np.ndarray, now: np.ndarray, deep: np.ndarray) -> np.ndarray:
     """Return the remaining part of the planes' depth `deep` with the triangles at `now`: (n,) [m].
 
     It is at most what the vertex lacks of the distance from its triangle, unless the vertex began inside (`r`, at the
     beginning of the substep, against the normal), or came through one of the triangles around. Beside a triangle whose
     own normal is the contact's, the distance is that from the nearest one around.
     """
-    old, new = before[found.corners], now[found.corners]
+    old, new = before[contacts.corners], now[contacts.corners]
     normal = np.cross(old[:, 1] - old[:, 0], old[:, 2] - old[:, 0])
-    own = np.abs((found.normal * normal).sum(axis=1)) >= UPRIGHT * np.linalg.norm(normal, axis=1)
-    beside = own & (_heights(now[found.mass], new)[:, :3] < 0).any(axis=1)
+    from_triangle = np.abs((contacts.normal * normal).sum(axis=1)) >= PARALLEL * np.linalg.norm(normal, axis=1)
+    beside = from_triangle & (_heights(now[contacts.mass], new)[:, :3] < 0).any(axis=1)
     result = deep.copy()
-    for n in np.flatnonzero((deep > 0) & ((found.normal * r).sum(axis=1) > 0)):
-        vertex, near = found.mass[n], found.around[n]
-        if beside[n] or deep[n] > found.held[n]:
+    for n in np.flatnonzero((deep > 0) & ((contacts.normal * r).sum(axis=1) > 0)):
+        vertex, near = contacts.mass[n], contacts.around[n]
+        if beside[n] or deep[n] > contacts.required[n]:
             if _passed(before[vertex], now[vertex], before[near], now[near]).any():
                 continue
         triangles = now[near] if beside[n] else new[n : n + 1]
         p = np.broadcast_to(now[vertex], (len(triangles), 3))
         feet = np.einsum("nk,nkd->nd", nearest_weights(p, triangles), triangles)
-        result[n] = min(deep[n], found.held[n] - np.linalg.norm(p - feet, axis=1).min())
+        result[n] = min(deep[n], contacts.required[n] - np.linalg.norm(p - feet, axis=1).min())
     return result
 
 
@@ -83,47 +85,52 @@ def force_matrices(corners: np.ndarray, weights: np.ndarray, r: np.ndarray) -> n
     moment, unless r is longer than the height of the triangle `corners` (n, 3, 3), which reduces the moment.
     """
     result = weights[:, :, None, None] * np.eye(3)
-    for n, (q, way) in enumerate(zip(corners, r, strict=True)):
+    for n, (q, offset) in enumerate(zip(corners, r, strict=True)):
         normal = np.cross(q[1] - q[0], q[2] - q[0])
-        size, far = np.linalg.norm(normal), float(way @ way)
+        size, far = np.linalg.norm(normal), float(offset @ offset)
         if size == 0 or far == 0:
             continue
         normal = normal / size
         gradients = np.linalg.pinv(np.column_stack([q[1] - q[0], q[2] - q[0]]))  # of the second and third weight
-        across = np.eye(3) - np.outer(way, way) / far
+        across = np.eye(3) - np.outer(offset, offset) / far
         limit = max(1.0, float(np.sqrt(far) * np.linalg.norm(gradients, axis=1).max()))
         for k, gradient in enumerate(gradients, start=1):
-            lever = (gradient @ way * across - (normal @ way) * np.outer(normal, gradient @ across)) / limit
+            lever = (gradient @ offset * across - (normal @ offset) * np.outer(normal, gradient @ across)) / limit
             result[n, k] += lever
             result[n, 0] -= lever
     return result
 
 
 def rub(
-    part: Any, found: Found, before: np.ndarray, position: np.ndarray, weight: np.ndarray, deep: np.ndarray
+    part: Any,
+    contacts: TriangleContacts,
+    before: np.ndarray,
+    position: np.ndarray,
+    weight: np.ndarray,
+    deep: np.ndarray,
 ) -> np.ndarray:
-    """Return particles' displacements (particles, 3) by the contacts `found` of depth `deep` [m], for a weight of 1.
+    """Return particles' displacements (particles, 3) by the `contacts` of depth `deep` [m], for a weight of 1.
 
     A particle's mass is split among its contacts. The normal impulse of each contact acts first, at the triangle's
     point. Then friction acts against the remaining slip at that point, as much as stops it, or as Coulomb's law allows.
     """
-    parts = found.weights + SHARE
+    parts = contacts.weights + EXTRA_WEIGHT
     load = np.zeros(len(position))
-    np.add.at(load, found.mass, 1.0)
-    np.add.at(load, found.corners, parts)
+    np.add.at(load, contacts.mass, 1.0)
+    np.add.at(load, contacts.corners, parts)
     moved, split = np.zeros_like(position), weight * load
     matrices = force_matrices(
-        position[found.corners], found.weights,
-        position[found.mass] - np.einsum("nk,nkd->nd", found.weights, position[found.corners]),
+        position[contacts.corners], contacts.weights,
+        position[contacts.mass] - np.einsum("nk,nkd->nd", contacts.weights, position[contacts.corners]),
     )  # fmt: skip
-    for n, (vertex, corners) in enumerate(zip(found.mass, found.corners, strict=True)):
+    for n, (vertex, corners) in enumerate(zip(contacts.mass, contacts.corners, strict=True)):
         masses = split[corners] / parts[n]
-        bound = split[vertex] + masses @ found.weights[n] ** 2
+        bound = split[vertex] + masses @ contacts.weights[n] ** 2
         if bound == 0:
             continue
-        press, normal = deep[n] / bound, found.normal[n]
-        ways = position[corners] - before[corners] - np.outer(masses * found.weights[n] * press, normal)
-        slip = position[vertex] - before[vertex] - np.einsum("kdc,kd->c", matrices[n], ways)
+        press, normal = deep[n] / bound, contacts.normal[n]
+        corner_motion = position[corners] - before[corners] - np.outer(masses * contacts.weights[n] * press, normal)
+        slip = position[vertex] - before[vertex] - np.einsum("kdc,kd->c", matrices[n], corner_motion)
         slip = slip - (slip @ normal) * normal
         each = matrices[n] @ slip
         yielding = split[vertex] * (slip @ slip) + masses @ (each**2).sum(axis=1)
@@ -132,20 +139,20 @@ def rub(
         if asked > part.static_friction * press:
             stops *= part.dynamic_friction * press / asked
         moved[vertex] += press * normal - stops * slip
-        moved[corners] -= np.outer(found.weights[n] * press, normal) - stops * each
+        moved[corners] -= np.outer(contacts.weights[n] * press, normal) - stops * each
     return moved
 
 
-def _answers(every: np.ndarray, corners: np.ndarray, weights: np.ndarray) -> np.ndarray:
+def _first_with_feature(every: np.ndarray, corners: np.ndarray, weights: np.ndarray) -> np.ndarray:
     """Return a mask (n,) of triangles that are the first of all with their corners of non-zero weight."""
     holders: dict[int, set[int]] = {}
-    for number, own in enumerate(every.tolist()):
-        for vertex in own:
+    for number, triangle in enumerate(every.tolist()):
+        for vertex in triangle:
             holders.setdefault(vertex, set()).add(number)
     result = np.zeros(len(corners), bool)
-    for n, (own, weight) in enumerate(zip(corners.tolist(), weights, strict=True)):
-        feature = [vertex for vertex, w in zip(own, weight, strict=True) if w > 0]
-        result[n] = every[min(set.intersection(*(holders[vertex] for vertex in feature)))].tolist() == own
+    for n, (triangle, weight) in enumerate(zip(corners.tolist(), weights, strict=True)):
+        feature = [vertex for vertex, w in zip(triangle, weight, strict=True) if w > 0]
+        result[n] = every[min(set.intersection(*(holders[vertex] for vertex in feature)))].tolist() == triangle
     return result
 
 
@@ -181,10 +188,10 @@ def find(scene: Scene, distance: float, before: np.ndarray, predicted: np.ndarra
     vertex, triangle = (a.ravel() for a in np.meshgrid(np.unique(every), np.arange(len(every)), indexing="ij"))
     apart = body[vertex] != body[every[triangle, 0]]
     closed = np.arange(len(bodies.names)) < len(bodies.parts)
-    kept = np.full(len(body), distance)
+    required = np.full(len(body), distance)
     h = scene.method.dt / scene.method.substeps
     return among(
-        every, vertex[apart], triangle[apart], body, closed, kept, part.separation_speed * h, before, predicted
+        every, vertex[apart], triangle[apart], body, closed, required, part.separation_speed * h, before, predicted
     )
 
 
@@ -203,19 +210,19 @@ def among(
     length, move = np.linalg.norm(r, axis=1), predicted - before
     motion = np.linalg.norm(move[vertex][:, None] - move[corners], axis=2).max(axis=1)
     near = length < distance[vertex] * (1 + MARGIN) + motion
-    near[near] = _answers(every, corners[near], weights[near])
+    near[near] = _first_with_feature(every, corners[near], weights[near])
     vertex, triangle, corners, weights = vertex[near], triangle[near], corners[near], weights[near]
     r, length = r[near], length[near]
     inside, normal = _outward(distance[vertex], before[corners], r, length, is_closed[body[corners[:, 0]]])
-    held = np.minimum(distance[vertex], np.einsum("nk,nk->n", normal, r) + push)
+    required = np.minimum(distance[vertex], np.einsum("nk,nk->n", normal, r) + push)
     order = np.lexsort((triangle, length, vertex))
-    kept: list[int] = []
+    selected: list[int] = []
     leads: dict[tuple[int, int], int] = {}
     for n in order.tolist():
         pair = int(vertex[n]), int(body[corners[n, 0]])
         if leads.setdefault(pair, n) == n or not (inside[leads[pair]] or inside[n]):
-            kept.append(n)
-    around = np.empty(len(kept), object)
-    for at, n in enumerate(kept):
+            selected.append(n)
+    around = np.empty(len(selected), object)
+    for at, n in enumerate(selected):
         around[at] = every[np.isin(every, corners[n]).any(axis=1)]
-    return Touching(*[*(a[kept] for a in (vertex, triangle, corners, weights, normal, held, length)), around])
+    return Touching(*[*(a[selected] for a in (vertex, triangle, corners, weights, normal, required, length)), around])

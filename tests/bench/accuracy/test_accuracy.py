@@ -76,15 +76,15 @@ def test_references_are_kept(tmp_path, monkeypatch):
     """The second time it comes from the file; a torn file is made again; the step size does not matter to it."""
     scene = load_scene("lab-curtain").replace({"grid.rows": 4, "grid.columns": 4})
     folder = tmp_path / "references"
-    made = cache.kept(scene, 0.1, folder)
+    made = cache.cached_reference(scene, 0.1, folder)
     (file,) = folder.iterdir()
     monkeypatch.setattr(cache, "converged", lambda *a, **k: pytest.fail("made again"))
-    again = cache.kept(scene.replace({"method.dt": 0.001}), 0.1, folder)
+    again = cache.cached_reference(scene.replace({"method.dt": 0.001}), 0.1, folder)
     assert np.array_equal(again.position, made.position)
     assert again.estimate == made.estimate < 5e-9
     monkeypatch.undo()
     file.write_bytes(file.read_bytes()[:100])
-    assert np.array_equal(cache.kept(scene, 0.1, folder).position, made.position)
+    assert np.array_equal(cache.cached_reference(scene, 0.1, folder).position, made.position)
     assert [f.name for f in folder.iterdir()] == [file.name]
 
 

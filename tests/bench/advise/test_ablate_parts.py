@@ -166,7 +166,7 @@ def test_the_reference_of_a_random_force_is_the_closed_form():
 def test_without_a_random_force_the_reference_is_the_usual_one(tmp_path):
     scene = curtain()
     made = held_converged(scene, 30, tmp_path)
-    usual = cache.kept(scene, 0.3, None)
+    usual = cache.cached_reference(scene, 0.3, None)
     assert made.estimate < cache.TOLERANCE
     assert np.abs(made.position - usual.position).max() < 2 * cache.TOLERANCE
     again = held_converged(scene, 30, tmp_path)

@@ -235,7 +235,7 @@ def test_own_reference_is_the_independent_one():
     """Where NumPy would take minutes the lab's own RK4 in exact float64 stands in: here both, 5e-9 spacings apart at most
     (each is that good), and the same growth of a disturbance."""
     scene = small()
-    own, independent = own_converged(scene, END), cache.kept(scene, END, None)
+    own, independent = own_converged(scene, END), cache.cached_reference(scene, END, None)
     assert np.abs(own.position - independent.position).max() < cache.TOLERANCE
     assert own.estimate < cache.TOLERANCE
     assert own_growth(scene, END).factors == pytest.approx(measure_growth(scene, END).factors, rel=1e-3)
