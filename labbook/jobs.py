@@ -10,7 +10,7 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from softlab.bench.measure.progress import Whole, keep_seconds, last_seconds, progress_bar
+from softlab.bench.measure.progress import Whole, last_seconds, progress_bar, store_seconds
 from softlab.bench.store.database import DEFAULT_PATH
 from softlab.labbook.build import build, committed_data, write_book
 from softlab.model.core.components import component
@@ -88,7 +88,7 @@ def make_film(console: Console, store: Path, path: Path, *, quick: bool, voice: 
     begin = monotonic()
     found = load(store if store.exists() else None, committed_data())
     made = write_film(found, path, canvas.QUICK if quick else canvas.FULL, voice)
-    keep_seconds(kind, {"film": monotonic() - begin})
+    store_seconds(kind, {"film": monotonic() - begin})
     voiced = f"spoken by {made.voice}" if made.spoken else f"captions alone: no voice ({made.voice})"
     console.print(f"{made.path}: {made.seconds:.0f} s, {made.frames} frames; {voiced}", markup=False, soft_wrap=True)
     console.print(f"{made.captions}: its captions", markup=False, soft_wrap=True)
@@ -136,7 +136,7 @@ def whole_lab(console: Console, *, quick: bool, store_path: Path, command: str) 
     for name, path in made:
         table.add_row(name, str(path))
     console.print(table)
-    keep_seconds(kind, whole.seconds)
+    store_seconds(kind, whole.seconds)
     slowest = ", ".join(f"{name.partition(':')[0]} {taken:.0f} s" for name, taken in whole.seconds.items())
     console.print(f"{sum(whole.seconds.values()):.0f} s in all: {slowest}", soft_wrap=True)
 
@@ -161,7 +161,7 @@ def _measurements(console: Console, store: Any, quick: bool, command: str) -> di
     from softlab.bench.measure.compile_ahead import gathering
     from softlab.bench.measure.tables import print_sweep
     from softlab.bench.stress.experiment import run_hard
-    from softlab.bench.stress.told import print_hard
+    from softlab.bench.stress.report import print_hard
     from softlab.model.scene.scene import load_scene
 
     def told(

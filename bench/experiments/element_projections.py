@@ -162,7 +162,7 @@ class ElementPoint(RatePoint):
 def points(held: Iterable[Measure]) -> list[ElementPoint]:
     """Return the points from the measures, smallest bars first."""
     found = []
-    for _, scene, point in RATES.told(held):
+    for _, scene, point in RATES.results(held):
         body = scene.tetrahedra["bar"]
         found.append(
             ElementPoint(**vars(point), tetrahedra=count_of(scene), material=body.material, sweep=body.sweep,

@@ -170,7 +170,7 @@ class FluidRates(Rates):
     def _time(self, store: Store, summary: Summary, group: Sequence[Case], repeats: int) -> None:
         for case in group:
             found = poured(case) if case.scene.all_of("mesh_collider") else phase_times(case)
-            experiment.keep(store, summary.run, case.description, case.sources, found)
+            experiment.store_measures(store, summary.run, case.description, case.sources, found)
         super()._time(store, summary, group, repeats)
 
 
@@ -205,7 +205,7 @@ def points(held: Iterable[Measure], every: bool = False) -> list[FluidPoint]:
         if measure.name.startswith((IN_CUP, IN_BASIN, LEVEL)):
             shares.setdefault(_key(measure), {})[measure.name] = measure.value or 0.0
     found = []
-    for told, scene, point in RATES.told(kept, every):
+    for told, scene, point in RATES.results(kept, every):
         key = _key(told[RATE])
         about: dict[str, Any] = {"particles": count_of(scene), "scheme": scene.method.scheme}
         found.append(FluidPoint(**vars(point), **about, phases=alone.get(key, {}), shares=shares.get(key, {})))

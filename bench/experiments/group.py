@@ -13,10 +13,10 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 
 from softlab.app.driver import open_simulation
-from softlab.bench.experiments.checks import OWN_SIZE_STEPS, Check, against_other, against_reference
+from softlab.bench.experiments.checks import FULL_SIZE_STEPS, Check, against_other, against_reference
 from softlab.bench.measure.cases import Case, Costs, Effort, Kind, SweepSummary, record_skip
 from softlab.bench.measure.costs_timing import Measures
-from softlab.bench.measure.experiment import keep
+from softlab.bench.measure.experiment import store_measures
 from softlab.bench.measure.gpu import gpu_or_reason, gpu_simulated
 from softlab.bench.measure.samples import stored_samples
 from softlab.bench.measure.timing import Neighbours, Renderer, Sample, Subject, choose_steps, interleaved, warm_up
@@ -110,7 +110,7 @@ class GroupRunner:
             self._keep(case, {"error": (math.inf, "spacing", str(error))})
 
     def _keep(self, case: Case, numbers: Measures) -> None:
-        keep(self.store, self.summary.run, case.description, case.sources, numbers)
+        store_measures(self.store, self.summary.run, case.description, case.sources, numbers)
 
     # ------------------------------------------------------------------ checking
 
@@ -145,9 +145,9 @@ class GroupRunner:
                 return against_other(simulation, other)
         threads = thread_count("1x") if name == "cpu" else None
         particles, seconds, _ = self.costs.get((name, threads, case.precision, None, False), (case.particles, 0.0, 0.0))
-        needed = seconds * case.particles / particles * OWN_SIZE_STEPS
+        needed = seconds * case.particles / particles * FULL_SIZE_STEPS
         if needed > self.effort.max_seconds:
-            return f"the {name} would take about {needed:.0f} s for {OWN_SIZE_STEPS} steps of this size"
+            return f"the {name} would take about {needed:.0f} s for {FULL_SIZE_STEPS} steps of this size"
         try:
             with open_simulation(case.scene, name, precision=case.precision) as witness:
                 return against_other(simulation, witness)

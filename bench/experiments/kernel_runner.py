@@ -12,7 +12,7 @@ from contextlib import ExitStack, suppress
 from typing import Any
 
 from softlab.app.driver import open_simulation
-from softlab.bench.experiments.checks import OWN_SIZE_STEPS, Check, against_reference, compare, displaced
+from softlab.bench.experiments.checks import FULL_SIZE_STEPS, Check, against_reference, compare, displaced
 from softlab.bench.experiments.group import GroupRunner
 from softlab.bench.measure.cases import Case, Kind, record_skip
 from softlab.bench.measure.energy import STAGE, Counter, energy_counter, measure_energy, power_limit
@@ -116,13 +116,13 @@ class KernelRunner(GroupRunner):
         held = witnesses.get(case.precision)
         state = held[1] if held else displaced(simulation)
         simulation.load(state)
-        simulation.advance(OWN_SIZE_STEPS)
+        simulation.advance(FULL_SIZE_STEPS)
         simulation.check()
         if held is None:
             name = f"{simulation.backend} {simulation.kernel}"
             witnesses[case.precision] = (name, state, simulation.read("position"))
             return "the other kernels of this size are held against this one"
-        note = f"own size, {OWN_SIZE_STEPS} steps, against {held[0]}, {case.precision}"
+        note = f"own size, {FULL_SIZE_STEPS} steps, against {held[0]}, {case.precision}"
         return compare(simulation, held[2], note)
 
     def _store_default(self, case: Case) -> None:

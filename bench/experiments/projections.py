@@ -146,7 +146,7 @@ class ProjectionPoint(RatePoint):
 def points(held: Iterable[Measure]) -> list[ProjectionPoint]:
     """Return the points from the measures, smallest sheets first."""
     found = []
-    for told, scene, point in RATES.told(held):
+    for told, scene, point in RATES.results(held):
         grid, method = scene.grid, scene.method
         found.append(
             ProjectionPoint(

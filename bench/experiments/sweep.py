@@ -18,7 +18,7 @@ from typing import Any
 
 from softlab.bench.experiments.group import GroupRunner
 from softlab.bench.measure.cases import Case, Effort, Kind, SweepSummary, record_skip
-from softlab.bench.measure.experiment import Tell, backends_here, host_of, resume, source_hash
+from softlab.bench.measure.experiment import Report, backends_here, host_of, resume, source_hash
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import configuration, timings
 from softlab.bench.store.schema import configuration_hash
@@ -201,7 +201,7 @@ class Sweep:
         how: dict[str, Any] = {"progress": progress, "command": command, "worth": self._weight}
         return resume(self.store, self.summary, grids, lambda case: self._missing(case) <= 0, self._measure, **how)
 
-    def _measure(self, cases: Sequence[Case], tell: Tell) -> None:
+    def _measure(self, cases: Sequence[Case], tell: Report) -> None:
         grid = cases[0].scene.grid
         tell(f"{grid.rows} x {grid.columns} masses", 0)
         self.runner.tell = lambda text: tell(text, 0)

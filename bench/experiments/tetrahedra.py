@@ -45,7 +45,7 @@ from softlab.bench.experiments.tetrahedral.cantilever import (
 )
 from softlab.bench.experiments.tetrahedral.promised import promised
 from softlab.bench.measure.costs_timing import FULL, QUICK, RATIO, SECONDS, Effort, Measures, Record, in_turn
-from softlab.bench.measure.experiment import described, keep
+from softlab.bench.measure.experiment import described, store_measures
 from softlab.bench.measure.items import Group, Items, cost_sources
 from softlab.bench.measure.timing import Subject, prepare
 from softlab.bench.store.database import Store
@@ -228,7 +228,7 @@ def _bar(
             errors = {
                 what: value for what, value in own.items() if what not in (SECONDS, RATIO)
             }  # these tell of the end
-            keep(record.store, record.run, one, record.sources, errors)
+            store_measures(record.store, record.run, one, record.sources, errors)
             found.append(own)
             if moves:
                 record.tell(f"{name}, warming up")

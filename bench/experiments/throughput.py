@@ -161,7 +161,7 @@ def region_of(scene: Scene) -> int:
 def points(held: Iterable[Measure], every: bool = False) -> list[ThroughputPoint]:
     """Return the points from the measures, smallest first; with `every`, incomplete ones too."""
     found = []
-    for told, scene, point in RATES.told(held, every):
+    for told, scene, point in RATES.results(held, every):
         method, bodies_ = scene.method, scene.bodies.values()
         particles = round(point.rate * point.step / method.substeps / method.iterations)
         found.append(

@@ -67,11 +67,11 @@ def read_map(path: Path = MAP) -> Carried:
 @cache
 def proved() -> frozenset[tuple[str, str]]:
     """(sources, configuration) of the committed measurements whose kernels are those of the code as it is now."""
-    found = read_map()
-    current = {backend for backend in BACKENDS if found.as_of.get(backend) == digest_of(backend)}
+    carried = read_map()
+    current = {backend for backend in BACKENDS if carried.as_of.get(backend) == digest_of(backend)}
     return frozenset(
         (group.sources, configuration)
-        for group in found.groups
+        for group in carried.groups
         if group.backend in current
         for configuration in group.configurations
     )

@@ -79,20 +79,20 @@ def main(checkout: str, code: str = "") -> None:
     load_tools()
     from softlab.bench.keys.kernel_digest import KernelDigests
     from softlab.bench.keys.machine_code import machine_code_key
-    from softlab.bench.keys.record import absent_gpu
+    from softlab.bench.keys.record import fake_gpu
 
     digests = KernelDigests()
     for line in sys.stdin:
         name, description = json.loads(line)
         try:
-            with absent_gpu() if description["backend"] == "gpu" else nullcontext():
+            with fake_gpu() if description["backend"] == "gpu" else nullcontext():
                 if code:
-                    answer = [name, machine_code_key(recorded_calls(description)), None, None]
+                    reply = [name, machine_code_key(recorded_calls(description)), None, None]
                 else:
-                    answer = [name, *key(description, digests), None]
+                    reply = [name, *key(description, digests), None]
         except Exception as error:  # whatever old code raises for a scene that it does not know
-            answer = [name, None, None, f"{type(error).__name__}: {error}"[:300]]
-        print(json.dumps(answer), flush=True)
+            reply = [name, None, None, f"{type(error).__name__}: {error}"[:300]]
+        print(json.dumps(reply), flush=True)
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 """Record the kernels that a simulation launches, and with which arguments, without running them.
 
 Inside `recorded`, every call of a compiled kernel is noted and nothing is computed: no compilation, no change of a state.
-`absent_gpu` stands in for the driver of a GPU, so that simulations of the GPU open on a machine without one. Nothing here
+`fake_gpu` stands in for the driver of a GPU, so that simulations of the GPU open on a machine without one. Nothing here
 imports the lab, so that this file can be loaded beside the code of an older commit.
 """
 
@@ -122,10 +122,12 @@ class DeviceArray:
     def __getattr__(self, name: str) -> Any:
         if name.startswith("__"):
             raise AttributeError(name)
-        found = getattr(self.array, name)
-        if callable(found):
-            return lambda *given, **how: DeviceArray(found(*given, **{k: v for k, v in how.items() if k != "stream"}))
-        return found
+        attribute = getattr(self.array, name)
+        if callable(attribute):
+            return lambda *arguments, **how: DeviceArray(
+                attribute(*arguments, **{k: v for k, v in how.items() if k != "stream"})
+            )
+        return attribute
 
 
 class _Stream:
@@ -153,7 +155,7 @@ H200 = {"MULTIPROCESSOR_COUNT": 132, "MAX_SHARED_MEMORY_PER_BLOCK_OPTIN": 232448
 
 
 @contextmanager
-def absent_gpu(**attributes: Any) -> Iterator[None]:
+def fake_gpu(**attributes: Any) -> Iterator[None]:
     """Inside, numba.cuda answers as if it had a GPU with these attributes (those of an H200 by default): arrays lie in main
     memory, graphs are empty. Launch nothing inside but under `recorded`."""
     from cuda.bindings import runtime

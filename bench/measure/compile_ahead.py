@@ -17,8 +17,8 @@ from pathlib import Path
 from typing import Any
 
 from softlab.bench.measure.gpu import gpu_simulated
+from softlab.bench.measure.partition import Alone, use_partition
 from softlab.bench.measure.progress import progress_bar
-from softlab.bench.measure.share import Alone, sharing
 from softlab.cpu_backend.core.threads import core_count
 from softlab.model.core.errors import SoftlabError
 from softlab.model.core.files import replacing
@@ -48,7 +48,7 @@ def gathering(progress: bool) -> Iterator[None]:
     """
     _gathered.append([])
     try:
-        with sharing(_Nothing()):
+        with use_partition(_Nothing()):
             yield
     finally:
         cases = _gathered.pop()
@@ -56,7 +56,7 @@ def gathering(progress: bool) -> Iterator[None]:
 
 
 def kind_of(case: Any) -> Kind:
-    """What decides the kernels of a case: parts of its scene, words of its method, its size, where and how it runs."""
+    """Key of the kernels of a case: parts of its scene, words of its method, its size, backend and options."""
     scene, method = case.scene, case.scene.method
     words = sorted(f"{name}={value}" for name, value in method.model_dump().items() if isinstance(value, str))
     parts = sorted(f"{kind}:{name}" for name, kind in scene.kinds.items())

@@ -65,7 +65,7 @@ def nvml_counter(number: int | None = None) -> Counter | None:
 
 
 def power_limit(backend: str) -> float | None:
-    """What the GPU may take [W]; None for a CPU, or where the driver does not tell."""
+    """Power limit of the GPU [W]; None for a CPU, or where the driver does not report it."""
     if backend != "gpu":
         return None
     library, handle = nvml()
@@ -123,14 +123,14 @@ def measure_energy(subject: Subject, counter: Counter, seconds: float = LOOP_SEC
 
 
 def joules_of_all(subject: Subject, counters: Sequence[Counter | None]) -> float | None:
-    """What a step takes of all devices together [J], each looked at by itself, since counters do not jump together; None
-    where one of them does not tell. Raises Diverged."""
+    """Energy of a step on all devices together [J], each measured by itself, since counters do not jump together; None
+    where one of them has no counter. Raises Diverged."""
     total = 0.0
     for counter in counters:
-        found = counter and measure_energy(subject, counter)
-        if not found:
+        interval = counter and measure_energy(subject, counter)
+        if not interval:
             return None
-        total += found.joules / found.steps
+        total += interval.joules / interval.steps
     return total
 
 

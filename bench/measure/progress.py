@@ -43,9 +43,9 @@ class Whole:
             Whole.current = None
         self.seconds[name] = time.monotonic() - begin
 
-    def done(self, share: float) -> float:
-        """Seconds of the expected ones that are behind, with `share` (0 to 1) of the part under way done."""
-        return sum(self.expected[name] for name in self.seconds) + share * self.expected[self.at]
+    def done(self, fraction: float) -> float:
+        """Seconds of the expected ones that are behind, with `fraction` (0 to 1) of the part under way done."""
+        return sum(self.expected[name] for name in self.seconds) + fraction * self.expected[self.at]
 
     def __str__(self) -> str:
         return f"{self.name}, {list(self.expected).index(self.at) + 1} of {len(self.expected)}: {self.at}"
@@ -85,8 +85,8 @@ class Bars(Bar):
 
     def get_renderables(self) -> Iterable[Any]:
         if self.whole and self.whole_task is not None:
-            share = self.inner[-1].percentage / 100 if self.inner else 0.0
-            self.tasks[0].completed = self.whole.done(min(share, 1.0))
+            fraction = self.inner[-1].percentage / 100 if self.inner else 0.0
+            self.tasks[0].completed = self.whole.done(min(fraction, 1.0))
         return super().get_renderables()
 
 
@@ -102,20 +102,20 @@ def last_seconds(command: str) -> dict[str, float]:
     """Seconds of the command's parts when it last ran to its end here; nothing where that is not known."""
     folder = user_cache("times")
     with suppress(OSError, ValueError, AttributeError, TypeError):
-        held = json.loads((folder / SECONDS).read_text(encoding="utf-8")) if folder else {}
-        return {str(part): float(seconds) for part, seconds in held.get(command, {}).items()}
+        stored = json.loads((folder / SECONDS).read_text(encoding="utf-8")) if folder else {}
+        return {str(part): float(seconds) for part, seconds in stored.get(command, {}).items()}
     return {}
 
 
-def keep_seconds(command: str, seconds: Mapping[str, float]) -> None:
-    """For the next time; in silence where nothing can be kept."""
+def store_seconds(command: str, seconds: Mapping[str, float]) -> None:
+    """Store the seconds for the next time; do nothing where they cannot be written."""
     folder = user_cache("times")
     if folder is None:
         return
-    held: dict[str, Any] = {}
+    stored: dict[str, Any] = {}
     with suppress(OSError, ValueError):
-        held = json.loads((folder / SECONDS).read_text(encoding="utf-8"))
-    held = held if isinstance(held, dict) else {}
-    held[command] = {part: round(taken, 1) for part, taken in seconds.items()}
+        stored = json.loads((folder / SECONDS).read_text(encoding="utf-8"))
+    stored = stored if isinstance(stored, dict) else {}
+    stored[command] = {part: round(taken, 1) for part, taken in seconds.items()}
     with suppress(OSError, InputError), replacing(folder / SECONDS) as part:
-        part.write_text(json.dumps(held), encoding="utf-8")
+        part.write_text(json.dumps(stored), encoding="utf-8")

@@ -1,4 +1,4 @@
-"""How long a user waits for the first step: `softlab run` from the start of its process to its end, of one step.
+"""Waiting time for the first step: `softlab run` with one step, from the start of its process to its end.
 
 `cold`: with an empty folder for machine code. `warm`: the same again. On the GPU nothing is kept between processes, so
 both compile.

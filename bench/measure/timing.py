@@ -1,4 +1,4 @@
-"""How one configuration is timed, so that two of them may be compared.
+"""Timing of one configuration, so that two of them may be compared.
 
 - Compiling and warming up come first and are reported apart.
 - Every repeat starts from the same state, loaded outside the timed region; the device is waited for inside it.
@@ -38,11 +38,11 @@ SHORTEST_SAMPLE = 1e-3  # s
 DISTURBED = "load: other programs ran on the cores in use"  # a mark of a sample
 MAX_RETAKES = 2
 BUSY_NEIGHBOUR = 0.25  # cores that others may use before a sample is suspect
-LOOK_SECONDS = 0.25  # over which the neighbours are watched: the kernel counts in hundredths of a second
+WATCH_SECONDS = 0.25  # over which the neighbours are watched: the kernel counts in hundredths of a second
 
 
 class Renderer(Protocol):
-    """What draws: app/output/offscreen.py's OffscreenRenderer."""
+    """Interface of app/output/offscreen.py's OffscreenRenderer."""
 
     def show(self, simulation: Simulation) -> Any:
         """Draw the state that a simulation holds; return when the picture is done."""
@@ -58,7 +58,7 @@ class Sample:
 
 
 class Neighbours:
-    """What other programs take of the cores that this one may use."""
+    """Use of this program's cores by other programs."""
 
     def __init__(self) -> None:
         self._seen = self._now()
@@ -79,11 +79,11 @@ class Neighbours:
 
     def cores(self) -> float:
         """Cores that others used of late."""
-        clock, used, own = self._now()
+        clock, used, own_time = self._now()
         passed = clock - self._seen[0]
-        if passed >= LOOK_SECONDS:
-            self._busy = max(0.0, (used - self._seen[1]) - (own - self._seen[2])) / passed
-            self._seen = clock, used, own
+        if passed >= WATCH_SECONDS:
+            self._busy = max(0.0, (used - self._seen[1]) - (own_time - self._seen[2])) / passed
+            self._seen = clock, used, own_time
         return self._busy
 
     def suspicion(self, threads: int) -> str | None:
@@ -114,7 +114,7 @@ class Subject:
     seconds_per_step: float = math.nan
     restore_seconds: float = 0.0
     start: State | None = None
-    _kept: int = field(default=-1, repr=False)
+    _snapshot: int = field(default=-1, repr=False)
 
     @property
     def host_threads(self) -> int:
@@ -128,13 +128,13 @@ class Subject:
     def restore(self) -> None:
         """Back to the state that every repeat starts from: by a copy on the device while that is put aside there."""
         simulation = self.simulation
-        if simulation.kept == self._kept:
+        if simulation.kept == self._snapshot:
             simulation.rewind()
         elif self.start is None:
             simulation.reset()
         else:
             simulation.load(self.start)
-        self._kept = simulation.kept
+        self._snapshot = simulation.kept
         simulation.synchronize()
 
     def run(self, steps: int) -> float:
@@ -188,8 +188,8 @@ def incomplete(simulation: Any) -> list[str]:
     """The mark of a sample of the lab's own whose contacts were lost, or whose elements are inverted or caught at its end."""
     if not isinstance(simulation, Simulation) or not can_fall_short(simulation.scene):
         return []
-    found = shortfalls(simulation, simulation.read("position"), simulation.body.inverse_mass)
-    faults = fault_words(found)
+    counts = shortfalls(simulation, simulation.read("position"), simulation.body.inverse_mass)
+    faults = fault_words(counts)
     return [f"{INCOMPLETE}: {faults}"] if faults else []
 
 

@@ -1,7 +1,7 @@
-"""What a frame of a cloth on the GPU costs by the way that its state takes to the drawing: straight into OpenGL's buffers,
-or through the host's memory.
+"""Cost of a frame of a cloth on the GPU by the path of its state to the drawing: straight into OpenGL's buffers, or through
+the host's memory.
 
-Both ways send the same state of the same simulation into the same buffers, sampled in turn: once only sent (until
+Both paths send the same state of the same simulation into the same buffers, sampled in turn: once only sent (until
 OpenGL has it where it draws from), once also drawn, as in a frame. Times in the store are of one frame.
 """
 
@@ -40,20 +40,20 @@ def vertex_groups(effort: Effort, most: int | None = None) -> list[Group]:
         return []
     files = [str(module.__file__) for module in (cuda_vertices, sheet_view, vertices)]
     sources = cost_sources("gpu", *files, str(Path(__file__)))
-    found = []
+    groups = []
     for n in SIZES:
         if most and n > most:
             continue
         for precision in PRECISIONS:
             for drawn in (False, True):
-                found.append(_group(n, precision, drawn, sources, effort))
-    return found
+                groups.append(_group(n, precision, drawn, sources, effort))
+    return groups
 
 
 def _group(n: int, precision: str, drawn: bool, sources: str, effort: Effort) -> Group:
     scene = load_scene(SCENE).replace({"cloth.rows": n, "cloth.columns": n})
-    ways = tuple(
-        described(scene, "gpu", VERTICES, precision=precision, way=way, drawn=drawn) for way in (HOST, STRAIGHT)
+    descriptions = tuple(
+        described(scene, "gpu", VERTICES, precision=precision, way=path, drawn=drawn) for path in (HOST, STRAIGHT)
     )
 
     def measure(record: Record) -> list[Measures]:
@@ -66,12 +66,14 @@ def _group(n: int, precision: str, drawn: bool, sources: str, effort: Effort) ->
             view = SheetView(scene)
             try:
                 return _frame_costs(
-                    record, [Frames(simulation, way, view=view, camera=renderer.camera) for way in ways], effort
+                    record,
+                    [Frames(simulation, path, view=view, camera=renderer.camera) for path in descriptions],
+                    effort,
                 )
             finally:
                 view.delete()
 
-    return Group(f"{VERTICES} {n} x {n} {precision}{' drawn' if drawn else ''}", ways, sources, measure)
+    return Group(f"{VERTICES} {n} x {n} {precision}{' drawn' if drawn else ''}", descriptions, sources, measure)
 
 
 @dataclass
@@ -118,12 +120,12 @@ def touch(*buffers: int) -> None:
 
 
 def _frame_costs(record: Record, subjects: list[Frames], effort: Effort) -> list[Measures]:
-    """Of both ways; of the host's alone, with the reason, where the other cannot be had."""
+    """Return the costs of both paths; of the host's alone, with the reason, where the other is not available."""
     host, straight = subjects
     straight.restore()
     shown = straight.view.vertices.way
-    ways = subjects if shown == cuda_vertices.STRAIGHT else [host]
-    for subject in ways:
+    measurable = subjects if shown == cuda_vertices.STRAIGHT else [host]
+    for subject in measurable:
         prepare(subject, effort.seconds, effort.most)
-    found = in_turn(record, ways, effort.repeats)
-    return found if straight in ways else [*found, {RATIO: (None, "", shown)}]
+    costs = in_turn(record, measurable, effort.repeats)
+    return costs if straight in measurable else [*costs, {RATIO: (None, "", shown)}]

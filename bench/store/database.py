@@ -49,7 +49,7 @@ class Store:
         self.readonly = readonly
         self._busy_seconds = busy_seconds
         memory = self.path == ":memory:"
-        self.new = not memory and not self._look_at(Path(path))  # a file that the first thing written makes
+        self.new = not memory and not self._is_store(Path(path))  # a file that the first thing written makes
         self.connection = self._opened(memory or self.new)
 
     def _opened(self, memory: bool) -> sqlite3.Connection:
@@ -66,8 +66,8 @@ class Store:
                 raise
         return connection
 
-    def _look_at(self, file: Path) -> bool:
-        """Whether the file is there; refuse what cannot be a store before SQLite gets to touch it."""
+    def _is_store(self, file: Path) -> bool:
+        """Return True if the file exists; refuse a file that cannot be a store before SQLite touches it."""
         try:
             if file.is_dir():
                 raise InputError(f"{file} is a folder; the store is a file, such as {DEFAULT_PATH}")
@@ -281,7 +281,7 @@ class Store:
     # ------------------------------------------------------------------ resuming
 
     def sample_count(self, description: Mapping[str, Any], machine: str, sources: str, stage: str = "step") -> int:
-        """How many samples the store holds of this configuration, on this machine, of these sources."""
+        """Number of samples in the store of this configuration, on this machine, of these sources."""
         return self.query(
             "SELECT count(*) FROM sample JOIN run ON run.key = sample.run "
             f"WHERE configuration = :configuration AND machine = :machine AND {schema.SOURCES} AND stage = :stage",
@@ -289,7 +289,7 @@ class Store:
         )[0][0]
 
     def has_measure(self, description: Mapping[str, Any], machine: str, sources: str, name: str) -> bool:
-        """Whether the store holds this measure of this configuration, on this machine, of these sources."""
+        """Return True if the store has this measure of this configuration, on this machine, of these sources."""
         return bool(
             self.query(
                 "SELECT 1 FROM measure JOIN run ON run.key = measure.run "

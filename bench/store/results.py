@@ -1,4 +1,4 @@
-"""What the store says: summaries as queries, for figures, the lab book and the terminal.
+"""Summaries of the store as queries, for figures, the lab book and the terminal.
 
 `Store` itself is in bench/store/database.py; reading and writing text exports in bench/store/transfer.py.
 
@@ -28,7 +28,7 @@ from softlab.model.scene.scene import Scene
 
 SPREAD_LIMIT = 0.10  # a larger spread of the repeats makes a timing suspect
 ENOUGH = 3  # undisturbed samples of a configuration, beside which disturbed ones do not count
-NOTES = ("error", "kernel")  # measures that are told with a timing
+NOTES = ("error", "kernel")  # measures that are reported with a timing
 ITEM_BYTES = {"float32": 4, "float64": 8}
 
 
@@ -185,10 +185,10 @@ def measures_of(store: Store, machine: str, descriptions: Iterable[Mapping[str, 
     return [measure for measure in measures(store, machine=machine) if measure.configuration in wanted]
 
 
-def by_configuration(found: Iterable[Measure]) -> list[dict[str, Measure]]:
+def by_configuration(measures: Iterable[Measure]) -> list[dict[str, Measure]]:
     """The measures of each configuration on each machine, by name."""
     named: dict[tuple[str, str], dict[str, Measure]] = {}
-    for measure in found:
+    for measure in measures:
         named.setdefault((measure.machine, measure.configuration), {})[measure.name] = measure
     return list(named.values())
 

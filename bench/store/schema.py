@@ -88,11 +88,11 @@ def check_rows(connection: sqlite3.Connection, path: str) -> None:
         for column, declared in columns.items():
             kind, _, rule = declared.partition(" ")
             types = STORED[kind] if rule else (*STORED[kind], "null")
-            found = connection.execute(
+            damage = connection.execute(
                 f"SELECT rowid, {column} FROM {table} WHERE typeof({column}) NOT IN ({', '.join(map(repr, types))}) LIMIT 1"
             ).fetchone()
-            if found:
-                raise InputError(f"{path}: {table}.{column} = {shown(found[1])} in row {found[0]}: {damaged}")
+            if damage:
+                raise InputError(f"{path}: {table}.{column} = {shown(damage[1])} in row {damage[0]}: {damaged}")
     for table, column in (("machine", "record"), ("configuration", "description")):
         for row, text in connection.execute(f"SELECT rowid, {column} FROM {table}"):
             try:

@@ -73,15 +73,15 @@ def _rows_of(store: Store, machine: str | None = None, after: int = 0) -> Rows:
     if machine is not None and not store.query("SELECT 1 FROM machine WHERE key = ?", (machine,)):
         known = ", ".join(key for (key,) in store.query("SELECT key FROM machine ORDER BY key"))
         raise InputError(f"{store.path} knows no machine {machine}; it knows: {known or 'none'}")
-    mine = "SELECT key FROM run WHERE (:machine IS NULL OR machine = :machine) AND rowid > :after"
-    used = f"SELECT configuration FROM {{}} WHERE run IN ({mine})"
+    runs = "SELECT key FROM run WHERE (:machine IS NULL OR machine = :machine) AND rowid > :after"
+    used = f"SELECT configuration FROM {{}} WHERE run IN ({runs})"
     conditions = {
         "machine": "WHERE :machine IS NULL OR key = :machine ORDER BY key",
-        "run": f"WHERE key IN ({mine}) ORDER BY started, key",
+        "run": f"WHERE key IN ({runs}) ORDER BY started, key",
         "configuration": "WHERE (:machine IS NULL AND NOT :after) "
         f"OR hash IN ({used.format('sample')} UNION {used.format('measure')}) ORDER BY hash",
-        "sample": f"WHERE run IN ({mine}) ORDER BY configuration, run, sources, stage, repeat",
-        "measure": f"WHERE run IN ({mine}) ORDER BY configuration, run, sources, name",
+        "sample": f"WHERE run IN ({runs}) ORDER BY configuration, run, sources, stage, repeat",
+        "measure": f"WHERE run IN ({runs}) ORDER BY configuration, run, sources, name",
     }
     wanted = {"machine": machine, "after": after}
     return {
@@ -98,7 +98,7 @@ def _without_paths(rows: Rows) -> Rows:
 
 
 def _insert(store: Store, rows: Rows, origin: str | Path) -> dict[str, int]:
-    """How many of the rows of `origin` were new in each table. Raises InputError."""
+    """Insert the rows of `origin`; return the number of new ones in each table. Raises InputError."""
     added = dict.fromkeys(TABLES, 0)
     try:
         with store.transaction() as connection:

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from softlab.app.render.camera3d import Camera3D
+from softlab.bench.stress.report import table_of
 from softlab.bench.stress.results import BODIES, IN_FULL, OF_FLUIDS, OF_TETRAHEDRA, HardRow, rows_of
-from softlab.bench.stress.told import table_of
 from softlab.plots.core.colours import BLUE, GREEN, GREY, ORANGE, SKY, VERMILLION
 from softlab.plots.core.data import Results, Source, judgements
 from softlab.plots.core.style import Drawing, legend_below, new_sheet

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from softlab.bench.stress.results import BODIES, HardRow, Told, rows_of
+from softlab.bench.stress.results import BODIES, HardRow, StoredCheck, rows_of
 from softlab.plots.core.colours import BLACK, BLUE, ORANGE, SKY, VERMILLION
 from softlab.plots.core.data import Results, Source, judgements
 from softlab.plots.core.style import Drawing, legend_below, new_sheet
@@ -27,7 +27,7 @@ def body_rows(results: Results) -> tuple[list[HardRow], tuple[Source, ...]]:
     return rows_of(found), sources
 
 
-def share(check: Told) -> float | None:
+def share(check: StoredCheck) -> float | None:
     """Return a number over its bound, or the bound over it for a lower bound; None without a bound."""
     relation, _, rest = check.bound.partition(" ")
     if relation not in ("<", ">"):

@@ -218,8 +218,8 @@ def test_nothing_is_measured_twice(monkeypatch: pytest.MonkeyPatch) -> None:
     with Store(":memory:") as store:
         first = run_bar(store, quick=True, backends=["cpu"], progress=False)
         again = run_bar(store, quick=True, backends=["cpu"], progress=False)
-        assert (first.measured, first.held) == (4 + 3, 0)
-        assert (again.measured, again.held, again.run) == (0, 7, "")
+        assert (first.measured, first.stored) == (4 + 3, 0)
+        assert (again.measured, again.stored, again.run) == (0, 7, "")
         refused = [m for m in measures(store, SAG) if m.value is None]
         assert len(refused) == 1 and refused[0].reason is not None and "stability limit" in refused[0].reason
         console = Console(width=80, record=True, file=io.StringIO())

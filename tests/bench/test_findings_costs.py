@@ -79,8 +79,8 @@ def results(measured):
 
 def test_nothing_is_measured_twice(measured):
     _, first, second = measured
-    assert (first.measured, first.held) == (2, 0)
-    assert (second.measured, second.held, second.run) == (0, 2, "")
+    assert (first.measured, first.stored) == (2, 0)
+    assert (second.measured, second.stored, second.run) == (0, 2, "")
 
 
 def test_a_sample_with_looks_is_whole_intervals(measured):

@@ -13,7 +13,7 @@ from softlab.bench.experiments.scaling.model import (
     waiting,
     window_seconds,
 )
-from softlab.bench.experiments.scaling.told import counts, print_checked, print_predicted, table
+from softlab.bench.experiments.scaling.report import counts, print_checked, print_predicted, table
 from softlab.model.core.errors import SceneError
 from softlab.model.domains.link import Link
 

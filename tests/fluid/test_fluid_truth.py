@@ -223,7 +223,7 @@ def test_it_is_really_measured(monkeypatch: pytest.MonkeyPatch) -> None:
     with Store(":memory:") as store:
         for peers, held in ((False, 0), (True, 0), (True, 1)):
             summary = run_truth(store, quick=True, backends=["cpu"], progress=False, peers=peers)
-            assert (summary.measured, summary.held) == (1 - held, held)
+            assert (summary.measured, summary.stored) == (1 - held, held)
         found = {row.who: row for row in rows(measures(store))}
         printed = io.StringIO()
         print_truth(Console(file=printed, width=120), store, summary.machine)

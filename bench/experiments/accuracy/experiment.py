@@ -49,7 +49,7 @@ from softlab.bench.experiments.accuracy.points import (
 from softlab.bench.experiments.accuracy.references import converged_for, growth_for, motion_of, references
 from softlab.bench.experiments.accuracy.solver_error import Iterated, solver_numbers
 from softlab.bench.experiments.growth import Growth
-from softlab.bench.measure.experiment import Tell, backends_here, chosen, keep, resume
+from softlab.bench.measure.experiment import Report, backends_here, chosen, resume, store_measures
 from softlab.bench.measure.samples import in_turns
 from softlab.bench.measure.timing import Subject, prepare_runs
 from softlab.bench.reference import cache
@@ -104,7 +104,7 @@ def run_accuracy(
         told = all(store.has_measure(*key, name) for name in wanted)
         return told and store.sample_count(*key, STAGE) >= repeats
 
-    def measure(group: Sequence[Case], tell: Tell) -> None:
+    def measure(group: Sequence[Case], tell: Report) -> None:
         _Group(store, summary, repeats, seconds, tell).measure(group)
 
     how: dict[str, Any] = {"progress": progress, "command": command, "worth": lambda case: 2}
@@ -119,7 +119,7 @@ class _Group:
     turn.
     """
 
-    def __init__(self, store: Store, summary: AccuracySummary, repeats: int, seconds: float, tell: Tell):
+    def __init__(self, store: Store, summary: AccuracySummary, repeats: int, seconds: float, tell: Report):
         self.store, self.summary, self.tell = store, summary, tell
         self.repeats, self.seconds = repeats, seconds
         self.folder = references(store)
@@ -168,7 +168,7 @@ class _Group:
                 numbers[SOLVER] = (math.inf, "spacing", str(broken))
         if copying is not None:
             numbers[COPY] = (copying, "s", f"median of {COPIES}, the whole state")
-        keep(self.store, self.summary.run, case.description, case.sources, numbers)
+        store_measures(self.store, self.summary.run, case.description, case.sources, numbers)
         return broken
 
     def _sample(self, subjects: Sequence[Subject]) -> None:
@@ -177,7 +177,7 @@ class _Group:
             case = subject.name
             median = statistics.median(sample.seconds / (sample.steps * case.scene.method.dt) for sample in samples)
             cost = median, "s/s", f"median of {repeats}"  # stored last, so that a case with a cost is complete
-            keep(store, summary.run, case.description, case.sources, {COST: cost})
+            store_measures(store, summary.run, case.description, case.sources, {COST: cost})
             summary.measured += 1
             self.tell(f"{case}: timed", 1)
 

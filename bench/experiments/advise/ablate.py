@@ -50,7 +50,7 @@ from softlab.bench.experiments.advise.ablation_results import (
 )
 from softlab.bench.experiments.advise.experiment import REFERENCE_SECONDS
 from softlab.bench.experiments.growth import Growth
-from softlab.bench.measure.experiment import Tell, backends_here, keep, resume
+from softlab.bench.measure.experiment import Report, backends_here, resume, store_measures
 from softlab.bench.measure.samples import in_turns
 from softlab.bench.measure.timing import Subject, prepare_runs
 from softlab.bench.reference import cache
@@ -107,7 +107,7 @@ def ablate(
     def held(variant: Variant) -> bool:
         return store.has_measure(variant.case.description, summary.machine, variant.case.sources, SECONDS)
 
-    def measure(group: Sequence[Variant], tell: Tell) -> None:
+    def measure(group: Sequence[Variant], tell: Report) -> None:
         work.measure(group, tell)
 
     how: dict[str, Any] = {"progress": progress, "command": command, "worth": lambda variant: 2}
@@ -204,7 +204,7 @@ class _Work:
             return cache.cached_reference(motion, self.end, folder, tolerance=FOR_STATISTICS), growth
         return own_converged(motion, self.end, FOR_STATISTICS), growth
 
-    def measure(self, group: Sequence[Variant], tell: Tell) -> None:
+    def measure(self, group: Sequence[Variant], tell: Report) -> None:
         """Compute the errors of a group, then sample those that did not diverge in turn. Raises Diverged if the full
         scene does.
         """
@@ -224,7 +224,7 @@ class _Work:
         self.summary.measured += len(group)
 
     def _add(self, variant: Variant, numbers: Mapping[str, tuple[float | None, str, str | None]]) -> None:
-        keep(self.store, self.summary.run, variant.case.description, variant.case.sources, numbers)
+        store_measures(self.store, self.summary.run, variant.case.description, variant.case.sources, numbers)
 
     def _judge(self, subject: Subject, right: tuple[Converged, Growth]) -> bool:
         """Run to the end and store errors and change; return False if the run diverged."""
@@ -256,7 +256,7 @@ class _Work:
         theirs = self._full.position.astype(np.float64)
         return distance(state.position, theirs, free, self.scene.grid.spacing)[0]
 
-    def _time(self, subjects: Sequence[Subject], tell: Tell) -> None:
+    def _time(self, subjects: Sequence[Subject], tell: Report) -> None:
         """Sample in turn, again while the samples are disturbed, and store the minimum of each."""
         taken: dict[int, list[float]] = {id(subject): [] for subject in subjects}
         marks: dict[int, list[str]] = {id(subject): [] for subject in subjects}

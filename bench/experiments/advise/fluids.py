@@ -24,7 +24,7 @@ from softlab.bench.experiments.fluid_truth import laws
 from softlab.bench.experiments.fluid_truth.rows import Judged, rows
 from softlab.bench.experiments.fluid_truth.scenes import DAM, SCHEMES, WIDTH
 from softlab.bench.measure.costs_timing import QUICK, SECONDS, Record, in_turn
-from softlab.bench.measure.experiment import backends_here, described, keep
+from softlab.bench.measure.experiment import backends_here, described, store_measures
 from softlab.bench.measure.items import cost_sources
 from softlab.bench.measure.machine import enter_machine
 from softlab.bench.measure.progress import progress_bar
@@ -148,7 +148,9 @@ def _kept(store: Store, run: str, scene: Scene, tried: Sequence[FluidBudget]) ->
     for one in tried:
         told = described(scene.replace(one.changes), one.backend, FINDING, precision=one.precision)
         value = one.density if isfinite(one.density) else None
-        keep(store, run, told, _sources(one.backend), {DENSITY: (value, "", None if value is not None else "diverged")})
+        store_measures(
+            store, run, told, _sources(one.backend), {DENSITY: (value, "", None if value is not None else "diverged")}
+        )
 
 
 def _sources(backend: str) -> str:

@@ -21,7 +21,7 @@ from softlab.app.driver import open_simulation
 from softlab.bench.experiments.advise.ablation import ARITHMETIC, FINER, FULL, PART, Ablation, ablations
 from softlab.bench.experiments.advise.fluids import UNTIL
 from softlab.bench.measure.costs_timing import QUICK, SECONDS, Measures, Record, in_turn
-from softlab.bench.measure.experiment import Summary, backends_here, described, ending_cleanly, keep
+from softlab.bench.measure.experiment import Summary, backends_here, described, ending_cleanly, store_measures
 from softlab.bench.measure.items import cost_sources
 from softlab.bench.measure.progress import progress_bar
 from softlab.bench.measure.tables import columns, print_table
@@ -175,7 +175,7 @@ class _Work:
                 DENSITY: (left.density, "", left.name), CENTRE: (left.centre, "spacing", left.name),
                 HEIGHT: (left.height, "m", left.name),
             }  # fmt: skip
-            keep(self.store, self.summary.run, subject.name, record.sources, said | numbers)
+            store_measures(self.store, self.summary.run, subject.name, record.sources, said | numbers)
         return found[0], twin, found[1:]
 
     def _run(

@@ -20,7 +20,7 @@ from softlab.bench.experiments.advise.advice import Choice
 from softlab.bench.experiments.advise.bracket import TIGHT, Tried, next_steps
 from softlab.bench.experiments.growth import Growth
 from softlab.bench.measure.case_timing import ready
-from softlab.bench.measure.experiment import keep
+from softlab.bench.measure.experiment import store_measures
 from softlab.bench.measure.samples import in_turns
 from softlab.bench.reference.cache import Converged
 from softlab.bench.reference.mass_spring import start
@@ -207,7 +207,7 @@ class Search:
             numbers = judge(case.scene, outcome, self.task.newton, self.task.growth)
             if not isinstance(outcome, Diverged):
                 numbers[COPY] = (copy_seconds(simulation), "s", "the whole state")
-        keep(self.store, self.task.run, case.description, case.sources, numbers)
+        store_measures(self.store, self.task.run, case.description, case.sources, numbers)
         return numbers[ERROR][0]
 
     # ------------------------------------------------------------------ times

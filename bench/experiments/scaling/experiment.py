@@ -19,7 +19,7 @@ from softlab.bench.experiments.scaling.model import WAYS, Cluster, predicted
 from softlab.bench.measure.case_timing import Case, RatePoint, Rates, Summary
 from softlab.bench.measure.costs_timing import Measures
 from softlab.bench.measure.energy import joules_of_all, nvml_counter
-from softlab.bench.measure.experiment import keep, source_hash
+from softlab.bench.measure.experiment import source_hash, store_measures
 from softlab.bench.measure.gpu import gpu_simulated
 from softlab.bench.measure.tables import print_table
 from softlab.bench.measure.timing import Subject
@@ -154,7 +154,7 @@ class SharedRates(Rates):
                 off = float(np.abs(np.subtract(found, wanted, dtype=np.float64)).max())
                 steps = _check_steps(case.scene)
                 numbers = {DIFFERENCE: (off, "m", f"largest, from one GPU, after {steps} steps in exact math")}
-            keep(store, summary.run, case.description, case.sources, numbers)
+            store_measures(store, summary.run, case.description, case.sources, numbers)
         super()._time(store, summary, group, repeats)
 
     def besides(self, subject: Subject) -> Measures:
@@ -207,7 +207,7 @@ def points(held: Iterable[Measure]) -> list[ScalingPoint]:
         {(m.machine, m.configuration): m.value for m in held if m.name == name} for name in (DIFFERENCE, JOULES)
     )
     found = []
-    for told, scene, point in RATES.told(held):
+    for told, scene, point in RATES.results(held):
         rate, grid = told[RATE], scene.grid
         what: dict[str, Any] = rate.description
         key, link = (rate.machine, rate.configuration), what.get("link", "")

@@ -31,7 +31,7 @@ from softlab.bench.experiments.stability.points import (
 )
 from softlab.bench.experiments.stability.runs import DIVERGED, LIVE, linear, measured_edge, outcome
 from softlab.bench.measure import case_timing
-from softlab.bench.measure.experiment import Tell, backends_here, chosen, keep, resume, source_hash
+from softlab.bench.measure.experiment import Report, backends_here, chosen, resume, source_hash, store_measures
 from softlab.bench.measure.gpu import gpu_simulated
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import configuration, measures_of
@@ -182,7 +182,7 @@ def run_stability(
     def held(case: Case) -> bool:
         return store.has_measure(case.description, summary.machine, case.sources, case.done)
 
-    def measure(group: Sequence[Case], tell: Tell) -> None:
+    def measure(group: Sequence[Case], tell: Report) -> None:
         _measure(store, summary, group, tell)
 
     how: dict[str, Any] = {"progress": progress, "command": command, "worth": lambda case: case.worth}
@@ -194,7 +194,7 @@ def run_stability(
     return summary
 
 
-def _measure(store: Store, summary: StabilitySummary, group: Sequence[Case], tell: Tell) -> None:
+def _measure(store: Store, summary: StabilitySummary, group: Sequence[Case], tell: Report) -> None:
     """Run the cases of one opened simulation, each stored when it is done."""
     with ExitStack() as stack:
         tell(f"{group[0]}: opening", 0)
@@ -202,7 +202,7 @@ def _measure(store: Store, summary: StabilitySummary, group: Sequence[Case], tel
         for case in group:
             tell(str(case), 0)
             numbers = _edge_numbers(simulation, case) if case.edge else _map_numbers(simulation, case)
-            keep(store, summary.run, case.description, case.sources, numbers)
+            store_measures(store, summary.run, case.description, case.sources, numbers)
             summary.measured += 1
             tell(str(case), case.worth)
 

@@ -105,7 +105,7 @@ def test_points_of_a_run(small_run):
     """docs/method/cases.md C over the free masses (1.6 % more than over all): lab 0.30 at any dt and first order against half
     the acceleration; RK4 2.4e-4; taylor at 0.02 s diverges, which is kept with its reason and a time."""
     first, _, _ = small_run
-    assert (first.measured, first.held, len(first.points)) == (6, 0, 6)
+    assert (first.measured, first.stored, len(first.points)) == (6, 0, 6)
     at = {(p.integrator, p.dt): p for p in first.points}
     free = math.sqrt(1024 / 992)  # RMS over the free masses instead of all
     assert at["lab", 0.02].error == pytest.approx(0.2919 * free, rel=0.02)
@@ -160,7 +160,7 @@ def test_the_quick_grid():
 
 def test_nothing_is_measured_twice(small_run):
     first, second, _ = small_run
-    assert (second.measured, second.held, second.run) == (0, 6, "")
+    assert (second.measured, second.stored, second.run) == (0, 6, "")
     assert second.points == first.points
 
 

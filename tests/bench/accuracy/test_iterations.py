@@ -112,7 +112,7 @@ def test_two_errors_of_every_run(small_run):
     """Model and solver error: with one iteration at 10 ms the second is nearly all of the first, with eight nothing of it,
     and four leave the model's error as it is."""
     first, second, drawn, stored = small_run
-    assert (first.measured, second.measured, second.held) == (4, 0, 4)
+    assert (first.measured, second.measured, second.stored) == (4, 0, 4)
     at = {(p.dt, p.iterations): p for p in first.points}
     free = math.sqrt(1024 / 992)  # RMS over the free masses instead of all
     assert at[0.01, 4].error == pytest.approx(4.69e-3 * free, rel=3e-3)

@@ -101,7 +101,7 @@ def test_dropped_parts_change_what_closed_forms_say(store, clockwork):
     assert found.saving(halved) == pytest.approx(0.5)
     seconds = [one.seconds for one in found.rows]
     assert seconds == sorted(seconds)
-    assert (summary.measured, summary.held) == (7, 0)
+    assert (summary.measured, summary.stored) == (7, 0)
 
 
 def test_asked_again_nothing_is_run(store, clockwork, monkeypatch):
@@ -114,7 +114,7 @@ def test_asked_again_nothing_is_run(store, clockwork, monkeypatch):
         patched.setattr(module._Work, "measure", lambda *_: pytest.fail("run again"))
         again = ablate(store, falling(), time=0.2, **QUIET)
         assert again.tables == first.tables
-        assert (again.measured, again.held, again.run) == (0, 3, "")
+        assert (again.measured, again.stored, again.run) == (0, 3, "")
         with pytest.raises(pytest.fail.Exception):
             ablate(store, falling(), time=0.3, **QUIET)
         patched.setattr(module, "VERSION", module.VERSION + 1)
