@@ -63,9 +63,9 @@ def test_the_judge_by_stress_comes_to_the_modes_and_xpbd_falls_freely() -> None:
     """A bar of XPBD's law is a mechanism: g t^2 / 2 after t, whatever mu."""
     scene = SCENES[WORD].make(1, 1)
     exact = exact_tip(scene)
-    assert by_stress(1, 1e7, _neo_hookean, "its own").way == pytest.approx(exact.way, rel=3e-3)
+    assert by_stress(1, 1e7, _neo_hookean, "its own").displacement == pytest.approx(exact.displacement, rel=3e-3)
     falling = scene.gravity.acceleration * (exact.frames / 60) ** 2 / 2  # type: ignore[union-attr]
-    assert by_stress(1, 1e7, squares_stress, "its own").way == pytest.approx(falling, rel=1e-6)
+    assert by_stress(1, 1e7, squares_stress, "its own").displacement == pytest.approx(falling, rel=1e-6)
 
 
 def test_the_quickest_vibration_bounds_an_explicit_step() -> None:
