@@ -46,7 +46,7 @@ class KernelRunner(GroupRunner):
 
     def _open(self, case: Case, stack: ExitStack) -> Simulation:
         """The simulation, its kernels compiled."""
-        self.tell(f"{case}: opening")
+        self.report(f"{case}: opening")
         begin = time.perf_counter()
         simulation = self._enter(case, stack)
         self._first_steps(simulation)
@@ -66,12 +66,12 @@ class KernelRunner(GroupRunner):
             try:
                 first = open_simulation(case.scene, case.backend, **options)
             except Exception as error:
-                self.tell(f"{case}: the backend's own choice fails: {error}")
+                self.report(f"{case}: the backend's own choice fails: {error}")
             else:
                 self._defaults[variant] = first.kernel
                 self._opened[variant, first.kernel] = self._closed_with(stack, first)
-        held = self._opened.pop((variant, case.kernel), None)
-        return held or self._closed_with(stack, case.open())
+        opened = self._opened.pop((variant, case.kernel), None)
+        return opened or self._closed_with(stack, case.open())
 
     @staticmethod
     def _closed_with(stack: ExitStack, simulation: Simulation) -> Simulation:
@@ -91,11 +91,11 @@ class KernelRunner(GroupRunner):
         for case in cases:
             kind = case.simulation_kind
             simulation = simulations[kind]
-            self.tell(f"{case}: checking")
+            self.report(f"{case}: checking")
             try:
                 reference = self._references.get(kind) or against_reference(simulation)
                 self._references[kind] = reference
-                difference = self._own_size(case, simulation, witnesses)
+                difference = self._full_size_check(case, simulation, witnesses)
             except Exception as error:
                 self._fail(case, error)
                 del simulations[kind]
@@ -109,26 +109,28 @@ class KernelRunner(GroupRunner):
         return warnings
 
     @staticmethod
-    def _own_size(case: Case, simulation: Simulation, witnesses: dict[str, tuple[str, State, Any]]) -> Check | str:
+    def _full_size_check(
+        case: Case, simulation: Simulation, witnesses: dict[str, tuple[str, State, Any]]
+    ) -> Check | str:
         """A few steps from a displaced state, held against the first kernel of this size and precision."""
         if case.particles > MAX_CHECKED and case.precision != "float32":
             return "at this size only float32 is held against another kernel: a state takes seconds to load and compare"
-        held = witnesses.get(case.precision)
-        state = held[1] if held else displaced(simulation)
+        witness = witnesses.get(case.precision)
+        state = witness[1] if witness else displaced(simulation)
         simulation.load(state)
         simulation.advance(FULL_SIZE_STEPS)
         simulation.check()
-        if held is None:
+        if witness is None:
             name = f"{simulation.backend} {simulation.kernel}"
             witnesses[case.precision] = (name, state, simulation.read("position"))
             return "the other kernels of this size are held against this one"
-        note = f"own size, {FULL_SIZE_STEPS} steps, against {held[0]}, {case.precision}"
-        return compare(simulation, held[2], note)
+        note = f"own size, {FULL_SIZE_STEPS} steps, against {witness[0]}, {case.precision}"
+        return compare(simulation, witness[2], note)
 
     def _store_default(self, case: Case) -> None:
         name = self._defaults.get((case.scene.canonical(), case.backend, case.threads, case.precision))
         if name is not None:
-            self._keep(case, {"default": (float(name == case.kernel), "", f"the backend's choice: {name}")})
+            self._store(case, {"default": (float(name == case.kernel), "", f"the backend's choice: {name}")})
 
     def _fail(self, case: Case, error: Exception) -> None:
         self._diverged(case, error)
@@ -167,17 +169,17 @@ class KernelRunner(GroupRunner):
         counter = self._counters[case.backend]
         if counter is None or self.store.sample_count(case.description, self.summary.machine, case.sources, STAGE):
             return
-        self.tell(f"{case}: joules")
+        self.report(f"{case}: joules")
         run, reason = self.summary.run, "the counter moved too rarely, or a step takes too long, for a second"
-        found = None
+        measured = None
         try:
-            found = measure_energy(subject, counter, self.effort.energy_seconds)
+            measured = measure_energy(subject, counter, self.effort.energy_seconds)
         except Exception as error:  # the times, which stand, have marks of their own
             reason = f"{type(error).__name__}: {error}"
-        if found is None:
-            self._keep(case, {NO_JOULES: (None, "J", reason)})
+        if measured is None:
+            self._store(case, {NO_JOULES: (None, "J", reason)})
             return
         self.store.add_sample(
-            run, case.description, case.sources, found.seconds, found.steps, stage=STAGE, joules=found.joules,
-            suspect=found.suspect(subject.seconds_per_step, power_limit(case.backend)),
+            run, case.description, case.sources, measured.seconds, measured.steps, stage=STAGE, joules=measured.joules,
+            suspect=measured.suspect(subject.seconds_per_step, power_limit(case.backend)),
         )  # fmt: skip

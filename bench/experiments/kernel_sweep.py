@@ -116,14 +116,14 @@ class _KernelSweep(Sweep):
 
     starting: Sequence[tuple[Scene, str]] = ()
 
-    def _measure(self, cases: Sequence[Case], tell: Report) -> None:
+    def _measure(self, cases: Sequence[Case], report: Report) -> None:
         for scene, backend in self.starting:
-            with current_partition().take(f"starts {backend}") as mine:
-                if mine:
+            with current_partition().take(f"starts {backend}") as taken:
+                if taken:
                     run, machine = self.summary.run, self.summary.machine
                     measure_starts(self.store, run, machine, scene, backend, source_hash(backend))
         self.starting = ()
-        super()._measure(cases, tell)
+        super()._measure(cases, report)
 
     def _missing(self, case: Case) -> int:
         missing = super()._missing(case)

@@ -185,10 +185,10 @@ def measures_of(store: Store, machine: str, descriptions: Iterable[Mapping[str, 
     return [measure for measure in measures(store, machine=machine) if measure.configuration in wanted]
 
 
-def by_configuration(measures: Iterable[Measure]) -> list[dict[str, Measure]]:
+def by_configuration(stored: Iterable[Measure]) -> list[dict[str, Measure]]:
     """The measures of each configuration on each machine, by name."""
     named: dict[tuple[str, str], dict[str, Measure]] = {}
-    for measure in measures:
+    for measure in stored:
         named.setdefault((measure.machine, measure.configuration), {})[measure.name] = measure
     return list(named.values())
 

@@ -20,7 +20,7 @@ def idle(results: Results) -> Claim:
     text = f"Of {count(len(rows))} things left out one at a time, {count(len(idle))} changed less than the method's own error"
     if idle:
         text += f" ({listed(list(dict.fromkeys(row.name for _, row in idle)))})"
-    savings = [saving for table, row in idle if (saving := table.told_saving(row)) is not None]
+    savings = [saving for table, row in idle if (saving := table.quotable_saving(row)) is not None]
     if savings:
         numbers["most"] = max(savings)
         text += f"; the best of them made a run {times(max(savings))} as fast on the {source.place}"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from softlab.bench.experiments.scaling.experiment import ScalingPoint, shares, speedups
+from softlab.bench.experiments.scaling.experiment import ScalingPoint, speedups, weak_efficiencies
 from softlab.labbook import words
 from softlab.labbook.claims.claim import Claim, Claims
 from softlab.plots.core.backends import on_backends
@@ -51,7 +51,7 @@ def strong(results: Results) -> Claim:
 def weak(results: Results) -> Claim:
     """Weak scaling: one grid for each GPU."""
     _, found = _measured(results)
-    share = shares(found)
+    share = weak_efficiencies(found)
     told = [(p, share[id(p)]) for p in found if id(p) in share and p.link == USUAL and p.scene == "grid"]
     if not told:
         return Claim("A grid for each of several GPUs was not timed.")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from softlab.bench.experiments.findings.costs import INTERVAL, LOOKS, SHARE
+from softlab.bench.experiments.findings.costs import CHECK_FRACTION, CHECKS, INTERVAL
 from softlab.bench.experiments.findings.determinism import DIFFERENT, GATHER
 from softlab.bench.experiments.findings.experiment import ERROR, RATE
 from softlab.bench.measure.costs_timing import LEAST, MOST, RATIO
@@ -118,7 +118,7 @@ def _cost(numbers: dict[str, Measure]) -> Cost | None:
         ratio=value[RATIO],
         least=value[LEAST],
         most=value[MOST],
-        share=value.get(SHARE),
+        share=value.get(CHECK_FRACTION),
         interval=int(value.get(INTERVAL, 0)),
         different=None if different is None else int(different),
         suspect="; " in (numbers[RATIO].reason or ""),
@@ -127,4 +127,4 @@ def _cost(numbers: dict[str, Measure]) -> Cost | None:
 
 def look_costs(source: Source, backend: str | None = None) -> list[Cost]:
     """Return the costs of the check for a diverged state."""
-    return [cost for cost in costs(source, LOOKS, backend) if cost.share is not None]
+    return [cost for cost in costs(source, CHECKS, backend) if cost.share is not None]

@@ -145,7 +145,7 @@ def test_the_slope_of_drops_pressures_is_the_surface_tension(axes: int) -> None:
         for radius in (0.2, 0.3, 0.5)
     ]  # fmt: skip
     (found,) = tensions(drops)
-    assert (found.sigma, found.held, found.off) == pytest.approx((3.0, 40.0, 0.0)) and found.drops == 3
+    assert (found.sigma, found.base_pressure, found.off) == pytest.approx((3.0, 40.0, 0.0)) and found.drops == 3
     assert tensions(drops[:2]) == []
 
 

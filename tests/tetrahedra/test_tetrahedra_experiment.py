@@ -242,7 +242,7 @@ def test_the_fastest_is_near_and_moves() -> None:
     assert rest.best and rest.rows and motion.best and motion.rows
     assert (rest.best.solver, rest.best.substeps, rest.rows.substeps) == ("newton", 1, 325)
     assert (motion.best.substeps, motion.rows.substeps) == (20, 325)
-    assert rest.share == pytest.approx(0.05) and motion.share == pytest.approx(0.4)
+    assert rest.time_ratio == pytest.approx(0.05) and motion.time_ratio == pytest.approx(0.4)
     met, missed = targets(found)
     assert met.endswith("is reached") and missed.endswith("is missed") and "1e7 Pa" in met
     assert [b.substeps for b in frontier(found)] == [1, 1, 20, 325, 512]

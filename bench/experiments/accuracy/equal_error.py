@@ -86,10 +86,18 @@ def equal_error(points: Sequence[Candidate], targets: Sequence[float] = TARGETS)
     """Return a row for each target error: the fastest configurations among points of one scene and machine."""
     rows = []
     for target in targets:
-        ways = {
+        by_backend = {
             (backend, copied): fastest([p for p in points if p.backend == backend], target, copied=copied)
             for backend in ("cpu", "gpu")
             for copied in (False, True)
         }
-        rows.append(Fastest(target, ways["cpu", False], ways["gpu", False], ways["cpu", True], ways["gpu", True]))
+        rows.append(
+            Fastest(
+                target,
+                by_backend["cpu", False],
+                by_backend["gpu", False],
+                by_backend["cpu", True],
+                by_backend["gpu", True],
+            )
+        )
     return rows

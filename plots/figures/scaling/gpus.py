@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from softlab.bench.experiments.scaling.experiment import BY_TURNS, ScalingPoint, points, shares, speedups
+from softlab.bench.experiments.scaling.experiment import BY_TURNS, ScalingPoint, points, speedups, weak_efficiencies
 from softlab.bench.store.results import Measure
 from softlab.plots.core.backends import on_backends, sources_of, timed
 from softlab.plots.core.colours import BLUE, GREY, ORANGE, PURPLE, VERMILLION
@@ -58,7 +58,7 @@ def draw(results: Results) -> Drawing | str:
 
 
 def _draw_faster(ax: Any, found: Sequence[ScalingPoint]) -> None:
-    told, weak = speedups(found), shares(found)
+    told, weak = speedups(found), weak_efficiencies(found)
     counts = sorted({p.gpus for p in found} - {1})
     for gpus in counts:
         for link, (colour, marker) in LINKS.items():

@@ -8,7 +8,7 @@ import pytest
 from read_figures import LABELS, labels
 
 from softlab import cli
-from softlab.bench.experiments.accuracy.references import held_converged
+from softlab.bench.experiments.accuracy.references import stepped_force_converged
 from softlab.bench.experiments.advise import ablate as module
 from softlab.bench.experiments.advise import ablation
 from softlab.bench.experiments.advise.ablate import ablate
@@ -212,7 +212,7 @@ def test_dropping_a_random_force(store, clockwork, monkeypatch):
     summary = ablate(store, scene, time=0.2, **QUIET)
     (found,) = summary.tables
     (without,) = found.rows
-    moved = held_converged(scene, 20, None).position - np.array([(0, 0), (1, 0), (0, -1), (1, -1)], float)
+    moved = stepped_force_converged(scene, 20, None).position - np.array([(0, 0), (1, 0), (0, -1), (1, -1)], float)
     assert without.name == "without external"
     assert without.error == pytest.approx(np.sqrt(np.mean(np.sum(moved**2, axis=1))), rel=1e-12)
     assert found.full.error < 1e-13
