@@ -191,7 +191,7 @@ def _tables(made: Callable[[Results], list[Table]], results: Results) -> list[Ta
 def notices(results: Results) -> list[str]:
     """Return what a reader must know first: whose measurements these are, and whether there are some of a GPU."""
     found = []
-    own = [source for source in results.sources if source.own]
+    own = [source for source in results.sources if source.by_user]
     gpu = results.with_gpu()
     if not own:
         found.append(
@@ -199,7 +199,7 @@ def notices(results: Results) -> list[str]:
         )
     if gpu is None:
         found.append("No GPU took part: the machine has none, and there are no committed measurements of one.")
-    elif own and not gpu.own:
+    elif own and not gpu.by_user:
         found.append(
             f"The machine of these measurements has no GPU that could be timed. What is said about the GPU is from the "
             f"committed measurements, made on: {gpu.machine.label}; it is marked “committed”."

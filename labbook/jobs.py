@@ -54,7 +54,7 @@ def _drawn(results: Results, folder: Path) -> list[FigureFiles]:
         task = bar.add_task("figures", total=len(FIGURES))
         return draw_figures(
             results, target, helped=True,
-            tell=lambda name: bar.update(task, description=f"figure: {name}", advance=1),
+            report=lambda name: bar.update(task, description=f"figure: {name}", advance=1),
         )  # fmt: skip
 
 

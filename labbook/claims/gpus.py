@@ -9,7 +9,7 @@ from softlab.labbook import words
 from softlab.labbook.claims.claim import Claim, Claims
 from softlab.plots.core.backends import on_backends
 from softlab.plots.core.data import Results, Source
-from softlab.plots.figures.scaling.gpus import found_by, masses
+from softlab.plots.figures.scaling.gpus import masses, timed_shared
 
 USUAL = "flags"  # the default link
 Told = Sequence[tuple[ScalingPoint, float, float | None]]
@@ -17,7 +17,7 @@ Told = Sequence[tuple[ScalingPoint, float, float | None]]
 
 def _measured(results: Results) -> tuple[Source | None, Sequence[ScalingPoint]]:
     """Return the first machine that distributed a sheet among GPUs, and its points."""
-    chosen = on_backends(results, found_by)
+    chosen = on_backends(results, timed_shared)
     return (chosen[0][1], chosen[0][2]) if chosen else (None, ())
 
 

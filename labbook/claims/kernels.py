@@ -52,8 +52,8 @@ def roof(results: Results, backend: str) -> Claim:
         return Claim(
             f"How the {backend.upper()}'s kernels stand against its ceilings beyond the caches was not measured."
         )
-    best = max((t for (t,) in ranked), key=found.share)
-    share = found.share(best)
+    best = max((t for (t,) in ranked), key=found.fraction)
+    share = found.fraction(best)
     numbers = {"share": share, "masses": best.particles}
     more = "more" if share > 1 else "no more"
     text = (
@@ -61,9 +61,9 @@ def roof(results: Results, backend: str) -> Claim:
         f"pass ({best.kernel}, {masses(best.particles)}): {more} than a kernel that does one step per pass from memory could "
         f"reach{suspect}"
     )
-    if found.arithmetic_share and found.rate:
-        numbers["arithmetic"] = share / found.arithmetic_share
-        text += f". It uses {percent(share / found.arithmetic_share)} of the measured {words.operations(found.rate)}"
+    if found.arithmetic_fraction and found.rate:
+        numbers["arithmetic"] = share / found.arithmetic_fraction
+        text += f". It uses {percent(share / found.arithmetic_fraction)} of the measured {words.operations(found.rate)}"
     return Claim(f"{text}.", numbers, True)
 
 

@@ -45,7 +45,7 @@ def script(results: Results, form: Format, backend: str) -> list[Shot]:
 def _title(results: Results, made: Judged) -> Shot:
     measured = [source for source in results.featured if source.timings or source.measures]
     labels = listed(list(dict.fromkeys(source.machine.label.replace("; ", ", ") for source in measured)))
-    own = any(source.own for source in measured)
+    own = any(source.by_user for source in measured)
     whose = "Its times were measured on" if own else "Its times are the committed ones of"
     lines = [Line(INTRODUCTION), Line(QUESTION, 1), *([Line(f"{whose}: {labels}.", 2)] if measured else [])]
     return Shot("title", "", tuple(lines), partial(stills.draw_title, made, results), 4.0)

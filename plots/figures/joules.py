@@ -42,8 +42,8 @@ def draw(results: Results) -> Drawing | str:
             "no joules were counted: the machine has no energy counter that may be read, or the kernels were not timed"
         )
     for ax, backend, source in chosen:
-        for kernel, mine in in_order(source.ladder(backend)):
-            points = [(t.particles, j) for t in mine if (j := joules(source, t)) is not None]
+        for kernel, timings in in_order(source.ladder(backend)):
+            points = [(t.particles, j) for t in timings if (j := joules(source, t)) is not None]
             curve = rung(kernel)
             if points:
                 x, y = [n for n, _ in points], [j for _, j in points]

@@ -41,7 +41,7 @@ from softlab.plots.core.data import Results
 from softlab.plots.core.read import load
 from softlab.plots.core.style import Drawing, settings
 from softlab.plots.findings import determinism as determinism_figure
-from softlab.plots.findings.points import costs, look_costs
+from softlab.plots.findings.points import check_costs, costs
 
 STEPS = 20
 TINY = Effort(2, 1e-4, 1e-3)
@@ -202,9 +202,9 @@ def test_the_rows_are_those_of_the_store(results):
     source = results.sources[0]
     assert [c.way for c in costs(source, DETERMINISM)] == sorted(OTHERS["cpu"])
     assert all(c.particles == 64 and c.least <= c.ratio <= c.most for c in costs(source, DETERMINISM))
-    (look,) = look_costs(source, "cpu")
+    (look,) = check_costs(source, "cpu")
     assert look.interval == check_interval(64, "cpu")
-    assert look_costs(source, "gpu") == []
+    assert check_costs(source, "gpu") == []
 
 
 @pytest.mark.parametrize("name", list(CLAIMS))

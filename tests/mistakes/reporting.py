@@ -40,7 +40,7 @@ FIGURES: tuple[Mistake, ...] = (
     ),
     *in_file(
         "plots/figures/scaling/threads.py", "test_figure_axes.py",
-        {"a speed-up upside down": ("return lambda timing, seconds: held[timing.rows, timing.columns].median / seconds", "return lambda timing, seconds: seconds / held[timing.rows, timing.columns].median")},
+        {"a speed-up upside down": ("return lambda timing, seconds: bases[timing.rows, timing.columns].median / seconds", "return lambda timing, seconds: seconds / bases[timing.rows, timing.columns].median")},
     ),
     *in_file(
         "plots/core/style.py", "test_figure_axes.py",

@@ -189,7 +189,7 @@ def test_shares_of_bounds() -> None:
         ("< 2 m", 1.0, 0.5), ("< 2", -1.0, 0.0), ("> 0.8", 1.6, 0.5), ("> 0.8", 0.0, np.inf), ("< 1e-09 N", None, np.inf),
         ("aim <= 1.5", 1.0, None), ("", 3.0, None),
     ):  # fmt: skip
-        assert hard_bodies.share(StoredCheck("x", value, "", bound)) == expected
+        assert hard_bodies.bound_ratio(StoredCheck("x", value, "", bound)) == expected
 
 
 def test_sheets_do_not_count_bodies(results: Results) -> None:
