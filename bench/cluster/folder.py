@@ -7,7 +7,7 @@
  plans/MACHINE.PART.json  groups to measure on such a machine, and their weights
  stores/NAME.sqlite       a worker's own store; its finished groups are exported as out/NAME.NUMBER.sqlite
  lost/NAME                made when the store of a lost worker has been merged: others may continue from it
- alive, stop              the sweep is alive; the sweep tells its workers to end
+ alive, stop              the sweep is alive; the sweep requests its workers to end
 
 Only its worker opens a store before the worker is gone: a database that two hosts open is safe on few file systems.
 """

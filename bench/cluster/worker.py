@@ -35,7 +35,7 @@ def code_digests() -> tuple[str, ...]:
 
 
 class Life:
-    """Signs of life of a worker, and its ends: told to stop, or abandoned by its parent process or by the sweep.
+    """Signs of life of a worker, and its ends: requested to stop, or abandoned by its parent process or by the sweep.
 
     The main thread gets a KeyboardInterrupt, once, so that its cleanup is not interrupted.
     """

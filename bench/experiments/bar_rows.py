@@ -111,6 +111,6 @@ def print_bar(console: Console, store: Store, machine: str) -> None:
             console.print(f"{where}: {bar.refused}", soft_wrap=True, markup=False)
     console.print(
         "clusters: half-width of a window, of the jelly bar radius over spacing; softlab figures draws it, "
-        "softlab labbook tells of it and of the laws",
+        "softlab labbook describes it and the laws",
         soft_wrap=True,
     )

@@ -58,7 +58,7 @@ class KernelRunner(GroupRunner):
         return simulation
 
     def _enter(self, case: Case, stack: ExitStack) -> Simulation:
-        """As asked for; the first of a size is opened as the backend likes, to learn what it would choose."""
+        """Open a case as requested; the first of a size with the backend's own choice of kernel, which is recorded."""
         variant = (case.scene.canonical(), case.backend, case.threads, case.precision)
         if variant not in self._defaults:
             self._defaults[variant] = None  # until it is known: a choice that breaks must not break every kernel

@@ -138,7 +138,7 @@ class _Stream:
 
 
 class _Compiled:
-    """Stands for a compiled kernel whose machine code nobody asks for."""
+    """Stand-in for a compiled kernel whose machine code is not needed."""
 
     cooperative = False
 

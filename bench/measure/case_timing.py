@@ -65,7 +65,7 @@ def ready(stack: ExitStack, case: Case, seconds: float, most: float) -> Subject:
 
 @dataclass
 class Summary(experiment.Summary):
-    """What was done; `skipped`: configurations that could not run."""
+    """Summary with `skipped`: configurations that could not run."""
 
     skipped: list[str] = field(default_factory=list)
 
@@ -89,7 +89,7 @@ class RatePoint:
 
 @dataclass(frozen=True)
 class Rates:
-    """An experiment that tells how much work cases do a second. `name`: also of its command; `stage`: of its samples;
+    """Experiment on the rate of work of cases. `name`: also of its command; `stage`: of its samples;
     `step`, `rate`, `kernel`: names of its measures, the median step [s], `work` of the scene in a step over it [1/s], and
     the kernel that ran; `words`: further measures, which hold a word on the scene; `groups(backends, quick, precisions,
     ...)`: what is timed in turn."""

@@ -68,7 +68,7 @@ def kind_of(case: Any) -> Kind:
 
 
 def compile_case(case: Any) -> None:
-    """Open a case and compile its step; what goes wrong is told where the case is measured."""
+    """Open a case and compile its step; errors are reported where the case is measured."""
     with suppress(SoftlabError, MemoryError), case.open() as simulation:
         simulation.warm_up()
 

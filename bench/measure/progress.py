@@ -78,7 +78,7 @@ class Bars(Bar):
         return [task for task in self.tasks if task.id != self.whole_task]
 
     def compiling(self, label: str, seconds: float | None) -> None:
-        """A kernel begins to compile: until what is done is told anew, that is what is done."""
+        """Show that a kernel is being compiled, until the next description of progress."""
         last = "" if seconds is None else f", {seconds:.0f} s last time"
         for task in self.inner[-1:]:
             self.update(task.id, description=f"compiling {label}{last}")

@@ -79,11 +79,11 @@ class Neighbours:
 
     def cores(self) -> float:
         """Cores that others used of late."""
-        clock, used, own_time = self._now()
+        clock, used, process = self._now()
         passed = clock - self._seen[0]
         if passed >= WATCH_SECONDS:
-            self._busy = max(0.0, (used - self._seen[1]) - (own_time - self._seen[2])) / passed
-            self._seen = clock, used, own_time
+            self._busy = max(0.0, (used - self._seen[1]) - (process - self._seen[2])) / passed
+            self._seen = clock, used, process
         return self._busy
 
     def suspicion(self, threads: int) -> str | None:

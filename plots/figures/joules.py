@@ -53,7 +53,7 @@ def draw(results: Results) -> Drawing | str:
     chosen[0][0].set_ylabel("J per million mass-steps")
     legend_below(figure, [ax for ax, *_ in chosen])
     caption = (
-        "Energy of a million mass-steps with each kernel, float32, over about a second of stepping: what the device's "
-        "own counter tells, its idle share included, so that a slow kernel pays for the time it takes."
+        "Energy of a million mass-steps with each kernel, float32, over about a second of stepping, by the device's own "
+        "counter. It includes the idle power, so that a slow kernel pays for the time it takes."
     )
     return Drawing(figure, TITLE, caption, sources_of(chosen))

@@ -126,7 +126,7 @@ RESULTS: tuple[Mistake, ...] = (
         "bench/measure/timing.py", "test_timing.py",
         {
             "a busy neighbour is not noticed": ("if busy > spare + BUSY_NEIGHBOUR:", "if busy > cores + BUSY_NEIGHBOUR:"),
-            "one's own time is a neighbour's": ("max(0.0, (used - self._seen[1]) - (own_time - self._seen[2])) / passed", "max(0.0, used - self._seen[1]) / passed"),
+            "one's own time is a neighbour's": ("max(0.0, (used - self._seen[1]) - (process - self._seen[2])) / passed", "max(0.0, used - self._seen[1]) / passed"),
             "a sample does not wait for the device": ("simulation.advance(steps)\n            simulation.synchronize()\n            return", "simulation.advance(steps)\n            return"),
             "a drawn sample does not wait for the device": ("            self.renderer.show(simulation)\n        simulation.synchronize()", "            self.renderer.show(simulation)"),
             "restoring is a part of the sample": ("self._snapshot = simulation.kept\n        simulation.synchronize()", "self._snapshot = simulation.kept"),

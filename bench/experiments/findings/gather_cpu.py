@@ -115,7 +115,7 @@ class GatherGrid(MassSpring):
     `kernel_name`: the kernel's name; `make`: the function that makes it.
     """
 
-    way, make = TWICE, staticmethod(make_gather)
+    kernel_name, make = TWICE, staticmethod(make_gather)
 
     def __init__(self, scene: Scene, precision: str, math: str = "fast", threads: str | int = "1x"):
         super().__init__(scene, Options(precision, math, "stages"), threads)  # `stages`: rows without padding
