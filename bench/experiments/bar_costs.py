@@ -65,15 +65,8 @@ def groups(store: Store, backends: Sequence[str], quick: bool) -> list[Group]:
         )
         effort = costs_timing.QUICK if quick else costs_timing.FULL
         scenes = [scene for _, _, scene in settled]
-        all_groups.append(
-            Group(
-                f"costs, {backend}",
-                descriptions,
-                cost_sources(backend, __file__),
-                partial(_timed, scenes, descriptions, effort),
-                10,
-            )
-        )
+        run = partial(_timed, scenes, descriptions, effort)
+        all_groups.append(Group(f"costs, {backend}", descriptions, cost_sources(backend, __file__), run, 10))
     return all_groups
 
 
@@ -137,19 +130,11 @@ def costs(stored: Iterable[Measure]) -> list[Cost]:
             continue
         fields = seconds.description
         steps = round(FRAME / tables_by_kind(fields["scene"])["method"]["dt"])
-        row = answers.get((fields["solver"], fields["substeps"]))
+        budget = fields["solver"], fields["substeps"]
+        row = answers.get(budget)
         off = [None if row is None or (part := row.part(name)) is None else part - 1 for name in (SAG, FREQUENCY)]
         suspect = "; " in (seconds.reason or "")
-        result.append(
-            Cost(
-                fields["backend"],
-                fields["solver"],
-                fields["substeps"],
-                steps * seconds.value,
-                suspect,
-                *off,
-            )
-        )
+        result.append(Cost(fields["backend"], *budget, steps * seconds.value, suspect, *off))
     return sorted(result, key=lambda c: (c.backend, c.solver, c.substeps))
 
 

@@ -84,14 +84,8 @@ def groups(effort: Effort, scenes: Iterable[str] = tuple(SCENES)) -> list[Group]
             descriptions = tuple(
                 described(scene, "cpu", FINDING, **how) | {"threads": count} for count in (1, max(2, core_count()))
             )
-            all_groups.append(
-                Group(
-                    f"{name} {kernel or ''} {kind}",
-                    descriptions,
-                    sources,
-                    partial(_measure, scene, descriptions, effort),
-                )
-            )
+            run = partial(_measure, scene, descriptions, effort)
+            all_groups.append(Group(f"{name} {kernel or ''} {kind}", descriptions, sources, run))
     return all_groups
 
 

@@ -91,9 +91,8 @@ def groups(store: Store, backends: Sequence[str], quick: bool) -> list[Group]:
             scenes = tuple(sheet(n, name, iterations) for name in XPBD)
             descriptions = tuple(described(scene, backend, CONVERGENCE, precision=PRECISION) for scene in scenes)
             measure = partial(_orderings, scenes, descriptions, effort)
-            all_groups.append(
-                Group(f"{CONVERGENCE} {n} x {n} x {iterations} {backend}", descriptions, sources, measure)
-            )
+            name = f"{CONVERGENCE} {n} x {n} x {iterations} {backend}"
+            all_groups.append(Group(name, descriptions, sources, measure))
     return all_groups
 
 

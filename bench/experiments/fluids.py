@@ -122,9 +122,8 @@ def groups(backends: Sequence[str], quick: bool, precisions: Sequence[str]) -> l
     for backend in backends:
         for count in QUICK if quick else (*POOLS, *(LARGE if backend == "gpu" else ())):
             variants = [(scheme, precision) for scheme in SCHEMES for precision in precisions]
-            all_groups.append(
-                [make_case(pool(count, one), backend, p, f"{count} particles, {one}") for one, p in variants]
-            )
+            cases = [make_case(pool(count, one), backend, p, f"{count} particles, {one}") for one, p in variants]
+            all_groups.append(cases)
         if not quick:
             all_groups.append([make_case(load_scene(POUR), backend, p, "a cup that pours") for p in precisions])
     return all_groups
@@ -210,9 +209,8 @@ def points(stored: Iterable[Measure], every: bool = False) -> list[FluidPoint]:
     for by_name, scene, point in RATES.results(everything, every):
         key = _key(by_name[RATE])
         about: dict[str, Any] = {"particles": count_of(scene), "scheme": scene.method.scheme}
-        fluid_points.append(
-            FluidPoint(**vars(point), **about, phases=alone.get(key, {}), fractions=fractions.get(key, {}))
-        )
+        cup = fractions.get(key, {})
+        fluid_points.append(FluidPoint(**vars(point), **about, phases=alone.get(key, {}), fractions=cup))
     return sorted(fluid_points, key=lambda p: (p.backend, p.precision, p.scheme != SCHEMES[0], p.particles))
 
 

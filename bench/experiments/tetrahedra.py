@@ -185,9 +185,8 @@ def groups(
         for precision, ((a, e), scenes) in product(precisions, scenes_by_bar.items()):
             descriptions = tuple(described(scene, backend, TETRAHEDRA, precision=precision) for scene in scenes)
             name = f"{a} across, {e:.0e} Pa, {precision}, {backend}"
-            all_groups.append(
-                Group(name, descriptions, sources, partial(_bar, a, e, scenes, descriptions, effort), len(descriptions))
-            )
+            run = partial(_bar, a, e, scenes, descriptions, effort)
+            all_groups.append(Group(name, descriptions, sources, run, len(scenes)))
     return all_groups
 
 

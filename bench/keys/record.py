@@ -124,9 +124,7 @@ class DeviceArray:
             raise AttributeError(name)
         attribute = getattr(self.array, name)
         if callable(attribute):
-            return lambda *arguments, **how: DeviceArray(
-                attribute(*arguments, **{k: v for k, v in how.items() if k != "stream"})
-            )
+            return lambda *args, **how: DeviceArray(attribute(*args, **{k: v for k, v in how.items() if k != "stream"}))
         return attribute
 
 

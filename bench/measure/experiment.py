@@ -177,9 +177,8 @@ def resume(
         summary.stored = sum(map(len, groups)) - sum(map(len, missing))
         named = {group_name(k, group): k for k, group in enumerate(groups) if missing[k]}
         worths = {name: sum(worth(case) for case in missing[k]) for name, k in named.items()}
-        current_partition().planned(
-            store, summary.machine, {name: (worths[name], str(groups[k][0])) for name, k in named.items()}
-        )
+        plan = {name: (worths[name], str(groups[k][0])) for name, k in named.items()}
+        current_partition().planned(store, summary.machine, plan)
         compile_ahead((case for group in missing for case in group), progress)
         with progress_bar(progress and bool(named)) as bar:
             task = bar.add_task(summary.name, total=sum(worths.values()) or 1)

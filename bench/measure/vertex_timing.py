@@ -65,11 +65,8 @@ def _group(n: int, precision: str, drawn: bool, sources: str, effort: Effort) ->
             renderer.fit(simulation.read("position"))
             view = SheetView(scene)
             try:
-                return _frame_costs(
-                    record,
-                    [Frames(simulation, path, view=view, camera=renderer.camera) for path in descriptions],
-                    effort,
-                )
+                frames = [Frames(simulation, path, view=view, camera=renderer.camera) for path in descriptions]
+                return _frame_costs(record, frames, effort)
             finally:
                 view.delete()
 

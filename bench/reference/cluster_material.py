@@ -23,13 +23,9 @@ def crept(
     material = clusters.material
     if plastic is None or material is None:
         return None
-    rotations, stretched, flat = (
-        clusters.rotations(position, plastic),
-        clusters.strained(position, plastic),
-        clusters.flat,
-    )
+    rotations, stretched = clusters.rotations(position, plastic), clusters.strained(position, plastic)
     strains = plastic.copy()
-    for c in np.flatnonzero((material.creep > 0) & ~flat):
+    for c in np.flatnonzero((material.creep > 0) & ~clusters.flat):
         seen = rotations[c].T @ stretched[c]
         strain = (seen + seen.T) / 2 - np.eye(3)
         if np.linalg.norm(strain) <= material.threshold[c]:
@@ -142,11 +138,8 @@ def rebounded(
     result = velocity.copy()
     for c in map(int, np.flatnonzero(whole)):
         entries = slice(clusters.offsets[c], clusters.offsets[c + 1])
-        k, m, (wanted, resulting, rigid) = (
-            clusters.indices[entries],
-            clusters.masses[entries],
-            worth(clusters, c, position, velocity - old),
-        )
+        k, m = clusters.indices[entries], clusters.masses[entries]
+        wanted, resulting, rigid = worth(clusters, c, position, velocity - old)
         result[k] = old[k] + (min(wanted / resulting, m.sum() / m.min()) if resulting > 0 else 0.0) * rigid
     return result
 
@@ -167,11 +160,8 @@ def bounced(
     change = contacts.velocity_changes(position, old, velocity, scale, rigid)
     for c in map(int, np.flatnonzero(whole)):
         entries = slice(clusters.offsets[c], clusters.offsets[c + 1])
-        k, m, (total, resulting, _) = (
-            clusters.indices[entries],
-            clusters.masses[entries],
-            worth(clusters, c, position, change),
-        )
+        k, m = clusters.indices[entries], clusters.masses[entries]
+        total, resulting, _ = worth(clusters, c, position, change)
         asked, touching = (m * contacts.asked[k]).sum(), m[(change[k] != 0).any(axis=1)].sum()
         scale[k] = [m.sum() / touching * asked / total, asked, resulting] if total > 0 else 0.0
     scaled = contacts.velocity_changes(position, old, velocity, scale, rigid)

@@ -119,11 +119,7 @@ def linear_static(
     """
     stiffness = Body.of(position, tetrahedra, "corotated", young, poisson).stiffness()
     free = free_coordinates(fixed)
-    moved = (
-        np.zeros(position.size)
-        if fixed_displacement is None
-        else np.array(fixed_displacement, dtype=np.float64).ravel()
-    )
+    moved = np.zeros(position.size) if fixed_displacement is None else np.array(fixed_displacement, float).ravel()
     moved[free] = 0.0
     load = np.asarray(force, dtype=np.float64).ravel() - stiffness @ moved
     moved[free] = splu(stiffness[free][:, free].tocsc()).solve(load[free])

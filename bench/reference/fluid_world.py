@@ -75,10 +75,8 @@ def collide(
     for kind, collider in scene.colliders:
         surface: Any = collider
         if isinstance(surface, MeshCollider | DistanceField):
-            collide_surface: Any = (
-                mesh_collider.collide if isinstance(surface, MeshCollider) else distance_field.collide
-            )
-            position, velocity = collide_surface(
+            module: Any = mesh_collider if isinstance(surface, MeshCollider) else distance_field
+            position, velocity = module.collide(
                 surface, before, position, velocity, *times, partial(cloth.touched, surface, slow)
             )
             continue

@@ -114,9 +114,8 @@ def motion(
                     p = contacts.sweep(before, p)
                 p = yield before, p
             if contacts and contacts.part.static_friction > 0:
-                p = np.where(
-                    free, p + cluster_material.couple_displacements(scene.body_set.loose, p, contacts.couples), p
-                )
+                rotated = cluster_material.couple_displacements(scene.body_set.loose, p, contacts.couples)
+                p = np.where(free, p + rotated, p)
             if contacts:
                 p = contacts.ended(before, p)
             old, v = v, np.where(free, (p - before - of_whole * matched) / h, 0.0)

@@ -155,9 +155,8 @@ def substep(
         fraction = 1.0
         while fraction > 1e-8:
             there, left = potential(x + fraction * step.reshape(-1, 3))
-            if there <= here + 1e-4 * fraction * float(slope @ step) or np.linalg.norm(left) < 0.5 * np.linalg.norm(
-                slope
-            ):
+            lower = there <= here + 1e-4 * fraction * float(slope @ step)
+            if lower or np.linalg.norm(left) < 0.5 * np.linalg.norm(slope):
                 break
             fraction /= 2
         else:

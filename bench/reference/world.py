@@ -17,7 +17,7 @@ import numpy as np
 from softlab.bench.reference import shape_matching, tetrahedra_cloth, xpbd_mesh
 from softlab.bench.reference.contact import self_contacts as projected
 from softlab.bench.reference.contact import surface_contacts
-from softlab.bench.reference.contact.self_contacts import TriangleContacts
+from softlab.bench.reference.contact.self_contacts import VertexContacts
 from softlab.bench.reference.coupled.fluid_solids import FluidAmongSolids
 from softlab.bench.reference.steps import Motion
 from softlab.model.scene.scene import Scene
@@ -71,7 +71,7 @@ def _surfaces(scene: Scene, distance: float) -> Surfaces:
     return Surfaces(np.concatenate(triangles), body, np.array(closed), gaps, np.flatnonzero(body < 0))
 
 
-def find(scene: Scene, surfaces: Surfaces, before: np.ndarray, predicted: np.ndarray) -> TriangleContacts:
+def find(scene: Scene, surfaces: Surfaces, before: np.ndarray, predicted: np.ndarray) -> VertexContacts:
     """Return the possible contacts within a substep from `before` to `predicted` (particles, 3) [m]."""
     assert scene.contact is not None
     vertex, triangle = (

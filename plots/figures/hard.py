@@ -30,9 +30,7 @@ COLOURS = {"pass": GREEN, "refused": SKY, "known": ORANGE, "fail": VERMILLION}
 
 def hard_rows(results: Results) -> tuple[list[HardRow], tuple[Source, ...]]:
     """Return the verdicts of sheets, and their sources: featured ones first, those of each backend from one machine."""
-    selected, sources = judgements(
-        results, lambda measure: measure.description.get("hard", NOT_HARD) not in NOT_OF_SHEETS
-    )
+    selected, sources = judgements(results, lambda m: m.description.get("hard", NOT_HARD) not in NOT_OF_SHEETS)
     return rows_of(selected), sources
 
 

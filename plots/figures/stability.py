@@ -77,12 +77,8 @@ def _draw(results: Results, axis: str) -> Drawing | str:
         if (e.place.damping == DAMPING if axis == "stiffness" else e.place.stiffness == STIFFNESS)
     ]
     for ax, name in zip(axes.flat, INTEGRATORS, strict=True):
-        _draw_panel(
-            ax,
-            [p for p in map_points if p.place.integrator == name],
-            [e for e in marks if e.place.integrator == name],
-            axis,
-        )
+        cells = [p for p in map_points if p.place.integrator == name]
+        _draw_panel(ax, cells, [e for e in marks if e.place.integrator == name], axis)
         ax.set_title(name, fontsize=8)
     for ax in axes.flat:
         ax.set_xlabel("step size / s" if ax in axes[-1] else " ")

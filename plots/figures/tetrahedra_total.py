@@ -73,9 +73,8 @@ def _panel(ax: Any, measured: list[Bar]) -> list[Bar]:
     for elements, colour in MESHES.items():
         front = frontier([bar for bar in measured if bar.elements == elements])
         drawn += front
-        ax.plot(
-            [1e3 * b.seconds for b in front], [min(b.total_error, MOST) for b in front], color=colour, linewidth=0.9
-        )
+        x, y = [1e3 * b.seconds for b in front], [min(b.total_error, MOST) for b in front]
+        ax.plot(x, y, color=colour, linewidth=0.9)
         for bar in front:
             marker = STYLES[kind_of(bar)][2]
             ax.plot(1e3 * bar.seconds, min(bar.total_error, MOST), marker, color=colour, markersize=3.5)

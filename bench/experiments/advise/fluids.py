@@ -148,13 +148,8 @@ def _store_errors(store: Store, run: str, scene: Scene, tried: Sequence[FluidBud
     for one in tried:
         description = described(scene.replace(one.changes), one.backend, FINDING, precision=one.precision)
         value = one.density if isfinite(one.density) else None
-        store_measures(
-            store,
-            run,
-            description,
-            _sources(one.backend),
-            {DENSITY: (value, "", None if value is not None else "diverged")},
-        )
+        density = value, "", None if value is not None else "diverged"
+        store_measures(store, run, description, _sources(one.backend), {DENSITY: density})
 
 
 def _sources(backend: str) -> str:

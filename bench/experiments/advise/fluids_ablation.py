@@ -163,9 +163,8 @@ class _Work:
                     simulation.reset()
                 if place is not None:
                     description = described(scene, self.backend, FINDING, **how, spares=one.spares)
-                    subjects.append(
-                        (len(results), prepare(Subject(simulation, description), QUICK.seconds, QUICK.most))
-                    )
+                    subject = prepare(Subject(simulation, description), QUICK.seconds, QUICK.most)
+                    subjects.append((len(results), subject))
                 results.append(left)
             record = Record(self.store, self.summary.run, cost_sources(self.backend, __file__))
             timed = in_turn(record, [subject for _, subject in subjects], QUICK.repeats)

@@ -142,9 +142,8 @@ def _far_away(backend: str) -> list[Experiment]:
     experiments = []
     for method, offset in product(AWAY_METHODS, OFFSETS):
         scene = base.replace({"method.integrator": method, "method.dt": AWAY_DT})
-        experiments.append(
-            _finding(ERROR, AWAY, scene, backend, partial(_away_error, scene, backend, offset), offset=offset)
-        )
+        measure = partial(_away_error, scene, backend, offset)
+        experiments.append(_finding(ERROR, AWAY, scene, backend, measure, offset=offset))
     return experiments
 
 

@@ -53,9 +53,8 @@ def steady_groups(backend: str, effort: Effort, quick: bool) -> list[Group]:
     descriptions = tuple(
         described(scene, backend, STEADY, precision=PRECISION, state=state) for scene, state in variants
     )
-    all_groups = [
-        Group(f"{STEADY}, {backend}", descriptions, sources, partial(_steady, variants, descriptions, effort))
-    ]
+    run = partial(_steady, variants, descriptions, effort)
+    all_groups = [Group(f"{STEADY}, {backend}", descriptions, sources, run)]
     for side in sides:
         scene = base.replace({"grid.rows": side, "grid.columns": side, "method.dt": LENGTH_DT})
         runs = tuple(described(scene, backend, LENGTH, precision=PRECISION, steps=steps) for steps in lengths)

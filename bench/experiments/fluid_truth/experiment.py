@@ -47,9 +47,8 @@ class Run:
     @property
     def description(self) -> dict[str, Any]:
         name = None if self.peer is None else self.peer.name
-        fields = configuration(
-            self.setting.scene, backend=self.backend, peer=name, **host_of(self.backend, self.threads)
-        )
+        host = host_of(self.backend, self.threads)
+        fields = configuration(self.setting.scene, backend=self.backend, peer=name, **host)
         return fields | {"finding": FINDING + self.setting.kind}
 
 

@@ -27,7 +27,7 @@ MARGIN, FLAT, COINCIDENT = 0.1, 0.0625, 1e-3
 
 
 @dataclass(frozen=True)
-class TriangleContacts:
+class VertexContacts:
     """Contacts, (n,) each, by mass, then by distance, then by triangle; `corners` and `weights` (n, 3), `normal` (n,
     3).
     """
@@ -40,12 +40,12 @@ class TriangleContacts:
     required: np.ndarray  # m, the required distance
     distance: np.ndarray  # m, at the beginning of the substep
 
-    def nearest(self, most: int) -> TriangleContacts:
+    def nearest(self, most: int) -> VertexContacts:
         """Return the `most` nearest contacts of every mass."""
         rank = np.arange(len(self.mass)) - np.searchsorted(self.mass, self.mass)
         return self.where(rank < most)
 
-    def where(self, chosen: np.ndarray) -> TriangleContacts:
+    def where(self, chosen: np.ndarray) -> VertexContacts:
         """Return the contacts whose entry in `chosen` (n,) is true."""
         return type(self)(*(getattr(self, name)[chosen] for name in self.__dataclass_fields__))
 
@@ -100,7 +100,7 @@ def _first_with_feature(rows: int, columns: int, corners: np.ndarray, weights: n
 
 def find(
     part: SelfCollision, rows: int, columns: int, spacing: float, before: np.ndarray, predicted: np.ndarray, h: float
-) -> TriangleContacts:
+) -> VertexContacts:
     """Return the contacts that are possible in a substep of `h` [s] from `before` to `predicted` (particles, 3) [m].
 
     A contact is a mass and a triangle without it as a corner, whose nearest point is nearer than the thickness, a
@@ -127,7 +127,7 @@ def find(
     gap = np.einsum("nk,nk->n", normal, r)
     required = np.minimum(np.minimum(part.thickness, rest), gap + part.separation_speed * h)
     order = np.lexsort((triangle, distance, mass))
-    return TriangleContacts(*(a[order] for a in (mass, triangle, corners, weights, normal, required, distance)))
+    return VertexContacts(*(a[order] for a in (mass, triangle, corners, weights, normal, required, distance)))
 
 
 def _normals(
@@ -153,7 +153,7 @@ def _normals(
 
 def project(
     part: SelfCollision,
-    contacts: TriangleContacts,
+    contacts: VertexContacts,
     before: np.ndarray,
     position: np.ndarray,
     weight: np.ndarray,

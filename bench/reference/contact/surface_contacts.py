@@ -15,20 +15,19 @@ from typing import Any
 
 import numpy as np
 
-from softlab.bench.reference.contact.self_contacts import FLAT, MARGIN, TriangleContacts, nearest_weights
+from softlab.bench.reference.contact.self_contacts import FLAT, MARGIN, VertexContacts, nearest_weights
 from softlab.model.scene.scene import Scene
 from softlab.model.tetrahedra.attachments import attachment_sets
 
 BEHIND = 0.25
-EXTRA_WEIGHT = (
-    0.25  # added to a corner's weight when its particle's mass is split, so that levers act where the weight is 0
-)
+# added to a corner's weight when its particle's mass is split, so that levers act where the weight is 0
+EXTRA_WEIGHT = 0.25
 PARALLEL = 0.99999  # cosine of a contact's normal with the triangle's, above which it is the triangle's
 PAST = 2.0**-10  # of a triangle: margin beyond its edges within which a path through its plane is one through it
 
 
 @dataclass(frozen=True)
-class Touching(TriangleContacts):
+class Touching(VertexContacts):
     """Contacts of surfaces; `around` (n,) object: (m, 3) int, corners of triangles with one of the triangle's corners."""
 
     around: np.ndarray
@@ -102,12 +101,7 @@ def force_matrices(corners: np.ndarray, weights: np.ndarray, r: np.ndarray) -> n
 
 
 def rub(
-    part: Any,
-    contacts: TriangleContacts,
-    before: np.ndarray,
-    position: np.ndarray,
-    weight: np.ndarray,
-    deep: np.ndarray,
+    part: Any, contacts: VertexContacts, before: np.ndarray, position: np.ndarray, weight: np.ndarray, deep: np.ndarray
 ) -> np.ndarray:
     """Return particles' displacements (particles, 3) by the `contacts` of depth `deep` [m], for a weight of 1.
 

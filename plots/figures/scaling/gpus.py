@@ -58,36 +58,31 @@ def draw(results: Results) -> Drawing | str:
 
 
 def _draw_faster(ax: Any, measured: Sequence[ScalingPoint]) -> None:
-    speed_ups, weak = speedups(measured), weak_efficiencies(measured)
+    over_one, weak = speedups(measured), weak_efficiencies(measured)
     counts = sorted({p.gpus for p in measured} - {1})
     for gpus in counts:
         for link, (colour, marker) in LINKS.items():
             curve = [
-                (masses(p), faster) for p, faster, _ in speed_ups if (p.gpus, p.link, p.scene) == (gpus, link, "grid")
+                (masses(p), faster) for p, faster, _ in over_one if (p.gpus, p.link, p.scene) == (gpus, link, "grid")
             ]
             if curve:
                 ax.plot(*zip(*curve, strict=True), "-", color=colour, marker=marker, label=f"{gpus} GPUs, {link}")
-        by_model = [(masses(p), model) for p, _, model in speed_ups if model and (p.gpus, p.link) == (gpus, "flags")]
+        by_model = [(masses(p), model) for p, _, model in over_one if model and (p.gpus, p.link) == (gpus, "flags")]
         if by_model:
             ax.plot(*zip(*by_model, strict=True), "--", color=BLUE, label=f"{gpus} GPUs, model")
         cloth = [
             (masses(p), faster)
-            for p, faster, _ in speed_ups
+            for p, faster, _ in over_one
             if p.gpus == gpus and p.scene == "xpbd" and p.link == "flags"
         ]
         if cloth:
             ax.plot(*zip(*cloth, strict=True), linestyle="", color=PURPLE, marker="D", label=f"{gpus} GPUs, cloth")
-        each_alone = [
+        grids = [
             (masses(p), gpus * weak[id(p)]) for p in measured if id(p) in weak and p.gpus == gpus and p.link == "flags"
         ]
-        if each_alone:
-            ax.plot(
-                *zip(*each_alone, strict=True),
-                linestyle="",
-                color=VERMILLION,
-                marker="v",
-                label=f"{gpus} GPUs, a grid each",
-            )
+        if grids:
+            label = f"{gpus} GPUs, a grid each"
+            ax.plot(*zip(*grids, strict=True), linestyle="", color=VERMILLION, marker="v", label=label)
         ax.axhline(gpus, color=GREY, linewidth=1, zorder=1)
     log_axes(ax)
     ax.set_yscale("linear")
