@@ -32,7 +32,7 @@ MIN_STEPS = 96
 
 @dataclass(frozen=True)
 class Growth:
-    """`times` (looks,) [s] and the `factors` (looks,) by which a disturbance had grown then; 1 where nothing is free."""
+    """Growth `factors` of a disturbance at the `times` [s], both (checkpoints,); 1 where nothing is free."""
 
     times: np.ndarray
     factors: np.ndarray
