@@ -43,7 +43,7 @@ Time = Annotated[float | None, typer.Option(help="Simulated seconds until the er
 
 
 def precisions_of(chosen: list[str] | None, *usual: str) -> tuple[str, ...]:
-    """Those that were chosen, each once, else the `usual`, else all. Raises SceneError."""
+    """Return the chosen precisions, each once, else the `usual` ones, else all. Raises SceneError."""
     from softlab.model.core.simulation import PRECISIONS, Options
 
     return tuple(dict.fromkeys(Options(name).precision for name in chosen or usual or PRECISIONS))

@@ -1,7 +1,7 @@
 """Measuring one group of a sweep: the configurations of one grid that are interleaved.
 
 Each simulation is opened once, checked (bench/experiments/checks.py), warmed up, and then sampled in turn with the others;
-every number is in the store before the next one is had.
+every number is stored before the next one is measured.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ PICTURE = (800, 600)  # pixels of what is drawn off-screen: the grid alone, no t
 class GroupRunner:
     """Measures groups of cases into the store, one group at a time. `report(text)` receives the current step.
 
-    `costs` gains what each kind of case took. `backends`: those that may be opened for a comparison.
+    `costs` collects the duration of each kind of case. `backends`: those that may be opened for a comparison.
     """
 
     refusals: tuple[type[Exception], ...] = (SoftlabError, MemoryError)  # what ends a case, not the sweep
@@ -74,7 +74,7 @@ class GroupRunner:
     # ------------------------------------------------------------------ opening
 
     def _open(self, case: Case, stack: ExitStack) -> Simulation:
-        """The simulation, its kernels compiled; the first of its variant in this process is timed at that."""
+        """Open a simulation and compile its kernels; the compilation of the first of its variant in this process is timed."""
         self.report(f"{case}: opening")
         begin = time.perf_counter()
         simulation = self._enter(case, stack)
@@ -105,7 +105,7 @@ class GroupRunner:
         return time.perf_counter() - begin
 
     def _diverged(self, case: Case, error: BaseException) -> None:
-        """A configuration that breaks has an error, too: an infinite one."""
+        """Store the infinite error of a configuration that breaks."""
         if isinstance(error, Diverged):
             self._store(case, {"error": (math.inf, "spacing", str(error))})
 
@@ -134,7 +134,7 @@ class GroupRunner:
         return warnings
 
     def _other_check(self, case: Case, simulation: Simulation, simulations: dict[Kind, Simulation]) -> Check | str:
-        """The check against the other backend at the same size, or why there is none."""
+        """The check against the other backend at the same size, or the reason why there is none."""
         name = "gpu" if case.backend == "cpu" else "cpu"
         if name not in self.backends:
             available, text = gpu_or_reason()
@@ -205,7 +205,7 @@ class GroupRunner:
         self._store(case, {DRAWN_BY: (None, "", f"{who}, {PICTURE[0]} x {PICTURE[1]} pixels, {path}")})
 
     def _renderer(self, case: Case, stack: ExitStack) -> Renderer | str:
-        """One renderer for the group (two off-screen contexts do not live together), or why there is none."""
+        """One renderer for the group (two off-screen contexts do not live together), or the reason why there is none."""
         try:
             from softlab.app.output.offscreen import OffscreenRenderer
 

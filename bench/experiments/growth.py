@@ -48,15 +48,15 @@ class Growth:
         return not self.factor <= MAX_GROWTH
 
     def safe_time(self) -> float | None:
-        """The last time [s] looked at before the factor first passes MAX_GROWTH; None where it does from the first on."""
+        """Last checkpoint [s] before the factor first exceeds MAX_GROWTH; None if the first one exceeds it."""
         over = np.flatnonzero(~(self.factors <= MAX_GROWTH))
         last = (over[0] if len(over) else len(self.times)) - 1
         return float(self.times[last]) if last >= 0 else None
 
 
 def disturbance(scene: Scene) -> np.ndarray:
-    """(particles, dimensions) [m]: DISTURBANCE spacings times a fixed pattern that no symmetry of a sheet shares; 0 at
-    pins."""
+    """Return the disturbance (particles, dimensions) [m]: DISTURBANCE spacings times a fixed pattern without the symmetries
+    of a sheet; 0 at pins."""
     i, j = np.mgrid[: scene.grid.rows, : scene.grid.columns]
     waves = [np.sin(1.7 * i + 0.9 * j + 1), np.cos(0.6 * i - 1.3 * j + 1), np.sin(0.8 * i - 0.7 * j + 1)]
     pattern = np.stack(waves[: scene.dimensions], axis=-1)
@@ -74,7 +74,7 @@ def twin_steps(scene: Scene, time: float, per_radian: float = STEPS_PER_RADIAN) 
 def growth_along(
     scene: Scene, time: float, path: Callable[[np.ndarray, int], list[np.ndarray]], per_radian: float = STEPS_PER_RADIAN
 ) -> Growth:
-    """The growth factors up to `time` [s]. `path(position, steps)`: the positions (particles, dimensions) at the
+    """Return the growth factors up to `time` [s]. `path(position, steps)`: the positions (particles, dimensions) at the
     CHECKPOINTS times, from such a start at the scene's velocities, in so many steps."""
     times = time * np.arange(1, CHECKPOINTS + 1) / CHECKPOINTS
     offset = disturbance(scene)
@@ -89,9 +89,9 @@ def growth_along(
 
 
 def measure_growth(scene: Scene, time: float, integrator: str = "rk4", per_radian: float = STEPS_PER_RADIAN) -> Growth:
-    """The growth factors of a scene's motion up to `time` [s]. The scene's own method plays no part in it.
+    """Return the growth factors of a scene's motion up to `time` [s]. The scene's own method does not matter.
 
-    `integrator`, `per_radian` (see `twin_steps`): of the twins. Implicit Euler takes what no explicit step can follow.
+    `integrator`, `per_radian` (see `twin_steps`): of the twins. Implicit Euler is for scenes too stiff for explicit steps.
     """
 
     def path(position: np.ndarray, count: int) -> list[np.ndarray]:
@@ -110,7 +110,7 @@ def measure_growth(scene: Scene, time: float, integrator: str = "rk4", per_radia
 def cached_growth(
     scene: Scene, time: float, folder: Path | None, integrator: str = "rk4", per_radian: float = STEPS_PER_RADIAN
 ) -> Growth:
-    """`measure_growth`, kept in `folder` as references are (None: nothing is kept)."""
+    """Return `measure_growth` from `folder`, or compute it and store it there like references (None: not stored)."""
     file = folder / f"growth-{cache.key(scene, time, 1.0, DISTURBANCE)}.npz" if folder else None
     shapes = {"times": (CHECKPOINTS,), "factors": (CHECKPOINTS,)}
     arrays = cache.cached_arrays(file, shapes, lambda: vars(measure_growth(scene, time, integrator, per_radian)))

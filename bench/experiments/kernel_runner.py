@@ -1,7 +1,7 @@
-"""Measuring the kernels of one grid: opened, checked, timed in turn, and held against an energy counter.
+"""Measurement of the kernels of one grid: opened, checked, timed in turn, with their energy.
 
-What bench/experiments/group.py does, for forced kernels: whatever one of them raises is stored as the reason why it was
-skipped, and the others go on.
+Like bench/experiments/group.py for forced kernels: an error of one of them is stored as the reason why it was skipped, and
+the others go on.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ NO_JOULES = "energy_skipped"  # the measure that says why there are none
 
 
 class KernelRunner(GroupRunner):
-    """Measures groups of kernels: whatever one of them raises is its own affair."""
+    """Measures groups of kernels; an error of one does not stop the others."""
 
     refusals = (Exception,)
 
@@ -45,7 +45,7 @@ class KernelRunner(GroupRunner):
     # ------------------------------------------------------------------ opening
 
     def _open(self, case: Case, stack: ExitStack) -> Simulation:
-        """The simulation, its kernels compiled."""
+        """Open a simulation and compile its kernels."""
         self.report(f"{case}: opening")
         begin = time.perf_counter()
         simulation = self._enter(case, stack)
@@ -85,7 +85,7 @@ class KernelRunner(GroupRunner):
     # ------------------------------------------------------------------ checking
 
     def _check(self, cases: Sequence[Case], simulations: dict[Kind, Simulation]) -> dict[Kind, str]:
-        """Each kernel against NumPy at the small size, and against the plainest one at its own."""
+        """Compare each kernel with NumPy at the small size, and with the simplest kernel at its own size."""
         warnings: dict[Kind, str] = {}
         witnesses: dict[str, tuple[str, State, Any]] = {}
         for case in cases:
@@ -112,7 +112,7 @@ class KernelRunner(GroupRunner):
     def _full_size_check(
         case: Case, simulation: Simulation, witnesses: dict[str, tuple[str, State, Any]]
     ) -> Check | str:
-        """A few steps from a displaced state, held against the first kernel of this size and precision."""
+        """Compare a few steps from a displaced state with the first kernel of this size and precision."""
         if case.particles > MAX_CHECKED and case.precision != "float32":
             return "at this size only float32 is held against another kernel: a state takes seconds to load and compare"
         witness = witnesses.get(case.precision)
@@ -162,7 +162,7 @@ class KernelRunner(GroupRunner):
                 self._measure_energy(subject)
 
     def _measure_energy(self, subject: Subject) -> None:
-        """One sample of its own stage, with joules; none where the counter moved too rarely or stepping broke."""
+        """Store one sample with joules; none where the counter moved too rarely or stepping failed."""
         case: Case = subject.name
         if case.backend not in self._counters:
             self._counters[case.backend] = energy_counter(case.backend)

@@ -1,9 +1,9 @@
-"""Write the map of committed measurements that still hold: python -m softlab.bench.keys.carry [--check]
+"""Write the map of committed measurements that are still valid: python -m softlab.bench.keys.carry [--check]
 
-Of every digest of sources in the data it looks for the commit, among those that the runs name, whose tree has it; opens each
-configuration under that commit and under the code as it is; and lists those whose kernels and arrays have one key. Where only
-the source differs, it compares the machine code. `--check` is quick: it asks of one configuration of each group whether its
-key still is what the map says, and keeps the groups of which that is true.
+For each digest of sources in the data it finds the commit with that digest among those that the runs name. It opens each
+configuration under that commit and under the current code, and lists those whose kernels and arrays have the same key. Where
+only the source differs, it compares the machine code. `--check` is quick: it compares the key of one configuration of each
+group with the map, and keeps the groups where they agree.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ s.loader.exec_module(m); print(*(m.source_digest(*m.backend_sources(b)) for b in
 
 
 def measured(store: Store) -> dict[tuple[str, str], Descriptions]:
-    """(digest of the sources, backend) -> the configurations that were measured under it, but those of other programs."""
+    """Return (digest of the sources, backend) -> configurations measured under it, without those of other programs."""
     configurations: dict[tuple[str, str], Descriptions] = {}
     for sources, name, text in store.query(
         "SELECT DISTINCT sources, hash, description FROM (SELECT sources, configuration FROM sample UNION "
@@ -47,14 +47,14 @@ def measured(store: Store) -> dict[tuple[str, str], Descriptions]:
 
 
 def commits_named(store: Store) -> list[str]:
-    """The commits that runs name, without the mark of changed files."""
+    """Return the commits that runs name, without the mark of changed files."""
     named = (read_version(text).commit for (text,) in store.query("SELECT DISTINCT commit_hash FROM run"))
     return sorted({commit.rstrip("+") for commit in named if commit})
 
 
 @contextmanager
 def checkout(commit: str) -> Iterator[Path]:
-    """A folder with the files of a commit."""
+    """Provide a folder with the files of a commit."""
     with tempfile.TemporaryDirectory(prefix="softlab-commit-") as folder:
         archive = subprocess.run(["git", "-C", str(ROOT), "archive", commit], check=True, capture_output=True)
         subprocess.run(["tar", "-x", "-C", folder], input=archive.stdout, check=True)
@@ -62,7 +62,7 @@ def checkout(commit: str) -> Iterator[Path]:
 
 
 def digests_at(commit: str) -> dict[str, str]:
-    """The digest of each backend's sources at a commit, by that commit's own rule; empty where it has none."""
+    """Return the digest of each backend's sources at a commit, by that commit's own rule; empty where it has none."""
     try:
         with checkout(commit) as folder:
             done = subprocess.run(
@@ -74,7 +74,7 @@ def digests_at(commit: str) -> dict[str, str]:
 
 
 def day_of(commit: str) -> str:
-    """The day of a commit, `2026-11-23`."""
+    """Return the day of a commit, `2026-11-23`."""
     command = ["git", "-C", str(ROOT), "show", "-s", "--format=%cs", commit]
     return subprocess.run(command, check=True, capture_output=True, text=True).stdout.strip()
 
@@ -85,7 +85,7 @@ def day_of(commit: str) -> str:
 def groups_of(
     sources: str, backend: str, before: dict[str, Key], now: dict[str, Key], proof: str = "source"
 ) -> list[Group]:
-    """The configurations that have one key before and now, by that key."""
+    """Group the configurations that have the same key before and now by that key."""
     names_by_key: dict[Key, list[str]] = {}
     for name in sorted(before):
         if before[name] == now.get(name):
@@ -101,7 +101,7 @@ def groups_of(
 def by_machine_code(
     folder: Path, sources: str, backend: str, descriptions: Descriptions, before: dict[str, Key], now: dict[str, Key]
 ) -> list[Group]:
-    """Groups of those whose kernels differ in source and are given the same arrays, but compile to the same code."""
+    """Group configurations whose kernels differ in source, but have the same arrays and compile to the same code."""
     pairs: dict[tuple[Key, Key], list[str]] = {}
     for name, key in before.items():
         if name in now and key[0] != now[name][0] and key[1] == now[name][1]:
@@ -123,8 +123,8 @@ def by_machine_code(
 
 
 def maps(store: Store, code: bool) -> Iterator[tuple[Carried, str]]:
-    """The map of a store's measurements for the code as it is, as it grows digest by digest, and what was found last. `code`:
-    compare machine code, too, which takes minutes."""
+    """Yield the growing map of a store's measurements and a line on the last digest. `code`: compare machine code, too,
+    which takes minutes."""
     measurements = measured(store)
     commits: dict[tuple[str, str], str] = {}
     for named in commits_named(store):
@@ -149,7 +149,7 @@ def maps(store: Store, code: bool) -> Iterator[tuple[Carried, str]]:
 
 
 def checked(known: Carried, store: Store) -> Carried:
-    """The groups of a map whose first configuration still has the key that the map says, for the code as it is."""
+    """Return the groups of a map whose first configuration has the map's key under the current code."""
     descriptions = {
         name: description for configurations in measured(store).values() for name, description in configurations.items()
     }

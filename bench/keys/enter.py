@@ -28,7 +28,7 @@ def _has_kernels(description: Mapping[str, Any]) -> bool:
 
 
 def _keys(descriptions: Mapping[str, Mapping[str, Any]], experiment: str) -> dict[str, str]:
-    """Hash of a configuration -> what a measure `kernel_key` says of it; fewer where this process runs no kernels."""
+    """Return hash of a configuration -> its measure `kernel_key`; empty where this process runs no kernels."""
     if not descriptions or experiment not in MEASURING or any(os.environ.get(name, "0") != "0" for name in NO_KERNELS):
         return {}
     try:
@@ -39,7 +39,7 @@ def _keys(descriptions: Mapping[str, Mapping[str, Any]], experiment: str) -> dic
 
 
 def enter_keys(store: Store, run: str, experiment: str) -> None:
-    """Enter the keys of what a run has measured and that has none yet."""
+    """Enter the missing keys of the configurations that a run has measured."""
     rows = store.query(
         "SELECT DISTINCT hash, description, sources FROM (SELECT configuration, sources, run FROM sample UNION "
         "SELECT configuration, sources, run FROM measure) AS taken JOIN configuration ON hash = taken.configuration "

@@ -25,12 +25,12 @@ NOT_IN_CODE = frozenset({"nogil", "no_cpython_wrapper", "no_cfunc_wrapper", "_nr
 
 
 class SourceUnknown(LookupError):
-    """The source of a function cannot be found, so that nothing can be said of it."""
+    """The source of a function cannot be found, so that it has no digest."""
 
 
 @cache
 def _functions_in(path: str) -> dict[str, list[tuple[int, int, Any]]]:
-    """Name -> (first line, first line of the outermost function around it, node) of every function in a file."""
+    """Return name -> (first line, first line of the outermost function around it, node) of every function in a file."""
     functions: dict[str, list[tuple[int, int, Any]]] = {}
 
     def visit(node: ast.AST, outermost: int) -> None:
@@ -48,7 +48,7 @@ def _functions_in(path: str) -> dict[str, list[tuple[int, int, Any]]]:
 
 
 def tree_of(code: types.CodeType) -> Any:
-    """The syntax tree of a function's code, a function definition or a lambda. Raises SourceUnknown.
+    """Return the syntax tree of a function's code, a function definition or a lambda. Raises SourceUnknown.
 
     Code that was compiled from a rewritten copy of a module-level function counts its lines from that function's first.
     """
@@ -76,7 +76,7 @@ class KernelDigests:
         self._entered: dict[int, int] = {}
 
     def of(self, kernel: Any) -> str:
-        """The digest (16 hexadecimal digits) of a compiled or plain function. Raises SourceUnknown."""
+        """Return the digest (16 hexadecimal digits) of a compiled or plain function. Raises SourceUnknown."""
         return _hash(self.describe(kernel))
 
     def describe(self, value: Any) -> str:

@@ -38,7 +38,7 @@ def positions_of(code: types.CodeType) -> dict[str, int]:
 
 
 def normal_form(tree: Any, resolve: Resolve, describe: Describe) -> str:
-    """The text of a function's tree: equal texts mean equal functions, whatever their names.
+    """Return the text of a function's tree: equal texts mean equal functions, whatever their names.
 
     Locals and parameters are numbered in order of appearance. A name from outside is resolved and described by its value; a
     branch that such values decide is left out. Attributes of locals and of libraries keep their names.
@@ -100,7 +100,7 @@ class _Writer:
         return value if isinstance(value, SCALARS) else UNKNOWN
 
     def _bool(self, node: ast.BoolOp) -> Any:
-        """`and`, `or` of which one operand decides, or all are known."""
+        """Value of an `and` or `or` that one operand decides, or whose operands are all known; else UNKNOWN."""
         values = [self._scalar(value) for value in node.values]
         decides = isinstance(node.op, ast.Or)
         if any(value is decides for value in values):
@@ -110,7 +110,7 @@ class _Writer:
     # ------------------------------------------------------------------ functions and statements
 
     def function(self, node: Any) -> str:
-        """A definition or a lambda: parameters by number, defaults, body."""
+        """Text of a definition or a lambda: parameters by number, defaults, body."""
         ordinary, gathered = parameters_of(node.args)
         body = node.body if isinstance(node.body, list) else [ast.Return(node.body)]
         outer = {name for one in body for name in _outer_names(one)}
@@ -124,7 +124,7 @@ class _Writer:
         return text
 
     def block(self, body: list[Any]) -> str:
-        """Statements, without those that do nothing; none after one that leaves the block."""
+        """Text of statements, without those that have no effect or follow one that leaves the block."""
         texts: list[str] = []
         for one in body:
             text = self.statement(one)
@@ -178,7 +178,7 @@ class _Writer:
         return f"?{name}" if value is UNKNOWN else self.describe(value)
 
     def bool_text(self, node: ast.BoolOp) -> str:
-        """An `and`, `or` without the operands that decide nothing."""
+        """Text of an `and` or `or` without the operands that do not matter."""
         decided = self._bool(node)
         if decided is not UNKNOWN:
             return self.describe(decided)
@@ -188,7 +188,7 @@ class _Writer:
         return f"{type(node.op).__name__}({','.join(map(self.expression, left))})"
 
     def call(self, node: ast.Call) -> str:
-        """A call; keywords by the place of the parameter where the function is known, else by name."""
+        """Text of a call; keywords by the place of the parameter where the function is known, else by name."""
         function = self.value(node.func)
         code = getattr(getattr(function, "py_func", function), "__code__", None)
         places = positions_of(code) if isinstance(code, types.CodeType) else {}
@@ -197,7 +197,7 @@ class _Writer:
         return f"{self.expression(node.func)}({','.join([*positional, *named])})"
 
     def comprehension(self, node: Any) -> str:
-        """A comprehension, whose targets are names of its own."""
+        """Text of a comprehension, whose targets are its own names."""
         self._scopes.append({n for one in node.generators for n in _bound(one.target)})
         self._numbers.append({})
         loops = ",".join(
@@ -210,7 +210,7 @@ class _Writer:
         return f"{type(node).__name__}({loops}:{','.join(elements)})"
 
     def generic(self, node: Any) -> str:
-        """Any other node: its type and its children in the order of its fields."""
+        """Text of any other node: its type and its children in the order of its fields."""
         return f"{type(node).__name__}({','.join(self._children(node))})"
 
     def _children(self, node: Any) -> Iterator[str]:

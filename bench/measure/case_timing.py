@@ -53,13 +53,13 @@ class Case:
 
 
 def make_case(scene: Scene, backend: str, precision: str, label: str) -> Case:
-    """One configuration, described as the store holds it."""
+    """Return a case with the description that the store uses."""
     description = configuration(scene, backend=backend, precision=precision, **host_of(backend))
     return Case(scene, backend, description, source_hash(backend), label)
 
 
 def ready(stack: ExitStack, case: Case, seconds: float, most: float) -> Subject:
-    """The case, opened as long as the stack is, `prepare`d for samples of `seconds` [s], at `most` [s]. Raises Diverged."""
+    """Open a case until the stack closes, and `prepare` samples of `seconds` [s], at most `most` [s]. Raises Diverged."""
     return prepare(Subject(stack.enter_context(case.open()), case), seconds, most)
 
 
@@ -91,8 +91,8 @@ class RatePoint:
 class Rates:
     """Experiment on the rate of work of cases. `name`: also of its command; `stage`: of its samples;
     `step`, `rate`, `kernel`: names of its measures, the median step [s], `work` of the scene in a step over it [1/s], and
-    the kernel that ran; `words`: further measures, which hold a word on the scene; `groups(backends, quick, precisions,
-    ...)`: what is timed in turn."""
+    the kernel that ran; `words`: further measures, with a word on the scene; `groups(backends, quick, precisions, ...)`:
+    the groups that are timed in turn."""
 
     name: str
     stage: str
@@ -117,7 +117,7 @@ class Rates:
         """Time the cases that the store lacks, those of a group in turn, and return a summary. `quick`: fewer cases and
         repeats; `chosen`: further arguments of `groups`. Ctrl-C ends cleanly.
 
-        Raises SceneError (what cannot be chosen), BackendUnavailable, InputError (the store).
+        Raises SceneError (an impossible choice), BackendUnavailable, InputError (the store).
         """
         here, repeats = backends_here(backends), QUICK_REPEATS if quick else REPEATS
         for precision in precisions:

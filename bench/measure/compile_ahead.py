@@ -33,7 +33,7 @@ _gathered: list[list[Any]] = []  # cases of the `gathering` under way
 
 
 class _Nothing(Alone):
-    """The share of a process that plans experiments and measures none of them."""
+    """Partition of a process that plans experiments and measures none of them."""
 
     @contextmanager
     def take(self, name: str) -> Iterator[bool]:
@@ -42,7 +42,7 @@ class _Nothing(Alone):
 
 @contextmanager
 def gathering(progress: bool) -> Iterator[None]:
-    """Within it, experiments measure nothing; at its end the kernels that they lack are compiled by one pool of processes.
+    """Let experiments inside this context measure nothing; at its end one pool of processes compiles the kernels they lack.
 
     A pool for each experiment would import numba and CUDA anew in every process, and wait for its slowest kernel.
     """

@@ -1,4 +1,4 @@
-"""Times behind a ratio: ways to do the same steps, sampled in turn in one process, each over the first one."""
+"""Ratios of times: variants of the same steps, sampled in turn in one process, each over the first one."""
 
 from __future__ import annotations
 

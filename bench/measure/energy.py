@@ -30,7 +30,7 @@ RAPL = Path("/sys/class/powercap")
 
 @dataclass(frozen=True)
 class Energy:
-    """`steps` steps took `joules` [J] in `seconds` [s]."""
+    """`joules` [J] of `steps` steps in `seconds` [s]."""
 
     joules: float
     seconds: float
@@ -41,7 +41,7 @@ class Energy:
         return self.joules / self.seconds
 
     def suspect(self, seconds_per_step: float, limit: float | None) -> str | None:
-        """Why it is to be read with care, or None. `seconds_per_step`: as timed [s]; `limit`: of the device's power [W]."""
+        """Reason to doubt the sample, or None. `seconds_per_step`: as timed [s]; `limit`: of the device's power [W]."""
         slower = self.seconds / self.steps / seconds_per_step
         reasons = [f"steps took {slower:.2f} times as long as when timed"] if slower > SLOWER else []
         if limit is not None and self.watts > 1.05 * limit:
@@ -136,7 +136,7 @@ def joules_of_all(subject: Subject, counters: Sequence[Counter | None]) -> float
 
 @dataclass(frozen=True)
 class _Jump:
-    """When the counter moved (`clock` [s]), where to (`joules`), and how many steps were run until it did."""
+    """A jump of the counter: its time (`clock` [s]), the new value (`joules`), and the number of steps until then."""
 
     clock: float
     joules: float

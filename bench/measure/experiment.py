@@ -1,7 +1,7 @@
-"""The frame of every experiment: by what the store knows a configuration, how what it lacks is measured, and what was done.
+"""The frame of every experiment: keys of configurations, measurement of those that the store lacks, and the summary.
 
-An experiment is groups of cases (what of a group is sampled in turn), and a function that measures a group. `resume` owns the
-rest: what the store holds already, the run, the bar, Ctrl-C. `store_measures` stores numbers,
+An experiment is groups of cases, which are sampled in turn, and a function that measures a group. `resume` does the rest: it
+skips what the store has, and owns the run, the bar and Ctrl-C. `store_measures` stores numbers,
 bench/measure/samples.py samples.
 """
 
@@ -46,9 +46,9 @@ def host_of(backend: str, threads: str | int = "1x") -> dict[str, Any]:
 
 
 def backends_here(wanted: Sequence[str] | None) -> list[str]:
-    """The backends to measure: those asked for, else all that this machine has (a simulated GPU only when asked for).
+    """Return the backends to measure: the requested ones, else all of this machine (a simulated GPU only on request).
 
-    Raises SceneError for an unknown one, BackendUnavailable for one that was asked for and is not here.
+    Raises SceneError for an unknown one, BackendUnavailable for a requested one that is missing.
     """
     available, text = gpu_or_reason()
     if wanted is None:
@@ -77,7 +77,7 @@ def chosen(names: Sequence[str] | None, known: Sequence[str], what: str, rows: b
 
 
 def described(scene: Scene, backend: str, finding: str, **how: Any) -> dict[str, Any]:
-    """A configuration of an experiment: as everywhere, plus its finding and what it varies."""
+    """Return the configuration of an experiment: the usual entries, its finding and the fields that it varies."""
     known = {name: how.pop(name) for name in ("precision", "math", "kernel") if name in how}
     return configuration(scene, backend=backend, **host_of(backend), **known) | {"finding": finding} | how
 
@@ -88,7 +88,7 @@ def described(scene: Scene, backend: str, finding: str, **how: Any) -> dict[str,
 @dataclass
 class Summary:
     """Result of an experiment, `name`. `machine`, `run`: keys in the store (`run` empty: nothing was to do); cases `measured`
-    now, and `stored` from from before; `seconds` of wall time since `begin` (of time.perf_counter); `interrupted` by
+    now, and `stored` from before; `seconds` of wall time since `begin` (of time.perf_counter); `interrupted` by
     Ctrl-C; `version`: of the code (bench/store/versions.py)."""
 
     machine: str
@@ -140,7 +140,7 @@ def ending_cleanly(summary: Summary) -> Iterator[None]:
 
 
 def group_name(place: int, group: Sequence[Any]) -> str:
-    """By what processes that share an experiment know a group: its place in the plan and a digest of what is in it."""
+    """Return the name of a group for all processes of an experiment: its place in the plan and a digest of its cases."""
     words = re.sub(r" at 0x\w+", "", " ".join(map(str, group)))  # where something lies in memory names nothing
     return f"{place}-{hashlib.sha256(words.encode()).hexdigest()[:8]}"
 
@@ -209,7 +209,7 @@ def _take_same(store: Store, summary: Summary, cases: Sequence[Any], command: st
 
 
 def _descriptions(case: Any) -> Sequence[Mapping[str, Any]]:
-    """The configurations of a case, or of a group that is measured as one."""
+    """Return the configurations of a case, or of a group that is measured as one."""
     return getattr(case, "descriptions", None) or [case.description]
 
 

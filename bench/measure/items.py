@@ -29,7 +29,7 @@ class Item(Protocol):
 @dataclass(frozen=True)
 class Items:
     """An experiment of single items. `of(store, backends, quick, ...)`: all of them, or fewer, or measured in less time;
-    `doing`: what the bar says before each; `command`: that measures them."""
+    `doing`: text of the bar before each; `command`: that measures them."""
 
     name: str
     of: Callable[..., Sequence[Item]]
@@ -46,10 +46,10 @@ class Items:
         command: str = "",
         **chosen: Any,
     ) -> Summary:
-        """Measure what the store lacks, one after another. `backends`: None: all that are here; `chosen`: what `of` takes
-        besides. Ctrl-C ends cleanly.
+        """Measure the items that the store lacks, one after another. `backends`: None for all of this machine; `chosen`:
+        further arguments of `of`. Ctrl-C ends cleanly.
 
-        Raises SceneError (what cannot be chosen), BackendUnavailable, InputError (the store).
+        Raises SceneError (an impossible choice), BackendUnavailable, InputError (the store).
         """
         items = self.of(store, backends_here(backends), quick, **chosen)
         summary = Summary.begun(store, self.name)
@@ -88,7 +88,7 @@ class Experiment:
         return store.has_measure(self.description, machine, self.sources, self.name)
 
     def run(self, store: Store, run: str, report: Callable[[str], None]) -> None:
-        """Measure it, and put its numbers into the store, all or none."""
+        """Measure the configuration, and store all of its numbers or none."""
         store_measures(store, run, self.description, self.sources, self.measure())
 
 
@@ -117,6 +117,6 @@ class Group:
 
 
 def cost_sources(backend: str, *files: str) -> str:
-    """The hash of what a cost depends on: the backend's sources, what is timed beside them, and how."""
+    """Return the hash that a cost depends on: of the backend's sources, of other timed code, and of the timing itself."""
     paths = [Path(file) for file in (*files, str(costs_timing.__file__))]
     return f"{source_hash(backend)}-{source_digest(*paths)}-c{COSTS_VERSION}"

@@ -1,6 +1,6 @@
-"""Two more limits of a machine, for the roofline and for what threads cost: measured once, kept in its record.
+"""Two more limits of a machine, for the roofline and the cost of threads: measured once, kept in its record.
 
-`arithmetic`, `gpu_arithmetic`: operations a second by precision. `region_policies`: what an empty parallel region costs
+`arithmetic`, `gpu_arithmetic`: operations a second by precision. `region_policies`: cost of an empty parallel region
 when idle threads spin (`active`) and when they sleep (`passive`), by threads. The policy is read when a process starts,
 so each is measured in a process of its own.
 """
@@ -27,7 +27,7 @@ PATIENCE = 60.0  # s: for a process that measures regions
 
 
 def enter_limits(store: Store, machine: str) -> None:
-    """Measure what the machine's record lacks of these limits, and enter it: a few seconds, once a machine."""
+    """Measure the limits that the machine's record lacks, and enter them: a few seconds, once per machine."""
     (text,) = store.query("SELECT record FROM machine WHERE key = ?", (machine,))[0]
     record: dict[str, Any] = json.loads(text)
     measured: dict[str, Any] = {}

@@ -79,7 +79,7 @@ def machine_label(record: dict[str, Any]) -> str:
 
 
 def enter_machine(store: Store) -> str:
-    """Enter this machine into the store, with its measured limits where the store lacks them; its key."""
+    """Enter this machine into the store, with measured limits where they are missing, and return its key."""
     import json
 
     record = machine_record()
@@ -96,7 +96,7 @@ def measured_limits() -> dict[str, Any]:
     """Measure copy_bandwidth and gpu_copy_bandwidth [B/s], region_seconds {threads: s}, gpu_launch_seconds;
     limits_suspect: the reason not to trust them.
 
-    None where it cannot be had, or is not so.
+    None where it cannot be measured, or is not the case.
     """
     size, neighbours = copy_bytes(), Neighbours()
     bandwidth = None

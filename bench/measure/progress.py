@@ -1,5 +1,5 @@
-"""The bar that every command shows which takes longer than a second; and over a command of several parts, how far the whole
-of it is, by what each part took last time on this machine.
+"""Progress bar of every command that takes longer than a second. For a command of several parts it also shows the progress
+of the whole, by the duration of each part last time on this machine.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class Whole:
         self.seconds[name] = time.monotonic() - begin
 
     def done(self, fraction: float) -> float:
-        """Seconds of the expected ones that are behind, with `fraction` (0 to 1) of the part under way done."""
+        """Expected seconds that have passed, with `fraction` (0 to 1) of the part under way done."""
         return sum(self.expected[name] for name in self.seconds) + fraction * self.expected[self.at]
 
     def __str__(self) -> str:
@@ -52,7 +52,7 @@ class Whole:
 
 
 class Bars(Bar):
-    """A bar that also shows the whole which it is a part of, and what is compiled meanwhile."""
+    """Bar that also shows the progress of the whole command, and the kernel that is being compiled."""
 
     def __init__(self, show: bool):
         self.whole, self.whole_task = Whole.current, None  # first: `Progress` asks for what to show at once

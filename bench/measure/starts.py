@@ -38,7 +38,7 @@ def measure_starts(store: Store, run: str, machine: str, scene: Scene, backend: 
 
 
 def start_seconds(scene: str, backend: str, cache: str) -> float | None:
-    """Seconds [s] of a process that does one step of a catalogue scene, `cache` holding its machine code."""
+    """Duration [s] of a process that does one step of a catalogue scene; `cache`: folder of its machine code."""
     words = ["run", scene, "--backend", backend, "--steps", "1", "--no-judge", "--json"]
     begin = time.perf_counter()
     try:

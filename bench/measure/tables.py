@@ -21,7 +21,7 @@ def print_table(
     below: str = "",
     title: str | None = None,
 ) -> None:
-    """A table without borders, and what is said of it `below`."""
+    """Print a table without borders, and the text `below` it."""
     table = Table(*heads, box=None, title=title, title_justify="left")
     for row in rows:
         table.add_row(*row)

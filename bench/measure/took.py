@@ -33,8 +33,8 @@ def refuse_changes(context: Any) -> None:
 
 
 class Timed(TyperCommand):
-    """A command with an option `store` that says first how long it took last time. What was stopped, or found everything
-    measured, is not kept. Without `softlab --allow-dirty` it measures no code that differs from its commit."""
+    """A command with an option `store` that first prints its duration last time. Runs that were stopped or measured nothing
+    are not stored. Without `softlab --allow-dirty` it measures no code that differs from its commit."""
 
     def invoke(self, ctx: Any) -> Any:
         refuse_changes(ctx)

@@ -34,8 +34,10 @@ MOVED = 200  # steps from the start to the state that is sent: a cloth that hang
 
 
 def vertex_groups(effort: Effort, most: int | None = None) -> list[Group]:
-    """The cloth at several sizes and both precisions, only sent and also drawn: (through the host, straight). None where
-    nothing can be drawn off-screen, or no GPU is behind the GPU backend. `most`: no cloth has more masses a side."""
+    """Return groups (through the host, straight) of cloths of several sizes and both precisions, only sent and also drawn.
+
+    Empty where nothing can be drawn off-screen, or without a GPU. `most`: largest number of masses a side.
+    """
     if gpu_simulated() or not opengl_available(text=False)[0]:
         return []
     files = [str(module.__file__) for module in (cuda_vertices, sheet_view, vertices)]
@@ -81,12 +83,12 @@ class Frames(Subject):
     camera: Any = None
 
     def restore(self) -> None:
-        """Let CUDA hold the buffers, or OpenGL alone, as this way needs them; nothing else changes."""
+        """Give the buffers to CUDA, or to OpenGL alone, as this path needs; nothing else changes."""
         self.view.vertices.shared = self.name["way"] == STRAIGHT
         self.run(1)
 
     def run(self, steps: int) -> float:
-        """Seconds that `steps` frames take, each until it is finished."""
+        """Draw `steps` frames, each until it is finished, and return the seconds."""
         from pyglet import gl
 
         view, drawn = self.view, self.name["drawn"]

@@ -10,8 +10,10 @@ DISTURBED = "limits_suspect"  # why not to trust them
 
 
 def gained(old: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, Any]:
-    """A machine's record with what it lacked, and with limits that were measured undisturbed in place of disturbed ones; why
-    limits are not to be trusted goes with them."""
+    """Return a machine's record with its missing fields, and with undisturbed limits in place of disturbed ones.
+
+    The reason why limits are doubtful is replaced with them.
+    """
     measured = [name for name in LIMITS if old.get(name) is not None]
     again = bool(old.get(DISTURBED)) and not new.get(DISTURBED) and all(new.get(name) is not None for name in measured)
     usable = dict(old) | dict.fromkeys([*measured, DISTURBED] if again else [])

@@ -1,4 +1,4 @@
-"""Marks of samples that say more than that a time is noisy: the answer is wrong, so the time wins nothing."""
+"""Marks of samples whose state is wrong, so that their time does not count; other marks only mean noise."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Published times of frames of cloth on a GPU, for comparison with the lab's own.
 
 Each entry is a scene of the catalogue at the published size and number of iterations. Details that the sources omit (masses,
-materials, what else was computed) differs, so that a ratio says the order of magnitude and no more; the age of the GPUs is
+materials, other computations) differ, so that a ratio is only an order of magnitude; the age of the GPUs is
 printed with them.
 """
 

@@ -45,9 +45,9 @@ def configuration(
     graphics: bool = False,
     peer: str | None = None,
 ) -> dict[str, Any]:
-    """The description of a configuration: the resolved scene and how it is run.
+    """Return the description of a configuration: the resolved scene and the options of its run.
 
-    `kernel` as asked for (`auto`: the backend's choice, which the measure `kernel` then names). `threads`, `layer`,
+    `kernel` as requested (`auto`: the backend's choice, which the measure `kernel` then names). `threads`, `layer`,
     `wait_policy`: None on the GPU. `graphics`: with off-screen drawing. `peer`: another program, None for this lab's.
     """
     return {
@@ -143,7 +143,7 @@ class Measure:
 
 
 def open_readonly(path: str | Path = DEFAULT_PATH) -> Store:
-    """A store to read from: a .sqlite file, or a .csv or .csv.gz export (which is read into memory). Raises InputError."""
+    """Open a .sqlite file, or a .csv or .csv.gz export (in memory), as a store to read from. Raises InputError."""
     from softlab.bench.store.text import is_text
     from softlab.bench.store.transfer import load_text
 
@@ -159,9 +159,9 @@ def machines(store: Store) -> list[Machine]:
 
 
 def measures(store: Store, name: str | None = None, machine: str | None = None) -> list[Measure]:
-    """The measures in the store, of one name or machine (a key) or of all.
+    """Return the measures in the store, of one name or machine (a key) or of all.
 
-    Of a configuration measured more than once on a machine, the newest run's value.
+    A configuration that was measured repeatedly on a machine has the newest run's value.
     """
     rows = store.query(
         "SELECT run.machine, measure.configuration, sources, run.key, description, name, value, unit, reason "
@@ -180,13 +180,13 @@ def measures(store: Store, name: str | None = None, machine: str | None = None) 
 
 
 def measures_of(store: Store, machine: str, descriptions: Iterable[Mapping[str, Any]]) -> list[Measure]:
-    """The measures of these configurations on a machine."""
+    """Return the measures of these configurations on a machine."""
     wanted = set(map(configuration_hash, descriptions))
     return [measure for measure in measures(store, machine=machine) if measure.configuration in wanted]
 
 
 def by_configuration(stored: Iterable[Measure]) -> list[dict[str, Measure]]:
-    """The measures of each configuration on each machine, by name."""
+    """Return the measures of each configuration on each machine, by name."""
     named: dict[tuple[str, str], dict[str, Measure]] = {}
     for measure in stored:
         named.setdefault((measure.machine, measure.configuration), {})[measure.name] = measure
@@ -194,9 +194,9 @@ def by_configuration(stored: Iterable[Measure]) -> list[dict[str, Measure]]:
 
 
 def timings(store: Store, machine: str | None = None, stage: str | None = "step") -> list[Timing]:
-    """The timings in the store, of one machine (a key) or all, of one stage (None: all), smallest grids first.
+    """Return the timings in the store, of one machine (a key) or all, of one stage (None: all), smallest grids first.
 
-    Of a configuration that was measured with several sources, those measured last. Marked samples are left out where there
+    A configuration that was measured with several sources has those measured last. Marked samples are left out where there
     are ENOUGH others.
     """
     rows = store.query(

@@ -82,7 +82,7 @@ def measured_as(description: Mapping[str, Any], machine: str, sources: str) -> d
 
 
 def check_rows(connection: sqlite3.Connection, path: str) -> None:
-    """Refuse rows that no lab wrote: SQLite takes any type in any column. Raises InputError."""
+    """Refuse rows with wrong types, since SQLite accepts any type in any column. Raises InputError."""
     damaged = "this lab wrote no such row; restore a copy, or merge its last export into another store"
     for table, columns in COLUMNS.items():
         for column, declared in columns.items():
@@ -111,7 +111,7 @@ TABLES_OF_NUMBERS = ("arithmetic", "caches", "gpu_arithmetic", "region_policies"
 
 
 def checked_record(record: Mapping[str, Any]) -> Mapping[str, Any]:
-    """A machine's record, whose numbers are numbers. Raises ValueError, which names the field."""
+    """Return a machine's record after a check of its numbers. Raises ValueError, which names the field."""
 
     def check(name: str, value: Any) -> None:
         if value is not None and (type(value) not in (int, float) or not 0 <= value < float("inf")):

@@ -17,8 +17,8 @@ from softlab.model.core.files import check_target, replacing
 
 
 def export(store: Store, path: str | Path, machine: str | None = None, after: int = 0) -> Path:
-    """Write the store (or one machine's part of it, by key) to a .csv, .csv.gz or .sqlite file; the path. `after`: only runs
-    that were entered after so many (`last_run`). Commands are written without --store and its path.
+    """Write the store (or one machine's part of it, by key) to a .csv, .csv.gz or .sqlite file, and return its path. `after`:
+    only runs after this number (`last_run`). Commands are written without --store and its path.
 
     An earlier text export is replaced, at once and whole; any other existing file is not. Raises InputError.
     """
@@ -39,7 +39,7 @@ def export(store: Store, path: str | Path, machine: str | None = None, after: in
 
 
 def merge(store: Store, other: str | Path) -> dict[str, int]:
-    """Take over what another store or text export holds; how many rows of each table were new.
+    """Merge another store or text export; return the number of new rows of each table.
 
     All or nothing; merging twice adds nothing. Raises InputError for a file that is neither.
     """
@@ -56,7 +56,7 @@ def merge(store: Store, other: str | Path) -> dict[str, int]:
 
 
 def load_text(paths: Iterable[str | Path]) -> Store:
-    """An in-memory store of what the text exports hold, such as those in labbook/data/. Raises InputError."""
+    """Return an in-memory store with the contents of text exports, such as labbook/data/. Raises InputError."""
     store = Store(":memory:")
     for path in paths:
         _insert(store, read_text(Path(path)), path)
@@ -91,7 +91,7 @@ def _rows_of(store: Store, machine: str | None = None, after: int = 0) -> Rows:
 
 
 def _without_paths(rows: Rows) -> Rows:
-    """Rows in which no run's command says where a store lay."""
+    """Return the rows without paths of stores in the commands of runs."""
     command = TABLES["run"].index("command")
     runs = [(*run[:command], without_store(run[command].split(" ")), *run[command + 1 :]) for run in rows["run"]]
     return rows | {"run": runs}

@@ -1,8 +1,8 @@
 """Version of the code that a number is from, which decides what may be compared.
 
 Two timings are compared only where they are of one version of the code: those of one backend if its sources were the same;
-CPU against GPU if some run names the sources of both, because those then lay side by side. Every run says so when it is
-entered (`code_version`). What is not of one version is not set side by side: there is no sentence and no line.
+CPU against GPU if some run names the sources of both, because those then lay side by side. Every run records both when it is
+entered (`code_version`). Other pairs are not compared: there is no sentence and no line.
 """
 
 from __future__ import annotations
@@ -105,7 +105,7 @@ Item = TypeVar("Item", bound=Dated)
 
 
 def sources_of(item: Dated) -> str:
-    """The digest of the backend's sources that a timing is of (an experiment's own mark comes after it)."""
+    """Return the digest of the backend's sources of a timing (without the experiment's own suffix)."""
     return item.sources.partition("-")[0]
 
 
@@ -115,11 +115,11 @@ def of_one_version(
     here: bool,
     same: Callable[[Item], bool] = lambda item: False,
 ) -> list[Item]:
-    """Those that are of one version of the code, and so may be compared, in their order.
+    """Return the items of one version of the code, which may be compared, in their order.
 
-    Of each backend those of the version that most are of, or with `here` of the code that runs now, if any are; of several
-    the one measured last (`versions` are in order of time). CPU and GPU stay together only if some run names the sources
-    of both; else the one that was measured last stays. `same`: an item is of the kernels of the code that runs now.
+    Each backend keeps the version with most items, or with `here` the current code if it has any; of equal ones the version
+    measured last (`versions` are in order of time). CPU and GPU stay together only if some run names the sources of both;
+    else the one that was measured last stays. `same(item)`: its kernels are those of the current code.
     """
 
     def digest(item: Item) -> str:

@@ -24,7 +24,7 @@ UNKNOWN = "a commit that was not recorded"
 
 
 def older_items(source: Source) -> Iterator[Any]:
-    """The timings and measures of a source that are older."""
+    """Yield the timings and measures of a source that are older."""
     same = same_kernels(source.measures)
     for item in _items(source):
         if is_older(item, item.configuration) and not same(item):
@@ -32,7 +32,7 @@ def older_items(source: Source) -> Iterator[Any]:
 
 
 def same_kernels(measures: Iterable[Measure]) -> Callable[[Any], bool]:
-    """True for a timing or measure of other sources whose kernels a store says are today's."""
+    """Return a test for timings and measures of other sources whose kernels are the current ones by the store."""
     same = {
         (m.reason.partition("-")[0], m.configuration)
         for m in measures
@@ -48,7 +48,7 @@ def _items(source: Source) -> Iterator[Any]:
 
 
 def older_peers(store: Store, machine: str) -> frozenset[str]:
-    """The backends whose peers were timed beside other sources than today's."""
+    """Return the backends whose peers were timed beside other sources than the current ones."""
     rows = store.query(
         "SELECT DISTINCT json_extract(description, '$.backend'), sources FROM sample JOIN run ON run.key = sample.run "
         "JOIN configuration ON hash = configuration WHERE machine = ? "
@@ -60,7 +60,7 @@ def older_peers(store: Store, machine: str) -> frozenset[str]:
 
 
 def with_older(source: Source) -> Source:
-    """The source with `older` said."""
+    """Return the source with its text `older`."""
     items = list(older_items(source))
     if not items and not source.older_peers:
         return source
@@ -70,7 +70,7 @@ def with_older(source: Source) -> Source:
 
 
 def _commits(source: Source, items: list[Any]) -> str:
-    """`commit 1e405d5bab8c of 2026-11-23`: where older numbers are from."""
+    """Return the origin of older numbers: `commit 1e405d5bab8c of 2026-11-23`."""
     known = read_map().commits
     commits = {sources_of(item): known.get(sources_of(item)) for item in items}
     runs = {
@@ -90,7 +90,7 @@ def _commits(source: Source, items: list[Any]) -> str:
 
 @lru_cache(maxsize=8)
 def without_older(results: Results) -> Results:
-    """The results without older measurements; the same object where there are none."""
+    """Return the results without older measurements; the same object where there are none."""
     if not any(source.older for source in results.sources):
         return results
     return Results(tuple(map(_without, results.sources)))
