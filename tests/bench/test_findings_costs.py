@@ -63,7 +63,7 @@ def measured(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(experiment, "source_hash", cache(experiment.source_hash))  # sources may be edited meanwhile
         patch.setattr(findings_costs, "QUICK", TINY)
-        patch.setattr(findings_costs, "LOOK_SIZES", {"cpu": (8, 600)})  # the second is too wide for `quick`
+        patch.setattr(findings_costs, "CHECK_SIZES", {"cpu": (8, 600)})  # the second is too wide for `quick`
         patch.setattr(findings_determinism, "SIZES", {"cpu": (8, 600)})
         patch.setattr(findings_costs, "PRECISIONS", ("float32",))
         patch.setattr(findings_determinism, "PRECISIONS", ("float32",))
