@@ -200,7 +200,7 @@ def test_a_wrong_answer_gets_no_ratio(monkeypatch):
 
 def test_the_rows_are_those_of_the_store(results):
     source = results.sources[0]
-    assert [c.way for c in costs(source, DETERMINISM)] == sorted(OTHERS["cpu"])
+    assert [c.variant for c in costs(source, DETERMINISM)] == sorted(OTHERS["cpu"])
     assert all(c.particles == 64 and c.least <= c.ratio <= c.most for c in costs(source, DETERMINISM))
     (look,) = check_costs(source, "cpu")
     assert look.interval == check_interval(64, "cpu")
