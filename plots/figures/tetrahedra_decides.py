@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
@@ -38,11 +38,11 @@ def kind_of(bar: Bar) -> str:
     return "xpbd" if positional(bar) else bar.solver
 
 
-def frontier(measured: Sequence[Bar]) -> list[Bar]:
+def frontier(measured: Sequence[Bar], error: Callable[[Bar], float] = lambda bar: abs(bar.motion_error)) -> list[Bar]:
     """Return the bars that no other beats in both time and error, fastest first."""
     front: list[Bar] = []
     for bar in sorted(measured, key=lambda b: b.seconds):
-        if not front or abs(bar.motion_error) < abs(front[-1].motion_error):
+        if not front or error(bar) < error(front[-1]):
             front.append(bar)
     return front
 

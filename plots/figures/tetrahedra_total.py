@@ -11,7 +11,7 @@ from softlab.plots.core.backends import name_of, on_backends, sources_of
 from softlab.plots.core.colours import BLUE, GREEN, ORANGE, PURPLE
 from softlab.plots.core.data import Results, Source
 from softlab.plots.core.style import Drawing, legend_below, new_grid, plain_ticks
-from softlab.plots.figures.tetrahedra_decides import STYLES, kind_of
+from softlab.plots.figures.tetrahedra_decides import STYLES, frontier, kind_of
 
 TITLE = "Total error of a bar of tetrahedra against the time of a frame"
 MESHES = {50: ORANGE, 400: PURPLE, 3200: BLUE, 25600: GREEN}  # tetrahedra -> colour
@@ -22,15 +22,6 @@ def on(source: Source, backend: str) -> list[Bar]:
     """Return the bars of a backend with an error at rest, of one version of the kernels."""
     measured = of_one_version([b for b in bars(source.measures) if b.backend == backend])
     return [b for b in measured if isfinite(b.solver_error) and moves(b) and not b.wrong]
-
-
-def frontier(measured: list[Bar]) -> list[Bar]:
-    """Return the bars that no other beats in both time and total error, fastest first."""
-    front: list[Bar] = []
-    for bar in sorted(measured, key=lambda b: b.seconds):
-        if not front or bar.total_error < front[-1].total_error:
-            front.append(bar)
-    return front
 
 
 def draw(results: Results) -> Drawing | str:
@@ -71,7 +62,7 @@ def _panel(ax: Any, measured: list[Bar]) -> list[Bar]:
     """Draw the frontiers of a panel, and return their bars."""
     drawn = []
     for elements, colour in MESHES.items():
-        front = frontier([bar for bar in measured if bar.elements == elements])
+        front = frontier([bar for bar in measured if bar.elements == elements], lambda bar: bar.total_error)
         drawn += front
         x, y = [1e3 * b.seconds for b in front], [min(b.total_error, MOST) for b in front]
         ax.plot(x, y, color=colour, linewidth=0.9)

@@ -83,18 +83,16 @@ def nearest_weights(p: np.ndarray, q: np.ndarray) -> np.ndarray:
     return best
 
 
-def _first_with_feature(rows: int, columns: int, corners: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """Return a mask (n,) of triangles that are the first of all with the corners of non-zero weight."""
-    every = triangles(rows, columns)
+def first_with_feature(every: np.ndarray, corners: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Return a mask (n,) of triangles that are the first of all with their corners of non-zero weight."""
     holders: dict[int, set[int]] = {}
     for number, triangle in enumerate(every.tolist()):
-        for mass in triangle:
-            holders.setdefault(mass, set()).add(number)
+        for vertex in triangle:
+            holders.setdefault(vertex, set()).add(number)
     result = np.zeros(len(corners), bool)
     for n, (triangle, weight) in enumerate(zip(corners.tolist(), weights, strict=True)):
-        feature = [mass for mass, w in zip(triangle, weight, strict=True) if w > 0]
-        numbers = set.intersection(*(holders[mass] for mass in feature))
-        result[n] = every[min(numbers)].tolist() == triangle
+        feature = [vertex for vertex, w in zip(triangle, weight, strict=True) if w > 0]
+        result[n] = every[min(set.intersection(*(holders[vertex] for vertex in feature)))].tolist() == triangle
     return result
 
 
@@ -118,7 +116,7 @@ def find(
     move = predicted - before
     motion = np.linalg.norm(move[mass][:, None] - move[corners], axis=2).max(axis=1)
     near = distance < part.thickness * (1 + MARGIN) + motion
-    near[near] = _first_with_feature(rows, columns, corners[near], weights[near])
+    near[near] = first_with_feature(triangles(rows, columns), corners[near], weights[near])
     mass, triangle, corners, weights = mass[near], triangle[near], corners[near], weights[near]
     r, distance = r[near], distance[near]
     normal = _normals(part.thickness, before, mass, corners, r, distance)

@@ -15,7 +15,13 @@ from typing import Any
 
 import numpy as np
 
-from softlab.bench.reference.contact.self_contacts import FLAT, MARGIN, VertexContacts, nearest_weights
+from softlab.bench.reference.contact.self_contacts import (
+    FLAT,
+    MARGIN,
+    VertexContacts,
+    first_with_feature,
+    nearest_weights,
+)
 from softlab.model.scene.scene import Scene
 from softlab.model.tetrahedra.attachments import attachment_sets
 
@@ -137,19 +143,6 @@ def rub(
     return moved
 
 
-def _first_with_feature(every: np.ndarray, corners: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """Return a mask (n,) of triangles that are the first of all with their corners of non-zero weight."""
-    holders: dict[int, set[int]] = {}
-    for number, triangle in enumerate(every.tolist()):
-        for vertex in triangle:
-            holders.setdefault(vertex, set()).add(number)
-    result = np.zeros(len(corners), bool)
-    for n, (triangle, weight) in enumerate(zip(corners.tolist(), weights, strict=True)):
-        feature = [vertex for vertex, w in zip(triangle, weight, strict=True) if w > 0]
-        result[n] = every[min(set.intersection(*(holders[vertex] for vertex in feature)))].tolist() == triangle
-    return result
-
-
 def _outward(
     distance: np.ndarray, q: np.ndarray, r: np.ndarray, length: np.ndarray, closed: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -204,7 +197,7 @@ def among(
     length, move = np.linalg.norm(r, axis=1), predicted - before
     motion = np.linalg.norm(move[vertex][:, None] - move[corners], axis=2).max(axis=1)
     near = length < distance[vertex] * (1 + MARGIN) + motion
-    near[near] = _first_with_feature(every, corners[near], weights[near])
+    near[near] = first_with_feature(every, corners[near], weights[near])
     vertex, triangle, corners, weights = vertex[near], triangle[near], corners[near], weights[near]
     r, length = r[near], length[near]
     inside, normal = _outward(distance[vertex], before[corners], r, length, is_closed[body[corners[:, 0]]])
