@@ -37,18 +37,18 @@ def advise(
 ) -> None:
     """Measure which method, step size, precision and backend reaches an error fastest on this machine."""
     from softlab.app.command.scene_file import check_scene_target, write_scene
-    from softlab.bench.experiments.advise.answer import answer
+    from softlab.bench.experiments.advise.answer import measure_advice
     from softlab.bench.store.database import Store
 
     if check:
-        told = "was removed: tests check the advice by brute force; to try other settings use softlab run with --set"
-        raise SceneError("--check", True, told)
+        message = "was removed: tests check the advice by brute force; to try other settings use softlab run with --set"
+        raise SceneError("--check", True, message)
     if force and write is None:
         raise SceneError("--force", True, "replaces the file of --write; add --write FILE.toml")
     if write is not None:
         check_scene_target(write, force)  # before the work whose result it holds
     with Store(store) as opened:
-        advice = answer(
+        advice = measure_advice(
             opened, scene_of(scene, settings), error, backends=backend, time=time, precisions=precisions_of(precision),
             total_seconds=total_seconds, command=typed(),
         )  # fmt: skip
@@ -76,6 +76,6 @@ def ablate(
     if asked.fluids:
         from softlab.bench.experiments.advise.fluids_ablation import ablate_fluids, print_fluid_ablation
 
-        measure(store, ablate_fluids, tell=print_fluid_ablation, scene=asked, backends=backend, time=time)
+        measure(store, ablate_fluids, report=print_fluid_ablation, scene=asked, backends=backend, time=time)
         return
-    measure(store, find, tell=print_ablation, scene=asked, backends=backend, time=time)
+    measure(store, find, report=print_ablation, scene=asked, backends=backend, time=time)

@@ -107,11 +107,11 @@ def hard(
     """Run the hard cases (collapsed, flipped, far away, squashed, stacked ...): each passes, fails, or is refused with a
     diagnosis."""
     from softlab.bench.stress.experiment import run_hard
+    from softlab.bench.stress.report import print_hard
     from softlab.bench.stress.results import failed
-    from softlab.bench.stress.told import print_hard
 
     summary = measure(
-        store, run_hard, tell=print_hard, quick=quick, cases=case, integrators=integrator, backends=backend,
+        store, run_hard, report=print_hard, quick=quick, cases=case, integrators=integrator, backends=backend,
         precisions=precision, pictures=pictures,
     )  # fmt: skip
     if not summary.rows and not summary.interrupted:

@@ -1,4 +1,4 @@
-"""What the commands that measure have in common: options, and how they run an experiment and tell of it."""
+"""Common parts of the commands that measure: options, and running and reporting an experiment."""
 
 from __future__ import annotations
 
@@ -43,14 +43,14 @@ Time = Annotated[float | None, typer.Option(help="Simulated seconds until the er
 
 
 def precisions_of(chosen: list[str] | None, *usual: str) -> tuple[str, ...]:
-    """Those that were chosen, each once, else the `usual`, else all. Raises SceneError."""
+    """Return the chosen precisions, each once, else the `usual` ones, else all. Raises SceneError."""
     from softlab.model.core.simulation import PRECISIONS, Options
 
     return tuple(dict.fromkeys(Options(name).precision for name in chosen or usual or PRECISIONS))
 
 
-def told(console: Console, summary: Any) -> None:
-    """What an experiment did, in its own words."""
+def print_summary(console: Console, summary: Any) -> None:
+    """Print the summary of an experiment."""
     console.print(str(summary), markup=False, soft_wrap=True)
 
 
@@ -58,14 +58,16 @@ def measure(
     path: Path,
     run: Callable[..., Any],
     show: Callable[[Console, Any, str], None] | None = None,
-    tell: Callable[[Console, Any], None] = told,
+    report: Callable[[Console, Any], None] = print_summary,
     where: Any = None,
     timed: bool = True,
     **how: Any,
 ) -> Any:
-    """Run an experiment into the store, then tell what the store says of this machine (`show`) and what was done (`tell`);
-    the summary. `where`: in workers, each with its machine to itself if something is `timed`. The exit status of Ctrl-C, if
-    that ended it; 1 if something was given up."""
+    """Run an experiment into the store, print its results (`show`) and the summary (`report`), and return the summary.
+
+    `where`: run in workers, each with its machine to itself if something is `timed`. Exits with the status of Ctrl-C if that
+    ended it, and with 1 if something was abandoned.
+    """
     from softlab.bench.store.database import Store
 
     with Store(path) as store:
@@ -77,18 +79,18 @@ def measure(
         for machine in [summary.machine] if where is None else summary.machines:
             if show is not None:
                 show(out, store, machine)
-        tell(out, summary)
+        report(out, summary)
         if where is not None:
             component("softlab.bench.cluster.summary:print_workers", "--cluster")(out, summary)
     if summary.interrupted:
         raise typer.Exit(130)
-    if where is not None and (summary.given_up or summary.kept):
+    if where is not None and (summary.abandoned or summary.unmerged):
         raise typer.Exit(1)
     return summary
 
 
 def where_asked(cluster: str | None, workers: int | None, sbatch: list[str] | None) -> Any:
-    """Where an experiment is to be measured; None: in this process. Raises SceneError."""
+    """Return the place to measure an experiment; None: this process. Raises SceneError."""
     if cluster is None:
         for name, value in (("--workers", workers), ("--sbatch", sbatch)):
             if value is not None:

@@ -32,7 +32,7 @@ def scale(
 ) -> None:
     """Predict strong and weak scaling of a grid on many GPUs, and compare the model with measurements."""
     from softlab.bench.experiments.scaling.model import Cluster
-    from softlab.bench.experiments.scaling.told import MOST, print_checked, print_predicted
+    from softlab.bench.experiments.scaling.report import MOST, print_checked, print_predicted
     from softlab.model.domains.link import Link
 
     for option, value, least, most in (

@@ -96,7 +96,7 @@ def sweep(
     how: dict[str, Any] = {
         "quick": quick, "backends": backend, "sizes": size, "max_seconds": max_seconds, "total_seconds": total_seconds,
         "repeats": repeats, "min_seconds": min_ms and min_ms / 1000, "precisions": precisions_of(precision),
-        "tell": print_sweep,
+        "report": print_sweep,
     }  # fmt: skip
     if kernels:
         from softlab.bench.experiments.kernel_sweep import run_kernel_sweep

@@ -191,7 +191,7 @@ def _tables(make_tables: Callable[[Results], list[Table]], results: Results) -> 
 def notices(results: Results) -> list[str]:
     """Return what a reader must know first: whose measurements these are, and whether there are some of a GPU."""
     lines = []
-    local_sources = [source for source in results.sources if source.own]
+    local_sources = [source for source in results.sources if source.by_user]
     gpu = results.with_gpu()
     if not local_sources:
         lines.append(
@@ -199,7 +199,7 @@ def notices(results: Results) -> list[str]:
         )
     if gpu is None:
         lines.append("No GPU took part: the machine has none, and there are no committed measurements of one.")
-    elif local_sources and not gpu.own:
+    elif local_sources and not gpu.by_user:
         lines.append(
             f"The machine of these measurements has no GPU that could be timed. What is said about the GPU is from the "
             f"committed measurements, made on: {gpu.machine.label}; it is marked “committed”."

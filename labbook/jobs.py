@@ -10,7 +10,7 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from softlab.bench.measure.progress import Whole, keep_seconds, last_seconds, progress_bar
+from softlab.bench.measure.progress import Whole, last_seconds, progress_bar, store_seconds
 from softlab.bench.store.database import DEFAULT_PATH
 from softlab.labbook.build import build, committed_data, write_book
 from softlab.model.base.components import component
@@ -54,7 +54,7 @@ def _drawn(results: Results, folder: Path) -> list[FigureFiles]:
         task = bar.add_task("figures", total=len(FIGURES))
         return draw_figures(
             results, target, helped=True,
-            tell=lambda name: bar.update(task, description=f"figure: {name}", advance=1),
+            report=lambda name: bar.update(task, description=f"figure: {name}", advance=1),
         )  # fmt: skip
 
 
@@ -88,7 +88,7 @@ def make_film(console: Console, store: Path, path: Path, *, quick: bool, voice: 
     begin = monotonic()
     results = load(store if store.exists() else None, committed_data())
     film = write_film(results, path, canvas.QUICK if quick else canvas.FULL, voice)
-    keep_seconds(kind, {"film": monotonic() - begin})
+    store_seconds(kind, {"film": monotonic() - begin})
     voiced = f"spoken by {film.voice}" if film.spoken else f"captions alone: no voice ({film.voice})"
     console.print(f"{film.path}: {film.seconds:.0f} s, {film.frames} frames; {voiced}", markup=False, soft_wrap=True)
     console.print(f"{film.captions}: its captions", markup=False, soft_wrap=True)
@@ -136,7 +136,7 @@ def whole_lab(console: Console, *, quick: bool, store_path: Path, command: str) 
     for name, path in files:
         table.add_row(name, str(path))
     console.print(table)
-    keep_seconds(kind, whole.seconds)
+    store_seconds(kind, whole.seconds)
     slowest = ", ".join(f"{name.partition(':')[0]} {taken:.0f} s" for name, taken in whole.seconds.items())
     console.print(f"{sum(whole.seconds.values()):.0f} s in all: {slowest}", soft_wrap=True)
 
@@ -161,7 +161,7 @@ def _measurements(console: Console, store: Any, quick: bool, command: str) -> di
     from softlab.bench.measure.compile_ahead import gathering
     from softlab.bench.measure.tables import print_sweep
     from softlab.bench.stress.experiment import run_hard
-    from softlab.bench.stress.told import print_hard
+    from softlab.bench.stress.report import print_hard
     from softlab.model.scene.scene import load_scene
 
     def job(

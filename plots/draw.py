@@ -109,7 +109,7 @@ class FigureFiles:
     footer: float = 0.0
 
 
-Tell = Callable[[str], None]
+Report = Callable[[str], None]
 
 
 def draw_figures(
@@ -120,12 +120,12 @@ def draw_figures(
     suffixes: Sequence[str] = SUFFIXES,
     helped: bool = False,
     names: Sequence[str] | None = None,
-    tell: Tell = lambda name: None,
+    report: Report = lambda name: None,
 ) -> list[FigureFiles]:
     """Draw all figures, or those of these `names`, whose data the results have into an existing folder.
 
     `footer`: print machine, commit and date on the figure itself; `suffixes`: the formats; `helped`: with a second
-    process (for programs whose main module may be imported again); `tell` is called after each figure. A figure without
+    process (for programs whose main module may be imported again); `report` is called after each figure. A figure without
     data is left out, with its reason, and an older file of its name is removed, so that the folder never mixes two
     states. Raises InputError if the folder cannot be written.
     """
@@ -133,16 +133,16 @@ def draw_figures(
     if not folder.is_dir():
         raise InputError(f"{folder}: no such folder; make it first, or give another path for the figures")
     wanted = list(FIGURES if names is None else names)
-    made: dict[str, FigureFiles] = {}
+    files: dict[str, FigureFiles] = {}
     gc.freeze()  # 100 000 measures stay in memory; scanning them for garbage takes as long as half of the figures
     try:
         with settings(), Helper(results if helped else None, wanted, folder, footer, suffixes) as helper:
             for name in reversed(wanted):  # from the end backwards, until it reaches the helper
-                made[name] = helper.result(name) or _draw(results, name, folder, footer, suffixes)
-                tell(name)
+                files[name] = helper.result(name) or _draw(results, name, folder, footer, suffixes)
+                report(name)
     finally:
         gc.unfreeze()
-    return [made[name] for name in wanted]
+    return [files[name] for name in wanted]
 
 
 def _draw(results: Results, name: str, folder: Path, footer: bool, suffixes: Sequence[str]) -> FigureFiles:
@@ -156,7 +156,7 @@ def _draw(results: Results, name: str, folder: Path, footer: bool, suffixes: Seq
         return FigureFiles(name, TITLES[name], (), "", drawing)
     paths = save(drawing, folder, name, footer=footer, suffixes=suffixes)
     height = drawing.footer_height if footer else 0.0
-    return FigureFiles(name, drawing.title, tuple(paths), drawing.told, None, height)
+    return FigureFiles(name, drawing.title, tuple(paths), drawing.short_caption, None, height)
 
 
 class Helper:
@@ -191,7 +191,7 @@ class Helper:
             return None
 
 
-_given: list[Results] = []  # input of the helper process
+_inputs: list[Results] = []  # input of the helper process
 
 
 def _begin_helping(results: Results) -> None:
@@ -199,12 +199,12 @@ def _begin_helping(results: Results) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is handled by the main process
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     gc.freeze()
-    _given.append(results)
+    _inputs.append(results)
 
 
 def _help(name: str, *how: Any) -> FigureFiles:
     with settings():
-        return _draw(_given[0], name, *how)
+        return _draw(_inputs[0], name, *how)
 
 
 def figures_folder(out_dir: str | Path) -> Path:

@@ -41,9 +41,9 @@ class WorkerBars:
         if plan:
             self.bars.update(self.all, description=f"{len(done)} of {len(plan)} groups", total=total, completed=behind)
         for status in statuses:
-            told = f"worker {status.name} on host {status.host}: {groups(len(status.done))}; "
-            told += status.ended or status.doing if status.name in here else "gone"
-            mine = sum(plan.get(claim, 0.0) for claim in status.done)
+            description = f"worker {status.name} on host {status.host}: {groups(len(status.done))}; "
+            description += status.ended or status.doing if status.name in here else "gone"
+            completed = sum(plan.get(claim, 0.0) for claim in status.done)
             if status.name not in self.lines:
-                self.lines[status.name] = self.bars.add_task(told, total=total)
-            self.bars.update(self.lines[status.name], description=told, total=total, completed=mine)
+                self.lines[status.name] = self.bars.add_task(description, total=total)
+            self.bars.update(self.lines[status.name], description=description, total=total, completed=completed)

@@ -7,7 +7,7 @@
  plans/MACHINE.PART.json  groups to measure on such a machine, and their weights
  stores/NAME.sqlite       a worker's own store; its finished groups are exported as out/NAME.NUMBER.sqlite
  lost/NAME                made when the store of a lost worker has been merged: others may continue from it
- alive, stop              the sweep is alive; the sweep tells its workers to end
+ alive, stop              the sweep is alive; the sweep requests its workers to end
 
 Only its worker opens a store before the worker is gone: a database that two hosts open is safe on few file systems.
 """
@@ -26,8 +26,8 @@ from typing import Any
 from softlab.model.base.errors import InputError
 from softlab.model.base.files import why
 
-ROOMS = ("status", "claims", "plans", "stores", "out", "lost", "logs")
-GIVEN_UP = "given up"  # owner of a group that must not be taken any more
+SUBFOLDERS = ("status", "claims", "plans", "stores", "out", "lost", "logs")
+ABANDONED = "given up"  # owner of a group that must not be taken any more
 DONE, STOPPED, REFUSED, BROKEN = "done", "stopped", "refused", "broken"  # how a worker reports its end
 
 
@@ -81,8 +81,8 @@ class Folder:
         self.path = path
         if make:
             try:
-                for room in ROOMS:
-                    (path / room).mkdir(parents=True, exist_ok=True)
+                for subfolder in SUBFOLDERS:
+                    (path / subfolder).mkdir(parents=True, exist_ok=True)
                 self._write("alive", "0")
             except OSError as error:
                 raise InputError(
@@ -99,8 +99,8 @@ class Folder:
         part.write_text(text, encoding="utf-8")
         os.replace(part, file)
 
-    def _names(self, room: str) -> list[str]:
-        return sorted(entry.name for entry in (self.path / room).iterdir() if not entry.name.startswith("."))
+    def _names(self, subfolder: str) -> list[str]:
+        return sorted(entry.name for entry in (self.path / subfolder).iterdir() if not entry.name.startswith("."))
 
     # ------------------------------------------------------------------ the order, and signs of life
 
@@ -194,17 +194,17 @@ class Folder:
 
     def claims(self) -> dict[str, str]:
         """Return claim -> owner."""
-        found = {}
+        owners = {}
         for claim in self._names("claims"):
             with suppress(OSError):
-                found[claim] = (self.path / "claims" / claim).read_text(encoding="utf-8")
-        return found
+                owners[claim] = (self.path / "claims" / claim).read_text(encoding="utf-8")
+        return owners
 
     def release(self, claim: str) -> None:
         (self.path / "claims" / claim).unlink(missing_ok=True)
 
-    def give_up(self, claim: str) -> None:
-        self._write(f"claims/{claim}", GIVEN_UP)
+    def abandon(self, claim: str) -> None:
+        self._write(f"claims/{claim}", ABANDONED)
 
     def write_plan(self, machine: str, part: int, groups: Mapping[str, tuple[float, str]]) -> None:
         """Write the groups to measure on such a machine, unless another worker of its kind did: claim -> (weight,
@@ -214,11 +214,11 @@ class Folder:
             self._write(f"plans/{machine}.{part}.json", json.dumps(dict(groups)))
 
     def _plans(self) -> dict[str, tuple[float, str]]:
-        found: dict[str, tuple[float, str]] = {}
+        plans: dict[str, tuple[float, str]] = {}
         for name in self._names("plans"):
             with suppress(OSError, ValueError):
-                found |= json.loads((self.path / "plans" / name).read_text(encoding="utf-8"))
-        return found
+                plans |= json.loads((self.path / "plans" / name).read_text(encoding="utf-8"))
+        return plans
 
     def plan(self) -> dict[str, float]:
         """Return all possible claims and their weights."""

@@ -12,11 +12,11 @@ from softlab.model.base.errors import InputError
 
 
 class Intake:
-    """Merges what workers export or leave in a folder; `kept`: reasons of files that could not be merged, which stay."""
+    """Merges what workers export or leave in a folder; `unmerged`: reasons of files that could not be merged, which stay."""
 
     def __init__(self, store: Store, folder: Folder):
         self.store, self.folder = store, folder
-        self.kept: list[str] = []
+        self.unmerged: list[str] = []
 
     def take(self, file: Path) -> bool:
         """Merge a worker's results and return True if they are in the store now; merging twice adds nothing."""
@@ -25,8 +25,8 @@ class Intake:
         try:
             merge(self.store, file)
         except InputError as error:
-            if str(error) not in self.kept:
-                self.kept.append(str(error))
+            if str(error) not in self.unmerged:
+                self.unmerged.append(str(error))
             return False
         return True
 

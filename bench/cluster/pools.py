@@ -110,12 +110,12 @@ class SubmititJob:
     def ended(self) -> str | None:
         if not self.job.done():
             return None
-        told = f"job {self.job.state}"
+        reason = f"job {self.job.state}"
         if self.job.paths.result_pickle.exists():
             with suppress(Exception):  # a job that could not even begin has its reason in its output
-                told = exit_words(self.job.result())
+                reason = exit_words(self.job.result())
         lines = (self.job.stderr() or "").strip().splitlines()
-        return f"{told}: {shortened(lines[-1], 200)}" if lines else told
+        return f"{reason}: {shortened(lines[-1], 200)}" if lines else reason
 
     def kill(self) -> None:
         with suppress(Exception):  # the queue may not answer any more
@@ -189,9 +189,9 @@ def _devices(backends: Sequence[str] | None) -> list[str | None]:
     """Return for each slot the only GPU that it sees, if nothing but GPUs is timed; None: all."""
     if list(backends or ()) != ["gpu"]:
         return [None]
-    told = os.environ.get("CUDA_VISIBLE_DEVICES")
-    if told:
-        return list(told.split(","))
+    visible = os.environ.get("CUDA_VISIBLE_DEVICES")
+    if visible:
+        return list(visible.split(","))
     from softlab.bench.measure.gpu import gpu_facts
 
     return [str(k) for k in range(gpu_facts()["gpu_count"] or 1)]

@@ -47,7 +47,7 @@ def on_cluster(
     Raises InputError (the store, its folder), BackendUnavailable (the pool), and the errors with which workers refuse.
     """
     with _alone_at(store) as base:
-        kept = adopt(store, base, beat)
+        unmerged = adopt(store, base, beat)
         folder = Folder(base / uuid.uuid4().hex[:8], make=True)
         backends = how.get("backends")
         timings = () if not timed else None if backends is None else tuple(backends)
@@ -63,7 +63,7 @@ def on_cluster(
                 summary = Sweep(store, folder, opened, order, name, progress).run()
         finally:
             opened.close()
-        summary.kept += kept
+        summary.unmerged += unmerged
         return summary
 
 
@@ -116,7 +116,7 @@ def _shared_references(store: Store, folder: Folder) -> Iterator[None]:
 
 def adopt(store: Store, base: Path, beat: float) -> list[str]:
     """Merge what workers of a killed sweep left, once they have stopped; return the reasons of failures."""
-    kept: list[str] = []
+    unmerged: list[str] = []
     for path in sorted(entry for entry in base.iterdir() if (entry / "status").is_dir()):
         folder = Folder(path)
         folder.stop()
@@ -124,8 +124,8 @@ def adopt(store: Store, base: Path, beat: float) -> list[str]:
         intake = Intake(store, folder)
         if intake.take_all():
             intake.clear()
-        kept += intake.kept
-    return kept
+        unmerged += intake.unmerged
+    return unmerged
 
 
 def _until_still(folder: Folder, beat: float) -> None:

@@ -18,15 +18,15 @@ class ClusterSummary(SweepSummary):
     """Results of all workers.
 
     `workers`: a line per worker that finished something; `machines`: keys of the store; `losses`: lost workers with
-    their groups, which others took, and reasons; `given_up`: groups that were not measured or slots that are not
-    restarted, with reasons; `kept`: files that could not be merged, with reasons.
+    their groups, which others took, and reasons; `abandoned`: groups that were not measured or slots that are not
+    restarted, with reasons; `unmerged`: files that could not be merged, with reasons.
     """
 
     workers: list[str] = field(default_factory=list)
     machines: list[str] = field(default_factory=list)
     losses: list[str] = field(default_factory=list)
-    given_up: list[str] = field(default_factory=list)
-    kept: list[str] = field(default_factory=list)
+    abandoned: list[str] = field(default_factory=list)
+    unmerged: list[str] = field(default_factory=list)
 
 
 def count(summary: ClusterSummary, store: Store, before: int, statuses: Collection[Status]) -> None:
@@ -43,17 +43,17 @@ def count(summary: ClusterSummary, store: Store, before: int, statuses: Collecti
         (before,),
     )
     # results that the store had at the beginning; all workers on equal machines report the same
-    held: dict[str, int] = {}
+    stored: dict[str, int] = {}
     for status in statuses:
-        held[status.machine] = max(held.get(status.machine, 0), int(status.counts.get("held", 0)))
+        stored[status.machine] = max(stored.get(status.machine, 0), int(status.counts.get("stored", 0)))
         summary.compile_seconds += status.counts.get("compile_seconds", 0.0)
         if status.done:
             done = groups(len(status.done))
             summary.workers.append(f"worker {status.name} on host {status.host}, {status.label}: {done}")
-    summary.held = sum(held.values())
+    summary.stored = sum(stored.values())
     for name in ("skipped", "wrong"):
-        told = [(str(what), str(why)) for status in statuses for what, why in getattr(status, name)]
-        setattr(summary, name, list(dict.fromkeys(told)))
+        entries = [(str(what), str(why)) for status in statuses for what, why in getattr(status, name)]
+        setattr(summary, name, list(dict.fromkeys(entries)))
     summary.machines = list(dict.fromkeys(status.machine for status in statuses if status.machine))
     summary.machine = next(iter(summary.machines), "")
     summary.stop()
@@ -61,8 +61,8 @@ def count(summary: ClusterSummary, store: Store, before: int, statuses: Collecti
 
 def print_workers(console: Console, summary: ClusterSummary) -> None:
     """Print the results of each worker, lost workers, and groups that were not measured."""
-    lines = [*summary.workers, *(f"lost: {told}" for told in summary.losses)]
-    lines += [f"given up: {told}" for told in summary.given_up] + [f"not merged: {told}" for told in summary.kept]
+    lines = [*summary.workers, *(f"lost: {text}" for text in summary.losses)]
+    lines += [f"given up: {text}" for text in summary.abandoned] + [f"not merged: {text}" for text in summary.unmerged]
     if len(summary.machines) > 1:
         lines.append(
             f"{len(summary.machines)} kinds of machine, each with a sweep of its own: their times are never one curve"

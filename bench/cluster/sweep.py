@@ -15,7 +15,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 from softlab.bench.cluster.bar import WorkerBars
-from softlab.bench.cluster.folder import DONE, GIVEN_UP, REFUSED, Folder, Order, Status
+from softlab.bench.cluster.folder import ABANDONED, DONE, REFUSED, Folder, Order, Status
 from softlab.bench.cluster.intake import Intake
 from softlab.bench.cluster.pools import Job, Pool
 from softlab.bench.cluster.summary import ClusterSummary, count
@@ -34,7 +34,7 @@ class Slot:
     """A place for one worker at a time.
 
     `name`: of the current worker; `job`: its job (None: there is none); `seen`: the last sign of life of a worker whose
-    job ended, and its time; `deaths`: of workers without a group; `given_up`: why no worker is started there any more.
+    job ended, and its time; `deaths`: of workers without a group; `stop_reason`: why no worker is started there any more.
     """
 
     number: int
@@ -43,7 +43,7 @@ class Slot:
     job: Job | None = None
     seen: tuple[int, float] | None = None
     deaths: int = 0
-    given_up: str = ""
+    stop_reason: str = ""
 
 
 class Sweep:
@@ -69,7 +69,7 @@ class Sweep:
             with self.bars:
                 for slot in self.slots:
                     self._start(slot)
-                while self._look():
+                while self._check_workers():
                     time.sleep(self.order.beat / 2)
         except KeyboardInterrupt:
             self.summary.interrupted = True
@@ -82,19 +82,19 @@ class Sweep:
 
     # ------------------------------------------------------------------ watching
 
-    def _look(self) -> bool:
+    def _check_workers(self) -> bool:
         """Check all workers once; return False if none is left."""
         self._beats += 1
         self.folder.live(self._beats)
         self.intake.take_outs()
         for slot in self.slots:
             if slot.job is not None:
-                self._look_at(slot)
+                self._check(slot)
         self.bars.show(self.folder.plan(), self.done, self.statuses.values(), [slot.name for slot in self.slots])
         if self.pool.queues and self._nothing_left():
             self._let_go()
         left = self._orphaned()
-        for slot in [slot for slot in self.slots if slot.job is None and not slot.given_up][: len(left)]:
+        for slot in [slot for slot in self.slots if slot.job is None and not slot.stop_reason][: len(left)]:
             self._start(slot)
         return any(slot.job is not None for slot in self.slots)
 
@@ -105,7 +105,7 @@ class Sweep:
     def _nothing_left(self) -> bool:
         """Return True if all planned groups are done or given up."""
         plan = set(self.folder.plan())
-        return bool(plan) and plan <= self.done | {c for c, name in self.folder.claims().items() if name == GIVEN_UP}
+        return bool(plan) and plan <= self.done | {c for c, name in self.folder.claims().items() if name == ABANDONED}
 
     def _let_go(self) -> None:
         """Cancel jobs that still wait for a place."""
@@ -122,7 +122,7 @@ class Sweep:
         here = {status.machine for status in running if status}
         return {claim for claim in self._left() if claim.partition(".")[0] not in here}
 
-    def _look_at(self, slot: Slot) -> None:
+    def _check(self, slot: Slot) -> None:
         assert slot.job is not None
         how = slot.job.ended()  # before the status, which may still receive a last entry
         status = self.folder.status(slot.name)
@@ -147,8 +147,8 @@ class Sweep:
         """Handle a worker that reported its end."""
         if status.ended == REFUSED:  # the next worker would refuse too
             self.refused = status
-            slot.given_up, slot.job = status.reason, None
-            self.summary.given_up.append(f"worker {slot.name} on host {status.host}: {status.reason}")
+            slot.stop_reason, slot.job = status.reason, None
+            self.summary.abandoned.append(f"worker {slot.name} on host {status.host}: {status.reason}")
             self.intake.take(self.folder.store_of(slot.name))
         elif status.ended == DONE:
             self.intake.take(self.folder.store_of(slot.name))
@@ -163,33 +163,33 @@ class Sweep:
     def _lost(self, slot: Slot, why: str, status: Status | None) -> None:
         """Merge the store of a lost worker, free its groups, and start another one in its place."""
         self.intake.take(self.folder.store_of(slot.name))
-        mine = [claim for claim, name in self.folder.claims().items() if name == slot.name and claim not in self.done]
-        at = f" at {status.doing}" if status and mine else ""
+        claims = [claim for claim, name in self.folder.claims().items() if name == slot.name and claim not in self.done]
+        at = f" at {status.doing}" if status and claims else ""
         self.summary.losses.append(f"worker {slot.name}{f' on host {status.host}' if status else ''}{at}: {why}")
         if self.folder.store_of(slot.name).exists():
             self.folder.lose(slot.name)
-        for claim in mine:
+        for claim in claims:
             self.deaths[claim] = self.deaths.get(claim, 0) + 1
             if self.deaths[claim] >= DEATHS:
-                self.folder.give_up(claim)
+                self.folder.abandon(claim)
                 what = self.folder.words().get(claim, claim)
-                self.summary.given_up.append(f"{what}: its workers died {DEATHS} times, at last: {why}")
+                self.summary.abandoned.append(f"{what}: its workers died {DEATHS} times, at last: {why}")
             else:
                 self.folder.release(claim)
         slot.job = None
-        if not mine:
+        if not claims:
             self._count_death(slot, why)
-        if not slot.given_up:
+        if not slot.stop_reason:
             self._start(slot)
 
     def _count_death(self, slot: Slot, why: str, what: str = "died") -> None:
         slot.deaths += 1
         if slot.deaths >= DEATHS:
-            slot.given_up = why
-            self.summary.given_up.append(f"worker {slot.number + 1}: {what} {DEATHS} times, at last: {why}")
+            slot.stop_reason = why
+            self.summary.abandoned.append(f"worker {slot.number + 1}: {what} {DEATHS} times, at last: {why}")
 
     def _start(self, slot: Slot) -> None:
-        if slot.given_up:
+        if slot.stop_reason:
             return
         slot.started += 1
         slot.name, slot.seen = f"{slot.number + 1}.{slot.started}", None
@@ -198,8 +198,8 @@ class Sweep:
         except BackendUnavailable as error:
             if not any(other.job for other in self.slots):
                 raise
-            slot.given_up, slot.job = str(error), None
-            self.summary.given_up.append(f"worker {slot.name}: {error}")
+            slot.stop_reason, slot.job = str(error), None
+            self.summary.abandoned.append(f"worker {slot.name}: {error}")
 
     # ------------------------------------------------------------------ the end
 
@@ -208,23 +208,23 @@ class Sweep:
         with suppress(KeyboardInterrupt):  # a second Ctrl-C stops by force
             self._stop_workers()
         if not self.summary.interrupted and (left := self._left()):
-            self.summary.given_up.append(f"{len(left)} groups, which no worker took: the same command resumes")
+            self.summary.abandoned.append(f"{len(left)} groups, which no worker took: the same command resumes")
         for slot in self.slots:
             if slot.job is not None:
                 _kill(self.folder.status(slot.name))
                 slot.job.kill()
         taken = self.intake.take_all()
-        told = self.refused is not None or self.summary.interrupted or not any(slot.deaths for slot in self.slots)
-        if taken and (told or not self._nobody_worked()):
+        explained = self.refused is not None or self.summary.interrupted or not any(slot.deaths for slot in self.slots)
+        if taken and (explained or not self._nobody_worked()):
             self.intake.clear()
-        self.summary.kept += self.intake.kept
+        self.summary.unmerged += self.intake.unmerged
 
     def _stop_workers(self) -> None:
         if not any(slot.job for slot in self.slots):
             return
         self.folder.stop()
-        give_up = time.monotonic() + STOP_SECONDS
-        while any(slot.job for slot in self.slots) and time.monotonic() < give_up:
+        deadline = time.monotonic() + STOP_SECONDS
+        while any(slot.job for slot in self.slots) and time.monotonic() < deadline:
             for slot in self.slots:
                 if slot.job is not None and self._gone(slot):
                     slot.job = None
@@ -248,10 +248,10 @@ class Sweep:
     def _refuse(self) -> None:
         """Raise the error that the workers reported, else one that says how they ended."""
         if self.refused is not None:
-            told = InputError(self.refused.reason)
-            told.exit_status = self.refused.exit_status
-            raise told
-        why = next((slot.given_up for slot in self.slots if slot.given_up), "no reason is known")
+            error = InputError(self.refused.reason)
+            error.exit_status = self.refused.exit_status
+            raise error
+        why = next((slot.stop_reason for slot in self.slots if slot.stop_reason), "no reason is known")
         raise BackendUnavailable(
             f"no worker can be kept running: {why}", f"what they printed is in {self.folder.path / 'logs'}"
         )

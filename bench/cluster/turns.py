@@ -17,7 +17,7 @@ from pathlib import Path
 from softlab.model.base.disk_cache import user_cache
 from softlab.model.base.errors import InputError
 
-LOOK_SECONDS = 0.5  # interval in which a wait checks for Ctrl-C
+CHECK_SECONDS = 0.5  # interval in which a wait checks for Ctrl-C
 
 
 def host_name() -> str:
@@ -62,7 +62,7 @@ def try_lock(file: Path, shared: bool = False, seconds: float = 0.0) -> sqlite3.
 @contextmanager
 def locked(file: Path, shared: bool = False, waiting: Callable[[], None] = lambda: None) -> Iterator[None]:
     """Hold the lock inside this context; `waiting` is called repeatedly until it is acquired."""
-    while (connection := try_lock(file, shared, LOOK_SECONDS)) is None:
+    while (connection := try_lock(file, shared, CHECK_SECONDS)) is None:
         waiting()
     try:
         yield
@@ -80,21 +80,21 @@ class Turn:
         self.device, self.waiting = device, waiting
         self.whole_host = "cpu" in backends
         self.timed = bool(backends)
-        self.held: ExitStack | None = None
+        self.locks: ExitStack | None = None
 
     def begin(self) -> None:
         """Wait for the turn."""
-        if self.held is not None or not self.timed:
+        if self.locks is not None or not self.timed:
             return
         with ExitStack() as stack:
             folder, host = turns_folder(), host_name()
             stack.enter_context(locked(folder / f"host-{host}.lock", not self.whole_host, self.waiting))
             if not self.whole_host and self.device:
                 stack.enter_context(locked(folder / f"gpu-{self.device}.lock", False, self.waiting))
-            self.held = stack.pop_all()
+            self.locks = stack.pop_all()
 
     def end(self) -> None:
         """Release the turn."""
-        if self.held is not None:
-            self.held.close()
-            self.held = None
+        if self.locks is not None:
+            self.locks.close()
+            self.locks = None

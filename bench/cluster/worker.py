@@ -20,13 +20,13 @@ from typing import Any
 
 from softlab.bench.cluster.folder import BROKEN, DONE, REFUSED, STOPPED, Folder, Order, Status
 from softlab.bench.cluster.turns import Turn, host_name
-from softlab.bench.measure.share import sharing
+from softlab.bench.measure.partition import use_partition
 from softlab.bench.store.database import Store
 from softlab.bench.store.transfer import export, last_run, merge
 from softlab.bench.store.versions import BACKENDS, digest_of
 from softlab.model.base.errors import BackendUnavailable, SoftlabError, on_command_line
 
-COUNTS = ("measured", "held", "samples", "suspect", "compile_seconds")  # fields of a summary, as far as it has them
+COUNTS = ("measured", "stored", "samples", "suspect", "compile_seconds")  # fields of a summary, as far as it has them
 
 
 def code_digests() -> tuple[str, ...]:
@@ -35,7 +35,7 @@ def code_digests() -> tuple[str, ...]:
 
 
 class Life:
-    """Signs of life of a worker, and its ends: told to stop, or abandoned by its parent process or by the sweep.
+    """Signs of life of a worker, and its ends: requested to stop, or abandoned by its parent process or by the sweep.
 
     The main thread gets a KeyboardInterrupt, once, so that its cleanup is not interrupted.
     """
@@ -52,21 +52,21 @@ class Life:
     def __enter__(self) -> Life:
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, self._interrupted)
-        self.tell()
+        self.report()
         self._thread.start()
         return self
 
     def __exit__(self, *_: object) -> None:
         self._over.set()
         self._thread.join()
-        self.tell()
+        self.report()
 
     def _interrupted(self, number: int, frame: Any) -> None:
         if not self.stopped_by:
             self.stopped_by = self._reason or f"stopped by {signal.Signals(number).name}"
             raise KeyboardInterrupt
 
-    def tell(self, doing: str | None = None) -> None:
+    def report(self, doing: str | None = None) -> None:
         """Write the status with `doing`."""
         with self._writing, suppress(OSError):  # the thread notices if the folder is gone
             self.status.doing = self.status.doing if doing is None else doing
@@ -76,7 +76,7 @@ class Life:
         seen, still = "", 0
         while not self._over.wait(self.order.beat):
             self.status.beat += 1
-            self.tell()
+            self.report()
             alive = self.folder.alive()
             seen, still = alive, (still + 1 if alive == seen else 0)
             if self.folder.stopped():
@@ -124,7 +124,7 @@ class Claims:
         self.status.machine, self.status.label = machine, str(labels[0][0])
         self._words |= {self._claim(name): words for name, (_, words) in groups.items()}
         self.folder.write_plan(machine, self._part, {self._claim(name): what for name, what in groups.items()})
-        self.life.tell()
+        self.life.report()
 
     def _claim(self, name: str) -> str:
         return f"{self.status.machine}.{self._part}.{name}".replace(os.sep, "-")
@@ -140,13 +140,13 @@ class Claims:
             yield False
             return
         self.status.holding.append(claim)
-        self.life.tell(self._words.get(claim, name))
+        self.life.report(self._words.get(claim, name))
         self._take_over()
         yield True
         self._hand_out()
         self.status.holding.remove(claim)
         self.status.done.append(claim)
-        self.life.tell("looking for work")
+        self.life.report("looking for work")
         if not self.status.holding:
             self.turn.end()
 
@@ -195,11 +195,11 @@ def _measure(folder: Folder, order: Order, life: Life) -> None:
             "install the same version on every host",
         )
     backends = _backends(order)
-    turn = Turn(backends, _device(backends), lambda: life.tell("waiting for its turn on this host"))
+    turn = Turn(backends, _device(backends), lambda: life.report("waiting for its turn on this host"))
     claims = Claims(folder, life, turn)
     try:
         turn.begin()  # before the machine's own limits are measured
-        with claims.open_store() as store, sharing(claims):
+        with claims.open_store() as store, use_partition(claims):
             summary = order.run(store, progress=False, command=_command(order, life.status), **order.how)
     finally:
         turn.end()

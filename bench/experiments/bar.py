@@ -16,7 +16,7 @@ from pathlib import Path
 from softlab.bench.experiments import bar_body, bar_strip, body_laws
 from softlab.bench.experiments.bar_body import bar, measured_tetrahedra, stand, sway, tetrahedra
 from softlab.bench.experiments.bar_strip import ACROSS, FREQUENCY, SAG, bend, hang, method_of, strip, swing
-from softlab.bench.experiments.body_laws import DROP, ENERGY, FLIGHT, KEPT, SPIN, hold, law_scene
+from softlab.bench.experiments.body_laws import ANGULAR_MOMENTUM, DROP, ENERGY, FLIGHT, SPIN, law_scene, measure_law
 from softlab.bench.measure.costs_timing import Measures
 from softlab.bench.measure.experiment import described, source_hash
 from softlab.bench.measure.items import Experiment, Items
@@ -43,7 +43,7 @@ OVERLAPS = (1.0, 1.25, 1.5, 2.0)  # cluster_radius over cluster_spacing
 SOME_LINKS, SOME_LAYERS, SOME_OVERLAP, FINEST = 16, 16, 1.25, SUBSTEPS[-1]
 QUICK = {8, 16, 1, 4, 2, 1.25}  # values that `quick` uses, except for REGIONS
 QUICK_REGIONS = REGIONS[:2]  # each is machine code of its own
-LAWS = {SPIN: KEPT, FLIGHT: KEPT, DROP: ENERGY}
+LAWS = {SPIN: ANGULAR_MOMENTUM, FLIGHT: ANGULAR_MOMENTUM, DROP: ENERGY}
 LAW_SUBSTEPS = (1, 4, 16)
 
 
@@ -57,20 +57,20 @@ run_bar = Items("bar", items, "softlab bar")
 
 def experiments(backend: str, quick: bool = False) -> list[Experiment]:
     """Return all experiments of a backend: strips, jelly bars, tetrahedra, laws."""
-    own = source_digest(*(Path(str(module.__file__)) for module in (bar_strip, bar_body, body_laws)))
-    sources = f"{source_hash(backend)}-{own}-b{VERSION}"
-    found = [*_strips(backend, sources, quick), *_bodies(backend, sources, quick)]
-    return [*found, *_tetrahedra(backend, sources, quick), *_laws(backend, sources, quick)]
+    files_digest = source_digest(*(Path(str(module.__file__)) for module in (bar_strip, bar_body, body_laws)))
+    sources = f"{source_hash(backend)}-{files_digest}-b{VERSION}"
+    all_experiments = [*_strips(backend, sources, quick), *_bodies(backend, sources, quick)]
+    return [*all_experiments, *_tetrahedra(backend, sources, quick), *_laws(backend, sources, quick)]
 
 
 def _experiment(
     name: str, scene: Scene, backend: str, sources: str, finding: str, run: Callable[[], Measures], **how: object
 ) -> Experiment:
-    told = {"precision": "float64", "math": "exact"} | how
-    return Experiment(name, described(scene, backend, finding, **told), sources, run)
+    fields = {"precision": "float64", "math": "exact"} | how
+    return Experiment(name, described(scene, backend, finding, **fields), sources, run)
 
 
-def _kept(values: Sequence[float], quick: bool) -> list[float]:
+def _subset(values: Sequence[float], quick: bool) -> list[float]:
     return [value for value in values if not quick or value in QUICK]
 
 
@@ -79,59 +79,59 @@ def settings(quick: bool = False) -> Iterator[tuple[str, int, int, int]]:
     for name in SOLVERS:
         yield from dict.fromkeys(
             [
-                *((name, int(links), FINEST, 1) for links in _kept(LINKS, quick)),
-                *((name, SOME_LINKS, int(substeps), 1) for substeps in _kept(SUBSTEPS, quick)),
+                *((name, int(links), FINEST, 1) for links in _subset(LINKS, quick)),
+                *((name, SOME_LINKS, int(substeps), 1) for substeps in _subset(SUBSTEPS, quick)),
             ]
         )
     for region in QUICK_REGIONS if quick else REGIONS:
         if region > 1:
-            for links in _kept(LINKS, quick):
+            for links in _subset(LINKS, quick):
                 yield "shape-matching", int(links), FINEST, region
 
 
 def _strips(backend: str, sources: str, quick: bool) -> list[Experiment]:
-    found = []
+    runs = []
     loads = {SAG: hang, FREQUENCY: swing, ACROSS: bend}
     for name, links, substeps, region in settings(quick):
         solver, iterations = SOLVERS[name]
         method = method_of(solver, substeps, iterations, region)
-        told = {"solver": name, "links": links, "substeps": substeps, "region": region}
+        fields = {"solver": name, "links": links, "substeps": substeps, "region": region}
         for load, run in loads.items():
             if load == ACROSS and (quick or name == "xpbd, converged"):
                 continue
             scene = strip(links, method, load)
             measure = partial(run, scene, backend)
-            found.append(_experiment(load, scene, backend, sources, STRIP, measure, load=load, **told))
-    return found
+            runs.append(_experiment(load, scene, backend, sources, STRIP, measure, load=load, **fields))
+    return runs
 
 
 def bodies(quick: bool = False) -> list[tuple[int, float, int]]:
     """Return (layers, overlap, substeps) of every jelly bar, each once."""
-    found = [
-        *((SOME_LAYERS, overlap, FINEST) for overlap in _kept(OVERLAPS, quick)),
-        *((int(layers), SOME_OVERLAP, FINEST) for layers in _kept(LAYERS, quick)),
-        *((SOME_LAYERS, SOME_OVERLAP, int(substeps)) for substeps in _kept(SUBSTEPS, quick)),
+    bars = [
+        *((SOME_LAYERS, overlap, FINEST) for overlap in _subset(OVERLAPS, quick)),
+        *((int(layers), SOME_OVERLAP, FINEST) for layers in _subset(LAYERS, quick)),
+        *((SOME_LAYERS, SOME_OVERLAP, int(substeps)) for substeps in _subset(SUBSTEPS, quick)),
     ]
-    return list(dict.fromkeys(found))
+    return list(dict.fromkeys(bars))
 
 
 def _bodies(backend: str, sources: str, quick: bool) -> list[Experiment]:
-    found = []
+    runs = []
     for layers, overlap, substeps in bodies(quick):
-        told = {"layers": layers, "overlap": overlap, "substeps": substeps}
+        fields = {"layers": layers, "overlap": overlap, "substeps": substeps}
         lying, standing = (bar(layers, overlap, substeps, up) for up in (False, True))
         swings, stands = partial(sway, lying, backend, layers, overlap), partial(stand, standing, backend)
-        found.append(_experiment(FREQUENCY, lying, backend, sources, BODY, swings, load=FREQUENCY, **told))
-        found.append(_experiment(SAG, standing, backend, sources, BODY, stands, load=SAG, **told))
-    return found
+        runs.append(_experiment(FREQUENCY, lying, backend, sources, BODY, swings, load=FREQUENCY, **fields))
+        runs.append(_experiment(SAG, standing, backend, sources, BODY, stands, load=SAG, **fields))
+    return runs
 
 
 def of_tetrahedra(quick: bool = False) -> list[tuple[str, int, int]]:
     """Return (name of TETRAHEDRA, voxels, substeps) of every bar of tetrahedra, each once."""
     sizes = [SOME_VOXELS] if quick else VOXELS
-    found = [(name, voxels, FINEST) for name in TETRAHEDRA for voxels in sizes]
-    found += [(name, SOME_VOXELS, int(substeps)) for name in TETRAHEDRA for substeps in _kept(SUBSTEPS, quick)]
-    return list(dict.fromkeys(found))
+    bars = [(name, voxels, FINEST) for name in TETRAHEDRA for voxels in sizes]
+    bars += [(name, SOME_VOXELS, int(substeps)) for name in TETRAHEDRA for substeps in _subset(SUBSTEPS, quick)]
+    return list(dict.fromkeys(bars))
 
 
 def _tetrahedra(backend: str, sources: str, quick: bool) -> list[Experiment]:
@@ -139,7 +139,7 @@ def _tetrahedra(backend: str, sources: str, quick: bool) -> list[Experiment]:
 
     Across, the rest state of Newton's method does not depend on the number of substeps, so one is enough.
     """
-    found = []
+    runs = []
     for name, voxels, substeps in of_tetrahedra(quick):
         solver, iterations = TETRAHEDRA[name]
         for load in (SAG, FREQUENCY, ACROSS):
@@ -147,19 +147,19 @@ def _tetrahedra(backend: str, sources: str, quick: bool) -> list[Experiment]:
                 continue
             few = 1 if (load, solver) == (ACROSS, "newton") else substeps
             scene = tetrahedra(voxels, solver, iterations, few, load)
-            told = {"solver": name, "layers": voxels, "substeps": substeps, "region": 1}
+            fields = {"solver": name, "layers": voxels, "substeps": substeps, "region": 1}
             run = partial(measured_tetrahedra, scene, backend, load)
-            found.append(_experiment(load, scene, backend, sources, ELEMENTS, run, load=load, **told))
-    return found
+            runs.append(_experiment(load, scene, backend, sources, ELEMENTS, run, load=load, **fields))
+    return runs
 
 
 def _laws(backend: str, sources: str, quick: bool) -> list[Experiment]:
-    found = []
+    runs = []
     for law, name in LAWS.items():
-        for substeps in _kept(LAW_SUBSTEPS, quick):
+        for substeps in _subset(LAW_SUBSTEPS, quick):
             scene = law_scene(law, int(substeps))
             for precision in ("float64", "float32") if law == DROP and not quick else ("float64",):
-                measure = partial(hold, law, scene, backend, precision)
-                told = {"law": law, "substeps": int(substeps), "precision": precision}
-                found.append(_experiment(name, scene, backend, sources, LAW, measure, **told))
-    return found
+                measure = partial(measure_law, law, scene, backend, precision)
+                fields = {"law": law, "substeps": int(substeps), "precision": precision}
+                runs.append(_experiment(name, scene, backend, sources, LAW, measure, **fields))
+    return runs

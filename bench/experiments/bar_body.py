@@ -39,10 +39,10 @@ from softlab.bench.experiments.bar_strip import (
     WIDTH,
     beam_tip,
     follow,
+    returns_measures,
     rod_frequency,
     rod_sag,
     swing_of,
-    told,
 )
 from softlab.bench.measure.costs_timing import Measures
 from softlab.model.assets.soft_body import DENSITY, SoftBody
@@ -51,7 +51,7 @@ from softlab.model.core.simulation import State
 from softlab.model.geometry.shapes import Shape
 from softlab.model.scene.scene import Scene
 
-REACH = "bar_reach"  # m: the root of <x^2>; times w it is the speed of waves
+LEVER_ARM = "bar_reach"  # m: the root of <x^2>; times w it is the speed of waves
 CLUSTERS = "bar_clusters"  # mean number of clusters per particle
 ACROSS_RATE, BENDING_FRAMES = 2.0, 1200  # 1/s, and frames until a bending beam is at rest
 HANGING_FRAMES = 300  # frames until tetrahedra are at rest: by e^-15
@@ -80,7 +80,7 @@ def sampled(layers: int, overlap: float) -> dict[str, Any]:
 
 
 @lru_cache(maxsize=64)
-def reach(layers: int, overlap: float) -> tuple[float, float]:
+def lever_arm(layers: int, overlap: float) -> tuple[float, float]:
     """Return (REACH, CLUSTERS) of the bar along its length, computed from its clusters."""
     body = SoftBody(**sampled(layers, overlap)).bake(Shape(name="beam").mesh())
     clusters = body.clusters
@@ -90,16 +90,16 @@ def reach(layers: int, overlap: float) -> tuple[float, float]:
 
 def bar(layers: int, overlap: float, substeps: int, stand: bool = False) -> Scene:
     """Return the bar: lying along x without weight, or standing on a plane with a damper and WEIGHT for gravity."""
-    stiffness = (SPEED / reach(layers, overlap)[0]) ** 2
+    stiffness = (SPEED / lever_arm(layers, overlap)[0]) ** 2
     spacing = LENGTH / layers
-    turned = {"angle": 90.0, "axis": [0.0, 0.0, 1.0], "origin": [0.0, LENGTH / 2, 0.0]} if stand else {}
+    rotation = {"angle": 90.0, "axis": [0.0, 0.0, 1.0], "origin": [0.0, LENGTH / 2, 0.0]} if stand else {}
     away = 0.0 if stand else -1e3  # the same parts (see SHARED), so that both scenes share compiled kernels
     return Scene(
         {
             "title": "Jelly bar",
             "bar": {
                 "kind": "soft_body", "shape": {"name": "beam"}, "cluster_stiffness": stiffness,
-                **sampled(layers, overlap), **turned,
+                **sampled(layers, overlap), **rotation,
             },
             "plane": {"point": [0.0, away, 0.0], "normal": [0.0, 1.0, 0.0], "thickness": spacing / 2},
             "damping": {"coefficient": REST_RATE * DENSITY * spacing**3 if stand else 0.0},
@@ -110,7 +110,7 @@ def bar(layers: int, overlap: float, substeps: int, stand: bool = False) -> Scen
     )  # fmt: skip
 
 
-@told(SAG)
+@returns_measures(SAG)
 def stand(scene: Scene, backend: str) -> Measures:
     """Measure SAG: the shortening of the bar at rest, between the means of its first and its last layer."""
     height = scene.body_set.position[:, 1]
@@ -122,7 +122,7 @@ def stand(scene: Scene, backend: str) -> Measures:
     return {SAG: (float(np.ptp(height) - length), "m", "standing")}
 
 
-@told(FREQUENCY, DECAY, REACH, CLUSTERS)
+@returns_measures(FREQUENCY, DECAY, LEVER_ARM, CLUSTERS)
 def sway(scene: Scene, backend: str, layers: int, overlap: float) -> Measures:
     """Measure FREQUENCY and DECAY of the first longitudinal mode, released at rest in the shape of a free rod's mode.
 
@@ -134,10 +134,10 @@ def sway(scene: Scene, backend: str, layers: int, overlap: float) -> Measures:
     begin = State(at + SWING * shape, np.zeros_like(at), 1 / scene.body_set.clusters.mass, 0.0, 0)
     with open_simulation(scene, backend, initial=begin, live=SHARED, **OPTIONS) as simulation:
         frequency, decay = swing_of(follow(simulation, shape, FRAMES // 2), FRAME)
-    arm, held = reach(layers, overlap)
+    arm, clusters = lever_arm(layers, overlap)
     return {
         FREQUENCY: (frequency, "1/s", f"rod: {rod_swing():.6g}"), DECAY: (decay, "1/s", None),
-        REACH: (arm, "m", None), CLUSTERS: (held, "", "of a particle"),
+        LEVER_ARM: (arm, "m", None), CLUSTERS: (clusters, "", "of a particle"),
     }  # fmt: skip
 
 
@@ -153,7 +153,7 @@ def tetrahedra(layers: int, solver: str, iterations: int, substeps: int, load: s
     rates, weights = {SAG: REST_RATE, ACROSS: ACROSS_RATE}, {SAG: GRAVITY, ACROSS: WEIGHT}
     sides = [LENGTH, WIDTH, WIDTH] if beside else [WIDTH, LENGTH, WIDTH]
     edge = LENGTH / layers
-    made = Scene(
+    scene = Scene(
         {
             "title": "Bar of tetrahedra",
             "bar": {
@@ -166,7 +166,7 @@ def tetrahedra(layers: int, solver: str, iterations: int, substeps: int, load: s
         },
         "tetrahedral-bar",
     )  # fmt: skip
-    return made.replace({"damping.coefficient": rates.get(load, 0.0) * made.grid.mass})
+    return scene.replace({"damping.coefficient": rates.get(load, 0.0) * scene.grid.mass})
 
 
 def measured_tetrahedra(scene: Scene, backend: str, load: str) -> Measures:
@@ -184,19 +184,19 @@ def _end(scene: Scene, backend: str, frames: int, axis: int) -> float:
     return float(-moved[np.isclose(away, away.max()), 1].mean())
 
 
-@told(SAG)
+@returns_measures(SAG)
 def hang_tetrahedra(scene: Scene, backend: str) -> Measures:
     """Measure SAG: the downward displacement of the lower end at rest."""
     return {SAG: (_end(scene, backend, HANGING_FRAMES, 1), "m", f"rod: {rod_sag():.6g}")}
 
 
-@told(ACROSS)
+@returns_measures(ACROSS)
 def bend_tetrahedra(scene: Scene, backend: str) -> Measures:
     """Measure ACROSS: the downward displacement of the end of a bar that is fixed at its left side."""
     return {ACROSS: (_end(scene, backend, BENDING_FRAMES, 0), "m", f"beam: {beam_tip():.6g}")}
 
 
-@told(FREQUENCY, DECAY)
+@returns_measures(FREQUENCY, DECAY)
 def swing_tetrahedra(scene: Scene, backend: str) -> Measures:
     """Measure FREQUENCY and DECAY of the first longitudinal mode, released at rest in the shape of a rod's mode."""
     rest = scene.tetrahedra_set.position

@@ -56,37 +56,39 @@ def settings(quick: bool = False) -> Iterator[tuple[str, int, Scene]]:
 
 def groups(store: Store, backends: Sequence[str], quick: bool) -> list[Group]:
     """Return one group per backend, with all methods in turn."""
-    found = []
+    all_groups = []
     for backend in backends:
-        ways = list(settings(quick))
-        told = tuple(
-            described(scene, backend, COST, solver=name, substeps=substeps, **OPTIONS) for name, substeps, scene in ways
+        settled = list(settings(quick))
+        descriptions = tuple(
+            described(scene, backend, COST, solver=name, substeps=substeps, **OPTIONS)
+            for name, substeps, scene in settled
         )
         effort = costs_timing.QUICK if quick else costs_timing.FULL
-        scenes = [scene for _, _, scene in ways]
-        found.append(
-            Group(f"costs, {backend}", told, cost_sources(backend, __file__), partial(_timed, scenes, told, effort), 10)
-        )
-    return found
+        scenes = [scene for _, _, scene in settled]
+        run = partial(_timed, scenes, descriptions, effort)
+        all_groups.append(Group(f"costs, {backend}", descriptions, cost_sources(backend, __file__), run, 10))
+    return all_groups
 
 
 run_bar_costs = Items("bar: costs", groups, "softlab bar")
 
 
-def _timed(scenes: Sequence[Scene], told: Sequence[dict[str, Any]], effort: Effort, record: Record) -> list[Measures]:
-    found: list[Measures] = [{} for _ in told]
+def _timed(
+    scenes: Sequence[Scene], descriptions: Sequence[dict[str, Any]], effort: Effort, record: Record
+) -> list[Measures]:
+    results: list[Measures] = [{} for _ in descriptions]
     with ExitStack() as stack:
         subjects: list[tuple[int, Subject]] = []
-        for number, (scene, one) in enumerate(zip(scenes, told, strict=True)):
+        for number, (scene, one) in enumerate(zip(scenes, descriptions, strict=True)):
             try:
                 simulation = stack.enter_context(open_simulation(scene, one["backend"], **OPTIONS))
                 subjects.append((number, prepare(Subject(simulation, one), effort.seconds, effort.most)))
             except SoftlabError as reason:  # a refused step, a solver that the backend lacks, a run that diverged
-                found[number] = {name: (None, "", str(reason)) for name in (SECONDS, RATIO)}
+                results[number] = {name: (None, "", str(reason)) for name in (SECONDS, RATIO)}
         timed = in_turn(record, [subject for _, subject in subjects], effort.repeats) if subjects else []
     for (number, _), numbers in zip(subjects, timed, strict=True):
-        found[number] = numbers
-    return found
+        results[number] = numbers
+    return results
 
 
 # ---------------------------------------------------------------------- results from the store
@@ -113,25 +115,26 @@ class Cost:
         return None not in (self.sag, self.frequency) and max(abs(self.sag or 0), abs(self.frequency or 0)) <= CLOSE
 
 
-def costs(found: Iterable[Measure]) -> list[Cost]:
+def costs(stored: Iterable[Measure]) -> list[Cost]:
     """Return the costs from the measures, with the errors of either backend, which exact math makes equal."""
-    held = list(found)
+    everything = list(stored)
     answers: dict[tuple[str, int], Bar] = {}
     some = {JELLY: (SOME_LAYERS, SOME_OVERLAP), **dict.fromkeys(TETRAHEDRA, (SOME_VOXELS, 1.0))}
-    for one in rows(measure for measure in held if is_bar(measure)):
+    for one in rows(measure for measure in everything if is_bar(measure)):
         if not one.law and (one.fine, one.size) == some.get(one.solver, (SOME_LINKS, 1.0)):
             answers.setdefault((one.solver, one.substeps), one)
     result = []
-    for numbers in by_configuration(m for m in held if m.description.get("finding") == COST):
+    for numbers in by_configuration(m for m in everything if m.description.get("finding") == COST):
         seconds = numbers.get(SECONDS)
         if seconds is None or seconds.value is None:
             continue
-        told = seconds.description
-        steps = round(FRAME / tables_by_kind(told["scene"])["method"]["dt"])
-        answer = answers.get((told["solver"], told["substeps"]))
-        off = [None if answer is None or (part := answer.part(name)) is None else part - 1 for name in (SAG, FREQUENCY)]
+        fields = seconds.description
+        steps = round(FRAME / tables_by_kind(fields["scene"])["method"]["dt"])
+        budget = fields["solver"], fields["substeps"]
+        row = answers.get(budget)
+        off = [None if row is None or (part := row.part(name)) is None else part - 1 for name in (SAG, FREQUENCY)]
         suspect = "; " in (seconds.reason or "")
-        result.append(Cost(told["backend"], told["solver"], told["substeps"], steps * seconds.value, suspect, *off))
+        result.append(Cost(fields["backend"], *budget, steps * seconds.value, suspect, *off))
     return sorted(result, key=lambda c: (c.backend, c.solver, c.substeps))
 
 

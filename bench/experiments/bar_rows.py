@@ -56,20 +56,21 @@ def is_bar(measure: Measure) -> bool:
     return measure.description.get("finding") in (STRIP, BODY, LAW, ELEMENTS)
 
 
-def rows(found: Iterable[Measure]) -> list[Bar]:
+def rows(stored: Iterable[Measure]) -> list[Bar]:
     """Return the strips, bars and laws of the measures, in the order of their first one."""
-    held: dict[Key, list[Measure]] = {}
-    for measure in found:
-        held.setdefault(_key(measure.description), []).append(measure)
-    return [_bar(key, of) for key, of in held.items()]
+    by_key: dict[Key, list[Measure]] = {}
+    for measure in stored:
+        by_key.setdefault(_key(measure.description), []).append(measure)
+    return [_bar(key, of) for key, of in by_key.items()]
 
 
-def _key(told: dict[str, Any]) -> Key:
-    jelly = told["finding"] == BODY
+def _key(description: dict[str, Any]) -> Key:
+    jelly = description["finding"] == BODY
     return (
-        told["backend"], told["precision"], JELLY if jelly else str(told.get("solver", "")),
-        int(told.get("layers", told.get("links", 0))), float(told.get("overlap", told.get("region", 0))),
-        int(told["substeps"]), str(told.get("law", "")),
+        description["backend"], description["precision"], JELLY if jelly else str(description.get("solver", "")),
+        int(description.get("layers", description.get("links", 0))),
+        float(description.get("overlap", description.get("region", 0))),
+        int(description["substeps"]), str(description.get("law", "")),
     )  # fmt: skip
 
 
@@ -79,29 +80,29 @@ def _bar(key: Key, measures: list[Measure]) -> Bar:
     return Bar(*key, values, next(iter(reasons), ""))
 
 
-def first_backend(found: list[Bar]) -> list[Bar]:
+def first_backend(bars: list[Bar]) -> list[Bar]:
     """Return the rows of the backend that has most: exact math makes the values of both equal."""
-    names = [bar.backend for bar in found]
+    names = [bar.backend for bar in bars]
     chosen = max(names, key=names.count) if names else ""
-    return [bar for bar in found if bar.backend == chosen]
+    return [bar for bar in bars if bar.backend == chosen]
 
 
-def series(found: list[Bar], solver: str, by: Callable[[Bar], float], **fixed: float) -> list[Bar]:
+def series(bars: list[Bar], solver: str, by: Callable[[Bar], float], **fixed: float) -> list[Bar]:
     """Return the rows of a solver with these fields, in the order of `by`."""
-    mine = [bar for bar in found if bar.solver == solver and all(getattr(bar, k) == v for k, v in fixed.items())]
-    return sorted(mine, key=by)
+    selected = [bar for bar in bars if bar.solver == solver and all(getattr(bar, k) == v for k, v in fixed.items())]
+    return sorted(selected, key=by)
 
 
 def print_bar(console: Console, store: Store, machine: str) -> None:
     """Print a table of what was measured on a machine: each number over the material's closed form."""
-    found = rows(m for m in measures(store, machine=machine) if is_bar(m))
-    shown = sorted((bar for bar in found if not bar.law), key=lambda b: (b.solver, b.fine, b.size, b.substeps))
+    bars = rows(m for m in measures(store, machine=machine) if is_bar(m))
+    shown = sorted((bar for bar in bars if not bar.law), key=lambda b: (b.solver, b.fine, b.size, b.substeps))
     lines = []
     for bar in shown:
         parts = (bar.part(name) for name in (SAG, FREQUENCY, ACROSS))
-        told = ["-" if part is None else f"{part:.3f}" for part in parts]
+        cells = ["-" if part is None else f"{part:.3f}" for part in parts]
         size = f"{bar.size:g}" if bar.solver in (JELLY, "shape-matching") else ""
-        lines.append([bar.solver, bar.backend, str(bar.fine), size, str(bar.substeps), *told])
+        lines.append([bar.solver, bar.backend, str(bar.fine), size, str(bar.substeps), *cells])
     heads = columns(("solver", "on"), ("links", "clusters", "substeps", "sag", "frequency", "shear"))
     print_table(console, heads, lines, title="over what the material's closed form says")
     for bar in shown:
@@ -110,6 +111,6 @@ def print_bar(console: Console, store: Store, machine: str) -> None:
             console.print(f"{where}: {bar.refused}", soft_wrap=True, markup=False)
     console.print(
         "clusters: half-width of a window, of the jelly bar radius over spacing; softlab figures draws it, "
-        "softlab labbook tells of it and of the laws",
+        "softlab labbook describes it and the laws",
         soft_wrap=True,
     )

@@ -117,8 +117,8 @@ def method_of(solver: str, substeps: int, iterations: int = 1, region: int = 1) 
     """Return the fields of a method that divides a frame into so many substeps; for mass-spring, into steps."""
     if solver == "mass-spring":
         return {"solver": solver, "integrator": "velocity-verlet", "dt": FRAME / substeps}
-    own = {"region": region} if solver == "shape-matching" else {}
-    return {"solver": solver, "dt": FRAME, "substeps": substeps, "iterations": iterations, **own}
+    solver_fields = {"region": region} if solver == "shape-matching" else {}
+    return {"solver": solver, "dt": FRAME, "substeps": substeps, "iterations": iterations, **solver_fields}
 
 
 def frame_steps(scene: Scene) -> int:
@@ -131,28 +131,28 @@ def follow(simulation: Simulation, shape: np.ndarray, frames: int) -> np.ndarray
     Diverged.
     """
     begin = simulation.body.position
-    found = []
+    displacements = []
     for frame in range(frames + 1):
         if frame:
             simulation.advance(frame_steps(simulation.scene))
-        found.append(float(np.sum((simulation.read("position") - begin) * shape) / np.sum(shape**2)))
+        displacements.append(float(np.sum((simulation.read("position") - begin) * shape) / np.sum(shape**2)))
     simulation.check()
-    return np.array(found)
+    return np.array(displacements)
 
 
-def swing_of(ways: np.ndarray, step: float) -> tuple[float, float]:
+def swing_of(displacements: np.ndarray, step: float) -> tuple[float, float]:
     """Return (frequency, decay) [1/s] of a vibration sampled every `step` [s].
 
     A linear step obeys x'' = s x' - d x; s and d by least squares (Prony 1795). Its eigenvalues have the square d and
     the real part s / 2.
     """
-    matrix = np.stack([ways[1:-1], -ways[:-2]], axis=1)
-    (s, d), *_ = np.linalg.lstsq(matrix, ways[2:], rcond=None)
+    matrix = np.stack([displacements[1:-1], -displacements[:-2]], axis=1)
+    (s, d), *_ = np.linalg.lstsq(matrix, displacements[2:], rcond=None)
     angle = np.arccos(np.clip(s / (2 * np.sqrt(d)), -1, 1))
     return float(angle / (2 * np.pi * step)), float(-np.log(d) / (2 * step))
 
 
-def told(*names: str) -> Callable[[Callable[..., Measures]], Callable[..., Measures]]:
+def returns_measures(*names: str) -> Callable[[Callable[..., Measures]], Callable[..., Measures]]:
     """Make the decorator of measurements that return the measures `names`.
 
     If a step size is refused, a backend lacks the solver, or the run diverged, the measures have no value but a reason.
@@ -173,7 +173,7 @@ def told(*names: str) -> Callable[[Callable[..., Measures]], Callable[..., Measu
     return around
 
 
-@told(SAG)
+@returns_measures(SAG)
 def hang(scene: Scene, backend: str) -> Measures:
     """Measure SAG: the downward displacement of the strip's lower end at rest, from its place without weight."""
     with open_simulation(scene, backend, **OPTIONS) as simulation:
@@ -182,7 +182,7 @@ def hang(scene: Scene, backend: str) -> Measures:
     return {SAG: (float(-LENGTH - lowest), "m", f"rod: {rod_sag():.6g}")}
 
 
-@told(FREQUENCY, DECAY)
+@returns_measures(FREQUENCY, DECAY)
 def swing(scene: Scene, backend: str) -> Measures:
     """Measure FREQUENCY and DECAY of the first longitudinal mode, released at rest in the shape of a chain's mode."""
     rest, links = rest_positions(scene.grid), scene.grid.rows - 1
@@ -195,7 +195,7 @@ def swing(scene: Scene, backend: str) -> Measures:
     return {FREQUENCY: (frequency, "1/s", f"rod: {rod_frequency():.6g}"), DECAY: (decay, "1/s", None)}
 
 
-@told(ACROSS)
+@returns_measures(ACROSS)
 def bend(scene: Scene, backend: str) -> Measures:
     """Measure ACROSS: the downward displacement at rest of the end of a strip that is fixed at its left side."""
     with open_simulation(scene, backend, **OPTIONS) as simulation:

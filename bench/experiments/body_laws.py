@@ -16,12 +16,12 @@ from typing import Any
 import numpy as np
 
 from softlab.app.driver import open_simulation
-from softlab.bench.experiments.bar_strip import FRAME, OPTIONS, SHARED, told
+from softlab.bench.experiments.bar_strip import FRAME, OPTIONS, SHARED, returns_measures
 from softlab.bench.measure.costs_timing import Measures
 from softlab.model.scene.scene import Scene
 
 SPIN, FLIGHT, DROP = "spin", "flight", "drop"
-KEPT, SPIN_LAW, MOMENTUM, ENERGY = "body_spin_kept", "body_spin_law", "body_momentum", "body_energy"
+ANGULAR_MOMENTUM, SPIN_LAW, MOMENTUM, ENERGY = "body_spin_kept", "body_spin_law", "body_momentum", "body_energy"
 SECONDS = {SPIN: 2.0, FLIGHT: 2.0, DROP: 10.0}
 SPEED = 2 * pi  # rad/s, about the axis of SPIN and FLIGHT
 THROWN = (1.0, 4.0, 0.5)  # m/s
@@ -76,18 +76,18 @@ def angular_momentum(position: np.ndarray, velocity: np.ndarray, mass: np.ndarra
     return np.cross(away, m * velocity).sum(axis=0)
 
 
-def hold(law: str, scene: Scene, backend: str, precision: str = "float64") -> Measures:
+def measure_law(law: str, scene: Scene, backend: str, precision: str = "float64") -> Measures:
     """Return the measures of a law.
 
     KEPT is the fraction of the angular momentum that is left after SECONDS. SPIN reports SPIN_LAW too; FLIGHT reports
     MOMENTUM, the difference of the linear momentum from the one by gravity, over what gravity added. ENERGY is the
     kinetic energy after a DROP over that of the fall.
     """
-    names = {SPIN: (KEPT, SPIN_LAW), FLIGHT: (KEPT, MOMENTUM), DROP: (ENERGY,)}[law]
-    return told(*names)(_hold)(law, scene, backend, precision)
+    names = {SPIN: (ANGULAR_MOMENTUM, SPIN_LAW), FLIGHT: (ANGULAR_MOMENTUM, MOMENTUM), DROP: (ENERGY,)}[law]
+    return returns_measures(*names)(_measure_law)(law, scene, backend, precision)
 
 
-def _hold(law: str, scene: Scene, backend: str, precision: str) -> Measures:
+def _measure_law(law: str, scene: Scene, backend: str, precision: str) -> Measures:
     body_set, steps = scene.body_set, round(SECONDS[law] / scene.method.dt)
     mass = body_set.clusters.mass
     with open_simulation(scene, backend, live=SHARED[:1], **OPTIONS | {"precision": precision}) as simulation:
@@ -99,9 +99,11 @@ def _hold(law: str, scene: Scene, backend: str, precision: str) -> Measures:
         return {ENERGY: (energy / float(mass.sum() * GRAVITY * HEIGHT), "", f"must be under {STILL:g}")}
     spin = angular_momentum(position, velocity, mass)
     before = angular_momentum(body_set.position, body_set.velocity, mass)
-    found: Measures = {KEPT: (float(np.linalg.norm(spin) / np.linalg.norm(before)), "", f"{SECONDS[law]:g} s")}
+    measures: Measures = {
+        ANGULAR_MOMENTUM: (float(np.linalg.norm(spin) / np.linalg.norm(before)), "", f"{SECONDS[law]:g} s")
+    }
     if law == SPIN:
-        return found | {SPIN_LAW: (spin_left(scene.method.substeps), "", "the law")}
+        return measures | {SPIN_LAW: (spin_left(scene.method.substeps), "", "the law")}
     fallen = mass.sum() * GRAVITY * SECONDS[law]
     momentum = (mass[:, None] * velocity).sum(axis=0) - mass.sum() * np.array(THROWN) + [0.0, fallen, 0.0]
-    return found | {MOMENTUM: (float(np.abs(momentum).max() / fallen), "", "off what gravity makes of it")}
+    return measures | {MOMENTUM: (float(np.abs(momentum).max() / fallen), "", "off what gravity makes of it")}

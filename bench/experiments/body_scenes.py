@@ -18,7 +18,7 @@ AWAY = {"point": [0.0, -1e5, 0.0], "normal": [0.0, 1.0, 0.0], "static_friction":
 FLOOR = AWAY | {"point": [0.0, 0.0, 0.0]}
 SAMPLED = {"shape": {"name": "beam"}, "surface_sampling": 0.0, "volume_sampling": 1.0}
 SEPARATION = 1.0  # m/s
-MEET = {"maximum_speed": 1e3, "sleeping_speed": 1e-30, "adhesion_reach": 0.0, "separation_speed": SEPARATION}
+CONTACT = {"maximum_speed": 1e3, "sleeping_speed": 1e-30, "adhesion_reach": 0.0, "separation_speed": SEPARATION}
 SPACING, RIGID_SPACING = 0.16, 0.125  # m
 SOFT = {"kind": "soft_body", "particle_spacing": SPACING, "adhesion": 1e-30, **SAMPLED}  # 24 particles, 3 clusters
 BRICK = {"kind": "rigid_body", "particle_spacing": RIGID_SPACING, "adhesion": 1e-30, **SAMPLED}  # 32 in two layers
@@ -56,7 +56,7 @@ def bodies_scene(*, gravity: float = 9.81, damping: float = 0.0, plane: Any = AW
 
 def meeting(gravity: float = 0.0, substeps: int = 1, iterations: int = 1, dt: float = 0.01, **tables: Any) -> Scene:
     """Return a scene of bodies in contact; `contact`: fields of that part."""
-    contact = MEET | tables.pop("contact", {})
+    contact = CONTACT | tables.pop("contact", {})
     return bodies_scene(gravity=gravity, contact=contact, method=method(substeps, iterations, dt), **tables)
 
 
@@ -142,8 +142,8 @@ def centre(scene: Scene, values: np.ndarray, body: int | None = None) -> np.ndar
     """Return the mean by mass of a body's values, or of all bodies' (None): (3,)."""
     chosen = scene.body_set.body == body if body is not None else np.ones(len(values), bool)
     m = masses(scene)[chosen]
-    found: np.ndarray = (m * values[chosen]).sum(axis=0) / m.sum()
-    return found
+    mean: np.ndarray = (m * values[chosen]).sum(axis=0) / m.sum()
+    return mean
 
 
 def kinetic(scene: Scene, velocity: np.ndarray) -> float:
@@ -183,5 +183,5 @@ def sunk(scene: Scene, position: np.ndarray) -> np.ndarray:
     """Return (bodies,): by how much the centre of each came nearer to the body below, over g h^2."""
     h = scene.method.dt / scene.method.substeps
     fallen = [centre(scene, scene.body_set.position - position, body)[1] for body in range(len(scene.body_set.copies))]
-    found: np.ndarray = np.diff([0.0, *fallen]) / (GRAVITY * h * h)
-    return found
+    sinking: np.ndarray = np.diff([0.0, *fallen]) / (GRAVITY * h * h)
+    return sinking

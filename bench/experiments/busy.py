@@ -76,28 +76,29 @@ def beside(kind: str) -> Iterator[subprocess.Popen[str] | None]:
 def groups(effort: Effort, scenes: Iterable[str] = tuple(SCENES)) -> list[Group]:
     """Return a group for each scene, kernel and kind of program: (one thread, a thread per core, at least two)."""
     sources = cost_sources("cpu", __file__)
-    found = []
+    all_groups = []
     for name in scenes:
         for kernel, kind in product(SCENES[name], BESIDE):
             scene = load_scene(name)
             how = {"precision": "float32", "kernel": kernel or "auto", "shown": name, "beside": kind}
-            ways = tuple(
+            descriptions = tuple(
                 described(scene, "cpu", FINDING, **how) | {"threads": count} for count in (1, max(2, core_count()))
             )
-            found.append(Group(f"{name} {kernel or ''} {kind}", ways, sources, partial(_measure, scene, ways, effort)))
-    return found
+            run = partial(_measure, scene, descriptions, effort)
+            all_groups.append(Group(f"{name} {kernel or ''} {kind}", descriptions, sources, run))
+    return all_groups
 
 
-def _measure(scene: Any, ways: Sequence[dict[str, Any]], effort: Effort, record: Record) -> list[Measures]:
+def _measure(scene: Any, descriptions: Sequence[dict[str, Any]], effort: Effort, record: Record) -> list[Measures]:
     with ExitStack() as stack:
         subjects = []
-        for way in ways:
-            kernel = None if way["kernel"] == "auto" else way["kernel"]
-            simulation = stack.enter_context(open_simulation(scene, threads=way["threads"], kernel=kernel))
-            subjects.append(prepare(Subject(simulation, way), effort.seconds, effort.most))
+        for description in descriptions:
+            kernel = None if description["kernel"] == "auto" else description["kernel"]
+            simulation = stack.enter_context(open_simulation(scene, threads=description["threads"], kernel=kernel))
+            subjects.append(prepare(Subject(simulation, description), effort.seconds, effort.most))
         for subject in subjects:  # the same steps for all: bodies in contact take longer than falling ones
             subject.steps = max(s.steps for s in subjects)
-        stack.enter_context(beside(ways[0]["beside"]))
+        stack.enter_context(beside(descriptions[0]["beside"]))
         return in_turn(record, subjects, effort.repeats)
 
 
@@ -150,22 +151,22 @@ class BusyPoint:
     ratio: float
 
 
-def points(held: Iterable[Measure]) -> list[BusyPoint]:
+def points(stored: Iterable[Measure]) -> list[BusyPoint]:
     """Return the points from the measures, by scene."""
-    told: dict[tuple[str, str, str, str, str], dict[int, dict[str, Measure]]] = {}
-    for measure in held:
+    by_place: dict[tuple[str, str, str, str, str], dict[int, dict[str, Measure]]] = {}
+    for measure in stored:
         description: dict[str, Any] = measure.description
         if description.get("finding") == FINDING and measure.name in (RATIO, SECONDS):
             place = (measure.machine, *(description[key] for key in ("shown", "kernel", "beside", "wait_policy")))
-            told.setdefault(place, {}).setdefault(description["threads"], {})[measure.name] = measure
-    found = []
-    for place, by_threads in told.items():
+            by_place.setdefault(place, {}).setdefault(description["threads"], {})[measure.name] = measure
+    busy_points = []
+    for place, by_threads in by_place.items():
         most = max(by_threads)
         if most == 1 or 1 not in by_threads or RATIO not in by_threads[most]:
             continue
         one, many = by_threads[1][SECONDS].value, by_threads[most][SECONDS].value
         ratio = by_threads[most][RATIO].value
         if one is not None and many is not None and ratio is not None:
-            found.append(BusyPoint(*place, most, one, many, ratio))
+            busy_points.append(BusyPoint(*place, most, one, many, ratio))
     order = list(BESIDE)
-    return sorted(found, key=lambda p: (p.machine, p.scene, p.kernel, order.index(p.beside)))
+    return sorted(busy_points, key=lambda p: (p.machine, p.scene, p.kernel, order.index(p.beside)))

@@ -23,7 +23,7 @@ from softlab.model.scene.scene import Scene
 CHECK_ROWS, CHECK_COLUMNS = 23, 19  # masses: small for the reference, not divisible by a block or band
 CHECK_STEPS = 100
 SIMULATOR_CHECK = (6, 5, 8)  # rows, columns, steps under the CUDA simulator, which takes milliseconds per mass
-OWN_SIZE_STEPS = 10
+FULL_SIZE_STEPS = 10
 WAVE_ROWS = 256  # masses down, after which the wave of displacements repeats
 CHUNK = 1 << 18  # masses compared at a time, so that they stay in the cache
 AMPLITUDE = 0.05  # spacings: displacement of the start from rest, so that every spring acts
@@ -118,11 +118,11 @@ def displaced(simulation: Simulation) -> State:
 def against_other(simulation: Simulation, other: Simulation) -> Check:
     """Compare two simulations of a scene after a few steps from the same displaced state. Both are reset."""
     state = displaced(simulation)
-    note = f"own size, {OWN_SIZE_STEPS} steps, against {other.backend} ({other.kernel}, {other.options.precision})"
+    note = f"own size, {FULL_SIZE_STEPS} steps, against {other.backend} ({other.kernel}, {other.options.precision})"
     try:
         for each in (simulation, other):
             each.load(state)
-            each.advance(OWN_SIZE_STEPS)
+            each.advance(FULL_SIZE_STEPS)
             each.check()
         return compare(simulation, other.read("position").astype(np.float64), note)
     except Diverged as error:

@@ -84,26 +84,27 @@ def groups(store: Store, backends: Sequence[str], quick: bool) -> list[Group]:
     `quick`: the smallest size only, fewer and shorter samples.
     """
     effort, sizes = (QUICK, SIZES[:1]) if quick else (FULL, SIZES)
-    found = []
+    all_groups = []
     for backend in backends:
         sources = cost_sources(backend, __file__)
         for n, iterations in product(sizes, ITERATIONS):
             scenes = tuple(sheet(n, name, iterations) for name in XPBD)
-            told = tuple(described(scene, backend, CONVERGENCE, precision=PRECISION) for scene in scenes)
-            measure = partial(_orderings, scenes, told, effort)
-            found.append(Group(f"{CONVERGENCE} {n} x {n} x {iterations} {backend}", told, sources, measure))
-    return found
+            descriptions = tuple(described(scene, backend, CONVERGENCE, precision=PRECISION) for scene in scenes)
+            measure = partial(_orderings, scenes, descriptions, effort)
+            name = f"{CONVERGENCE} {n} x {n} x {iterations} {backend}"
+            all_groups.append(Group(name, descriptions, sources, measure))
+    return all_groups
 
 
 run_convergence = Items(CONVERGENCE, groups, "softlab accuracy", f"{CONVERGENCE}: ")
 
 
 def _orderings(
-    scenes: Sequence[Scene], told: Sequence[dict[str, Any]], effort: Effort, record: Record
+    scenes: Sequence[Scene], descriptions: Sequence[dict[str, Any]], effort: Effort, record: Record
 ) -> list[Measures]:
     with ExitStack() as stack:
         subjects, left = [], []
-        for scene, description in zip(scenes, told, strict=True):
+        for scene, description in zip(scenes, descriptions, strict=True):
             simulation = stack.enter_context(open_simulation(scene, description["backend"], precision=PRECISION))
             begin = drawn_out(scene)
             simulation.load(begin)

@@ -21,7 +21,7 @@ from softlab.model.scene.scene import Scene
 
 FINDING = "discretisation"
 BIAS, RATIO, SAG = "finding_bias", "finding_ratio", "finding_sag"  # spacings; dimensionless; m
-WAYS = ("one", "alternating")
+DIAGONALS = ("one", "alternating")
 SIDE = 25  # masses: odd, so that alternating diagonals are their own mirror image
 STEPS, DT, SUBSTEPS = 240, 1 / 60, 20
 STRETCH = 1e-4
@@ -65,8 +65,8 @@ def stretch_ratio(scene: Scene) -> float:
     rest = rest_positions(scene.grid)
     energy = []
     for across in (1.0, -1.0):  # rows go along +z
-        way = np.array([1.0, 0.0, across]) / np.sqrt(2)
-        energy.append(mesh_energy(scene, rest + STRETCH * np.outer(rest @ way, way), "structural"))
+        direction = np.array([1.0, 0.0, across]) / np.sqrt(2)
+        energy.append(mesh_energy(scene, rest + STRETCH * np.outer(rest @ direction, direction), "structural"))
     return energy[0] / energy[1]
 
 
@@ -90,8 +90,8 @@ def at_rest(diagonals: str, backend: str) -> State:
 
 def experiments(backend: str) -> list[Experiment]:
     """Return one experiment for each triangulation on the backend."""
-    found = []
-    for diagonals in WAYS:
+    all_experiments = []
+    for diagonals in DIAGONALS:
         scene = sheet(diagonals)
 
         def measure(diagonals: str = diagonals, scene: Scene = scene) -> Measures:
@@ -103,5 +103,5 @@ def experiments(backend: str) -> list[Experiment]:
             }
 
         description = described(scene, backend, FINDING, precision="float64", diagonals=diagonals)
-        found.append(Experiment(BIAS, description, f"{source_hash(backend)}-discretisation-1", measure))
-    return found
+        all_experiments.append(Experiment(BIAS, description, f"{source_hash(backend)}-discretisation-1", measure))
+    return all_experiments

@@ -94,7 +94,7 @@ def operations(material: str, precision: str) -> int:
 
 def groups(backends: Sequence[str], quick: bool, precisions: Sequence[str]) -> list[list[Case]]:
     """Return the groups timed in turn: all cases of a bar on a backend. `quick`: two bars, one material."""
-    found = []
+    all_groups = []
     for backend in backends:
         large = LARGE if backend == "gpu" else FREE
         for count in QUICK_BARS if quick else (*BARS, *SWEPT, *large):
@@ -103,8 +103,8 @@ def groups(backends: Sequence[str], quick: bool, precisions: Sequence[str]) -> l
                 for material in (QUICK_MATERIALS if quick or (backend == "cpu" and count in FREE) else MATERIALS)
                 for sweep in (SWEEPS if count <= MOST_FREE else SWEEPS[:1])
             ]
-            found.append([make_case(s, backend, p, f"{count} tetrahedra") for p in precisions for s in scenes])
-    return found
+            all_groups.append([make_case(s, backend, p, f"{count} tetrahedra") for p in precisions for s in scenes])
+    return all_groups
 
 
 RATES = run_element_projections = Rates("projections", STAGE, STEP, RATE, KERNEL, projections_of, groups)
@@ -143,10 +143,10 @@ def print_element_projections(console: Console, store: Store, machine: str) -> N
 
 def copied(store: Store, machine: str) -> dict[str, float]:
     """Return backend -> copy bandwidth of a machine [B/s], where it was measured."""
-    held = store.query("SELECT record FROM machine WHERE key = ?", (machine,))
-    record = json.loads(held[0][0]) if held else {}
-    found = {"cpu": record.get("copy_bandwidth"), "gpu": record.get("gpu_copy_bandwidth")}
-    return {backend: float(speed) for backend, speed in found.items() if speed}
+    rows = store.query("SELECT record FROM machine WHERE key = ?", (machine,))
+    record = json.loads(rows[0][0]) if rows else {}
+    bandwidths = {"cpu": record.get("copy_bandwidth"), "gpu": record.get("gpu_copy_bandwidth")}
+    return {backend: float(speed) for backend, speed in bandwidths.items() if speed}
 
 
 @dataclass(frozen=True)
@@ -159,13 +159,13 @@ class ElementPoint(RatePoint):
     substeps: int
 
 
-def points(held: Iterable[Measure]) -> list[ElementPoint]:
+def points(stored: Iterable[Measure]) -> list[ElementPoint]:
     """Return the points from the measures, smallest bars first."""
-    found = []
-    for _, scene, point in RATES.told(held):
+    element_points = []
+    for _, scene, point in RATES.results(stored):
         body = scene.tetrahedra["bar"]
-        found.append(
+        element_points.append(
             ElementPoint(**vars(point), tetrahedra=count_of(scene), material=body.material, sweep=body.sweep,
                          substeps=scene.method.substeps)
         )  # fmt: skip
-    return sorted(found, key=lambda p: (p.backend, p.tetrahedra, p.precision, p.material, p.sweep))
+    return sorted(element_points, key=lambda p: (p.backend, p.tetrahedra, p.precision, p.material, p.sweep))

@@ -1,4 +1,4 @@
-"""How still water at rest stays over a minute: `softlab fluids --rest`.
+"""Stillness of water at rest over a minute: `softlab fluids --rest`.
 
 Two scenes, at several spacings, viscosities and substeps, by every scheme: a tank, and a box that repeats, which the water
 fills and whose particles are off their lattice by DISTURBANCE. `--peers` adds DFSPH of SPlisHSPlasH in the same tank, without
@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
-from softlab.bench.experiments.fluid_truth.experiment import BESIDE, FINDING, LABELS, Way, opened
+from softlab.bench.experiments.fluid_truth.experiment import BESIDE, FINDING, LABELS, Run, opened
 from softlab.bench.experiments.fluid_truth.scenes import SCHEMES, Setting
 from softlab.bench.experiments.fluids import FRAME
 from softlab.bench.measure.costs_timing import Measures
@@ -106,7 +106,7 @@ def disturb(simulation: Any, distance: float) -> None:
 def watched(simulation: Any, gravity: float, seconds: float) -> Measures:
     """Advance a simulation by `seconds`; return the largest gain of energy and rms speed of each span of TIMES."""
     begin = energy(simulation.read("position"), simulation.read("velocity"), gravity)
-    found: Measures = {}
+    numbers: Measures = {}
     samples = 0
     for end in (time for time in TIMES if time <= seconds):
         gains, speeds = [], []
@@ -116,20 +116,20 @@ def watched(simulation: Any, gravity: float, seconds: float) -> Measures:
             velocity = simulation.read("velocity")
             gains.append(energy(simulation.read("position"), velocity, gravity) - begin)
             speeds.append(rms(velocity))
-        found |= {f"{ENERGY}{end:g}": (max(gains), "", None), f"{SPEED}{end:g}": (max(speeds), "", None)}
-    return found
+        numbers |= {f"{ENERGY}{end:g}": (max(gains), "", None), f"{SPEED}{end:g}": (max(speeds), "", None)}
+    return numbers
 
 
-def _measured(way: Way, seconds: float) -> Measures:
-    scene = way.setting.scene
+def _measured(run: Run, seconds: float) -> Measures:
+    scene = run.setting.scene
     try:
         with ExitStack() as stack:
-            simulation = stack.enter_context(opened(way, stack))
-            if way.setting.kind == BOX:
+            simulation = stack.enter_context(opened(run, stack))
+            if run.setting.kind == BOX:
                 disturb(simulation, DISTURBANCE)
-            found = watched(simulation, scene.gravity.acceleration if scene.gravity else 0.0, seconds)
-            version = None if way.peer is None else way.peer.available()[1]
-            return {name: (value, unit, version) for name, (value, unit, _) in found.items()}
+            numbers = watched(simulation, scene.gravity.acceleration if scene.gravity else 0.0, seconds)
+            version = None if run.peer is None else run.peer.available()[1]
+            return {name: (value, unit, version) for name, (value, unit, _) in numbers.items()}
     except SoftlabError as reason:  # diverged; its process ended
         return {f"{SPEED}{seconds:g}": (None, "", str(reason))}
 
@@ -156,25 +156,25 @@ def experiments(store: Store, backends: Sequence[str], quick: bool, peers: bool 
     if peer is not None and not peer.available()[0]:
         missing, _, remedy = peer.available()[1].partition("; ")
         raise BackendUnavailable(missing, remedy)
-    found = []
+    all_experiments = []
     for backend in backends:
         sources = f"{source_hash(backend)}-{source_digest(Path(__file__))}"
         every = list(settings(quick))
-        ways = [(Way(setting, backend, threads=1), seconds) for setting, seconds in every]
+        runs = [(Run(setting, backend, threads=1), seconds) for setting, seconds in every]
         if peer is not None and peer.backend == backend:
-            ways += [(Way(one, backend, peer, threads=1), seconds) for one, seconds in every if one.beside]
-        for way, seconds in ways:
-            scene = way.setting.scene
+            runs += [(Run(one, backend, peer, threads=1), seconds) for one, seconds in every if one.beside]
+        for run, seconds in runs:
+            scene = run.setting.scene
             worth = scene.fluid_set.particle_count * scene.method.substeps * round(seconds)
-            measure = partial(_measured, way, seconds)
-            found.append(Experiment(f"{SPEED}{seconds:g}", way.description, sources, measure, worth))
-    return found
+            measure = partial(_measured, run, seconds)
+            all_experiments.append(Experiment(f"{SPEED}{seconds:g}", run.description, sources, measure, worth))
+    return all_experiments
 
 
 run_rest = Items("fluids: rest", experiments, "softlab fluids --rest", "watching: ")
 
 
-# ---------------------------------------------------------------------- what was found
+# ---------------------------------------------------------------------- results
 
 
 @dataclass(frozen=True)
@@ -210,11 +210,11 @@ class Still:
         return bool(self.speed) and self.gain <= ENERGY_BOUND and self.late <= SPEED_BOUND
 
 
-def rows(found: Iterable[Measure]) -> list[Still]:
+def rows(stored: Iterable[Measure]) -> list[Still]:
     """Return every setting that was watched: kinds, spacings, viscosities, peers last, schemes, substeps in order."""
     result = []
     kinds = {FINDING + kind: kind for kind in SCENES}
-    for numbers in by_configuration(m for m in found if m.description.get("finding") in kinds):
+    for numbers in by_configuration(m for m in stored if m.description.get("finding") in kinds):
         some = next(iter(numbers.values()))
         scene, peer = Scene.stored(some.description["scene"]), some.description.get("peer")
         (water,) = scene.fluids.values()
@@ -222,11 +222,11 @@ def rows(found: Iterable[Measure]) -> list[Still]:
             start: {float(name.removeprefix(start)): m.value for name, m in numbers.items() if name.startswith(start)}
             for start in (ENERGY, SPEED)
         }
-        told = {start: {k: v for k, v in sorted(of.items()) if v is not None} for start, of in spans.items()}
+        ordered = {start: {k: v for k, v in sorted(of.items()) if v is not None} for start, of in spans.items()}
         result.append(Still(
             kinds[some.description["finding"]], some.machine, some.description["backend"],
             PEER if peer else scene.method.scheme, bool(peer), scene.method.substeps, water.rest_distance,
-            water.viscosity, told[ENERGY], told[SPEED], some.reason,
+            water.viscosity, ordered[ENERGY], ordered[SPEED], some.reason,
         ))  # fmt: skip
     order, whos = list(SCENES), [*SCHEMES, PEER]
     return sorted(
@@ -236,14 +236,14 @@ def rows(found: Iterable[Measure]) -> list[Still]:
 
 def print_rest(console: Console, store: Store, machine: str) -> None:
     """Print a table of each scene that was watched on a machine."""
-    found = rows(measures(store, machine=machine))
+    still = rows(measures(store, machine=machine))
     for kind in SCENES:
         lines = [
             (
                 r.who, r.backend, "its own" if r.peer else str(r.substeps), f"{100 * r.spacing:g}", f"{r.viscosity:g}",
                 f"{max(r.speed):g}", f"{1e3 * r.gain:.2g}", f"{100 * r.late:.2g}", "yes" if r.rests else "no",
             )
-            for r in found
+            for r in still
             if r.kind == kind and r.speed
         ]  # fmt: skip
         if lines:
@@ -253,5 +253,5 @@ def print_rest(console: Console, store: Store, machine: str) -> None:
             )  # fmt: skip
             below = f"rests: at most {1e3 * ENERGY_BOUND:g} and {100 * SPEED_BOUND:g}; speeds over sqrt(g H), H = {DEPTH:g} m"
             print_table(console, heads, lines, below, title=kind)
-    for note in dict.fromkeys(f"{r.who}: {r.note}" for r in found if r.note):
+    for note in dict.fromkeys(f"{r.who}: {r.note}" for r in still if r.note):
         console.print(note, highlight=False, soft_wrap=True)

@@ -84,26 +84,26 @@ def particle_iterations(scene: Scene) -> int:
     return count_of(scene) * scene.method.substeps * scene.method.iterations * solves
 
 
-def moved_bytes(phase: str, met: float) -> float:
-    """Return the bytes per particle with `met` neighbours in float32, if only neighbours' positions are cached.
+def moved_bytes(phase: str, neighbours: float) -> float:
+    """Return the bytes per particle with that many `neighbours` in float32, if only neighbours' positions are cached.
 
     There is one cell for every six particles.
     """
     return {
         "predict": 4 * QUAD + INDEX,
         "sort into cells": 8 * QUAD + (2 + 3 + 1 + 4) * INDEX + 24 / 6,
-        "find neighbours": QUAD + 2 * INDEX + 3 * SCALAR + 2 * SCALAR + met * INDEX,
-        "density": QUAD + INDEX + 3 * SCALAR + 4 * SCALAR + met * INDEX,
-        "correct": 3 * QUAD + INDEX + 3 * SCALAR + met * INDEX,
+        "find neighbours": QUAD + 2 * INDEX + 3 * SCALAR + 2 * SCALAR + neighbours * INDEX,
+        "density": QUAD + INDEX + 3 * SCALAR + 4 * SCALAR + neighbours * INDEX,
+        "correct": 3 * QUAD + INDEX + 3 * SCALAR + neighbours * INDEX,
         "update velocity": 5 * QUAD,
         "limit velocities": 3 * QUAD,
         "gather": QUAD,
-        "density and divergence": 2 * QUAD + INDEX + 3 * SCALAR + 2 * SCALAR + met * INDEX,
-        "relax": 2 * QUAD + INDEX + 3 * SCALAR + 7 * SCALAR + met * INDEX,
-        "push apart": 4 * QUAD + INDEX + 3 * SCALAR + met * INDEX,
+        "density and divergence": 2 * QUAD + INDEX + 3 * SCALAR + 2 * SCALAR + neighbours * INDEX,
+        "relax": 2 * QUAD + INDEX + 3 * SCALAR + 7 * SCALAR + neighbours * INDEX,
+        "push apart": 4 * QUAD + INDEX + 3 * SCALAR + neighbours * INDEX,
         "take up": 4 * QUAD,
         "accelerate": 3 * QUAD + INDEX,
-        "foresee density": 2 * QUAD + INDEX + 3 * SCALAR + 2 * SCALAR + met * INDEX,
+        "foresee density": 2 * QUAD + INDEX + 3 * SCALAR + 2 * SCALAR + neighbours * INDEX,
         "move": 5 * QUAD + 3 * SCALAR,
     }[phase]
 
@@ -118,14 +118,15 @@ def groups(backends: Sequence[str], quick: bool, precisions: Sequence[str]) -> l
 
     `quick`: two small pools only.
     """
-    found = []
+    all_groups = []
     for backend in backends:
         for count in QUICK if quick else (*POOLS, *(LARGE if backend == "gpu" else ())):
-            ways = [(scheme, precision) for scheme in SCHEMES for precision in precisions]
-            found.append([make_case(pool(count, one), backend, p, f"{count} particles, {one}") for one, p in ways])
+            variants = [(scheme, precision) for scheme in SCHEMES for precision in precisions]
+            cases = [make_case(pool(count, one), backend, p, f"{count} particles, {one}") for one, p in variants]
+            all_groups.append(cases)
         if not quick:
-            found.append([make_case(load_scene(POUR), backend, p, "a cup that pours") for p in precisions])
-    return found
+            all_groups.append([make_case(load_scene(POUR), backend, p, "a cup that pours") for p in precisions])
+    return all_groups
 
 
 def phase_name(phase: str) -> str:
@@ -139,15 +140,15 @@ def poured(case: Case) -> Measures:
     They are the fractions of its water in the cup and in the basin against time, and the final level of the water over
     the one that follows from its volume and the basin's area.
     """
-    found: dict[str, Any] = {}
+    numbers: dict[str, Any] = {}
     scene, left = case.scene, case.scene.parts["left"]
     for time, cup, basin, places in pouring(scene, backend=case.backend, precision=case.precision):
         position = places
         at = f"{time:.1f}_s"
-        found |= {f"{IN_CUP}_{at}": (cup, "", "in the cup"), f"{IN_BASIN}_{at}": (basin, "", "in the basin")}
+        numbers |= {f"{IN_CUP}_{at}": (cup, "", "in the cup"), f"{IN_BASIN}_{at}": (basin, "", "in the basin")}
     lying = position[in_basin(scene, position)]
     level = len(lying) * scene.fluid_set.lattice.volume / basin_area(scene, left.thickness)  # type: ignore[attr-defined]
-    return found | {LEVEL: (2 * float(lying[:, 1].mean()) / level, "", "twice the mean height")}
+    return numbers | {LEVEL: (2 * float(lying[:, 1].mean()) / level, "", "twice the mean height")}
 
 
 def phase_times(case: Case) -> Measures:
@@ -169,8 +170,8 @@ class FluidRates(Rates):
 
     def _time(self, store: Store, summary: Summary, group: Sequence[Case], repeats: int) -> None:
         for case in group:
-            found = poured(case) if case.scene.all_of("mesh_collider") else phase_times(case)
-            experiment.keep(store, summary.run, case.description, case.sources, found)
+            numbers = poured(case) if case.scene.all_of("mesh_collider") else phase_times(case)
+            experiment.store_measures(store, summary.run, case.description, case.sources, numbers)
         super()._time(store, summary, group, repeats)
 
 
@@ -184,32 +185,33 @@ RATES = run_fluids = FluidRates("fluids", STAGE, STEP, RATE, KERNEL, particle_it
 class FluidPoint(RatePoint):
     """One pool, or a cup that pours.
 
-    `phases` [s]: times of single stages, by name; `shares`: the measures of the cup, by name.
+    `phases` [s]: times of single stages, by name; `fractions`: the measures of the cup, by name.
     """
 
     particles: int
     scheme: str
     phases: dict[str, float]
-    shares: dict[str, float]
+    fractions: dict[str, float]
 
 
-def points(held: Iterable[Measure], every: bool = False) -> list[FluidPoint]:
+def points(stored: Iterable[Measure], every: bool = False) -> list[FluidPoint]:
     """Return the points from the measures, smallest first; with `every`, incomplete ones too."""
-    kept = list(held)
+    everything = list(stored)
     alone: dict[str, dict[str, float]] = {}
-    shares: dict[str, dict[str, float]] = {}
+    fractions: dict[str, dict[str, float]] = {}
     phases = {phase_name(phase): phase for phase in (*PHASES, *FREE_PHASES)}
-    for measure in kept:
+    for measure in everything:
         if measure.name in phases:
             alone.setdefault(_key(measure), {})[phases[measure.name]] = measure.value or 0.0
         if measure.name.startswith((IN_CUP, IN_BASIN, LEVEL)):
-            shares.setdefault(_key(measure), {})[measure.name] = measure.value or 0.0
-    found = []
-    for told, scene, point in RATES.told(kept, every):
-        key = _key(told[RATE])
+            fractions.setdefault(_key(measure), {})[measure.name] = measure.value or 0.0
+    fluid_points = []
+    for by_name, scene, point in RATES.results(everything, every):
+        key = _key(by_name[RATE])
         about: dict[str, Any] = {"particles": count_of(scene), "scheme": scene.method.scheme}
-        found.append(FluidPoint(**vars(point), **about, phases=alone.get(key, {}), shares=shares.get(key, {})))
-    return sorted(found, key=lambda p: (p.backend, p.precision, p.scheme != SCHEMES[0], p.particles))
+        cup = fractions.get(key, {})
+        fluid_points.append(FluidPoint(**vars(point), **about, phases=alone.get(key, {}), fractions=cup))
+    return sorted(fluid_points, key=lambda p: (p.backend, p.precision, p.scheme != SCHEMES[0], p.particles))
 
 
 def _key(measure: Measure) -> str:
@@ -218,26 +220,26 @@ def _key(measure: Measure) -> str:
 
 def print_fluids(console: Console, store: Store, machine: str) -> None:
     """Print tables of what was timed on a machine: frames, single stages, and a cup that poured."""
-    held = points(measures(store, machine=machine), every=True)
+    timed = points(measures(store, machine=machine), every=True)
     rows = [
         (
             str(p.particles), p.scheme, f"{p.backend}, {p.kernel}", p.precision, f"{1e3 * p.step:.4g}{'?' * p.incomplete}",
             f"{p.rate / 1e6:.4g}",
         )
-        for p in held
+        for p in timed
     ]  # fmt: skip
     heads = columns(("particles", "scheme", "kernel", "precision"), ("frame, ms", "million / s"))
-    told = (
+    note = (
         "million / s: particles times substeps times iterations (of divergence-free both solves'), searches included; "
         "?: incomplete"
     )
-    print_table(console, heads, rows, told)
+    print_table(console, heads, rows, note)
     stages: list[tuple[str, ...]] = []
-    for p in (p for p in held if p.phases):  # pools
+    for p in (p for p in timed if p.phases):  # pools
         scene = pool(p.particles, p.scheme)
-        met = neighbours_at_rest(scene)
+        neighbours = neighbours_at_rest(scene)
         for phase, taken in p.phases.items():
-            moved, done = moved_bytes(phase, met) * p.particles, operations(scene, phase) * p.particles
+            moved, done = moved_bytes(phase, neighbours) * p.particles, operations(scene, phase) * p.particles
             least = max(moved / STREAM_H200, done / HALF_H200)
             stages.append((
                 str(p.particles), p.scheme, p.backend, phase, f"{1e6 * taken:.4g}", f"{1e9 * taken / p.particles:.3g}",
@@ -247,19 +249,19 @@ def print_fluids(console: Console, store: Store, machine: str) -> None:
     heads = columns(("particles", "scheme", "backend", "stage alone"), numbers)
     limits = "least: by 4.0 TB/s measured of memory or 31 TFLOP/s, half of its arithmetic, neighbours' positions cached"
     print_table(console, heads, stages, limits)
-    _print_poured(console, held)
+    _print_poured(console, timed)
 
 
-def _print_poured(console: Console, held: Sequence[FluidPoint]) -> None:
+def _print_poured(console: Console, timed: Sequence[FluidPoint]) -> None:
     rows: list[tuple[str, ...]] = []
-    for p in held:
-        for name, value in p.shares.items():
+    for p in timed:
+        for name, value in p.fractions.items():
             if name.startswith(IN_BASIN):
                 at = name.removeprefix(f"{IN_BASIN}_").removesuffix("_s")
-                cup = p.shares[f"{IN_CUP}_{at}_s"]
+                cup = p.fractions[f"{IN_CUP}_{at}_s"]
                 rows.append((p.backend, p.precision, at, f"{cup:.4f}", f"{value:.4f}", f"{1 - cup - value:.4f}"))
-        if p.shares:
-            rows.append((p.backend, p.precision, "level over the volume's", "", f"{p.shares[LEVEL]:.4f}", ""))
+        if p.fractions:
+            rows.append((p.backend, p.precision, "level over the volume's", "", f"{p.fractions[LEVEL]:.4f}", ""))
     if rows:
         heads = columns(("a cup that pours", "precision", "s"), ("in the cup", "in the basin", "elsewhere"))
         print_table(console, heads, rows, "shares of its particles: elsewhere is what falls, or left over a rim")

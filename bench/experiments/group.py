@@ -1,7 +1,7 @@
 """Measuring one group of a sweep: the configurations of one grid that are interleaved.
 
 Each simulation is opened once, checked (bench/experiments/checks.py), warmed up, and then sampled in turn with the others;
-every number is in the store before the next one is had.
+every number is stored before the next one is measured.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 
 from softlab.app.driver import open_simulation
-from softlab.bench.experiments.checks import OWN_SIZE_STEPS, Check, against_other, against_reference
+from softlab.bench.experiments.checks import FULL_SIZE_STEPS, Check, against_other, against_reference
 from softlab.bench.measure.cases import Case, Costs, Effort, Kind, SweepSummary, record_skip
 from softlab.bench.measure.costs_timing import Measures
-from softlab.bench.measure.experiment import keep
+from softlab.bench.measure.experiment import store_measures
 from softlab.bench.measure.gpu import gpu_or_reason, gpu_simulated
 from softlab.bench.measure.samples import stored_samples
 from softlab.bench.measure.timing import Neighbours, Renderer, Sample, Subject, choose_steps, interleaved, warm_up
@@ -30,9 +30,9 @@ PICTURE = (800, 600)  # pixels of what is drawn off-screen: the grid alone, no t
 
 
 class GroupRunner:
-    """Measures groups of cases into the store, one group at a time. `tell(text)` hears what is being done.
+    """Measures groups of cases into the store, one group at a time. `report(text)` receives the current step.
 
-    `costs` gains what each kind of case took. `backends`: those that may be opened for a comparison.
+    `costs` collects the duration of each kind of case. `backends`: those that may be opened for a comparison.
     """
 
     refusals: tuple[type[Exception], ...] = (SoftlabError, MemoryError)  # what ends a case, not the sweep
@@ -44,10 +44,10 @@ class GroupRunner:
         summary: SweepSummary,
         backends: Sequence[str],
         costs: Costs,
-        tell: Callable[[str], None] = lambda text: None,
+        report: Callable[[str], None] = lambda text: None,
     ):
         self.store, self.effort, self.summary = store, effort, summary
-        self.backends, self.costs, self.tell = backends, costs, tell
+        self.backends, self.costs, self.report = backends, costs, report
         self._neighbours = Neighbours()
         self._compiled: set[Kind] = set()
 
@@ -74,8 +74,8 @@ class GroupRunner:
     # ------------------------------------------------------------------ opening
 
     def _open(self, case: Case, stack: ExitStack) -> Simulation:
-        """The simulation, its kernels compiled; the first of its variant in this process is timed at that."""
-        self.tell(f"{case}: opening")
+        """Open a simulation and compile its kernels; the compilation of the first of its variant in this process is timed."""
+        self.report(f"{case}: opening")
         begin = time.perf_counter()
         simulation = self._enter(case, stack)
         first = time.perf_counter() - begin + self._first_steps(simulation)
@@ -105,36 +105,36 @@ class GroupRunner:
         return time.perf_counter() - begin
 
     def _diverged(self, case: Case, error: BaseException) -> None:
-        """A configuration that breaks has an error, too: an infinite one."""
+        """Store the infinite error of a configuration that breaks."""
         if isinstance(error, Diverged):
-            self._keep(case, {"error": (math.inf, "spacing", str(error))})
+            self._store(case, {"error": (math.inf, "spacing", str(error))})
 
-    def _keep(self, case: Case, numbers: Measures) -> None:
-        keep(self.store, self.summary.run, case.description, case.sources, numbers)
+    def _store(self, case: Case, numbers: Measures) -> None:
+        store_measures(self.store, self.summary.run, case.description, case.sources, numbers)
 
     # ------------------------------------------------------------------ checking
 
     def _check(self, cases: Sequence[Case], simulations: dict[Kind, Simulation]) -> dict[Kind, str]:
-        """Store the errors of every case; what its samples must be marked with, by kind of simulation."""
+        """Store the errors of every case; return the marks of its samples, by kind of simulation."""
         machine = self.summary.machine
         warnings: dict[Kind, str] = {}
         for kind, simulation in simulations.items():
-            mine = [case for case in cases if case.simulation_kind == kind]
-            held = all(self.store.has_measure(c.description, machine, c.sources, "difference") for c in mine)
-            self.tell(f"{mine[0]}: checking")
+            members = [case for case in cases if case.simulation_kind == kind]
+            is_stored = all(self.store.has_measure(c.description, machine, c.sources, "difference") for c in members)
+            self.report(f"{members[0]}: checking")
             reference = against_reference(simulation)  # in milliseconds, so that every process asks anew
-            other: Check | str | None = None if held else self._other_check(mine[0], simulation, simulations)
+            other: Check | str | None = None if is_stored else self._other_check(members[0], simulation, simulations)
             simulation.reset()
-            for case in mine:
+            for case in members:
                 self._store_checks(case, simulation.kernel, reference, other)
             for check in (reference, other):
                 if isinstance(check, Check) and not check.good:
                     warnings[kind] = f"wrong answer: {check.error:.2g} spacings off ({check.note})"
-                    self.summary.wrong.append((str(mine[0]), warnings[kind]))
+                    self.summary.wrong.append((str(members[0]), warnings[kind]))
         return warnings
 
     def _other_check(self, case: Case, simulation: Simulation, simulations: dict[Kind, Simulation]) -> Check | str:
-        """The check against the other backend at the same size, or why there is none."""
+        """The check against the other backend at the same size, or the reason why there is none."""
         name = "gpu" if case.backend == "cpu" else "cpu"
         if name not in self.backends:
             available, text = gpu_or_reason()
@@ -145,9 +145,9 @@ class GroupRunner:
                 return against_other(simulation, other)
         threads = thread_count("1x") if name == "cpu" else None
         particles, seconds, _ = self.costs.get((name, threads, case.precision, None, False), (case.particles, 0.0, 0.0))
-        needed = seconds * case.particles / particles * OWN_SIZE_STEPS
+        needed = seconds * case.particles / particles * FULL_SIZE_STEPS
         if needed > self.effort.max_seconds:
-            return f"the {name} would take about {needed:.0f} s for {OWN_SIZE_STEPS} steps of this size"
+            return f"the {name} would take about {needed:.0f} s for {FULL_SIZE_STEPS} steps of this size"
         try:
             with open_simulation(case.scene, name, precision=case.precision) as witness:
                 return against_other(simulation, witness)
@@ -162,12 +162,12 @@ class GroupRunner:
                 numbers[f"{name}_largest"] = check.largest, "spacing", check.note
             elif check is not None:
                 numbers[name] = None, "spacing", check
-        self._keep(case, numbers)
+        self._store(case, numbers)
 
     # ------------------------------------------------------------------ timing
 
     def _subjects(self, cases: Sequence[Case], simulations: dict[Kind, Simulation], stack: ExitStack) -> list[Subject]:
-        """What can be timed, warmed up, with the steps of a sample chosen."""
+        """Return the subjects that can be timed, warmed up, with the steps of a sample chosen."""
         renderer: Renderer | str | None = None
         subjects = []
         for case in cases:
@@ -176,13 +176,13 @@ class GroupRunner:
             if case.graphics and isinstance(renderer, str):
                 record_skip(self.store, self.summary, case, renderer)
                 continue
-            self.tell(f"{case}: warming up")
+            self.report(f"{case}: warming up")
             drawn = renderer if case.graphics and not isinstance(renderer, str) else None
             subject = Subject(simulations[case.simulation_kind], case, drawn)
             try:
                 warm_up(subject)
                 if drawn is not None:
-                    self._tell_drawing(case, drawn)
+                    self._store_drawing(case, drawn)
                 least = subject.restore_seconds + subject.seconds_per_step * case.least_steps
                 needed = (self.effort.repeats_of(case) + 1) * least
                 self.costs[case.kind] = (case.particles, subject.seconds_per_step, subject.restore_seconds)
@@ -199,13 +199,13 @@ class GroupRunner:
             subjects.append(subject)
         return subjects
 
-    def _tell_drawing(self, case: Case, drawn: Renderer) -> None:
-        """Who drew, how large, and how the state came there."""
-        who, way = (getattr(drawn, name, "unknown") for name in ("renderer", "transfer"))
-        self._keep(case, {DRAWN_BY: (None, "", f"{who}, {PICTURE[0]} x {PICTURE[1]} pixels, {way}")})
+    def _store_drawing(self, case: Case, drawn: Renderer) -> None:
+        """Store the renderer, the size of the picture and the path of the state to the drawing."""
+        who, path = (getattr(drawn, name, "unknown") for name in ("renderer", "transfer"))
+        self._store(case, {DRAWN_BY: (None, "", f"{who}, {PICTURE[0]} x {PICTURE[1]} pixels, {path}")})
 
     def _renderer(self, case: Case, stack: ExitStack) -> Renderer | str:
-        """One renderer for the group (two off-screen contexts do not live together), or why there is none."""
+        """One renderer for the group (two off-screen contexts do not live together), or the reason why there is none."""
         try:
             from softlab.app.output.offscreen import OffscreenRenderer
 
@@ -231,7 +231,7 @@ class GroupRunner:
             taken[id(subject)].append(sample.seconds / sample.steps)
             summary.samples += 1
             summary.suspect += sample.suspect is not None
-            self.tell(f"{subject.name}: {statistics.median(taken[id(subject)]) * 1e6:.3g} us a step")
+            self.report(f"{subject.name}: {statistics.median(taken[id(subject)]) * 1e6:.3g} us a step")
         for subject in subjects:
             if taken[id(subject)]:
                 summary.measured += 1

@@ -1,7 +1,7 @@
-"""Measuring the kernels of one grid: opened, checked, timed in turn, and held against an energy counter.
+"""Measurement of the kernels of one grid: opened, checked, timed in turn, with their energy.
 
-What bench/experiments/group.py does, for forced kernels: whatever one of them raises is stored as the reason why it was
-skipped, and the others go on.
+Like bench/experiments/group.py for forced kernels: an error of one of them is stored as the reason why it was skipped, and
+the others go on.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from contextlib import ExitStack, suppress
 from typing import Any
 
 from softlab.app.driver import open_simulation
-from softlab.bench.experiments.checks import OWN_SIZE_STEPS, Check, against_reference, compare, displaced
+from softlab.bench.experiments.checks import FULL_SIZE_STEPS, Check, against_reference, compare, displaced
 from softlab.bench.experiments.group import GroupRunner
 from softlab.bench.measure.cases import Case, Kind, record_skip
 from softlab.bench.measure.energy import STAGE, Counter, energy_counter, measure_energy, power_limit
@@ -24,7 +24,7 @@ NO_JOULES = "energy_skipped"  # the measure that says why there are none
 
 
 class KernelRunner(GroupRunner):
-    """Measures groups of kernels: whatever one of them raises is its own affair."""
+    """Measures groups of kernels; an error of one does not stop the others."""
 
     refusals = (Exception,)
 
@@ -45,8 +45,8 @@ class KernelRunner(GroupRunner):
     # ------------------------------------------------------------------ opening
 
     def _open(self, case: Case, stack: ExitStack) -> Simulation:
-        """The simulation, its kernels compiled."""
-        self.tell(f"{case}: opening")
+        """Open a simulation and compile its kernels."""
+        self.report(f"{case}: opening")
         begin = time.perf_counter()
         simulation = self._enter(case, stack)
         self._first_steps(simulation)
@@ -58,7 +58,7 @@ class KernelRunner(GroupRunner):
         return simulation
 
     def _enter(self, case: Case, stack: ExitStack) -> Simulation:
-        """As asked for; the first of a size is opened as the backend likes, to learn what it would choose."""
+        """Open a case as requested; the first of a size with the backend's own choice of kernel, which is recorded."""
         variant = (case.scene.canonical(), case.backend, case.threads, case.precision)
         if variant not in self._defaults:
             self._defaults[variant] = None  # until it is known: a choice that breaks must not break every kernel
@@ -66,12 +66,12 @@ class KernelRunner(GroupRunner):
             try:
                 first = open_simulation(case.scene, case.backend, **options)
             except Exception as error:
-                self.tell(f"{case}: the backend's own choice fails: {error}")
+                self.report(f"{case}: the backend's own choice fails: {error}")
             else:
                 self._defaults[variant] = first.kernel
                 self._opened[variant, first.kernel] = self._closed_with(stack, first)
-        held = self._opened.pop((variant, case.kernel), None)
-        return held or self._closed_with(stack, case.open())
+        opened = self._opened.pop((variant, case.kernel), None)
+        return opened or self._closed_with(stack, case.open())
 
     @staticmethod
     def _closed_with(stack: ExitStack, simulation: Simulation) -> Simulation:
@@ -85,17 +85,17 @@ class KernelRunner(GroupRunner):
     # ------------------------------------------------------------------ checking
 
     def _check(self, cases: Sequence[Case], simulations: dict[Kind, Simulation]) -> dict[Kind, str]:
-        """Each kernel against NumPy at the small size, and against the plainest one at its own."""
+        """Compare each kernel with NumPy at the small size, and with the simplest kernel at its own size."""
         warnings: dict[Kind, str] = {}
         witnesses: dict[str, tuple[str, State, Any]] = {}
         for case in cases:
             kind = case.simulation_kind
             simulation = simulations[kind]
-            self.tell(f"{case}: checking")
+            self.report(f"{case}: checking")
             try:
                 reference = self._references.get(kind) or against_reference(simulation)
                 self._references[kind] = reference
-                difference = self._own_size(case, simulation, witnesses)
+                difference = self._full_size_check(case, simulation, witnesses)
             except Exception as error:
                 self._fail(case, error)
                 del simulations[kind]
@@ -109,26 +109,28 @@ class KernelRunner(GroupRunner):
         return warnings
 
     @staticmethod
-    def _own_size(case: Case, simulation: Simulation, witnesses: dict[str, tuple[str, State, Any]]) -> Check | str:
-        """A few steps from a displaced state, held against the first kernel of this size and precision."""
+    def _full_size_check(
+        case: Case, simulation: Simulation, witnesses: dict[str, tuple[str, State, Any]]
+    ) -> Check | str:
+        """Compare a few steps from a displaced state with the first kernel of this size and precision."""
         if case.particles > MAX_CHECKED and case.precision != "float32":
             return "at this size only float32 is held against another kernel: a state takes seconds to load and compare"
-        held = witnesses.get(case.precision)
-        state = held[1] if held else displaced(simulation)
+        witness = witnesses.get(case.precision)
+        state = witness[1] if witness else displaced(simulation)
         simulation.load(state)
-        simulation.advance(OWN_SIZE_STEPS)
+        simulation.advance(FULL_SIZE_STEPS)
         simulation.check()
-        if held is None:
+        if witness is None:
             name = f"{simulation.backend} {simulation.kernel}"
             witnesses[case.precision] = (name, state, simulation.read("position"))
             return "the other kernels of this size are held against this one"
-        note = f"own size, {OWN_SIZE_STEPS} steps, against {held[0]}, {case.precision}"
-        return compare(simulation, held[2], note)
+        note = f"own size, {FULL_SIZE_STEPS} steps, against {witness[0]}, {case.precision}"
+        return compare(simulation, witness[2], note)
 
     def _store_default(self, case: Case) -> None:
         name = self._defaults.get((case.scene.canonical(), case.backend, case.threads, case.precision))
         if name is not None:
-            self._keep(case, {"default": (float(name == case.kernel), "", f"the backend's choice: {name}")})
+            self._store(case, {"default": (float(name == case.kernel), "", f"the backend's choice: {name}")})
 
     def _fail(self, case: Case, error: Exception) -> None:
         self._diverged(case, error)
@@ -160,24 +162,24 @@ class KernelRunner(GroupRunner):
                 self._measure_energy(subject)
 
     def _measure_energy(self, subject: Subject) -> None:
-        """One sample of its own stage, with joules; none where the counter moved too rarely or stepping broke."""
+        """Store one sample with joules; none where the counter moved too rarely or stepping failed."""
         case: Case = subject.name
         if case.backend not in self._counters:
             self._counters[case.backend] = energy_counter(case.backend)
         counter = self._counters[case.backend]
         if counter is None or self.store.sample_count(case.description, self.summary.machine, case.sources, STAGE):
             return
-        self.tell(f"{case}: joules")
+        self.report(f"{case}: joules")
         run, reason = self.summary.run, "the counter moved too rarely, or a step takes too long, for a second"
-        found = None
+        measured = None
         try:
-            found = measure_energy(subject, counter, self.effort.energy_seconds)
+            measured = measure_energy(subject, counter, self.effort.energy_seconds)
         except Exception as error:  # the times, which stand, have marks of their own
             reason = f"{type(error).__name__}: {error}"
-        if found is None:
-            self._keep(case, {NO_JOULES: (None, "J", reason)})
+        if measured is None:
+            self._store(case, {NO_JOULES: (None, "J", reason)})
             return
         self.store.add_sample(
-            run, case.description, case.sources, found.seconds, found.steps, stage=STAGE, joules=found.joules,
-            suspect=found.suspect(subject.seconds_per_step, power_limit(case.backend)),
+            run, case.description, case.sources, measured.seconds, measured.steps, stage=STAGE, joules=measured.joules,
+            suspect=measured.suspect(subject.seconds_per_step, power_limit(case.backend)),
         )  # fmt: skip

@@ -18,10 +18,10 @@ from softlab.bench.experiments.kernel_runner import NO_JOULES, KernelRunner
 from softlab.bench.experiments.sweep import Asked, Sweep
 from softlab.bench.measure.cases import Case, SweepSummary
 from softlab.bench.measure.energy import LOOP_SECONDS, STAGE, energy_counter
-from softlab.bench.measure.experiment import Tell, backends_here, ending_cleanly, host_of, source_hash
+from softlab.bench.measure.experiment import Report, backends_here, ending_cleanly, host_of, source_hash
 from softlab.bench.measure.gpu import gpu_simulated
 from softlab.bench.measure.limits import enter_limits
-from softlab.bench.measure.share import share
+from softlab.bench.measure.partition import current_partition
 from softlab.bench.measure.starts import measure_starts
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import configuration
@@ -116,14 +116,14 @@ class _KernelSweep(Sweep):
 
     starting: Sequence[tuple[Scene, str]] = ()
 
-    def _measure(self, cases: Sequence[Case], tell: Tell) -> None:
+    def _measure(self, cases: Sequence[Case], report: Report) -> None:
         for scene, backend in self.starting:
-            with share().take(f"starts {backend}") as mine:
-                if mine:
+            with current_partition().take(f"starts {backend}") as taken:
+                if taken:
                     run, machine = self.summary.run, self.summary.machine
                     measure_starts(self.store, run, machine, scene, backend, source_hash(backend))
         self.starting = ()
-        super()._measure(cases, tell)
+        super()._measure(cases, report)
 
     def _missing(self, case: Case) -> int:
         missing = super()._missing(case)

@@ -86,11 +86,11 @@ def groups(
             raise SceneError("--size", size, "must be at least 2: a sheet without springs has nothing to project")
         if size > MOST:
             raise SceneError("--size", size, f"must be at most {MOST}")
-    found = []
+    all_groups = []
     for backend in backends:
         usual = QUICK_SIZES if quick else (*SIZES, *(LARGE if backend == "gpu" else ()))
         for size in tuple(sizes) if sizes is not None else usual:
-            found.append(
+            all_groups.append(
                 [
                     case_of(sheet(size, neighbours, ordering, *budget), backend, precision)
                     for precision in precisions
@@ -100,8 +100,8 @@ def groups(
                 ]
             )
         if sizes is None and not quick:
-            found += [[case_of(entry.ours(), backend, precisions[0])] for entry in PUBLISHED]
-    return found
+            all_groups += [[case_of(entry.ours(), backend, precisions[0])] for entry in PUBLISHED]
+    return all_groups
 
 
 RATES = run_projections = Rates("projections", STAGE, STEP, RATE, KERNEL, projections_of, groups)
@@ -143,24 +143,24 @@ class ProjectionPoint(RatePoint):
         return self.rows * self.columns
 
 
-def points(held: Iterable[Measure]) -> list[ProjectionPoint]:
+def points(stored: Iterable[Measure]) -> list[ProjectionPoint]:
     """Return the points from the measures, smallest sheets first."""
-    found = []
-    for told, scene, point in RATES.told(held):
+    projection_points = []
+    for by_name, scene, point in RATES.results(stored):
         grid, method = scene.grid, scene.method
-        found.append(
+        projection_points.append(
             ProjectionPoint(
                 **vars(point), rows=grid.rows, columns=grid.columns, neighbours=4 * len(scene.cloth_springs),
                 ordering=method.ordering, substeps=method.substeps, iterations=method.iterations,
-                scene=canonical(told[RATE].description["scene"]),
+                scene=canonical(by_name[RATE].description["scene"]),
             )
         )  # fmt: skip
-    return sorted(found, key=lambda p: (p.particles, p.backend, p.neighbours, p.ordering, -p.iterations))
+    return sorted(projection_points, key=lambda p: (p.particles, p.backend, p.neighbours, p.ordering, -p.iterations))
 
 
-def beside_published(found: Sequence[ProjectionPoint]) -> list[tuple[Any, ProjectionPoint]]:
+def beside_published(timed: Sequence[ProjectionPoint]) -> list[tuple[Any, ProjectionPoint]]:
     """Return (published, ours of one backend and machine) for every published scene that was timed."""
     pairs = []
     for entry in PUBLISHED:
-        pairs += [(entry, point) for point in found if point.scene == entry.text]
+        pairs += [(entry, point) for point in timed if point.scene == entry.text]
     return pairs

@@ -18,7 +18,7 @@ from typing import Any
 
 from softlab.bench.experiments.group import GroupRunner
 from softlab.bench.measure.cases import Case, Effort, Kind, SweepSummary, record_skip
-from softlab.bench.measure.experiment import Tell, backends_here, host_of, resume, source_hash
+from softlab.bench.measure.experiment import Report, backends_here, host_of, resume, source_hash
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import configuration, timings
 from softlab.bench.store.schema import configuration_hash
@@ -89,8 +89,8 @@ def _quick_cases(
     """
     shape = scene.grid.rows, scene.grid.columns
     drawn = (False, True) if graphics and shape in QUICK_DRAWN else (False,)
-    found = cases_of(scene, backends, threads, precisions[:1], drawn)
-    return found + (cases_of(scene, backends, threads[:1], precisions[1:], (False,)) if shape[0] == shape[1] else [])
+    selected = cases_of(scene, backends, threads, precisions[:1], drawn)
+    return selected + (cases_of(scene, backends, threads[:1], precisions[1:], (False,)) if shape[0] == shape[1] else [])
 
 
 def choose_effort(
@@ -201,17 +201,17 @@ class Sweep:
         how: dict[str, Any] = {"progress": progress, "command": command, "worth": self._weight}
         return resume(self.store, self.summary, grids, lambda case: self._missing(case) <= 0, self._measure, **how)
 
-    def _measure(self, cases: Sequence[Case], tell: Tell) -> None:
+    def _measure(self, cases: Sequence[Case], report: Report) -> None:
         grid = cases[0].scene.grid
-        tell(f"{grid.rows} x {grid.columns} masses", 0)
-        self.runner.tell = lambda text: tell(text, 0)
+        report(f"{grid.rows} x {grid.columns} masses", 0)
+        self.runner.report = lambda text: report(text, 0)
         for group in self._groups(self._affordable(cases)):
             self.runner.measure(group)
-        tell(f"{grid.rows} x {grid.columns} masses", sum(map(self._weight, cases)))
+        report(f"{grid.rows} x {grid.columns} masses", sum(map(self._weight, cases)))
 
     def _missing(self, case: Case) -> int:
-        held = self.store.sample_count(case.description, self.summary.machine, case.sources)
-        return self.effort.repeats_of(case) - held
+        stored = self.store.sample_count(case.description, self.summary.machine, case.sources)
+        return self.effort.repeats_of(case) - stored
 
     def _skip(self, case: Case, reason: str) -> None:
         record_skip(self.store, self.summary, case, reason)
@@ -243,7 +243,7 @@ class Sweep:
 
     def _affordable(self, cases: Sequence[Case]) -> list[Case]:
         """Return the cases that may be started; record the others as skipped."""
-        kept = []
+        affordable = []
         effort = self.effort
         spent = time.perf_counter() - self.summary.begin
         left = effort.total_seconds - spent if effort.total_seconds else float("inf")
@@ -257,8 +257,8 @@ class Sweep:
                 self._skip(case, f"the sweep's {effort.total_seconds:g} s are used up")
             else:
                 left -= needed or 0.0
-                kept.append(case)
-        return kept
+                affordable.append(case)
+        return affordable
 
     def _groups(self, cases: list[Case]) -> list[list[Case]]:
         """Return groups of cases that are sampled in turn: as many as fit into half of the free memory together."""

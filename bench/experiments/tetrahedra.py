@@ -45,7 +45,7 @@ from softlab.bench.experiments.tetrahedral.cantilever import (
 )
 from softlab.bench.experiments.tetrahedral.promised import promised
 from softlab.bench.measure.costs_timing import FULL, QUICK, RATIO, SECONDS, Effort, Measures, Record, in_turn
-from softlab.bench.measure.experiment import described, keep
+from softlab.bench.measure.experiment import described, store_measures
 from softlab.bench.measure.items import Group, Items, cost_sources
 from softlab.bench.measure.timing import Subject, prepare
 from softlab.bench.store.database import Store
@@ -139,12 +139,12 @@ def settings(
     chosen = QUICK_SETTINGS if quick or across > SECTIONS[1] else SETTINGS
     there = [solver for solver in SETTINGS if solver.split()[0] in SOLVERS_OF_TETRAHEDRA]
     there = [solver for solver in there if not solvers or solver in solvers]
-    found = [(solver, *both) for solver in there for both in chosen[solver]]
+    budgets = [(solver, *both) for solver in there for both in chosen[solver]]
     if young is not None and not quick:
-        pace = STIFFER * 2 * pi * bending_frequency(young)
-        stiff = Stiff(young, POISSON, DENSITY, SIDE / across, 0.0, pace, across == SECTIONS[0])
-        found += [one for one in promised(stiff, FRAME) if one[0] in there]
-    return list(dict.fromkeys(found))
+        frequency = STIFFER * 2 * pi * bending_frequency(young)
+        stiff = Stiff(young, POISSON, DENSITY, SIDE / across, 0.0, frequency, across == SECTIONS[0])
+        budgets += [one for one in promised(stiff, FRAME) if one[0] in there]
+    return list(dict.fromkeys(budgets))
 
 
 def among(option: str, chosen: Sequence[Any], known: Iterable[Any]) -> Sequence[Any]:
@@ -152,8 +152,8 @@ def among(option: str, chosen: Sequence[Any], known: Iterable[Any]) -> Sequence[
     known = tuple(known)
     for value in chosen:
         if value not in known:
-            told = ", ".join(one if isinstance(one, str) else f"{one:g}" for one in known)
-            raise SceneError(option, value, f"must be one of {told}")
+            allowed = ", ".join(one if isinstance(one, str) else f"{one:g}" for one in known)
+            raise SceneError(option, value, f"must be one of {allowed}")
     return chosen
 
 
@@ -174,19 +174,20 @@ def groups(
     effort, usual = (QUICK, SECTIONS[1:2]) if quick else (FULL, SECTIONS)
     sections, moduli = among("--across", across, SECTIONS) or usual, among("--young", young, MODULI) or MODULI
     chosen = among("--solver", solvers, SETTINGS)
-    made = {
+    scenes_by_bar = {
         (a, e): tuple(cantilever(a, e, *setting) for setting in settings(quick, a, e, chosen))
         for a in sections
         for e in moduli
     }
-    found = []
+    all_groups = []
     for backend in backends:
         sources = cost_sources(backend, __file__)
-        for precision, ((a, e), scenes) in product(precisions, made.items()):
-            told = tuple(described(scene, backend, TETRAHEDRA, precision=precision) for scene in scenes)
+        for precision, ((a, e), scenes) in product(precisions, scenes_by_bar.items()):
+            descriptions = tuple(described(scene, backend, TETRAHEDRA, precision=precision) for scene in scenes)
             name = f"{a} across, {e:.0e} Pa, {precision}, {backend}"
-            found.append(Group(name, told, sources, partial(_bar, a, e, scenes, told, effort), len(told)))
-    return found
+            run = partial(_bar, a, e, scenes, descriptions, effort)
+            all_groups.append(Group(name, descriptions, sources, run, len(scenes)))
+    return all_groups
 
 
 run_tetrahedra = Items(TETRAHEDRA, groups, "softlab tetrahedra", "bar: ")
@@ -214,63 +215,68 @@ def open_braked(scene: Scene, backend: str, precision: str) -> Simulation:
 
 
 def _bar(
-    across: int, young: float, scenes: Sequence[Scene], told: Sequence[dict[str, Any]], effort: Effort, record: Record
+    across: int,
+    young: float,
+    scenes: Sequence[Scene],
+    descriptions: Sequence[dict[str, Any]],
+    effort: Effort,
+    record: Record,
 ) -> list[Measures]:
     """Measure all settings of a bar. Errors are stored row by row, times when all rows have been sampled in turn."""
-    found: list[Measures] = []
+    results: list[Measures] = []
     with ExitStack() as stack:
         subjects: list[tuple[int, Subject]] = []
-        for scene, one in zip(scenes, told, strict=True):
+        for scene, one in zip(scenes, descriptions, strict=True):
             method = scene.method
             name = f"{setting_of(method.model_dump())} {method.substeps} x {method.iterations}"
             simulation = stack.enter_context(open_simulation(let_go(scene), one["backend"], precision=one["precision"]))
-            own, moves = _errors(simulation, scene, one, (across, young), partial(_tell_row, record, name))
+            row_errors, moves = _errors(simulation, scene, one, (across, young), partial(_report_row, record, name))
             errors = {
-                what: value for what, value in own.items() if what not in (SECONDS, RATIO)
+                what: value for what, value in row_errors.items() if what not in (SECONDS, RATIO)
             }  # these tell of the end
-            keep(record.store, record.run, one, record.sources, errors)
-            found.append(own)
+            store_measures(record.store, record.run, one, record.sources, errors)
+            results.append(row_errors)
             if moves:
-                record.tell(f"{name}, warming up")
+                record.report(f"{name}, warming up")
                 subject = prepare(Subject(simulation, one, start=simulation.state()), effort.seconds, effort.most)
-                subjects.append((len(found) - 1, subject))
-        record.tell("timing all settings in turn")
+                subjects.append((len(results) - 1, subject))
+        record.report("timing all settings in turn")
         timed = in_turn(record, [subject for _, subject in subjects], effort.repeats) if subjects else []
     for (number, _), numbers in zip(subjects, timed, strict=True):
-        found[number] |= numbers
-    return found
+        results[number] |= numbers
+    return results
 
 
-def _tell_row(record: Record, name: str, text: str) -> None:
-    record.tell(f"{name}, {text}")
+def _report_row(record: Record, name: str, text: str) -> None:
+    record.report(f"{name}, {text}")
 
 
 def _errors(
-    simulation: Simulation, scene: Scene, one: dict[str, Any], bar: tuple[int, float], tell: Callable[[str], None]
+    simulation: Simulation, scene: Scene, one: dict[str, Any], bar: tuple[int, float], report: Callable[[str], None]
 ) -> tuple[Measures, bool]:
     """Return the errors of one setting, and True if its free motion could be followed.
 
     `simulation`: the scene without a brake, left in that motion; `one`: its description; `bar`: voxels across, and Young's
     modulus [Pa]. References are made when they are first needed.
     """
-    own: Measures = {ELEMENTS: (float(len(scene.tetrahedra_set.tetrahedra)), "", None)}
-    tell("motion, after the vibrations of the mesh (once)" if "modes" in lacking(bar[0]) else "motion")
+    errors: Measures = {ELEMENTS: (float(len(scene.tetrahedra_set.tetrahedra)), "", None)}
+    report("motion, after the vibrations of the mesh (once)" if "modes" in lacking(bar[0]) else "motion")
     try:
         right = exact_drop(*bar)[1]
-        own[MOTION_ERROR] = (
+        errors[MOTION_ERROR] = (
             drop(simulation, *bar, LONGEST) / right - 1, "", "over the modes of the mesh, half a period after it was let go"
         )  # fmt: skip
     except (TooLong, SoftlabError) as reason:
-        own |= {name: (None, "", str(reason)) for name in (SAG, SOLVER_ERROR, MOTION_ERROR, SECONDS, RATIO)}
-    tell("rest, after the exact rest of the mesh (once)" if "rest" in lacking(bar[0]) else "rest")
+        errors |= {name: (None, "", str(reason)) for name in (SAG, SOLVER_ERROR, MOTION_ERROR, SECONDS, RATIO)}
+    report("rest, after the exact rest of the mesh (once)" if "rest" in lacking(bar[0]) else "rest")
     exact = sag(scene, exact_rest(bar[0]))
-    own[MESH_ERROR] = (exact / continuum_sag(bar[1]) - 1, "", "of the exact rest over the continuum's")
-    if SECONDS in own:
-        return own, False
+    errors[MESH_ERROR] = (exact / continuum_sag(bar[1]) - 1, "", "of the exact rest over the continuum's")
+    if SECONDS in errors:
+        return errors, False
     try:
         with open_braked(scene, one["backend"], one["precision"]) as braked:
             hung = settle(braked, *bar, LONGEST)
-        own |= {SAG: (hung, "m", None), SOLVER_ERROR: (hung / exact - 1, "", "over the exact rest of the mesh")}
+        errors |= {SAG: (hung, "m", None), SOLVER_ERROR: (hung / exact - 1, "", "over the exact rest of the mesh")}
     except (TooLong, SoftlabError) as reason:
-        own |= {name: (None, "", str(reason)) for name in (SAG, SOLVER_ERROR)}
-    return own, True
+        errors |= {name: (None, "", str(reason)) for name in (SAG, SOLVER_ERROR)}
+    return errors, True

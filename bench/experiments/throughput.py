@@ -37,7 +37,7 @@ GRIDS, QUICK_GRIDS, LARGE = (64, 256, 1024), (64,), (2048,)
 REGIONS = (1, 2, 4)
 CUBES, QUICK_CUBES, LARGE_CUBES = (16, 32), (16,), (64,)  # particles along each side
 FRAME = 1 / 60  # s
-MEET = {"sweeps": 3, "separation_speed": 3.0, "maximum_speed": 4.0}  # two fifths of a particle spacing per substep
+CONTACT = {"sweeps": 3, "separation_speed": 3.0, "maximum_speed": 4.0}  # two fifths of a particle spacing per substep
 
 
 def bodies(count: int, rigid: bool) -> Scene:
@@ -56,7 +56,7 @@ def heap(count: int) -> Scene:
     plane = {"point": [0.0, 0.0, 0.0], "normal": [0.0, 1.0, 0.0], "static_friction": 0.5, "dynamic_friction": 0.4}
     method = {"solver": "shape-matching", "dt": FRAME, "substeps": 2}
     return Scene(
-        {"blob": body, "gravity": {}, "plane": plane, "contact": MEET, "method": method}, f"{count} bodies in a heap"
+        {"blob": body, "gravity": {}, "plane": plane, "contact": CONTACT, "method": method}, f"{count} bodies in a heap"
     )
 
 
@@ -99,21 +99,21 @@ def groups(
     for kind in kinds:
         if kind not in KINDS:
             raise SceneError("--kind", kind, f"must be one of {', '.join(KINDS)}")
-    found, wanted = [], set(kinds)
+    all_groups, wanted = [], set(kinds)
     for backend in backends:
         for count in QUICK if quick else ON_CPU if backend == "cpu" else tuple(BLOCKS):
             scenes = [bodies(count, kind == "rigid") for kind in ("soft", "rigid") if kind in wanted]
             scenes += [heap(count)] if "heap" in wanted else []
-            found.append([make_case(s, backend, p, f"{count} bodies") for p in precisions for s in scenes])
+            all_groups.append([make_case(s, backend, p, f"{count} bodies") for p in precisions for s in scenes])
         sizes = QUICK_GRIDS if quick else (*GRIDS, *(LARGE if backend == "gpu" else ()))
         for size in sizes if "grid" in wanted else ():
             label = f"jelly {size} x {size}"
-            found.append([make_case(jelly(size, r), backend, p, label) for p in precisions for r in REGIONS])
+            all_groups.append([make_case(jelly(size, r), backend, p, label) for p in precisions for r in REGIONS])
         sizes = QUICK_CUBES if quick else (*CUBES, *(LARGE_CUBES if backend == "gpu" else ()))
         for size in sizes if "lattice" in wanted else ():
             label, regions = f"lattice {size}^3", REGIONS[:-1] if size in LARGE_CUBES else REGIONS
-            found.append([make_case(cube(size, r), backend, p, label) for p in precisions for r in regions])
-    return [group for group in found if group]
+            all_groups.append([make_case(cube(size, r), backend, p, label) for p in precisions for r in regions])
+    return [group for group in all_groups if group]
 
 
 def particle_steps(scene: Scene) -> int:
@@ -158,16 +158,16 @@ def region_of(scene: Scene) -> int:
     return max(lattices) if scene.bodies else scene.method.region
 
 
-def points(held: Iterable[Measure], every: bool = False) -> list[ThroughputPoint]:
+def points(stored: Iterable[Measure], every: bool = False) -> list[ThroughputPoint]:
     """Return the points from the measures, smallest first; with `every`, incomplete ones too."""
-    found = []
-    for told, scene, point in RATES.told(held, every):
+    throughput_points = []
+    for by_name, scene, point in RATES.results(stored, every):
         method, bodies_ = scene.method, scene.bodies.values()
         particles = round(point.rate * point.step / method.substeps / method.iterations)
-        found.append(
+        throughput_points.append(
             ThroughputPoint(
-                **vars(point), kind=told[KIND].reason or "", particles=particles, region=region_of(scene),
+                **vars(point), kind=by_name[KIND].reason or "", particles=particles, region=region_of(scene),
                 bodies=sum(body.count for body in bodies_),
             )
         )  # fmt: skip
-    return sorted(found, key=lambda p: (p.particles, p.backend, p.kind, p.region))
+    return sorted(throughput_points, key=lambda p: (p.particles, p.backend, p.kind, p.region))

@@ -12,7 +12,7 @@ from softlab.model.geometry.surfaces.cup import HEIGHT, RADIUS, WALL
 from softlab.model.scene.scene import Scene
 
 POURED = 4.0  # s
-LOOK = 0.5  # s: interval of the measurements of a pouring cup
+INTERVAL = 0.5  # s: interval of the measurements of a pouring cup
 
 
 def in_cup(cup: Any, position: np.ndarray, time: float, margin: float = 0.0) -> np.ndarray:
@@ -54,8 +54,8 @@ def pouring(scene: Scene, seconds: float = POURED, **how: Any) -> Iterator[tuple
     """Yield (time [s], fraction of the particles in the cup, in the basin, positions) every LOOK of a cup that pours."""
     cup: Any = next(iter(scene.all_of("mesh_collider").values()))
     with open_simulation(scene, **how) as simulation:
-        for k in range(1, round(seconds / LOOK) + 1):
-            simulation.advance(round(k * LOOK / scene.method.dt) - simulation.step)
+        for k in range(1, round(seconds / INTERVAL) + 1):
+            simulation.advance(round(k * INTERVAL / scene.method.dt) - simulation.step)
             position = simulation.state().position.astype(np.float64)
             poured = in_basin(scene, position)
             inside = in_cup(cup, position, simulation.time) & ~poured

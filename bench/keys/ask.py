@@ -25,23 +25,23 @@ def keys_at(folder: Path, descriptions: Descriptions, *how: str) -> dict[str, Ke
         opening = json.dumps([d[part] for part in ("scene", "backend", "kernel", "precision", "math")], sort_keys=True)
         names.setdefault(opening, []).append(name)
     lines = "".join(json.dumps([same[0], descriptions[same[0]]]) + "\n" for same in names.values())
-    kept = {name: value for name, value in os.environ.items() if name not in NO_KERNELS}
-    kept["PYTHONHASHSEED"] = "0"  # numba writes some instructions in the order of sets
+    environment = {name: value for name, value in os.environ.items() if name not in NO_KERNELS}
+    environment["PYTHONHASHSEED"] = "0"  # numba writes some instructions in the order of sets
     done = subprocess.run(
         [sys.executable, str(PROBE), str(folder), *how],
         input=lines,
         capture_output=True,
         text=True,
         cwd=folder,
-        env=kept,
+        env=environment,
     )
     if done.returncode:
         raise RuntimeError(f"{folder}: the kernels of this code cannot be read: {done.stderr[-2000:]}")
     same_as = {same[0]: same for same in names.values()}
     answers = [json.loads(line) for line in done.stdout.splitlines()]
-    found = {name: (kernels, arrays) for first, kernels, arrays, _ in answers if kernels for name in same_as[first]}
-    if answers and not found:
+    keys = {name: (kernels, arrays) for first, kernels, arrays, _ in answers if kernels for name in same_as[first]}
+    if answers and not keys:
         raise RuntimeError(
             f"{folder}: no configuration can be opened with this code, the first because of {answers[0][3]}"
         )
-    return found
+    return keys

@@ -1,6 +1,6 @@
-"""Which committed measurements still hold for the code as it is: those whose kernels are proved to be today's.
+"""Committed measurements that are valid for the current code: those whose kernels are proved to be the same.
 
-A measurement names the text of the sources that it is of (column `sources`). The map beside the data
+The column `sources` of a measurement is the digest of its sources. The map beside the data
 (labbook/data/kernel_keys.json) lists, for each such digest, the commit that has it and the configurations whose kernels and
 arrays had the same key at that commit as in the code that `as_of` names. Everything else is older. The map is written by
 `python -m softlab.bench.keys.carry`.
@@ -53,7 +53,7 @@ class Carried:
 
 
 def read_map(path: Path = MAP) -> Carried:
-    """The map beside the data; an empty one where there is none."""
+    """Read the map beside the data; an empty one where there is none."""
     if not path.is_file():
         return Carried()
     data = json.loads(path.read_text(encoding="utf-8"))
@@ -67,18 +67,18 @@ def read_map(path: Path = MAP) -> Carried:
 @cache
 def proved() -> frozenset[tuple[str, str]]:
     """(sources, configuration) of the committed measurements whose kernels are those of the code as it is now."""
-    found = read_map()
-    current = {backend for backend in BACKENDS if found.as_of.get(backend) == digest_of(backend)}
+    carried = read_map()
+    current = {backend for backend in BACKENDS if carried.as_of.get(backend) == digest_of(backend)}
     return frozenset(
         (group.sources, configuration)
-        for group in found.groups
+        for group in carried.groups
         if group.backend in current
         for configuration in group.configurations
     )
 
 
 def is_older(item: Dated, configuration: str) -> bool:
-    """True for a measurement that is of other sources than today's and is not proved to be of the same kernels."""
+    """True for a measurement of other sources than the current ones that is not proved to have the same kernels."""
     sources = sources_of(item)
     if item.backend not in BACKENDS or not DIGEST.fullmatch(sources) or sources == digest_of(item.backend):
         return False

@@ -28,18 +28,18 @@ def _has_kernels(description: Mapping[str, Any]) -> bool:
 
 
 def _keys(descriptions: Mapping[str, Mapping[str, Any]], experiment: str) -> dict[str, str]:
-    """Hash of a configuration -> what a measure `kernel_key` says of it; fewer where this process runs no kernels."""
+    """Return hash of a configuration -> its measure `kernel_key`; empty where this process runs no kernels."""
     if not descriptions or experiment not in MEASURING or any(os.environ.get(name, "0") != "0" for name in NO_KERNELS):
         return {}
     try:
-        found = keys_at(ROOT, {name: dict(description) for name, description in descriptions.items()})
+        keys = keys_at(ROOT, {name: dict(description) for name, description in descriptions.items()})
     except (RuntimeError, OSError):  # the numbers are in the store; without a key they are older once the code changes
         return {}
-    return {name: f"{kernels} {arrays} {version_of(experiment)}" for name, (kernels, arrays) in found.items()}
+    return {name: f"{kernels} {arrays} {version_of(experiment)}" for name, (kernels, arrays) in keys.items()}
 
 
 def enter_keys(store: Store, run: str, experiment: str) -> None:
-    """Enter the keys of what a run has measured and that has none yet."""
+    """Enter the missing keys of the configurations that a run has measured."""
     rows = store.query(
         "SELECT DISTINCT hash, description, sources FROM (SELECT configuration, sources, run FROM sample UNION "
         "SELECT configuration, sources, run FROM measure) AS taken JOIN configuration ON hash = taken.configuration "
@@ -47,17 +47,19 @@ def enter_keys(store: Store, run: str, experiment: str) -> None:
         "AND measure.sources = taken.sources AND name = :name)",
         {"run": run, "name": KEY},
     )
-    told = {name: json.loads(text) for name, text, _ in rows}
-    keys = _keys({name: one for name, one in told.items() if _has_kernels(one)}, experiment)
+    descriptions = {name: json.loads(text) for name, text, _ in rows}
+    keys = _keys({name: one for name, one in descriptions.items() if _has_kernels(one)}, experiment)
     with store.transaction():
         for name, _, sources in rows:
             if name in keys:
-                store.add_measure(run, told[name], sources, KEY, None, "", keys[name])
+                store.add_measure(run, descriptions[name], sources, KEY, None, "", keys[name])
 
 
 def same_kernels(store: Store, machine: str, cases: Iterable[Measured], experiment: str) -> dict[str, tuple[str, str]]:
-    """Of configurations that the store lacks under the sources given: hash -> (these sources, other sources under which it
-    was measured with the key that it has now)."""
+    """Return hash -> (sources, other sources with the same key) of configurations that the store lacks under their sources.
+
+    Under the other sources it was measured with the key that it has now.
+    """
     wanted = {
         configuration_hash(description): (description, sources)
         for description, sources in cases

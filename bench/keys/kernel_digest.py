@@ -25,30 +25,30 @@ NOT_IN_CODE = frozenset({"nogil", "no_cpython_wrapper", "no_cfunc_wrapper", "_nr
 
 
 class SourceUnknown(LookupError):
-    """The source of a function cannot be found, so that nothing can be said of it."""
+    """The source of a function cannot be found, so that it has no digest."""
 
 
 @cache
 def _functions_in(path: str) -> dict[str, list[tuple[int, int, Any]]]:
-    """Name -> (first line, first line of the outermost function around it, node) of every function in a file."""
-    found: dict[str, list[tuple[int, int, Any]]] = {}
+    """Return name -> (first line, first line of the outermost function around it, node) of every function in a file."""
+    functions: dict[str, list[tuple[int, int, Any]]] = {}
 
     def visit(node: ast.AST, outermost: int) -> None:
         for child in ast.iter_child_nodes(node):
             if isinstance(child, FUNCTIONS):
                 first = min([child.lineno, *(d.lineno for d in getattr(child, "decorator_list", ()))])
                 name = getattr(child, "name", "<lambda>")
-                found.setdefault(name, []).append((first, outermost or first, child))
+                functions.setdefault(name, []).append((first, outermost or first, child))
                 visit(child, outermost or first)
             else:
                 visit(child, outermost)
 
     visit(ast.parse(Path(path).read_text(encoding="utf-8")), 0)
-    return found
+    return functions
 
 
 def tree_of(code: types.CodeType) -> Any:
-    """The syntax tree of a function's code, a function definition or a lambda. Raises SourceUnknown.
+    """Return the syntax tree of a function's code, a function definition or a lambda. Raises SourceUnknown.
 
     Code that was compiled from a rewritten copy of a module-level function counts its lines from that function's first.
     """
@@ -76,7 +76,7 @@ class KernelDigests:
         self._entered: dict[int, int] = {}
 
     def of(self, kernel: Any) -> str:
-        """The digest (16 hexadecimal digits) of a compiled or plain function. Raises SourceUnknown."""
+        """Return the digest (16 hexadecimal digits) of a compiled or plain function. Raises SourceUnknown."""
         return _hash(self.describe(kernel))
 
     def describe(self, value: Any) -> str:
@@ -135,10 +135,12 @@ class KernelDigests:
     def _of_callable(self, value: Any) -> str:
         if hasattr(value, "py_func"):  # what numba compiles
             options = getattr(value, "targetoptions", None) or {}
-            told = {name: one for name, one in options.items() if name not in NOT_IN_CODE and one not in (None, False)}
+            relevant = {
+                name: one for name, one in options.items() if name not in NOT_IN_CODE and one not in (None, False)
+            }
             pipeline = getattr(getattr(value, "_compiler", None), "pipeline_class", None)
             how = "" if pipeline is None else self._of_class(pipeline)
-            return f"compiled {self._options(told)} {how} {self.describe(value.py_func)}"
+            return f"compiled {self._options(relevant)} {how} {self.describe(value.py_func)}"
         if hasattr(value, "_defn"):  # an intrinsic: the function that writes its code
             return f"intrinsic {self.describe(value._defn)}"
         if _is_foreign(value.__module__ or ""):
@@ -181,9 +183,9 @@ class KernelDigests:
 def _identifiers(tree: Any) -> Iterable[str]:
     for node in ast.walk(tree):
         for name in ("id", "attr", "arg", "name"):
-            found = getattr(node, name, None)
-            if isinstance(found, str):
-                yield found
+            identifier = getattr(node, name, None)
+            if isinstance(identifier, str):
+                yield identifier
 
 
 def _is_foreign(module: str) -> bool:

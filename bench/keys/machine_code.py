@@ -1,4 +1,4 @@
-"""The text of what recorded kernels compile to, up to names: PTX of CUDA kernels, LLVM IR of CPU kernels.
+"""Compiled text of recorded kernels, up to names: PTX of CUDA kernels, LLVM IR of CPU kernels.
 
 Two commits whose kernels differ in source may still compile to the same code; then their measurements are of one program.
 Works without a GPU where the packages nvidia-nvvm and nvidia-cuda-nvrtc are installed.
@@ -26,13 +26,13 @@ COMMON = re.compile(r"^\.common \.global [^;]*?(\w+);\n", re.MULTILINE)  # such 
 
 
 def without_names(text: str) -> str:
-    """The text with the names that it defines numbered in order of appearance, without comments, places in files and
-    globals that nothing reads. Functions from elsewhere keep their names."""
+    """Return the text with its own names numbered in order of appearance, without comments, positions in files and unread
+    globals. Functions from elsewhere keep their names."""
     text = CONTENT.sub("", NAMED.sub("", text))
-    text = COMMON.sub(lambda found: found[0] if text.count(found[1]) > 1 else "", text)
-    kept = {name: name for name in set(ELSEWHERE.findall(text)) - set(DEFINED.findall(text))}
+    text = COMMON.sub(lambda match: match[0] if text.count(match[1]) > 1 else "", text)
+    replacements = {name: name for name in set(ELSEWHERE.findall(text)) - set(DEFINED.findall(text))}
     names = PTX_NAME if ".version" in text else LLVM_NAME
-    return names.sub(lambda found: kept.setdefault(found[0], f"@{len(kept)}"), text)
+    return names.sub(lambda match: replacements.setdefault(match[0], f"@{len(replacements)}"), text)
 
 
 def machine_code_key(calls: Iterable[Launch]) -> str:
@@ -79,16 +79,16 @@ def _code(kernel: Any, types: tuple[Any, ...]) -> str:
     return "\n".join(sorted(texts, key=without_names))
 
 
-def _folded(kernel: Any, given: tuple[Any, ...]) -> Iterator[Any]:
-    """The types of the arguments by parameter, those of `*arguments` as one tuple."""
+def _folded(kernel: Any, argument_types: tuple[Any, ...]) -> Iterator[Any]:
+    """Yield the types of the arguments by parameter, those of `*arguments` as one tuple."""
     from numba import types
 
     parameters = list(kernel._compiler.pysig.parameters.values())
     for k, parameter in enumerate(parameters):
         if parameter.kind is parameter.VAR_POSITIONAL:
-            yield types.StarArgTuple(given[k:])
+            yield types.StarArgTuple(argument_types[k:])
         else:
-            yield given[k]
+            yield argument_types[k]
 
 
 def _inner(kernel: Any) -> Iterator[Any]:

@@ -37,7 +37,7 @@ def lab(module: str) -> Any:
 
 
 def recorded_calls(description: dict[str, Any]) -> list[Any]:
-    """The launches of a configuration's opening and first step, recorded and not run. Raises what the lab raises."""
+    """Record the launches of a configuration's opening and first step without running them. Raises the lab's errors."""
     from softlab.bench.keys.record import recorded
 
     open_simulation, scene_of = lab("app.driver").open_simulation, lab("model.scene.scene").Scene
@@ -64,7 +64,7 @@ def key(description: dict[str, Any], digests: Any) -> tuple[str, str]:
 
 
 def limit_memory(fraction: float = 0.25) -> None:
-    """Let a configuration that needs more than this fraction of the main memory fail, not the machine."""
+    """Make a configuration fail that needs more than this fraction of the main memory, before the machine does."""
     import os
 
     try:
@@ -76,26 +76,26 @@ def limit_memory(fraction: float = 0.25) -> None:
 
 
 def main(checkout: str, code: str = "") -> None:
-    """Answer every line of the input. `code`: "code" to write the key of the machine code in place of the kernels'."""
+    """Write a line for every line of the input. `code`: "code" for keys of the machine code in place of the kernels'."""
     sys.path[0] = checkout
     limit_memory()
     load_tools()
     from softlab.bench.keys.kernel_digest import KernelDigests
     from softlab.bench.keys.machine_code import machine_code_key
-    from softlab.bench.keys.record import absent_gpu
+    from softlab.bench.keys.record import fake_gpu
 
     digests = KernelDigests()
     for line in sys.stdin:
         name, description = json.loads(line)
         try:
-            with absent_gpu() if description["backend"] == "gpu" else nullcontext():
+            with fake_gpu() if description["backend"] == "gpu" else nullcontext():
                 if code:
-                    answer = [name, machine_code_key(recorded_calls(description)), None, None]
+                    reply = [name, machine_code_key(recorded_calls(description)), None, None]
                 else:
-                    answer = [name, *key(description, digests), None]
+                    reply = [name, *key(description, digests), None]
         except Exception as error:  # whatever old code raises for a scene that it does not know
-            answer = [name, None, None, f"{type(error).__name__}: {error}"[:300]]
-        print(json.dumps(answer), flush=True)
+            reply = [name, None, None, f"{type(error).__name__}: {error}"[:300]]
+        print(json.dumps(reply), flush=True)
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 """Record the kernels that a simulation launches, and with which arguments, without running them.
 
 Inside `recorded`, every call of a compiled kernel is noted and nothing is computed: no compilation, no change of a state.
-`absent_gpu` stands in for the driver of a GPU, so that simulations of the GPU open on a machine without one. Nothing here
+`fake_gpu` stands in for the driver of a GPU, so that simulations of the GPU open on a machine without one. Nothing here
 imports the lab, so that this file can be loaded beside the code of an older commit.
 """
 
@@ -31,7 +31,7 @@ class Launch:
 
 @contextmanager
 def recorded() -> Iterator[list[Launch]]:
-    """Inside, calls of compiled CPU functions and launches of CUDA kernels are noted instead of done."""
+    """Record the calls of compiled CPU functions and the launches of CUDA kernels inside, without running them."""
     from numba.core.registry import CPUDispatcher
 
     calls: list[Launch] = []
@@ -52,7 +52,7 @@ def recorded() -> Iterator[list[Launch]]:
 
 
 def arrays_of(calls: list[Launch]) -> Iterator[np.ndarray | np.void]:
-    """Every array and record that the calls were given, each once; of device arrays the host's copy."""
+    """Return every array and record among the arguments of the calls, each once; of device arrays the host's copy."""
     seen: dict[int, Any] = {}
     waiting: list[Any] = [argument for call in calls for argument in call.arguments]
     while waiting:
@@ -86,7 +86,7 @@ def array_hash(array: np.ndarray | np.void) -> str | None:
 
 
 def combined(digests: Iterable[str | None]) -> str:
-    """One hash (16 hexadecimal digits) of a set of hashes, in any order."""
+    """Return one hash (16 hexadecimal digits) of a set of hashes, in any order."""
     return hashlib.sha256(" ".join(sorted(filter(None, set(digests)))).encode()).hexdigest()[:16]
 
 
@@ -94,7 +94,7 @@ def combined(digests: Iterable[str | None]) -> str:
 
 
 class DeviceArray:
-    """The host's copy of what would lie on the device."""
+    """Host copy of an array that would be on the device."""
 
     def __init__(self, array: np.ndarray):
         self.array = array
@@ -122,21 +122,21 @@ class DeviceArray:
     def __getattr__(self, name: str) -> Any:
         if name.startswith("__"):
             raise AttributeError(name)
-        found = getattr(self.array, name)
-        if callable(found):
-            return lambda *given, **how: DeviceArray(found(*given, **{k: v for k, v in how.items() if k != "stream"}))
-        return found
+        attribute = getattr(self.array, name)
+        if callable(attribute):
+            return lambda *args, **how: DeviceArray(attribute(*args, **{k: v for k, v in how.items() if k != "stream"}))
+        return attribute
 
 
 class _Stream:
     handle = 0
 
     def synchronize(self) -> None:
-        """Nothing to wait for."""
+        """Do nothing: there is nothing to wait for."""
 
 
 class _Compiled:
-    """Stands for a compiled kernel whose machine code nobody asks for."""
+    """Stand-in for a compiled kernel whose machine code is not needed."""
 
     cooperative = False
 
@@ -153,9 +153,11 @@ H200 = {"MULTIPROCESSOR_COUNT": 132, "MAX_SHARED_MEMORY_PER_BLOCK_OPTIN": 232448
 
 
 @contextmanager
-def absent_gpu(**attributes: Any) -> Iterator[None]:
-    """Inside, numba.cuda answers as if it had a GPU with these attributes (those of an H200 by default): arrays lie in main
-    memory, graphs are empty. Launch nothing inside but under `recorded`."""
+def fake_gpu(**attributes: Any) -> Iterator[None]:
+    """Make numba.cuda inside behave as with a GPU of these attributes (by default an H200's).
+
+    Arrays are in main memory, graphs are empty. Launch kernels inside only under `recorded`.
+    """
     from cuda.bindings import runtime
     from numba import cuda
     from numba.cuda import dispatcher

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 SCALARS = (bool, int, float, complex, str, bytes, type(None), type(Ellipsis), tuple, frozenset)
-UNKNOWN = object()  # the value of an expression that only a run tells
+UNKNOWN = object()  # the value of an expression that is only known in a run
 COMPARISONS: dict[type[ast.cmpop], Callable[[Any, Any], Any]] = {
     ast.Eq: lambda a, b: a == b, ast.NotEq: lambda a, b: a != b, ast.Lt: lambda a, b: a < b, ast.LtE: lambda a, b: a <= b,
     ast.Gt: lambda a, b: a > b, ast.GtE: lambda a, b: a >= b, ast.Is: lambda a, b: a is b,
@@ -38,7 +38,7 @@ def positions_of(code: types.CodeType) -> dict[str, int]:
 
 
 def normal_form(tree: Any, resolve: Resolve, describe: Describe) -> str:
-    """The text of a function's tree: equal texts mean equal functions, whatever their names.
+    """Return the text of a function's tree: equal texts mean equal functions, whatever their names.
 
     Locals and parameters are numbered in order of appearance. A name from outside is resolved and described by its value; a
     branch that such values decide is left out. Attributes of locals and of libraries keep their names.
@@ -67,7 +67,7 @@ class _Writer:
         return None
 
     def value(self, node: Any) -> Any:
-        """What an expression is worth before anything runs, or UNKNOWN."""
+        """Value of an expression before anything runs, or UNKNOWN."""
         if isinstance(node, ast.Constant):
             return node.value
         if isinstance(node, ast.Name) and self._local(node.id) is None:
@@ -96,21 +96,21 @@ class _Writer:
             return UNKNOWN
 
     def _scalar(self, node: Any) -> Any:
-        found = self.value(node)
-        return found if isinstance(found, SCALARS) else UNKNOWN
+        value = self.value(node)
+        return value if isinstance(value, SCALARS) else UNKNOWN
 
     def _bool(self, node: ast.BoolOp) -> Any:
-        """`and`, `or` of which one operand decides, or all are known."""
-        found = [self._scalar(value) for value in node.values]
+        """Value of an `and` or `or` that one operand decides, or whose operands are all known; else UNKNOWN."""
+        values = [self._scalar(value) for value in node.values]
         decides = isinstance(node.op, ast.Or)
-        if any(value is decides for value in found):
+        if any(value is decides for value in values):
             return decides
-        return UNKNOWN if any(value is not (not decides) for value in found) else not decides
+        return UNKNOWN if any(value is not (not decides) for value in values) else not decides
 
     # ------------------------------------------------------------------ functions and statements
 
     def function(self, node: Any) -> str:
-        """A definition or a lambda: parameters by number, defaults, body."""
+        """Text of a definition or a lambda: parameters by number, defaults, body."""
         ordinary, gathered = parameters_of(node.args)
         body = node.body if isinstance(node.body, list) else [ast.Return(node.body)]
         outer = {name for one in body for name in _outer_names(one)}
@@ -124,7 +124,7 @@ class _Writer:
         return text
 
     def block(self, body: list[Any]) -> str:
-        """Statements, without those that do nothing; none after one that leaves the block."""
+        """Text of statements, without those that have no effect or follow one that leaves the block."""
         texts: list[str] = []
         for one in body:
             text = self.statement(one)
@@ -162,8 +162,8 @@ class _Writer:
         if isinstance(node, ast.BoolOp):
             return self.bool_text(node)
         if isinstance(node, ast.Attribute):
-            found = self.value(node)
-            return f"{self.expression(node.value)}.{node.attr}" if found is UNKNOWN else self.describe(found)
+            value = self.value(node)
+            return f"{self.expression(node.value)}.{node.attr}" if value is UNKNOWN else self.describe(value)
         if isinstance(node, ast.Lambda):
             return self.function(node)
         if isinstance(node, ast.Call):
@@ -173,12 +173,12 @@ class _Writer:
         return self.generic(node)
 
     def outside(self, name: str) -> str:
-        """The text of a name from outside; of one that nothing defines, the name."""
-        found = self._outside(name)
-        return f"?{name}" if found is UNKNOWN else self.describe(found)
+        """Text of a name from outside; if nothing defines it, the name."""
+        value = self._outside(name)
+        return f"?{name}" if value is UNKNOWN else self.describe(value)
 
     def bool_text(self, node: ast.BoolOp) -> str:
-        """An `and`, `or` without the operands that decide nothing."""
+        """Text of an `and` or `or` without the operands that do not matter."""
         decided = self._bool(node)
         if decided is not UNKNOWN:
             return self.describe(decided)
@@ -188,29 +188,29 @@ class _Writer:
         return f"{type(node.op).__name__}({','.join(map(self.expression, left))})"
 
     def call(self, node: ast.Call) -> str:
-        """A call; keywords by the place of the parameter where the function is known, else by name."""
+        """Text of a call; keywords by the place of the parameter where the function is known, else by name."""
         function = self.value(node.func)
         code = getattr(getattr(function, "py_func", function), "__code__", None)
         places = positions_of(code) if isinstance(code, types.CodeType) else {}
         named = sorted(f"{places.get(k.arg or '', k.arg)}={self.expression(k.value)}" for k in node.keywords)
-        given = [self.expression(argument) for argument in node.args]
-        return f"{self.expression(node.func)}({','.join([*given, *named])})"
+        positional = [self.expression(argument) for argument in node.args]
+        return f"{self.expression(node.func)}({','.join([*positional, *named])})"
 
     def comprehension(self, node: Any) -> str:
-        """A comprehension, whose targets are names of its own."""
+        """Text of a comprehension, whose targets are its own names."""
         self._scopes.append({n for one in node.generators for n in _bound(one.target)})
         self._numbers.append({})
         loops = ",".join(
             f"for({self.expression(g.target)},{self.expression(g.iter)},{','.join(map(self.expression, g.ifs))})"
             for g in node.generators
         )
-        made = [self.expression(getattr(node, name)) for name in ("key", "value", "elt") if hasattr(node, name)]
+        elements = [self.expression(getattr(node, name)) for name in ("key", "value", "elt") if hasattr(node, name)]
         self._scopes.pop()
         self._numbers.pop()
-        return f"{type(node).__name__}({loops}:{','.join(made)})"
+        return f"{type(node).__name__}({loops}:{','.join(elements)})"
 
     def generic(self, node: Any) -> str:
-        """Any other node: its type and its children in the order of its fields."""
+        """Text of any other node: its type and its children in the order of its fields."""
         return f"{type(node).__name__}({','.join(self._children(node))})"
 
     def _children(self, node: Any) -> Iterator[str]:

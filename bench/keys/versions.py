@@ -1,4 +1,4 @@
-"""Versions of the code that measures and judges, raised by hand: what of a measurement its kernels do not tell.
+"""Versions of the code that measures and judges, raised by hand: what its kernels do not determine.
 
 Raise an experiment's number in the commit that changes what its samples or numbers mean, and no other: its measurements are
 older from then on. A refactoring of the measuring code raises none.

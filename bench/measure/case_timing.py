@@ -12,7 +12,7 @@ from typing import Any
 from softlab.app.driver import open_simulation
 from softlab.bench.measure import experiment
 from softlab.bench.measure.costs_timing import Measures
-from softlab.bench.measure.experiment import Tell, backends_here, host_of, resume, source_hash
+from softlab.bench.measure.experiment import Report, backends_here, host_of, resume, source_hash
 from softlab.bench.measure.samples import in_turns
 from softlab.bench.measure.timing import Subject, prepare
 from softlab.bench.store.database import Store
@@ -53,25 +53,25 @@ class Case:
 
 
 def make_case(scene: Scene, backend: str, precision: str, label: str) -> Case:
-    """One configuration, described as the store holds it."""
+    """Return a case with the description that the store uses."""
     description = configuration(scene, backend=backend, precision=precision, **host_of(backend))
     return Case(scene, backend, description, source_hash(backend), label)
 
 
 def ready(stack: ExitStack, case: Case, seconds: float, most: float) -> Subject:
-    """The case, opened as long as the stack is, `prepare`d for samples of `seconds` [s], at `most` [s]. Raises Diverged."""
+    """Open a case until the stack closes, and `prepare` samples of `seconds` [s], at most `most` [s]. Raises Diverged."""
     return prepare(Subject(stack.enter_context(case.open()), case), seconds, most)
 
 
 @dataclass
 class Summary(experiment.Summary):
-    """What was done; `skipped`: configurations that could not run."""
+    """Summary with `skipped`: configurations that could not run."""
 
     skipped: list[str] = field(default_factory=list)
 
     def __str__(self) -> str:
-        told = [f"{self.name}: {self.counts('timed')}", *(f"left out: {reason}" for reason in self.skipped)]
-        return "\n  ".join(told) + self.ending("\n  ")
+        lines = [f"{self.name}: {self.counts('timed')}", *(f"left out: {reason}" for reason in self.skipped)]
+        return "\n  ".join(lines) + self.ending("\n  ")
 
 
 @dataclass(frozen=True)
@@ -89,10 +89,10 @@ class RatePoint:
 
 @dataclass(frozen=True)
 class Rates:
-    """An experiment that tells how much work cases do a second. `name`: also of its command; `stage`: of its samples;
+    """Experiment on the rate of work of cases. `name`: also of its command; `stage`: of its samples;
     `step`, `rate`, `kernel`: names of its measures, the median step [s], `work` of the scene in a step over it [1/s], and
-    the kernel that ran; `words`: further measures, which hold a word on the scene; `groups(backends, quick, precisions,
-    ...)`: what is timed in turn."""
+    the kernel that ran; `words`: further measures, with a word on the scene; `groups(backends, quick, precisions, ...)`:
+    the groups that are timed in turn."""
 
     name: str
     stage: str
@@ -114,10 +114,10 @@ class Rates:
         command: str = "",
         **chosen: Any,
     ) -> Summary:
-        """Time what the store lacks of the cases, those of a group in turn, and say what was done. `quick`: fewer cases and
-        repeats; `chosen`: what `groups` takes besides. Ctrl-C ends cleanly.
+        """Time the cases that the store lacks, those of a group in turn, and return a summary. `quick`: fewer cases and
+        repeats; `chosen`: further arguments of `groups`. Ctrl-C ends cleanly.
 
-        Raises SceneError (what cannot be chosen), BackendUnavailable, InputError (the store).
+        Raises SceneError (an impossible choice), BackendUnavailable, InputError (the store).
         """
         here, repeats = backends_here(backends), QUICK_REPEATS if quick else REPEATS
         for precision in precisions:
@@ -126,17 +126,17 @@ class Rates:
         groups = self.groups(here, quick, precisions, **chosen)
         summary = Summary.begun(store, self.name)
 
-        def measure(group: Sequence[Case], tell: Tell) -> None:
-            tell(str(group[0]), 0)
+        def measure(group: Sequence[Case], report: Report) -> None:
+            report(str(group[0]), 0)
             self._time(store, summary, group, repeats)
-            tell(str(group[0]), len(group))
+            report(str(group[0]), len(group))
 
-        def held(case: Case) -> bool:
+        def is_stored(case: Case) -> bool:
             key = case.description, summary.machine, case.sources
             return store.has_measure(*key, self.rate) and store.sample_count(*key, self.stage) >= repeats
 
         command = command or f"softlab {self.name}"
-        return resume(store, summary, groups, held, measure, progress=progress, command=command)
+        return resume(store, summary, groups, is_stored, measure, progress=progress, command=command)
 
     def _time(self, store: Store, summary: Summary, group: Sequence[Case], repeats: int) -> None:
         """Time one group in turn, and store its samples and measures."""
@@ -151,7 +151,7 @@ class Rates:
                 case, step = subject.name, statistics.median(s.seconds / s.steps for s in samples)
                 marks = [sample.suspect for sample in samples if is_wrong(sample.suspect)]
                 numbers = self.besides(subject) | self.numbers(case.scene, step, subject.simulation.kernel, *marks[:1])
-                experiment.keep(store, summary.run, case.description, case.sources, numbers)
+                experiment.store_measures(store, summary.run, case.description, case.sources, numbers)
                 summary.measured += 1
 
     def besides(self, subject: Subject) -> Measures:
@@ -168,23 +168,23 @@ class Rates:
             self.rate: (self.work(scene) / step, "1/s", None),
         }
 
-    def told(
-        self, held: Iterable[Measure], every: bool = False
+    def results(
+        self, measures: Iterable[Measure], every: bool = False
     ) -> Iterator[tuple[dict[str, Measure], Scene, RatePoint]]:
-        """Of every case that was timed: its measures, its scene, and what any such experiment tells of it. Those of wrong or
-        incomplete states, whose times win nothing, only if `every` one is asked for."""
+        """Yield (measures, scene, point) of every timed case. Cases with wrong or incomplete states only with `every`, since
+        their times prove nothing."""
         needed = {self.step, self.rate, *self.words}
-        for found in by_configuration(measure for measure in held if measure.name in {*needed, self.kernel}):
-            if needed <= set(found):
-                step, rate = found[self.step], found[self.rate]
-                kernel = (found[self.kernel].reason if self.kernel in found else None) or ""
+        for by_name in by_configuration(measure for measure in measures if measure.name in {*needed, self.kernel}):
+            if needed <= set(by_name):
+                step, rate = by_name[self.step], by_name[self.rate]
+                kernel = (by_name[self.kernel].reason if self.kernel in by_name else None) or ""
                 precision = rate.description["precision"]
                 values = step.value or 0.0, rate.value or 0.0
                 wrong = is_wrong(step.reason)
                 if wrong and not every:
                     continue
                 point = RatePoint(rate.machine, rate.backend, precision, kernel, *values, incomplete=wrong)
-                yield found, Scene.stored(rate.description["scene"]), point
+                yield by_name, Scene.stored(rate.description["scene"]), point
 
 
 @dataclass(frozen=True)
@@ -204,11 +204,11 @@ class StepTimes:
     def repeats(self) -> int:
         return 3 if self.quick else 5
 
-    def held(self, store: Store, machine: str) -> bool:
-        """Whether the store has all samples of the group."""
+    def is_stored(self, store: Store, machine: str) -> bool:
+        """Return True if the store has all samples of the group."""
         return all(store.sample_count(c.description, machine, c.sources, FINDINGS) >= self.repeats for c in self.group)
 
-    def run(self, store: Store, run: str, tell: Callable[[str], None]) -> None:
+    def run(self, store: Store, run: str, report: Callable[[str], None]) -> None:
         """Sample the group into the store."""
         with ExitStack() as stack:
             subjects = [ready(stack, case, *((0.02, 0.5) if self.quick else (0.1, 3.0))) for case in self.group]

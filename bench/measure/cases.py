@@ -1,4 +1,4 @@
-"""What a sweep measures and what it tells: one configuration (`Case`), the effort it is worth, and the summary."""
+"""Configurations of a sweep (`Case`), the effort of each, and the summary."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Effort:
 
 @dataclass
 class SweepSummary(Summary):
-    """What a sweep did: `samples` new ones, `suspect` of them; `skipped`: (configuration in words, reason); `wrong`:
+    """Result of a sweep: `samples` new ones, `suspect` of them; `skipped`: (configuration in words, reason); `wrong`:
     (configuration, failed check); `compile_seconds`: of `seconds` to compile or load kernels."""
 
     samples: int = 0
@@ -82,12 +82,12 @@ class Case:
 
     @property
     def simulation_kind(self) -> Kind:
-        """What the cases that can share one opened simulation have in common."""
+        """Key of the cases that can share one opened simulation."""
         return (self.backend, self.threads, self.precision, self.kernel)
 
     @property
     def kind(self) -> Kind:
-        """What the cases have in common whose costs tell of each other: backend, threads, precision, kernel, graphics."""
+        """Key of the cases whose costs predict each other's: backend, threads, precision, kernel, graphics."""
         return (*self.simulation_kind, self.graphics)
 
     @property

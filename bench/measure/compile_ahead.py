@@ -17,8 +17,8 @@ from pathlib import Path
 from typing import Any
 
 from softlab.bench.measure.gpu import gpu_simulated
+from softlab.bench.measure.partition import Alone, use_partition
 from softlab.bench.measure.progress import progress_bar
-from softlab.bench.measure.share import Alone, sharing
 from softlab.cpu_backend.core.threads import core_count
 from softlab.model.base.errors import SoftlabError
 from softlab.model.base.files import replacing
@@ -33,7 +33,7 @@ _gathered: list[list[Any]] = []  # cases of the `gathering` under way
 
 
 class _Nothing(Alone):
-    """The share of a process that plans experiments and measures none of them."""
+    """Partition of a process that plans experiments and measures none of them."""
 
     @contextmanager
     def take(self, name: str) -> Iterator[bool]:
@@ -42,13 +42,13 @@ class _Nothing(Alone):
 
 @contextmanager
 def gathering(progress: bool) -> Iterator[None]:
-    """Within it, experiments measure nothing; at its end the kernels that they lack are compiled by one pool of processes.
+    """Let experiments inside this context measure nothing; at its end one pool of processes compiles the kernels they lack.
 
     A pool for each experiment would import numba and CUDA anew in every process, and wait for its slowest kernel.
     """
     _gathered.append([])
     try:
-        with sharing(_Nothing()):
+        with use_partition(_Nothing()):
             yield
     finally:
         cases = _gathered.pop()
@@ -56,7 +56,7 @@ def gathering(progress: bool) -> Iterator[None]:
 
 
 def kind_of(case: Any) -> Kind:
-    """What decides the kernels of a case: parts of its scene, words of its method, its size, where and how it runs."""
+    """Key of the kernels of a case: parts of its scene, words of its method, its size, backend and options."""
     scene, method = case.scene, case.scene.method
     words = sorted(f"{name}={value}" for name, value in method.model_dump().items() if isinstance(value, str))
     parts = sorted(f"{kind}:{name}" for name, kind in scene.kinds.items())
@@ -68,7 +68,7 @@ def kind_of(case: Any) -> Kind:
 
 
 def compile_case(case: Any) -> None:
-    """Open a case and compile its step; what goes wrong is told where the case is measured."""
+    """Open a case and compile its step; errors are reported where the case is measured."""
     with suppress(SoftlabError, MemoryError), case.open() as simulation:
         simulation.warm_up()
 

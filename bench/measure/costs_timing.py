@@ -1,4 +1,4 @@
-"""Times behind a ratio: ways to do the same steps, sampled in turn in one process, each over the first one."""
+"""Ratios of times: variants of the same steps, sampled in turn in one process, each over the first one."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from softlab.bench.store.database import Store
 from softlab.bench.store.marks import is_wrong
 
 STAGE = "costs"  # of the samples in the store
-RATIO, LEAST, MOST = "cost_ratio", "cost_ratio_least", "cost_ratio_most"  # of time a step, over the first way's
+RATIO, LEAST, MOST = "cost_ratio", "cost_ratio_least", "cost_ratio_most"  # of time a step, over the first variant's
 SECONDS, QUICKEST = "cost_seconds", "cost_seconds_least"  # a step: the median, the least
 
 Measures = dict[str, tuple[float | None, str, str | None]]  # name -> value, unit, reason
@@ -32,8 +32,8 @@ QUICK, FULL = Effort(3, 0.02, 0.5), Effort(9, 0.2, 3.0)
 
 
 @dataclass(frozen=True)
-class Way:
-    """One way to do the steps: its description, and the hash of what it depends on."""
+class Variant:
+    """One variant of the steps: its description, and the hash of what it depends on."""
 
     description: dict[str, Any]
     sources: str
@@ -41,23 +41,23 @@ class Way:
 
 @dataclass(frozen=True)
 class Record:
-    """Where samples go: a run of a store, under the hash of the sources. `tell(text)`: what is being done."""
+    """Destination of samples: a run of a store, under the hash of the sources. `report(text)`: progress in words."""
 
     store: Store
     run: str
     sources: str
-    tell: Callable[[str], None] = lambda text: None
+    report: Callable[[str], None] = lambda text: None
 
-    def way(self, description: dict[str, Any]) -> Way:
-        return Way(description, self.sources)
+    def variant(self, description: dict[str, Any]) -> Variant:
+        return Variant(description, self.sources)
 
 
 def in_turn(record: Record, subjects: Sequence[Subject], repeats: int) -> list[Measures]:
-    """Sample the subjects A B C A B C ..., whose names are their descriptions, and say what each takes over the first.
+    """Sample the subjects A B C A B C ..., whose names are their descriptions, and return the costs relative to the first.
 
     A ratio is of two samples that were taken one after the other: the median over the repeats, the least and the most.
     """
-    sampled = in_turns(record.store, record.run, STAGE, subjects, repeats, record.way)
+    sampled = in_turns(record.store, record.run, STAGE, subjects, repeats, record.variant)
     taken = {id(subject): samples for subject, samples in sampled}
     first = taken[id(subjects[0])]
     return [_over(first, taken[id(subject)]) for subject in subjects]
@@ -65,10 +65,10 @@ def in_turn(record: Record, subjects: Sequence[Subject], repeats: int) -> list[M
 
 def _over(base: Sequence[Sample], samples: Sequence[Sample]) -> Measures:
     times = [sample.seconds / sample.steps for sample in samples]
-    ratios = [mine / (first.seconds / first.steps) for mine, first in zip(times, base, strict=True)]
+    ratios = [seconds / (first.seconds / first.steps) for seconds, first in zip(times, base, strict=True)]
     beside = [
         sample.suspect for sample in base if not is_wrong(sample.suspect)
-    ]  # a wrong first one tells of ratios alone
+    ]  # the marks of a wrong first sample concern the ratios alone
     marks = dict.fromkeys(mark for mark in (*beside, *(sample.suspect for sample in samples)) if mark)
     reason = "; ".join([f"of {len(ratios)} pairs", *marks])
     return {

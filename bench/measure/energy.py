@@ -1,9 +1,9 @@
 """Joules of stepping, from the counters that some machines have: NVML's of a GPU, RAPL's of processor packages (Linux).
 
 A counter holds what the whole device took since it was started, idle parts included. It moves in jumps (NVML's every 20
-to 100 ms), so a sample of 20 ms tells nothing: from one jump to another nearly a second later, and only there is the counter
-read while steps run, because each look makes the device wait: in between they run as they do when they are timed. No counter,
-no joules, and no error: most processors hide theirs from users.
+to 100 ms), so a sample of 20 ms is useless. A sample lasts from one jump to another nearly a second later, and the counter is
+read only near the jumps, because each reading makes the device wait: in between, steps run as they do when they are timed.
+Without a counter there are no joules and no error: most processors hide theirs from users.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ RAPL = Path("/sys/class/powercap")
 
 @dataclass(frozen=True)
 class Energy:
-    """`steps` steps took `joules` [J] in `seconds` [s]."""
+    """`joules` [J] of `steps` steps in `seconds` [s]."""
 
     joules: float
     seconds: float
@@ -41,7 +41,7 @@ class Energy:
         return self.joules / self.seconds
 
     def suspect(self, seconds_per_step: float, limit: float | None) -> str | None:
-        """Why it is to be read with care, or None. `seconds_per_step`: as timed [s]; `limit`: of the device's power [W]."""
+        """Reason to doubt the sample, or None. `seconds_per_step`: as timed [s]; `limit`: of the device's power [W]."""
         slower = self.seconds / self.steps / seconds_per_step
         reasons = [f"steps took {slower:.2f} times as long as when timed"] if slower > SLOWER else []
         if limit is not None and self.watts > 1.05 * limit:
@@ -65,7 +65,7 @@ def nvml_counter(number: int | None = None) -> Counter | None:
 
 
 def power_limit(backend: str) -> float | None:
-    """What the GPU may take [W]; None for a CPU, or where the driver does not tell."""
+    """Power limit of the GPU [W]; None for a CPU, or where the driver does not report it."""
     if backend != "gpu":
         return None
     library, handle = nvml()
@@ -123,20 +123,20 @@ def measure_energy(subject: Subject, counter: Counter, seconds: float = LOOP_SEC
 
 
 def joules_of_all(subject: Subject, counters: Sequence[Counter | None]) -> float | None:
-    """What a step takes of all devices together [J], each looked at by itself, since counters do not jump together; None
-    where one of them does not tell. Raises Diverged."""
+    """Energy of a step on all devices together [J], each measured by itself, since counters do not jump together; None
+    where one of them has no counter. Raises Diverged."""
     total = 0.0
     for counter in counters:
-        found = counter and measure_energy(subject, counter)
-        if not found:
+        interval = counter and measure_energy(subject, counter)
+        if not interval:
             return None
-        total += found.joules / found.steps
+        total += interval.joules / interval.steps
     return total
 
 
 @dataclass(frozen=True)
 class _Jump:
-    """When the counter moved (`clock` [s]), where to (`joules`), and how many steps were run until it did."""
+    """A jump of the counter: its time (`clock` [s]), the new value (`joules`), and the number of steps until then."""
 
     clock: float
     joules: float

@@ -1,8 +1,8 @@
-"""The frame of every experiment: by what the store knows a configuration, how what it lacks is measured, and what was done.
+"""The frame of every experiment: keys of configurations, measurement of those that the store lacks, and the summary.
 
-An experiment is groups of cases (what of a group is sampled in turn), and a function that measures a group. `resume` owns the
-rest: what the store holds already, the run, the bar, Ctrl-C. Numbers go into the store through `keep`, samples through
-bench/measure/samples.py.
+An experiment is groups of cases, which are sampled in turn, and a function that measures a group. `resume` does the rest: it
+skips what the store has, and owns the run, the bar and Ctrl-C. `store_measures` stores numbers,
+bench/measure/samples.py samples.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from softlab.bench.keys.enter import enter_keys, same_kernels
 from softlab.bench.measure.compile_ahead import compile_ahead
 from softlab.bench.measure.gpu import gpu_or_reason, gpu_simulated
 from softlab.bench.measure.machine import enter_machine
+from softlab.bench.measure.partition import current_partition
 from softlab.bench.measure.progress import progress_bar
-from softlab.bench.measure.share import share
 from softlab.bench.measure.timing import MEASUREMENT
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import configuration
@@ -34,21 +34,21 @@ from softlab.model.scene.scene import Scene
 
 
 def source_hash(backend: str) -> str:
-    """The hash of what a backend's measurements depend on: its sources, the formulas, and what a sample means."""
+    """Hash of a backend's sources, of the formulas, and of the definition of a sample."""
     return f"{digest_of(backend)}-{MEASUREMENT}"
 
 
 def host_of(backend: str, threads: str | int = "1x") -> dict[str, Any]:
-    """What the description of a configuration tells of the host that ran it: `threads` as asked for; of a GPU nothing."""
+    """Return the entries of a configuration for its host: `threads` as requested, and more; for a GPU none."""
     if backend != "cpu":
         return {}
     return {"threads": thread_count(threads), "layer": threading_layer(), "wait_policy": wait_policy()}
 
 
 def backends_here(wanted: Sequence[str] | None) -> list[str]:
-    """The backends to measure: those asked for, else all that this machine has (a simulated GPU only when asked for).
+    """Return the backends to measure: the requested ones, else all of this machine (a simulated GPU only on request).
 
-    Raises SceneError for an unknown one, BackendUnavailable for one that was asked for and is not here.
+    Raises SceneError for an unknown one, BackendUnavailable for a requested one that is missing.
     """
     available, text = gpu_or_reason()
     if wanted is None:
@@ -63,21 +63,21 @@ def backends_here(wanted: Sequence[str] | None) -> list[str]:
 
 
 def chosen(names: Sequence[str] | None, known: Sequence[str], what: str, rows: bool = False) -> list[str]:
-    """What a user picks from a list, `what`: `names` (None: all), each one of `known`, or with `rows` the row that several
-    begin with. Raises SceneError."""
+    """Return the entries of `known` that the option `what` selects: those in `names` (None: all), or with `rows` those whose
+    first word is in `names`. Raises SceneError."""
     if not names:
         return list(known)
-    found = []
+    picked = []
     for name in names:
-        mine = [k for k in known if k.lower() == name.lower() or (rows and k.split()[0].lower() == name.lower())]
-        if not mine:
+        matches = [k for k in known if k.lower() == name.lower() or (rows and k.split()[0].lower() == name.lower())]
+        if not matches:
             raise SceneError(what, name, f"must be one of {', '.join(known)}")
-        found += mine
-    return list(dict.fromkeys(found))
+        picked += matches
+    return list(dict.fromkeys(picked))
 
 
 def described(scene: Scene, backend: str, finding: str, **how: Any) -> dict[str, Any]:
-    """A configuration of an experiment: as everywhere, plus its finding and what it varies."""
+    """Return the configuration of an experiment: the usual entries, its finding and the fields that it varies."""
     known = {name: how.pop(name) for name in ("precision", "math", "kernel") if name in how}
     return configuration(scene, backend=backend, **host_of(backend), **known) | {"finding": finding} | how
 
@@ -87,15 +87,15 @@ def described(scene: Scene, backend: str, finding: str, **how: Any) -> dict[str,
 
 @dataclass
 class Summary:
-    """What an experiment, `name`, did. `machine`, `run`: keys in the store (`run` empty: nothing was to do); cases `measured`
-    now, and `held` in the store from before; `seconds` of wall time since `begin` (of time.perf_counter); `interrupted` by
+    """Result of an experiment, `name`. `machine`, `run`: keys in the store (`run` empty: nothing was to do); cases `measured`
+    now, and `stored` from before; `seconds` of wall time since `begin` (of time.perf_counter); `interrupted` by
     Ctrl-C; `version`: of the code (bench/store/versions.py)."""
 
     machine: str
     run: str = ""
     name: str = ""
     measured: int = 0
-    held: int = 0
+    stored: int = 0
     seconds: float = 0.0
     interrupted: bool = False
     begin: float = field(default_factory=time.perf_counter, repr=False, compare=False)
@@ -103,20 +103,20 @@ class Summary:
 
     @classmethod
     def begun(cls, store: Store, name: str) -> Self:
-        """Of an experiment that begins now on this machine, which is entered into the store. Raises InputError."""
+        """Return the summary of an experiment that begins now, and enter this machine into the store. Raises InputError."""
         begin, version = time.perf_counter(), code_version()  # before any thread runs
         return cls(enter_machine(store), name=name, begin=begin, version=version)
 
     def stop(self) -> None:
-        """The end, so far."""
+        """Record the time so far."""
         self.seconds = time.perf_counter() - self.begin
 
     def counts(self, done: str = "measured") -> str:
         """`3 measured, 2 held in the store, 7 s`."""
-        return f"{self.measured} {done}, {self.held} held in the store, {self.seconds:.0f} s"
+        return f"{self.measured} {done}, {self.stored} held in the store, {self.seconds:.0f} s"
 
     def ending(self, before: str = "; ") -> str:
-        """What is said of Ctrl-C, if that was the end."""
+        """Return the message about Ctrl-C if that was the end, else nothing."""
         return f"{before}interrupted: the same command resumes" if self.interrupted else ""
 
     def __str__(self) -> str:
@@ -124,13 +124,13 @@ class Summary:
 
 
 One = TypeVar("One")
-Made = TypeVar("Made", bound=Summary)
-Tell = Callable[[str, float], None]  # what is being done, and how much of the bar has been done since
+SummaryType = TypeVar("SummaryType", bound=Summary)
+Report = Callable[[str, float], None]  # the current step in words, and the progress of the bar since the last report
 
 
 @contextmanager
 def ending_cleanly(summary: Summary) -> Iterator[None]:
-    """Ctrl-C ends what is inside, not the program: it is told in the summary, and so is the time."""
+    """Turn Ctrl-C inside this context into `summary.interrupted`; record the time in `summary` in any case."""
     try:
         yield
     except KeyboardInterrupt:
@@ -140,49 +140,51 @@ def ending_cleanly(summary: Summary) -> Iterator[None]:
 
 
 def group_name(place: int, group: Sequence[Any]) -> str:
-    """By what processes that share an experiment know a group: its place in the plan and a digest of what is in it."""
+    """Return the name of a group for all processes of an experiment: its place in the plan and a digest of its cases."""
     words = re.sub(r" at 0x\w+", "", " ".join(map(str, group)))  # where something lies in memory names nothing
     return f"{place}-{hashlib.sha256(words.encode()).hexdigest()[:8]}"
 
 
 def resume(
     store: Store,
-    summary: Made,
+    summary: SummaryType,
     groups: Sequence[Sequence[One]],
-    held: Callable[[One], bool],
-    measure: Callable[[Sequence[One], Tell], None],
+    is_stored: Callable[[One], bool],
+    measure: Callable[[Sequence[One], Report], None],
     *,
     progress: bool,
     command: str,
     worth: Callable[[One], float] = lambda case: 1,
     whole: bool = False,
-) -> Made:
-    """Measure what the store lacks of the groups, one after another, in a run of its own, and say what was done; of several
-    workers (bench/measure/share.py) those that this one takes. Ctrl-C ends cleanly. Raises InputError (the store) and what
-    `measure` raises.
+) -> SummaryType:
+    """Measure the cases that the store lacks, group by group, in a run of its own, and return the summary.
 
-    `held(case)`: the store has it; `measure(group, tell)`: the cases of a group that it lacks, or (`whole`) all of a group
-    that it does not have all of; `worth(case)`: its share of the bar, which `progress` shows.
+    One of several workers (bench/measure/partition.py) measures the groups that it takes. Ctrl-C ends cleanly. Raises
+    InputError (the store) and the errors of `measure`.
+
+    `is_stored(case)`: the store has it; `measure(group, report)`: measures the cases of a group that it lacks, or (`whole`)
+    the whole group; `worth(case)`: its length on the bar, which `progress` shows.
     """
 
     def lacking(group: Sequence[One]) -> Sequence[One]:
-        lacks = [case for case in group if not held(case)]
+        lacks = [case for case in group if not is_stored(case)]
         return group if whole and lacks else lacks
 
     with ending_cleanly(summary):
         missing = [lacking(group) for group in groups]
         if _take_same(store, summary, [case for group in missing for case in group], command):
             missing = [lacking(group) for group in groups]
-        summary.held = sum(map(len, groups)) - sum(map(len, missing))
+        summary.stored = sum(map(len, groups)) - sum(map(len, missing))
         named = {group_name(k, group): k for k, group in enumerate(groups) if missing[k]}
         worths = {name: sum(worth(case) for case in missing[k]) for name, k in named.items()}
-        share().planned(store, summary.machine, {name: (worths[name], str(groups[k][0])) for name, k in named.items()})
+        plan = {name: (worths[name], str(groups[k][0])) for name, k in named.items()}
+        current_partition().planned(store, summary.machine, plan)
         compile_ahead((case for group in missing for case in group), progress)
         with progress_bar(progress and bool(named)) as bar:
             task = bar.add_task(summary.name, total=sum(worths.values()) or 1)
             for name, k in named.items():
-                with share().take(name) as mine:
-                    group = lacking(groups[k]) if mine else []  # anew: others may have measured some of it since
+                with current_partition().take(name) as taken:
+                    group = lacking(groups[k]) if taken else []  # anew: others may have measured some of it since
                     if group:
                         summary.run = summary.run or store.start_run(summary.machine, command, summary.version)
                         measure(group, lambda text, done: bar.update(task, description=text, advance=done))
@@ -193,13 +195,13 @@ def resume(
 
 def _take_same(store: Store, summary: Summary, cases: Sequence[Any], command: str) -> bool:
     """Enter which of the cases were measured with other sources of the same kernels; True if any was."""
-    told = [(one, case.sources) for case in cases if hasattr(case, "sources") for one in _descriptions(case)]
-    same = same_kernels(store, summary.machine, told, summary.name)
+    configurations = [(one, case.sources) for case in cases if hasattr(case, "sources") for one in _descriptions(case)]
+    same = same_kernels(store, summary.machine, configurations, summary.name)
     if not same:
         return False
     run = store.start_run(summary.machine, command, summary.version)
     with store.transaction():
-        for description, sources in told:
+        for description, sources in configurations:
             name = configuration_hash(description)
             if same.get(name, ("",))[0] == sources:
                 store.add_measure(run, description, sources, SAME, None, "", same[name][1])
@@ -207,14 +209,14 @@ def _take_same(store: Store, summary: Summary, cases: Sequence[Any], command: st
 
 
 def _descriptions(case: Any) -> Sequence[Mapping[str, Any]]:
-    """The configurations of a case, or of a group that is measured as one."""
+    """Return the configurations of a case, or of a group that is measured as one."""
     return getattr(case, "descriptions", None) or [case.description]
 
 
 # ---------------------------------------------------------------------- what goes into the store
 
 
-def keep(
+def store_measures(
     store: Store,
     run: str,
     description: Mapping[str, Any],

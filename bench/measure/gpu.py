@@ -23,7 +23,7 @@ def gpu_or_reason() -> tuple[bool, str]:
 
 
 def gpu_simulated() -> bool:
-    """Whether numba's CUDA simulator stands in: good for checks, never for times."""
+    """True if numba's CUDA simulator replaces the GPU: good for checks, never for times."""
     return os.environ.get("NUMBA_ENABLE_CUDASIM", "0") not in ("0", "")
 
 
@@ -67,13 +67,13 @@ def nvml(number: int | None = None) -> tuple[Any, Any]:
 
 
 def _driver() -> str | None:
-    """The driver's own version, or that of the CUDA it speaks, as far as either is told."""
+    """The driver's own version, or that of the CUDA it speaks, as far as either is known."""
     library, _ = nvml()
     with suppress(Exception):  # as above
         version = library.nvmlSystemGetDriverVersion()
         return version.decode() if isinstance(version, bytes) else str(version)
     try:
-        found = re.search(r"\b(\d{3}\.\d+(\.\d+)?)\b", Path("/proc/driver/nvidia/version").read_text())
-        return found.group(1) if found else None
+        match = re.search(r"\b(\d{3}\.\d+(\.\d+)?)\b", Path("/proc/driver/nvidia/version").read_text())
+        return match.group(1) if match else None
     except OSError:
         return None

@@ -1,4 +1,4 @@
-"""Experiments of single items: what is measured at one go, one after another, in the frame of bench/measure/experiment.py."""
+"""Experiments of single items, measured one after another, in the frame of bench/measure/experiment.py."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any, Protocol
 
 from softlab.bench.measure import costs_timing
 from softlab.bench.measure.costs_timing import RATIO, Measures, Record
-from softlab.bench.measure.experiment import Summary, Tell, backends_here, keep, resume, source_hash
+from softlab.bench.measure.experiment import Report, Summary, backends_here, resume, source_hash, store_measures
 from softlab.bench.store.database import Store
 from softlab.model.base.digest import source_digest
 
@@ -18,18 +18,18 @@ COSTS_VERSION = 1  # part of the resume key of every cost: raise it when how the
 
 
 class Item(Protocol):
-    """What is measured at one go; `worth`: its share of the bar. `tell(text)`: what of it is being done."""
+    """A unit of measurement; `worth`: its length on the progress bar. `report(text)`: the current step in words."""
 
     @property
     def worth(self) -> int: ...
-    def held(self, store: Store, machine: str) -> bool: ...
-    def run(self, store: Store, run: str, tell: Callable[[str], None]) -> None: ...
+    def is_stored(self, store: Store, machine: str) -> bool: ...
+    def run(self, store: Store, run: str, report: Callable[[str], None]) -> None: ...
 
 
 @dataclass(frozen=True)
 class Items:
     """An experiment of single items. `of(store, backends, quick, ...)`: all of them, or fewer, or measured in less time;
-    `doing`: what the bar says before each; `command`: that measures them."""
+    `doing`: text of the bar before each; `command`: that measures them."""
 
     name: str
     of: Callable[..., Sequence[Item]]
@@ -46,29 +46,29 @@ class Items:
         command: str = "",
         **chosen: Any,
     ) -> Summary:
-        """Measure what the store lacks, one after another. `backends`: None: all that are here; `chosen`: what `of` takes
-        besides. Ctrl-C ends cleanly.
+        """Measure the items that the store lacks, one after another. `backends`: None for all of this machine; `chosen`:
+        further arguments of `of`. Ctrl-C ends cleanly.
 
-        Raises SceneError (what cannot be chosen), BackendUnavailable, InputError (the store).
+        Raises SceneError (an impossible choice), BackendUnavailable, InputError (the store).
         """
         items = self.of(store, backends_here(backends), quick, **chosen)
         summary = Summary.begun(store, self.name)
 
-        def measure(group: Sequence[Item], tell: Tell) -> None:
+        def measure(group: Sequence[Item], report: Report) -> None:
             for item in group:
-                tell(f"{self.doing}{item}", 0)
-                item.run(store, summary.run, partial(_within, tell, f"{self.doing}{item}"))
+                report(f"{self.doing}{item}", 0)
+                item.run(store, summary.run, partial(_within, report, f"{self.doing}{item}"))
                 summary.measured += 1
-                tell(f"{self.doing}{item}", item.worth)
+                report(f"{self.doing}{item}", item.worth)
 
         return resume(
-            store, summary, [[item] for item in items], lambda item: item.held(store, summary.machine), measure,
+            store, summary, [[item] for item in items], lambda item: item.is_stored(store, summary.machine), measure,
             progress=progress, command=command or self.command, worth=lambda item: item.worth,
         )  # fmt: skip
 
 
-def _within(tell: Tell, name: str, text: str) -> None:
-    tell(f"{name}: {text}", 0)
+def _within(report: Report, name: str, text: str) -> None:
+    report(f"{name}: {text}", 0)
 
 
 @dataclass(frozen=True)
@@ -84,18 +84,18 @@ class Experiment:
     def __str__(self) -> str:
         return str(self.description["finding"])
 
-    def held(self, store: Store, machine: str) -> bool:
+    def is_stored(self, store: Store, machine: str) -> bool:
         return store.has_measure(self.description, machine, self.sources, self.name)
 
-    def run(self, store: Store, run: str, tell: Callable[[str], None]) -> None:
-        """Measure it, and put its numbers into the store, all or none."""
-        keep(store, run, self.description, self.sources, self.measure())
+    def run(self, store: Store, run: str, report: Callable[[str], None]) -> None:
+        """Measure the configuration, and store all of its numbers or none."""
+        store_measures(store, run, self.description, self.sources, self.measure())
 
 
 @dataclass(frozen=True)
 class Group:
-    """What is sampled in turn. `descriptions`: of each way; the last one's RATIO, stored last, tells that all is done.
-    `measure`: samples into a record, the measures of each way out."""
+    """Variants that are sampled in turn. `descriptions`: of each; the last one's RATIO is stored last and marks all as done.
+    `measure`: samples into a record and returns the measures of each variant."""
 
     name: str
     descriptions: tuple[dict[str, Any], ...]
@@ -106,17 +106,17 @@ class Group:
     def __str__(self) -> str:
         return self.name
 
-    def held(self, store: Store, machine: str) -> bool:
+    def is_stored(self, store: Store, machine: str) -> bool:
         return store.has_measure(self.descriptions[-1], machine, self.sources, RATIO)
 
-    def run(self, store: Store, run: str, tell: Callable[[str], None]) -> None:
-        found = self.measure(Record(store, run, self.sources, tell))
+    def run(self, store: Store, run: str, report: Callable[[str], None]) -> None:
+        measures = self.measure(Record(store, run, self.sources, report))
         with store.transaction():
-            for description, numbers in zip(self.descriptions, found, strict=True):
-                keep(store, run, description, self.sources, numbers)
+            for description, numbers in zip(self.descriptions, measures, strict=True):
+                store_measures(store, run, description, self.sources, numbers)
 
 
 def cost_sources(backend: str, *files: str) -> str:
-    """The hash of what a cost depends on: the backend's sources, what is timed beside them, and how."""
+    """Return the hash that a cost depends on: of the backend's sources, of other timed code, and of the timing itself."""
     paths = [Path(file) for file in (*files, str(costs_timing.__file__))]
     return f"{source_hash(backend)}-{source_digest(*paths)}-c{COSTS_VERSION}"

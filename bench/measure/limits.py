@@ -1,6 +1,6 @@
-"""Two more limits of a machine, for the roofline and for what threads cost: measured once, kept in its record.
+"""Two more limits of a machine, for the roofline and the cost of threads: measured once, kept in its record.
 
-`arithmetic`, `gpu_arithmetic`: operations a second by precision. `region_policies`: what an empty parallel region costs
+`arithmetic`, `gpu_arithmetic`: operations a second by precision. `region_policies`: cost of an empty parallel region
 when idle threads spin (`active`) and when they sleep (`passive`), by threads. The policy is read when a process starts,
 so each is measured in a process of its own.
 """
@@ -27,18 +27,18 @@ PATIENCE = 60.0  # s: for a process that measures regions
 
 
 def enter_limits(store: Store, machine: str) -> None:
-    """Measure what the machine's record lacks of these limits, and enter it: a few seconds, once a machine."""
+    """Measure the limits that the machine's record lacks, and enter them: a few seconds, once per machine."""
     (text,) = store.query("SELECT record FROM machine WHERE key = ?", (machine,))[0]
-    held: dict[str, Any] = json.loads(text)
-    found: dict[str, Any] = {}
-    if held.get("arithmetic") is None:
-        found["arithmetic"] = cpu_arithmetic()
-    if held.get("gpu") and held.get("gpu_arithmetic") is None:
-        found["gpu_arithmetic"] = gpu_arithmetic()
-    if held.get("region_policies") is None:
-        found["region_policies"] = region_policies()
-    if found:
-        store.add_machine(machine, machine_label(machine_record()), found)
+    record: dict[str, Any] = json.loads(text)
+    measured: dict[str, Any] = {}
+    if record.get("arithmetic") is None:
+        measured["arithmetic"] = cpu_arithmetic()
+    if record.get("gpu") and record.get("gpu_arithmetic") is None:
+        measured["gpu_arithmetic"] = gpu_arithmetic()
+    if record.get("region_policies") is None:
+        measured["region_policies"] = region_policies()
+    if measured:
+        store.add_machine(machine, machine_label(machine_record()), measured)
 
 
 def cpu_arithmetic() -> dict[str, float]:
@@ -61,7 +61,7 @@ def gpu_arithmetic() -> dict[str, float] | None:
 
 def region_policies() -> dict[str, dict[str, float]] | None:
     """{policy: {threads: seconds of an empty region}}; None where a process of its own could not be had."""
-    found = {}
+    seconds = {}
     for policy in POLICIES:
         environment = os.environ | {"OMP_WAIT_POLICY": policy}
         try:
@@ -69,7 +69,7 @@ def region_policies() -> dict[str, dict[str, float]] | None:
                 [sys.executable, "-c", REGIONS], capture_output=True, text=True, timeout=PATIENCE, env=environment,
                 cwd=ROOT,
             )  # fmt: skip
-            found[policy] = json.loads(done.stdout)
+            seconds[policy] = json.loads(done.stdout)
         except (OSError, subprocess.SubprocessError, ValueError):
             return None
-    return found
+    return seconds

@@ -1,4 +1,4 @@
-"""What machine this is: the facts that a time cannot be read without, its measured limits, a key and a label.
+"""Description of this machine: the facts needed to read a time, its measured limits, a key and a label.
 
 The record names no host and no user. Bandwidths count bytes read plus bytes written; both are measured well beyond the
 caches, on all cores. Facts are had in milliseconds, the measured limits in about two seconds.
@@ -79,24 +79,24 @@ def machine_label(record: dict[str, Any]) -> str:
 
 
 def enter_machine(store: Store) -> str:
-    """Enter this machine into the store, with its measured limits where the store lacks them; its key."""
+    """Enter this machine into the store, with measured limits where they are missing, and return its key."""
     import json
 
     record = machine_record()
     key = machine_key(record)
     known = store.query("SELECT record FROM machine WHERE key = ?", (key,))
-    held = json.loads(known[0][0]) if known else {}
-    if held.get("copy_bandwidth") is None or (record["gpu"] and held.get("gpu_copy_bandwidth") is None):
+    stored = json.loads(known[0][0]) if known else {}
+    if stored.get("copy_bandwidth") is None or (record["gpu"] and stored.get("gpu_copy_bandwidth") is None):
         record |= measured_limits()
     store.add_machine(key, machine_label(record), record)
     return key
 
 
 def measured_limits() -> dict[str, Any]:
-    """What is measured: copy_bandwidth and gpu_copy_bandwidth [B/s], region_seconds {threads: s}, gpu_launch_seconds;
-    limits_suspect: why not to trust them.
+    """Measure copy_bandwidth and gpu_copy_bandwidth [B/s], region_seconds {threads: s}, gpu_launch_seconds;
+    limits_suspect: the reason not to trust them.
 
-    None where it cannot be had, or is not so.
+    None where it cannot be measured, or is not the case.
     """
     size, neighbours = copy_bytes(), Neighbours()
     bandwidth = None
@@ -200,19 +200,19 @@ def _numba_threads() -> int:
 
 
 def _caches() -> dict[str, int] | None:
-    """Bytes of the caches that the first core sees (`L1d`, `L2`, `L3`), where the system tells."""
-    found: dict[str, int] = {}
+    """Bytes of the caches that the first core sees (`L1d`, `L2`, `L3`), where the system reports them."""
+    sizes: dict[str, int] = {}
     for folder in sorted(Path("/sys/devices/system/cpu/cpu0/cache").glob("index*")):
         try:
             kind, level = (folder / "type").read_text().strip(), (folder / "level").read_text().strip()
             size = (folder / "size").read_text().strip()
             if kind != "Instruction":
-                found[f"L{level}" + ("d" if kind == "Data" else "")] = int(size.rstrip("KM")) * (
+                sizes[f"L{level}" + ("d" if kind == "Data" else "")] = int(size.rstrip("KM")) * (
                     1 << (20 if size.endswith("M") else 10)
                 )
         except (OSError, ValueError):
             continue
-    return found or None
+    return sizes or None
 
 
 def _memory_gib() -> int:

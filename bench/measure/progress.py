@@ -1,5 +1,5 @@
-"""The bar that every command shows which takes longer than a second; and over a command of several parts, how far the whole
-of it is, by what each part took last time on this machine.
+"""Progress bar of every command that takes longer than a second. For a command of several parts it also shows the progress
+of the whole, by the duration of each part last time on this machine.
 """
 
 from __future__ import annotations
@@ -43,16 +43,16 @@ class Whole:
             Whole.current = None
         self.seconds[name] = time.monotonic() - begin
 
-    def done(self, share: float) -> float:
-        """Seconds of the expected ones that are behind, with `share` (0 to 1) of the part under way done."""
-        return sum(self.expected[name] for name in self.seconds) + share * self.expected[self.at]
+    def done(self, fraction: float) -> float:
+        """Expected seconds that have passed, with `fraction` (0 to 1) of the part under way done."""
+        return sum(self.expected[name] for name in self.seconds) + fraction * self.expected[self.at]
 
     def __str__(self) -> str:
         return f"{self.name}, {list(self.expected).index(self.at) + 1} of {len(self.expected)}: {self.at}"
 
 
 class Bars(Bar):
-    """A bar that also shows the whole which it is a part of, and what is compiled meanwhile."""
+    """Bar that also shows the progress of the whole command, and the kernel that is being compiled."""
 
     def __init__(self, show: bool):
         self.whole, self.whole_task = Whole.current, None  # first: `Progress` asks for what to show at once
@@ -78,15 +78,15 @@ class Bars(Bar):
         return [task for task in self.tasks if task.id != self.whole_task]
 
     def compiling(self, label: str, seconds: float | None) -> None:
-        """A kernel begins to compile: until what is done is told anew, that is what is done."""
+        """Show that a kernel is being compiled, until the next description of progress."""
         last = "" if seconds is None else f", {seconds:.0f} s last time"
         for task in self.inner[-1:]:
             self.update(task.id, description=f"compiling {label}{last}")
 
     def get_renderables(self) -> Iterable[Any]:
         if self.whole and self.whole_task is not None:
-            share = self.inner[-1].percentage / 100 if self.inner else 0.0
-            self.tasks[0].completed = self.whole.done(min(share, 1.0))
+            fraction = self.inner[-1].percentage / 100 if self.inner else 0.0
+            self.tasks[0].completed = self.whole.done(min(fraction, 1.0))
         return super().get_renderables()
 
 
@@ -102,20 +102,20 @@ def last_seconds(command: str) -> dict[str, float]:
     """Seconds of the command's parts when it last ran to its end here; nothing where that is not known."""
     folder = user_cache("times")
     with suppress(OSError, ValueError, AttributeError, TypeError):
-        held = json.loads((folder / SECONDS).read_text(encoding="utf-8")) if folder else {}
-        return {str(part): float(seconds) for part, seconds in held.get(command, {}).items()}
+        stored = json.loads((folder / SECONDS).read_text(encoding="utf-8")) if folder else {}
+        return {str(part): float(seconds) for part, seconds in stored.get(command, {}).items()}
     return {}
 
 
-def keep_seconds(command: str, seconds: Mapping[str, float]) -> None:
-    """For the next time; in silence where nothing can be kept."""
+def store_seconds(command: str, seconds: Mapping[str, float]) -> None:
+    """Store the seconds for the next time; do nothing where they cannot be written."""
     folder = user_cache("times")
     if folder is None:
         return
-    held: dict[str, Any] = {}
+    stored: dict[str, Any] = {}
     with suppress(OSError, ValueError):
-        held = json.loads((folder / SECONDS).read_text(encoding="utf-8"))
-    held = held if isinstance(held, dict) else {}
-    held[command] = {part: round(taken, 1) for part, taken in seconds.items()}
+        stored = json.loads((folder / SECONDS).read_text(encoding="utf-8"))
+    stored = stored if isinstance(stored, dict) else {}
+    stored[command] = {part: round(taken, 1) for part, taken in seconds.items()}
     with suppress(OSError, InputError), replacing(folder / SECONDS) as part:
-        part.write_text(json.dumps(held), encoding="utf-8")
+        part.write_text(json.dumps(stored), encoding="utf-8")

@@ -30,9 +30,9 @@ def stored_samples(
     case_of: Callable[[Any], Case] = lambda name: name,
     warning: Callable[[Any], str | None] = lambda name: None,
 ) -> Iterator[tuple[Subject, Sample]]:
-    """The samples as they are taken, each in the store with all its marks before the next one is.
+    """Yield the samples as they are taken, each stored with all its marks before the next one is taken.
 
-    `case_of`, `warning`: the case of a subject's name, and what its samples are marked with besides.
+    `case_of`, `warning`: the case of a subject's name, and a further mark of its samples.
     """
     for subject, sample in samples:
         case = case_of(subject.name)
@@ -52,7 +52,7 @@ def in_turns(
     repeats: int,
     case_of: Callable[[Any], Case] = lambda name: name,
 ) -> Iterator[tuple[Subject, list[Sample]]]:
-    """Sample the subjects A B C A B C ..., `repeats` times each: each with all of its samples, as soon as it has them."""
+    """Sample the subjects A B C A B C ..., `repeats` times each; yield each with its samples as soon as it has all."""
     taken: dict[int, list[Sample]] = {id(subject): [] for subject in subjects}
     samples = interleaved(subjects, [repeats] * len(subjects), Neighbours())
     for subject, sample in stored_samples(store, run, stage, samples, case_of):

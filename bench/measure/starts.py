@@ -1,4 +1,4 @@
-"""How long a user waits for the first step: `softlab run` from the start of its process to its end, of one step.
+"""Waiting time for the first step: `softlab run` with one step, from the start of its process to its end.
 
 `cold`: with an empty folder for machine code. `warm`: the same again. On the GPU nothing is kept between processes, so
 both compile.
@@ -38,7 +38,7 @@ def measure_starts(store: Store, run: str, machine: str, scene: Scene, backend: 
 
 
 def start_seconds(scene: str, backend: str, cache: str) -> float | None:
-    """Seconds [s] of a process that does one step of a catalogue scene, `cache` holding its machine code."""
+    """Duration [s] of a process that does one step of a catalogue scene; `cache`: folder of its machine code."""
     words = ["run", scene, "--backend", backend, "--steps", "1", "--no-judge", "--json"]
     begin = time.perf_counter()
     try:

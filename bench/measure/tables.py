@@ -1,4 +1,4 @@
-"""What `softlab sweep` and `softlab lab` print when they are done."""
+"""Tables that `softlab sweep` and `softlab lab` print when they are done."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def print_table(
     below: str = "",
     title: str | None = None,
 ) -> None:
-    """A table without borders, and what is said of it `below`."""
+    """Print a table without borders, and the text `below` it."""
     table = Table(*heads, box=None, title=title, title_justify="left")
     for row in rows:
         table.add_row(*row)
@@ -36,10 +36,10 @@ def columns(words: Iterable[str], numbers: Iterable[str]) -> list[Column]:
 
 
 def print_sweep(console: Console, summary: SweepSummary) -> None:
-    """What a sweep did, and what it could not do."""
+    """Print the results of a sweep, and the cases that could not run."""
     console.print(
         f"sweep: {summary.measured} configurations measured ({summary.samples} samples, {summary.suspect} suspect), "
-        f"{summary.held} already in the store, {summary.seconds:.0f} s of which {summary.compile_seconds:.0f} s compiling"
+        f"{summary.stored} already in the store, {summary.seconds:.0f} s of which {summary.compile_seconds:.0f} s compiling"
     )
     reasons: dict[str, int] = {}
     for _, reason in summary.skipped:
@@ -89,16 +89,16 @@ def print_fastest(console: Console, store: Store, machine: str) -> None:
 
 def print_kernels(console: Console, store: Store, machine: str) -> None:
     """Time per step of every forced kernel and size, a table for each backend and precision, the best in bold."""
-    found = [t for t in timings(store, machine) if not (t.chosen or t.graphics or t.peer)]
+    forced = [t for t in timings(store, machine) if not (t.chosen or t.graphics or t.peer)]
     suspect = False
-    for key in sorted({(t.backend, t.precision, t.thread_word or "") for t in found}):
-        mine = [t for t in found if (t.backend, t.precision, t.thread_word or "") == key]
-        names = sorted({t.kernel for t in mine}, key=lambda name: (LADDER.index(name) if name in LADDER else 99, name))
+    for key in sorted({(t.backend, t.precision, t.thread_word or "") for t in forced}):
+        group = [t for t in forced if (t.backend, t.precision, t.thread_word or "") == key]
+        names = sorted({t.kernel for t in group}, key=lambda name: (LADDER.index(name) if name in LADDER else 99, name))
         words = " ".join(filter(None, (key[0], key[2], key[1])))
         console.print(f"{words}: microseconds a step, median (spread of the repeats)")
         table = Table("masses", *names, box=None)
-        for shape in dict.fromkeys((t.rows, t.columns) for t in mine):
-            here = {t.kernel: t for t in mine if (t.rows, t.columns) == shape}
+        for shape in dict.fromkeys((t.rows, t.columns) for t in group):
+            here = {t.kernel: t for t in group if (t.rows, t.columns) == shape}
             right = [t for t in here.values() if not any(map(is_wrong, t.suspect))]
             best = min(right, key=lambda t: t.median, default=None)
             cells = {}
@@ -109,5 +109,5 @@ def print_kernels(console: Console, store: Store, machine: str) -> None:
                 cells[name] = f"[bold green]{text} *[/]" if t is best else text
             table.add_row(f"{shape[0]} x {shape[1]}", *(cells.get(name, "-") for name in names))
         console.print(table)
-    if found:
+    if forced:
         console.print("*: the fastest" + (";  ?: suspect, see docs/method/time.md" if suspect else ""))

@@ -1,4 +1,4 @@
-"""How one configuration is timed, so that two of them may be compared.
+"""Timing of one configuration, so that two of them may be compared.
 
 - Compiling and warming up come first and are reported apart.
 - Every repeat starts from the same state, loaded outside the timed region; the device is waited for inside it.
@@ -38,11 +38,11 @@ SHORTEST_SAMPLE = 1e-3  # s
 DISTURBED = "load: other programs ran on the cores in use"  # a mark of a sample
 MAX_RETAKES = 2
 BUSY_NEIGHBOUR = 0.25  # cores that others may use before a sample is suspect
-LOOK_SECONDS = 0.25  # over which the neighbours are watched: the kernel counts in hundredths of a second
+WATCH_SECONDS = 0.25  # over which the neighbours are watched: the kernel counts in hundredths of a second
 
 
 class Renderer(Protocol):
-    """What draws: app/output/offscreen.py's OffscreenRenderer."""
+    """Interface of app/output/offscreen.py's OffscreenRenderer."""
 
     def show(self, simulation: Simulation) -> Any:
         """Draw the state that a simulation holds; return when the picture is done."""
@@ -50,7 +50,7 @@ class Renderer(Protocol):
 
 @dataclass(frozen=True)
 class Sample:
-    """`steps` steps took `seconds` [s]; `suspect`: why that may be wrong, or None."""
+    """Duration `seconds` [s] of `steps` steps; `suspect`: reason to doubt it, or None."""
 
     seconds: float
     steps: int
@@ -58,7 +58,7 @@ class Sample:
 
 
 class Neighbours:
-    """What other programs take of the cores that this one may use."""
+    """Use of this program's cores by other programs."""
 
     def __init__(self) -> None:
         self._seen = self._now()
@@ -78,12 +78,12 @@ class Neighbours:
         return time.perf_counter(), used, time.process_time()
 
     def cores(self) -> float:
-        """Cores that others used of late."""
-        clock, used, own = self._now()
+        """Cores that other programs used recently."""
+        clock, used, process = self._now()
         passed = clock - self._seen[0]
-        if passed >= LOOK_SECONDS:
-            self._busy = max(0.0, (used - self._seen[1]) - (own - self._seen[2])) / passed
-            self._seen = clock, used, own
+        if passed >= WATCH_SECONDS:
+            self._busy = max(0.0, (used - self._seen[1]) - (process - self._seen[2])) / passed
+            self._seen = clock, used, process
         return self._busy
 
     def suspicion(self, threads: int) -> str | None:
@@ -114,7 +114,7 @@ class Subject:
     seconds_per_step: float = math.nan
     restore_seconds: float = 0.0
     start: State | None = None
-    _kept: int = field(default=-1, repr=False)
+    _snapshot: int = field(default=-1, repr=False)
 
     @property
     def host_threads(self) -> int:
@@ -122,23 +122,23 @@ class Subject:
 
     @property
     def least_steps(self) -> int:
-        """A sample has whole multiples of it: a picture's steps; of a sheet that several share, those of whole exchanges."""
+        """Number of steps of which a sample has whole multiples: those of a picture, or of an exchange between windows."""
         return DRAW_EVERY if self.renderer else int(getattr(self.simulation, "whole_steps", 1))
 
     def restore(self) -> None:
-        """Back to the state that every repeat starts from: by a copy on the device while that is put aside there."""
+        """Restore the state that every repeat starts from, by a copy on the device if there is one."""
         simulation = self.simulation
-        if simulation.snapshots == self._kept:
+        if simulation.snapshots == self._snapshot:
             simulation.rewind()
         elif self.start is None:
             simulation.reset()
         else:
             simulation.load(self.start)
-        self._kept = simulation.snapshots
+        self._snapshot = simulation.snapshots
         simulation.synchronize()
 
     def run(self, steps: int) -> float:
-        """Seconds that `steps` steps (and their pictures) take from the current state. Raises Diverged."""
+        """Run `steps` steps (and their pictures) from the current state, and return the seconds. Raises Diverged."""
         simulation = self.simulation
         if self.renderer is None:
             begin = time.perf_counter()
@@ -153,7 +153,7 @@ class Subject:
         return time.perf_counter() - begin
 
     def _timed(self) -> tuple[float, str | None]:
-        """(seconds of `steps` steps from the start, what is wrong with the state they led to)."""
+        """Return (seconds of `steps` steps from the start, the fault of their end state or None)."""
         begin = seconds = 0.0
         try:
             for _ in range(self.steps // self.run_steps if self.run_steps else 1):
@@ -166,9 +166,9 @@ class Subject:
         return seconds, None
 
     def sample(self, neighbours: Neighbours) -> Sample:
-        """One repeat from the start, with its marks.
+        """Return one repeat from the start, with its marks.
 
-        One that turns out far too short (the steps were chosen while a neighbour held the cores) is taken again longer.
+        A far too short one (its steps were chosen while other programs used the cores) is repeated with more steps.
         """
         for retakes_left in range(MAX_RETAKES, -1, -1):
             seconds, broken = self._timed()
@@ -185,16 +185,16 @@ class Subject:
 
 
 def incomplete(simulation: Any) -> list[str]:
-    """The mark of a sample of the lab's own whose contacts were lost, or whose elements are inverted or caught at its end."""
+    """Return the mark of a sample of the lab that ended with lost contacts or inverted or caught elements."""
     if not isinstance(simulation, Simulation) or not can_fall_short(simulation.scene):
         return []
-    found = shortfalls(simulation, simulation.read("position"), simulation.body.inverse_mass)
-    faults = fault_words(found)
+    counts = shortfalls(simulation, simulation.read("position"), simulation.body.inverse_mass)
+    faults = fault_words(counts)
     return [f"{INCOMPLETE}: {faults}"] if faults else []
 
 
 def warm_up(subject: Subject) -> tuple[float, float]:
-    """(first, second): seconds of the least run, the first of which holds what is left to compile or to load.
+    """Return (first, second): seconds of the shortest run; the first includes the remaining compilation and loading.
 
     Raises Diverged, and whatever the backend raises where it cannot run.
     """
@@ -212,7 +212,7 @@ def choose_steps(subject: Subject, seconds: float, most_seconds: float) -> int:
     """Set and return the steps of a sample, so that one takes about `seconds`, and never (knowingly) `most_seconds`.
 
     Rounded to two digits, whole pictures; at least one, and at least PASSES passes of a kernel that does several steps
-    in one (as far as `most_seconds` allows): fewer would time it at what it is not made for. Needs `warm_up`.
+    in one (as far as `most_seconds` allows), since it is not made for fewer. Needs `warm_up`.
     """
     steps, least = subject.least_steps, subject.least_steps
     taken = subject.seconds_per_step * steps
@@ -234,7 +234,7 @@ def choose_steps(subject: Subject, seconds: float, most_seconds: float) -> int:
 
 
 def prepare(subject: Subject, seconds: float, most_seconds: float) -> Subject:
-    """The subject, warmed up, its steps chosen for samples of `seconds` [s], at `most_seconds` [s]. Raises Diverged."""
+    """Warm up a subject and choose the steps of samples of `seconds` [s], at most `most_seconds` [s]. Raises Diverged."""
     warm_up(subject)
     choose_steps(subject, seconds, most_seconds)
     return subject
@@ -255,7 +255,7 @@ def prepare_runs(subject: Subject, steps: int, seconds: float) -> Subject:
 
 
 def steps_together(simulation: Any) -> int:
-    """Steps that a kernel does in one pass over memory: the CPU's `tiled` several; a peer says it itself."""
+    """Steps that a kernel does in one pass over memory: several of the CPU's `tiled`; a peer has its own number."""
     if getattr(simulation, "kernel", None) == "tiled":
         return LEVELS
     return int(getattr(simulation, "steps_together", 1))
@@ -272,10 +272,9 @@ def _two_digits(number: float) -> int:
 def interleaved(
     subjects: Sequence[Subject], repeats: Sequence[int], neighbours: Neighbours | None = None, again: int = 0
 ) -> Iterator[tuple[Subject, Sample]]:
-    """Samples in the order A B A B ...: `repeats[k]` of subject k. Each is handed out as soon as it is finished.
+    """Samples in the order A B A B ...: `repeats[k]` of subject k. Each is yielded as soon as it is finished.
 
-    `again`: in so many turns more, what other programs disturbed is sampled once more, until there is an undisturbed one
-    for each that was wanted.
+    `again`: number of further turns in which disturbed samples are repeated, until there are enough undisturbed ones.
     """
     watch = neighbours or Neighbours()
     left = list(repeats)

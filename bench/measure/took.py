@@ -1,4 +1,4 @@
-"""How long a measuring command took last time on this machine with these options: said before it starts, kept in its store.
+"""Duration of a measuring command last time on this machine with these options: printed before it starts, kept in its store.
 
 A table of its own beside those of bench/store/database.py: it is about this machine alone, so it is neither exported nor
 merged.
@@ -33,41 +33,43 @@ def refuse_changes(context: Any) -> None:
 
 
 class Timed(TyperCommand):
-    """A command with an option `store` that says first how long it took last time. What was stopped, or found everything
-    measured, is not kept. Without `softlab --allow-dirty` it measures no code that differs from its commit."""
+    """A command with an option `store` that first prints its duration last time. Runs that were stopped or measured nothing
+    are not stored. Without `softlab --allow-dirty` it measures no code that differs from its commit."""
 
     def invoke(self, ctx: Any) -> Any:
         refuse_changes(ctx)
         usual = {parameter.name: parameter.default for parameter in self.params}
         options = {name: str(value) for name, value in ctx.params.items() if value != usual[name] and name != "store"}
         path, command = Path(ctx.params["store"]), canonical(options | {"command": self.name})
-        told, before = look(path, command)
-        if told:
-            errors.print(f"{self.name}: {told}", markup=False)
+        message, before = last_duration(path, command)
+        if message:
+            errors.print(f"{self.name}: {message}", markup=False)
         begin = time.perf_counter()
         try:
             result = super().invoke(ctx)
         except Exit as stop:
             if stop.exit_code != INTERRUPTED:
-                keep_time(path, command, time.perf_counter() - begin, before)
+                store_duration(path, command, time.perf_counter() - begin, before)
             raise
-        keep_time(path, command, time.perf_counter() - begin, before)
+        store_duration(path, command, time.perf_counter() - begin, before)
         return result
 
 
-def look(path: Path, command: str) -> tuple[str, int]:
-    """What is told of a command before it starts (nothing the first time), and the number of the last run in its store. What
-    is wrong with the store the command itself will say."""
+def last_duration(path: Path, command: str) -> tuple[str, int]:
+    """Return the message before a command starts (empty the first time) and the number of the last run in its store.
+
+    Errors of the store are left to the command itself.
+    """
     with suppress(SoftlabError, OSError, ValueError):  # among them names that no file can have
         if path.is_file():
             with Store(path, readonly=True) as store:
                 last = int(store.query("SELECT coalesce(max(rowid), 0) FROM run")[0][0])
                 if store.query("SELECT 1 FROM sqlite_master WHERE name = 'took'"):
-                    found = store.query(
+                    rows = store.query(
                         "SELECT seconds, configurations FROM took WHERE machine = ? AND command = ?",
                         (_machine(), command),
                     )
-                    for seconds, configurations in found:
+                    for seconds, configurations in rows:
                         return (
                             f"took {seconds:.0f} s last time here, for {configurations} configurations measured",
                             last,
@@ -76,8 +78,8 @@ def look(path: Path, command: str) -> tuple[str, int]:
     return "", 0
 
 
-def keep_time(path: Path, command: str, seconds: float, before: int) -> None:
-    """Keep how long a command took that measured something: in runs after number `before` of the store."""
+def store_duration(path: Path, command: str, seconds: float, before: int) -> None:
+    """Store the duration of a command that measured something: in runs after number `before` of the store."""
     with suppress(SoftlabError, OSError, ValueError):  # among them names that no file can have
         if not path.is_file():
             return

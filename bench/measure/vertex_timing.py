@@ -1,7 +1,7 @@
-"""What a frame of a cloth on the GPU costs by the way that its state takes to the drawing: straight into OpenGL's buffers,
-or through the host's memory.
+"""Cost of a frame of a cloth on the GPU by the path of its state to the drawing: straight into OpenGL's buffers, or through
+the host's memory.
 
-Both ways send the same state of the same simulation into the same buffers, sampled in turn: once only sent (until
+Both paths send the same state of the same simulation into the same buffers, sampled in turn: once only sent (until
 OpenGL has it where it draws from), once also drawn, as in a frame. Times in the store are of one frame.
 """
 
@@ -34,26 +34,28 @@ MOVED = 200  # steps from the start to the state that is sent: a cloth that hang
 
 
 def vertex_groups(effort: Effort, most: int | None = None) -> list[Group]:
-    """The cloth at several sizes and both precisions, only sent and also drawn: (through the host, straight). None where
-    nothing can be drawn off-screen, or no GPU is behind the GPU backend. `most`: no cloth has more masses a side."""
+    """Return groups (through the host, straight) of cloths of several sizes and both precisions, only sent and also drawn.
+
+    Empty where nothing can be drawn off-screen, or without a GPU. `most`: largest number of masses a side.
+    """
     if gpu_simulated() or not opengl_available(text=False)[0]:
         return []
     files = [str(module.__file__) for module in (cuda_vertices, sheet_view, vertices)]
     sources = cost_sources("gpu", *files, str(Path(__file__)))
-    found = []
+    groups = []
     for n in SIZES:
         if most and n > most:
             continue
         for precision in PRECISIONS:
             for drawn in (False, True):
-                found.append(_group(n, precision, drawn, sources, effort))
-    return found
+                groups.append(_group(n, precision, drawn, sources, effort))
+    return groups
 
 
 def _group(n: int, precision: str, drawn: bool, sources: str, effort: Effort) -> Group:
     scene = load_scene(SCENE).replace({"cloth.rows": n, "cloth.columns": n})
-    ways = tuple(
-        described(scene, "gpu", VERTICES, precision=precision, way=way, drawn=drawn) for way in (HOST, STRAIGHT)
+    descriptions = tuple(
+        described(scene, "gpu", VERTICES, precision=precision, way=path, drawn=drawn) for path in (HOST, STRAIGHT)
     )
 
     def measure(record: Record) -> list[Measures]:
@@ -65,13 +67,12 @@ def _group(n: int, precision: str, drawn: bool, sources: str, effort: Effort) ->
             renderer.fit(simulation.read("position"))
             view = SheetView(scene)
             try:
-                return _frame_costs(
-                    record, [Frames(simulation, way, view=view, camera=renderer.camera) for way in ways], effort
-                )
+                frames = [Frames(simulation, path, view=view, camera=renderer.camera) for path in descriptions]
+                return _frame_costs(record, frames, effort)
             finally:
                 view.delete()
 
-    return Group(f"{VERTICES} {n} x {n} {precision}{' drawn' if drawn else ''}", ways, sources, measure)
+    return Group(f"{VERTICES} {n} x {n} {precision}{' drawn' if drawn else ''}", descriptions, sources, measure)
 
 
 @dataclass
@@ -82,12 +83,12 @@ class Frames(Subject):
     camera: Any = None
 
     def restore(self) -> None:
-        """Let CUDA hold the buffers, or OpenGL alone, as this way needs them; nothing else changes."""
+        """Give the buffers to CUDA, or to OpenGL alone, as this path needs; nothing else changes."""
         self.view.vertices.shared = self.name["way"] == STRAIGHT
         self.run(1)
 
     def run(self, steps: int) -> float:
-        """Seconds that `steps` frames take, each until it is finished."""
+        """Draw `steps` frames, each until it is finished, and return the seconds."""
         from pyglet import gl
 
         view, drawn = self.view, self.name["drawn"]
@@ -118,12 +119,12 @@ def touch(*buffers: int) -> None:
 
 
 def _frame_costs(record: Record, subjects: list[Frames], effort: Effort) -> list[Measures]:
-    """Of both ways; of the host's alone, with the reason, where the other cannot be had."""
+    """Return the costs of both paths; of the host's alone, with the reason, where the other is not available."""
     host, straight = subjects
     straight.restore()
     shown = straight.view.vertices.way
-    ways = subjects if shown == cuda_vertices.STRAIGHT else [host]
-    for subject in ways:
+    measurable = subjects if shown == cuda_vertices.STRAIGHT else [host]
+    for subject in measurable:
         prepare(subject, effort.seconds, effort.most)
-    found = in_turn(record, ways, effort.repeats)
-    return found if straight in ways else [*found, {RATIO: (None, "", shown)}]
+    costs = in_turn(record, measurable, effort.repeats)
+    return costs if straight in measurable else [*costs, {RATIO: (None, "", shown)}]

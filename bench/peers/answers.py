@@ -13,7 +13,7 @@ from softlab.bench.measure.cases import SweepSummary
 from softlab.bench.peers.bars.tip import Tip
 from softlab.bench.peers.base import PeerError
 from softlab.bench.peers.cases import Beside, PeerCase
-from softlab.bench.peers.results import DIFFERENCE, OWN_LAW
+from softlab.bench.peers.results import DIFFERENCE, PEER_LAW_DIFFERENCE
 from softlab.bench.store.database import Store
 from softlab.model.core.build import Body
 from softlab.model.core.simulation import Simulation, State
@@ -56,8 +56,8 @@ class Judge:
 
         Raises PeerError if the run would take longer than a configuration may.
         """
-        own = case.peer.tip(case.scene) if case.peer is not None else None
-        judge = own or exact
+        peer_tip = case.peer.tip(case.scene) if case.peer is not None else None
+        judge = peer_tip or exact
         simulation.reset()
         begin = time.perf_counter()
         for frame in range(1, exact.frames + 1):
@@ -71,9 +71,11 @@ class Judge:
         note = f"of the way of its tip, {exact.frames} frames after it was let go, over {judge.law}; bound {case.bound:.2g}"
         with self.store.transaction():
             self.store.add_measure(self.summary.run, case.description, case.sources, DIFFERENCE, error, "", note)
-            if own is not None:
+            if peer_tip is not None:
                 off = exact.error(case.scene, position)
-                self.store.add_measure(self.summary.run, case.description, case.sources, OWN_LAW, off, "", own.law)
+                self.store.add_measure(
+                    self.summary.run, case.description, case.sources, PEER_LAW_DIFFERENCE, off, "", peer_tip.law
+                )
         simulation.reset()
         if error <= case.bound:
             return None

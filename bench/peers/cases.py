@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 import softlab.bench.peers
-from softlab.bench.experiments.checks import CHECK_STEPS, OWN_SIZE_STEPS
+from softlab.bench.experiments.checks import CHECK_STEPS, FULL_SIZE_STEPS
 from softlab.bench.experiments.sweep import source_hash
 from softlab.bench.measure.cases import Case
 from softlab.bench.peers.bars.tip import Tip
@@ -54,7 +54,7 @@ class PeerCase(Case):
         """Number of steps after which its state is compared."""
         if self.exact is not None:
             return self.exact(self.scene).frames
-        return self.check_steps if self.particles <= MANY_STEPS_UP_TO else OWN_SIZE_STEPS
+        return self.check_steps if self.particles <= MANY_STEPS_UP_TO else FULL_SIZE_STEPS
 
     @property
     def bound(self) -> float:

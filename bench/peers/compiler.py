@@ -44,10 +44,10 @@ def find_compiler() -> tuple[str, str] | str:
 @cache
 def load_library(source: Path) -> ctypes.CDLL:
     """Return the source as a loaded library. Raises PeerError (no compiler, it fails, the library does not load)."""
-    found = find_compiler()
-    if isinstance(found, str):
-        raise PeerError(found)
-    compiler, version = found
+    compiler_or_reason = find_compiler()
+    if isinstance(compiler_or_reason, str):
+        raise PeerError(compiler_or_reason)
+    compiler, version = compiler_or_reason
     parts = (source.read_text(encoding="utf-8"), version, " ".join((*COMPILE, *LINK)), processor_name())
     key = hashlib.sha256("\0".join(parts).encode()).hexdigest()[:16]
     folder = cache_folder("peers")

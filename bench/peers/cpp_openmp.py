@@ -30,8 +30,8 @@ class CppOpenmp(Peer):
     blocked = False
 
     def available(self) -> tuple[bool, str]:
-        found = find_compiler()
-        return (False, found) if isinstance(found, str) else (True, found[1])
+        compiler_or_reason = find_compiler()
+        return (False, compiler_or_reason) if isinstance(compiler_or_reason, str) else (True, compiler_or_reason[1])
 
     def open(self, scene: Scene, precision: str, threads: int) -> Opened:
         return _Grid(GridConstants(scene, precision), threads, self.blocked)

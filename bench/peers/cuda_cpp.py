@@ -139,8 +139,8 @@ class Sheet(Opened):
         """Return (addresses of the kernel's arguments, the arrays they point to) for reading from buffer `source`."""
         constants = self.constants
         shape = [np.array([number], np.int32) for number in (constants.rows, constants.columns)]
-        held = [*self._pointers(source), *shape, np.array(constants.in_order, constants.real)]  # the last: Constants
-        return addresses_of(held), held
+        arguments = [*self._pointers(source), *shape, np.array(constants.in_order, constants.real)]
+        return addresses_of(arguments), arguments
 
     def _pointers(self, source: int) -> list[np.ndarray]:
         """Return the kernel's pointers to the buffers, from `source` to the other, and to other inputs."""
@@ -229,9 +229,9 @@ class Sheet(Opened):
         self._graphs, self._memory, self._context = {}, [], None
 
 
-def addresses_of(held: list[np.ndarray]) -> np.ndarray:
-    """Return the addresses of a kernel's arguments for a launch; `held` must live as long."""
-    return np.array([array.ctypes.data for array in held], np.uint64)
+def addresses_of(arguments: list[np.ndarray]) -> np.ndarray:
+    """Return the addresses of a kernel's arguments for a launch; `arguments` must live as long."""
+    return np.array([array.ctypes.data for array in arguments], np.uint64)
 
 
 class CudaConstants(GridConstants):

@@ -93,13 +93,13 @@ def candidates(rows: int, columns: int, processors: int) -> list[tuple[str, Tile
     for tile in RESIDENT_TILES:
         across, down = tile.blocks(rows, columns)
         if 1 < across * down <= processors * tile.together:
-            share = -(-across * down // processors)
-            resident.append((share * tile.width * tile.height, (RESIDENT, tile)))
+            per_processor = -(-across * down // processors)
+            resident.append((per_processor * tile.width * tile.height, (RESIDENT, tile)))
     resident.sort(key=lambda entry: entry[0])
-    found = whole + [choice for _, choice in resident[:RESIDENT_CANDIDATES]]
-    if rows * columns >= PASSES_FROM or not found:
-        found += [(TILES, tile) for tile in PASS_TILES]
-    return found
+    choices = whole + [choice for _, choice in resident[:RESIDENT_CANDIDATES]]
+    if rows * columns >= PASSES_FROM or not choices:
+        choices += [(TILES, tile) for tile in PASS_TILES]
+    return choices
 
 
 class CudaCppBlocked(CudaCpp):
@@ -194,10 +194,10 @@ class Blocked(Sheet):
     def _argument_list(self, source: int) -> tuple[np.ndarray, list[np.ndarray]]:
         constants = self.constants
         shape = [np.array([number], np.int32) for number in (constants.rows, constants.columns)]
-        held = [*self._pointers(source), *shape, self._steps, np.array(constants.in_order, constants.real)]
+        arguments = [*self._pointers(source), *shape, self._steps, np.array(constants.in_order, constants.real)]
         if self.kernel_kind == RESIDENT:
-            held += [*(np.array([int(memory)], np.uint64) for memory in self._exchanged), self._counted_from]
-        return addresses_of(held), held
+            arguments += [*(np.array([int(memory)], np.uint64) for memory in self._exchanged), self._counted_from]
+        return addresses_of(arguments), arguments
 
     def _launch(self, source: int, steps: int = 0) -> None:
         """Launch once from buffer `source` into the other; by default as many steps as the halo has rings."""

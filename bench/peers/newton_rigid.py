@@ -153,7 +153,7 @@ def _quaternions(rotation: np.ndarray) -> np.ndarray:
     for i in range(3):
         for j in range(3):
             matrix[:, i, j] = r[:, i, j] + r[:, j, i] - (i == j) * np.trace(r, axis1=1, axis2=2)
-    turned = np.stack([r[:, 2, 1] - r[:, 1, 2], r[:, 0, 2] - r[:, 2, 0], r[:, 1, 0] - r[:, 0, 1]], axis=1)
-    matrix[:, 3, :3] = matrix[:, :3, 3] = turned
+    antisymmetric = np.stack([r[:, 2, 1] - r[:, 1, 2], r[:, 0, 2] - r[:, 2, 0], r[:, 1, 0] - r[:, 0, 1]], axis=1)
+    matrix[:, 3, :3] = matrix[:, :3, 3] = antisymmetric
     matrix[:, 3, 3] = np.trace(r, axis1=1, axis2=2)
     return np.linalg.eigh(matrix)[1][:, :, -1]

@@ -22,7 +22,7 @@ import numpy as np
 
 from softlab.bench.peers.base import Opened, PeerError, SheetConstants, grid_refusal
 from softlab.bench.peers.cuda_cpp_cloth import cloth_refusal
-from softlab.bench.peers.own_xpbd import APPROACHES, IMPLICIT, implicit_refusal
+from softlab.bench.peers.lab_xpbd import APPROACHES, IMPLICIT, implicit_refusal
 from softlab.bench.peers.warp_base import Replayed, WarpPeer, load_warp
 from softlab.bench.reference.xpbd import of_scene
 from softlab.model.core.build import build

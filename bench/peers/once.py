@@ -78,7 +78,7 @@ def run(word: str, scene: Scene, what: PeerScene, backend: str, threads: int) ->
         begin = time.perf_counter()
         try:
             with opened or peer.open(scene, "float32", threads) as running:
-                failed += _told(name, peer, running, scene, what, start, expected, steps, begin)
+                failed += _report(name, peer, running, scene, what, start, expected, steps, begin)
         except Exception as error:
             failed += 1
             print(f"  {name}: BROKE: {type(error).__name__}: {error}", flush=True)
@@ -99,7 +99,7 @@ def _bars(word: str, scene: Scene, exact: Tip, backend: str, threads: int) -> in
             print(f"  {name}: skipped: {refusal}", flush=True)
             continue
         try:
-            own, begin = peer.tip(scene), time.perf_counter()
+            peer_tip, begin = peer.tip(scene), time.perf_counter()
             with peer.open(scene, "float32", threads) as running:
                 running.synchronize()
                 ready, begin = time.perf_counter() - begin, time.perf_counter()
@@ -107,7 +107,7 @@ def _bars(word: str, scene: Scene, exact: Tip, backend: str, threads: int) -> in
                 running.synchronize()
                 each = 1e3 * (time.perf_counter() - begin) / exact.frames
                 position = running.read()[0]
-                law = f", by its own law {own.error(scene, position):.2g}" if own else ""
+                law = f", by its own law {peer_tip.error(scene, position):.2g}" if peer_tip else ""
                 off = exact.error(scene, position)
                 print(
                     f"  {name}: tip {off:.2g} of its way off{law}, {each:.3g} ms a frame, open after {ready:.1f} s",
@@ -119,7 +119,7 @@ def _bars(word: str, scene: Scene, exact: Tip, backend: str, threads: int) -> in
     return failed
 
 
-def _told(
+def _report(
     name: str, peer: Peer, opened: Opened, scene: Scene, what: PeerScene, start: State, expected: np.ndarray, steps: int,
     begin: float,
 ) -> int:  # fmt: skip

@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.table import Table
 
 from softlab.bench.peers.bars.tip import BARS
-from softlab.bench.peers.own_xpbd import IMPLICIT
+from softlab.bench.peers.lab_xpbd import IMPLICIT
 from softlab.bench.peers.registry import OURS, label
 from softlab.bench.peers.scenes import SCENES, shape_of, word_of
 from softlab.bench.store.database import Store, canonical
@@ -26,7 +26,7 @@ NO_BREAK = "\N{NO-BREAK SPACE}"  # in the cells of a narrow terminal
 # (bench/peers/bars/tip.py), the relative error of the tip
 DIFFERENCE = "peer_difference"
 # measure for a peer with a material of its own, whose law is the reason: its difference from the scene's result
-OWN_LAW = "peer_law_difference"
+PEER_LAW_DIFFERENCE = "peer_law_difference"
 
 
 @dataclass(frozen=True)
@@ -99,11 +99,11 @@ def ratios(store: Store, machine: str) -> list[Ratio]:
         run = place[0]
         if place not in ours or any(is_wrong(mark) for _, mark in samples[run, ours[place]]):
             continue
-        made = _ratio(descriptions[key], samples[run, key], samples[run, ours[place]])
+        ratio = _ratio(descriptions[key], samples[run, key], samples[run, ours[place]])
         differences = [notes.get((run, which, DIFFERENCE), (None, None))[0] for which in (key, ours[place])]
         kernels = [notes.get((run, which, "kernel"), (None, None))[1] or "auto" for which in (key, ours[place])]
-        identity = (*place[1:], made.peer, str(made.threads))
-        newest[identity] = Ratio(**made.__dict__ | {
+        identity = (*place[1:], ratio.peer, str(ratio.threads))
+        newest[identity] = Ratio(**ratio.__dict__ | {
             "difference": differences[0], "our_difference": differences[1], "kernel": kernels[0], "our_kernel": kernels[1],
             "scene": word_of(descriptions[key]["scene"]),
         })  # fmt: skip
@@ -132,36 +132,38 @@ def print_peers(console: Console, store: Store, machine: str) -> None:
 
     A table for each scene, backend and precision; for peers that approach the scene's method with the distance from it.
     """
-    found, told = ratios(store, machine), {}
+    entries, laws = ratios(store, machine), {}
     order = list(SCENES)
-    kinds = {(order.index(r.scene) if r.scene in order else len(order), r.scene, r.backend, r.precision) for r in found}
+    kinds = {
+        (order.index(r.scene) if r.scene in order else len(order), r.scene, r.backend, r.precision) for r in entries
+    }
     for _, scene, backend, precision in sorted(kinds):
-        mine = [r for r in found if (r.scene, r.backend, r.precision) == (scene, backend, precision)]
-        (_print_bars if scene in BARS else _print_table)(console, scene, backend, precision, mine)
+        group = [r for r in entries if (r.scene, r.backend, r.precision) == (scene, backend, precision)]
+        (_print_bars if scene in BARS else _print_table)(console, scene, backend, precision, group)
     for peer, law in dict(
         store.query(
             "SELECT DISTINCT configuration.description, reason FROM measure JOIN configuration ON "
             "configuration.hash = measure.configuration WHERE name = ?",
-            (OWN_LAW,),
+            (PEER_LAW_DIFFERENCE,),
         )
     ).items():
-        told[label(json.loads(peer)["peer"])] = law
-    for peer, law in told.items():
+        laws[label(json.loads(peer)["peer"])] = law
+    for peer, law in laws.items():
         console.print(f"{peer}: held against {law}", highlight=False, soft_wrap=True)
-    if any(r.suspect for r in found):
+    if any(r.suspect for r in entries):
         console.print("?: suspect, see docs/method/time.md;  wrong: the answer differs, so the time wins nothing")
 
 
-def _print_table(console: Console, scene: str, backend: str, precision: str, mine: list[Ratio]) -> None:
-    names = list(dict.fromkeys(r.peer for r in mine))
+def _print_table(console: Console, scene: str, backend: str, precision: str, entries: list[Ratio]) -> None:
+    names = list(dict.fromkeys(r.peer for r in entries))
     approached, each = scene in (*IMPLICIT, "rigid"), "body" if scene == "rigid" else "mass"
     what = "" if scene == "grid" else f"{SCENES[scene].text if scene in SCENES else scene}, "
     errors = "; spacings off the lab's answer in float64" if approached else ""
     text = f"{what}{backend}, {precision}: nanoseconds a {each} and step (x: times ours{errors})"
     console.print(text, highlight=False)
     table = Table("bodies" if scene == "rigid" else "masses", "softlab", *(label(name) for name in names), box=None)
-    for shape in dict.fromkeys((r.rows, r.columns) for r in mine):
-        here = {r.peer: r for r in mine if (r.rows, r.columns) == shape}
+    for shape in dict.fromkeys((r.rows, r.columns) for r in entries):
+        here = {r.peer: r for r in entries if (r.rows, r.columns) == shape}
         scale = 1e9 / (shape[0] * shape[1])
         first = next(iter(here.values()))
         off = f"{NO_BREAK}({first.our_difference:.1g})" if approached and first.our_difference is not None else ""
@@ -173,20 +175,20 @@ def _print_table(console: Console, scene: str, backend: str, precision: str, min
     console.print(table)
 
 
-def _print_bars(console: Console, scene: str, backend: str, precision: str, mine: list[Ratio]) -> None:
+def _print_bars(console: Console, scene: str, backend: str, precision: str, entries: list[Ratio]) -> None:
     """Print bars whose exact result is known, a line per peer, fastest first, with error and time."""
     text = f"{SCENES[scene].text}, {backend}, {precision}: milliseconds a frame (x: times ours; off the tip's way)"
     console.print(text, highlight=False)
-    shapes = list(dict.fromkeys(r.rows for r in mine))
+    shapes = list(dict.fromkeys(r.rows for r in entries))
     heads = [f"{PER_VOXEL * SLENDER * across**3}" for across in shapes]
     table = Table("tetrahedra", *heads, box=None)
-    ours = {r.rows: r for r in mine}
+    ours = {r.rows: r for r in entries}
     table.add_row(
         f"softlab newton, {BARS[scene][1]} x 1",
         *(_bar_cell(ours[n].our_seconds, ours[n].our_difference) for n in shapes),
     )
-    for name in dict.fromkeys(r.peer for r in sorted(mine, key=lambda r: r.seconds)):
-        here = {r.rows: r for r in mine if r.peer == name}
+    for name in dict.fromkeys(r.peer for r in sorted(entries, key=lambda r: r.seconds)):
+        here = {r.rows: r for r in entries if r.peer == name}
         cells = [_bar_cell(here[n].seconds, here[n].difference, here[n]) if n in here else "-" for n in shapes]
         table.add_row(label(name), *cells)
     console.print(table)

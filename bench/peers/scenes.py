@@ -130,10 +130,10 @@ def peer_scenes(words: Iterable[str] | None, quick: bool) -> list[PeerScene]:
     asked = list(words) if words is not None else ["grid"] if quick else list(SCENES)
     chosen: list[str] = []
     for word in asked:
-        found = [one for one in SCENES if one == word or one.startswith(f"{word}-")]
-        if not found:
+        matches = [one for one in SCENES if one == word or one.startswith(f"{word}-")]
+        if not matches:
             raise SceneError("--scene", word, f"with --peers one of {', '.join(SCENES)}")
-        chosen += found
+        chosen += matches
     return [SCENES[word] for word in dict.fromkeys(chosen)]
 
 

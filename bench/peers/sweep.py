@@ -101,11 +101,11 @@ class _Comparison:
         for group in groups:
             reasons = [self._refusal(case, backends) for case in group]
             refused += [(case, reason) for case, reason in zip(group, reasons, strict=True) if case.peer and reason]
-            kept = [case for case, reason in zip(group, reasons, strict=True) if not reason]
-            if not any(self._missing(case) for case in kept):
-                self.summary.held += len(kept)
-            elif len(kept) > 1:  # the lab alone is no comparison
-                able.append(kept)
+            runnable = [case for case, reason in zip(group, reasons, strict=True) if not reason]
+            if not any(self._missing(case) for case in runnable):
+                self.summary.stored += len(runnable)
+            elif len(runnable) > 1:  # the lab alone is no comparison
+                able.append(runnable)
         if not able:
             self.summary.skipped += [(str(case), reason) for case, reason in refused]
             return
@@ -130,15 +130,15 @@ class _Comparison:
         return f"{case.peer.label}: {reason}" if reason else None
 
     def _missing(self, case: PeerCase) -> int:
-        held = self.store.sample_count(case.description, self.summary.machine, case.sources)
-        return max(0, self.effort.repeats - held)
+        stored = self.store.sample_count(case.description, self.summary.machine, case.sources)
+        return max(0, self.effort.repeats - stored)
 
     def _skip(self, case: PeerCase, reason: str) -> None:
         record_skip(self.store, self.summary, case, reason)
 
     # ------------------------------------------------------------------ one group
 
-    def measure(self, group: Sequence[PeerCase], tell: Callable[[str], None]) -> None:
+    def measure(self, group: Sequence[PeerCase], report: Callable[[str], None]) -> None:
         """Open, check and time the cases of one group; the lab is measured again next to a peer that is missing."""
         lacking = [case for case in group[1:] if self._missing(case)] or list(group[1:])
         affordable = self._affordable([group[0], *lacking])
@@ -150,11 +150,11 @@ class _Comparison:
             warnings: list[str | None] = []  # of each subject
             for case in affordable:
                 try:
-                    tell(f"{case}: opening")
+                    report(f"{case}: opening")
                     simulation = self._open(case, body, stack)
-                    tell(f"{case}: checking")
+                    report(f"{case}: checking")
                     warning = self._judge.check(case, simulation, body)
-                    tell(f"{case}: warming up")
+                    report(f"{case}: warming up")
                     subject = self._warmed(case, simulation)
                 except Exception as error:  # a peer may fail in any way; the others continue
                     self._skip(case, f"{case.peer.label if case.peer else OURS}: {error or type(error).__name__}")
@@ -167,13 +167,13 @@ class _Comparison:
             if len(subjects) < 2 or subjects[0].name.peer is not None:
                 return
             try:
-                self._sample(subjects, warnings, tell)
+                self._sample(subjects, warnings, report)
             except Exception as error:
                 for subject in subjects:
                     self._skip(subject.name, f"stopped while this size was sampled: {error or type(error).__name__}")
 
     def _affordable(self, cases: list[PeerCase]) -> list[PeerCase]:
-        kept: list[PeerCase] = []
+        affordable: list[PeerCase] = []
         free, used = available_bytes(), 0
         for case in cases:
             left = math.inf
@@ -189,8 +189,8 @@ class _Comparison:
                 self._skip(case, f"needs {readable(case.host_bytes)} of main memory, of which {left_bytes} may be used")
             else:
                 used += case.host_bytes
-                kept.append(case)
-        return kept
+                affordable.append(case)
+        return affordable
 
     def _estimate(self, case: PeerCase) -> float:
         """Return the time [s] of the check and all repeats, from the last size; 0 if unknown."""
@@ -239,7 +239,9 @@ class _Comparison:
         choose_steps(subject, self.effort.min_seconds, most)
         return subject
 
-    def _sample(self, subjects: Sequence[Subject], warnings: Sequence[str | None], tell: Callable[[str], None]) -> None:
+    def _sample(
+        self, subjects: Sequence[Subject], warnings: Sequence[str | None], report: Callable[[str], None]
+    ) -> None:
         """Sample in turn; each sample is written to disk before the next one starts."""
         wanted = [max(1, self._missing(subject.name)) for subject in subjects]
         wanted[0] = max(wanted)
@@ -254,7 +256,7 @@ class _Comparison:
             taken[place].append(sample.seconds / sample.steps)
             self.summary.samples += 1
             self.summary.suspect += suspect is not None
-            tell(f"{case}: {statistics.median(taken[place]) * 1e6:.3g} us a step")
+            report(f"{case}: {statistics.median(taken[place]) * 1e6:.3g} us a step")
         for subject, seconds in zip(subjects, taken, strict=True):
             self._costs[subject.name.kind] = (subject.name.particles, statistics.median(seconds))
         self.summary.measured += len(subjects)

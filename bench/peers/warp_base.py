@@ -141,10 +141,10 @@ class ReplayedSheet(Replayed):
     new_position, new_velocity)`.
     """
 
-    def __init__(self, constants: Any, precision: str, backend: str, components: int, kernel: Any, given: list[Any]):
+    def __init__(self, constants: Any, precision: str, backend: str, components: int, kernel: Any, inputs: list[Any]):
         super().__init__(backend)
         wp = self._wp
-        self.constants, self._components, self._kernel, self._given = constants, components, kernel, given
+        self.constants, self._components, self._kernel, self._inputs = constants, components, kernel, inputs
         self._shape = (constants.rows, constants.columns)
         zeros = {"shape": self._shape, "dtype": numbers(precision, components)[1], "device": self._device}
         self._position, self._velocity = ([wp.zeros(**zeros) for _ in range(2)] for _ in range(2))
@@ -159,7 +159,7 @@ class ReplayedSheet(Replayed):
         return self._wp.launch(
             self._kernel,
             dim=self._shape,
-            inputs=[self._position[source], self._velocity[source], self._free, *self._given],
+            inputs=[self._position[source], self._velocity[source], self._free, *self._inputs],
             outputs=[self._position[target], self._velocity[target]],
             device=self._device,
             record_cmd=True,

@@ -63,13 +63,13 @@ def _make_kernel(precision: str) -> Any:
         v = velocity[i, j]
         a = vector(real(0.0), gravity, real(0.0)) - damping * v
         for side in range(2):
-            way = 2 * side - 1
-            a += pull(position, velocity, i, j + way, p, v, structural)
-            a += pull(position, velocity, i + way, j, p, v, structural)
-            a += pull(position, velocity, i + way, j - 1, p, v, shear)
-            a += pull(position, velocity, i + way, j + 1, p, v, shear)
-            a += pull(position, velocity, i, j + 2 * way, p, v, bending)
-            a += pull(position, velocity, i + 2 * way, j, p, v, bending)
+            sign = 2 * side - 1
+            a += pull(position, velocity, i, j + sign, p, v, structural)
+            a += pull(position, velocity, i + sign, j, p, v, structural)
+            a += pull(position, velocity, i + sign, j - 1, p, v, shear)
+            a += pull(position, velocity, i + sign, j + 1, p, v, shear)
+            a += pull(position, velocity, i, j + 2 * sign, p, v, bending)
+            a += pull(position, velocity, i + 2 * sign, j, p, v, bending)
         w = v + dt * a
         if free[i, j] != wp.uint8(0):
             new_position[i, j] = p + dt * w
@@ -94,5 +94,5 @@ class WarpCloth(WarpPeer):
         constants, kernel = ClothConstants(scene, precision), _make_kernel(precision)
         *springs, damping, gravity, dt = constants.in_order
         _, vector = numbers(precision, 3)
-        given = [*(vector(*springs[3 * kind : 3 * kind + 3]) for kind in range(3)), damping, gravity, dt]
-        return ReplayedSheet(constants, precision, self.backend, 3, kernel, given)
+        inputs = [*(vector(*springs[3 * kind : 3 * kind + 3]) for kind in range(3)), damping, gravity, dt]
+        return ReplayedSheet(constants, precision, self.backend, 3, kernel, inputs)

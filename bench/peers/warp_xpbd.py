@@ -142,18 +142,18 @@ def _make_projections(precision: str) -> SimpleNamespace:
         ends: wp.array(dtype=wp.vec2i),
         values: wp.array(dtype=vector),
         multipliers: wp.array(dtype=real),
-        share: wp.array(dtype=real),
+        inverse_valence: wp.array(dtype=real),
         first: bool,
         displacement: wp.array(dtype=vector),
     ):
-        """Project all constraints at one position; `share`: 1 over the larger valence of the two ends."""
+        """Project all constraints at one position; `inverse_valence`: 1 over the larger valence of the two ends."""
         n = wp.tid()
         a = ends[n][0]
         b = ends[n][1]
         whole, direction = change(
             n, a, b, inverse_mass[a] + inverse_mass[b], position, before, values, multipliers, first
         )
-        changed = whole * share[n]
+        changed = whole * inverse_valence[n]
         if first:
             multipliers[n] = changed
         else:
@@ -188,18 +188,20 @@ class _Xpbd(Replayed):
         self._h = scene.method.dt / scene.method.substeps
         real, vector = numbers(precision, 3)
         self._kernels = SimpleNamespace(**vars(_make_moves(precision)), **vars(_make_projections(precision)))
-        found = of_scene(scene)
-        order = np.argsort(found.colour, kind="stable")
-        alpha = found.compliance[order]
+        constraints = of_scene(scene)
+        order = np.argsort(constraints.colour, kind="stable")
+        alpha = constraints.compliance[order]
         values = np.stack(
-            [found.rest_length[order], alpha / self._h**2, alpha * found.damping[order] / self._h], axis=1
+            [constraints.rest_length[order], alpha / self._h**2, alpha * constraints.damping[order] / self._h], axis=1
         )
-        ends = np.stack([found.first[order], found.second[order]], axis=1)
-        valence = found.valence(constants.count)
-        self._starts = np.searchsorted(found.colour[order], np.arange(int(found.colour.max(initial=-1)) + 2))
+        ends = np.stack([constraints.first[order], constraints.second[order]], axis=1)
+        valence = constraints.valence(constants.count)
+        self._starts = np.searchsorted(
+            constraints.colour[order], np.arange(int(constraints.colour.max(initial=-1)) + 2)
+        )
         self._values = wp.array(values.astype(constants.real), dtype=vector, device=device)
         self._ends = wp.array(ends.astype(np.int32), dtype=wp.vec2i, device=device)
-        self._share = wp.array(
+        self._inverse_valence = wp.array(
             (1 / valence[ends].max(axis=1, initial=1)).astype(constants.real), dtype=real, device=device
         )
         self._multipliers = wp.zeros(max(1, len(ends)), dtype=real, device=device)
@@ -232,7 +234,7 @@ class _Xpbd(Replayed):
         for first in (True, False):
             if self._method.ordering == "jacobi":
                 size = int(self._starts[-1])
-                turn = [record(kernels.gather, size, *state, self._share, first, self._displacement)]
+                turn = [record(kernels.gather, size, *state, self._inverse_valence, first, self._displacement)]
                 turn.append(record(kernels.displace, count, self._position, self._displacement))
             else:
                 ranges = zip(self._starts[:-1], self._starts[1:], strict=True)

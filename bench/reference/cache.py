@@ -45,7 +45,7 @@ def key(scene: Scene, time: float, inertia: float, tolerance: float) -> str:
     return hashlib.sha256(text + sources()).hexdigest()[:16]
 
 
-def kept(
+def cached_reference(
     scene: Scene,
     time: float,
     folder: Path | None,
@@ -60,27 +60,27 @@ def kept(
     """
     file = folder / f"reference-{key(scene, time, inertia, tolerance)}.npz" if folder else None
     how: dict[str, Any] = {"inertia": inertia, "tolerance": tolerance, "per_radian": per_radian}
-    return kept_state(file, scene, lambda: Converged(*converged(scene, time, **how)))
+    return cached_state(file, scene, lambda: Converged(*converged(scene, time, **how)))
 
 
-def kept_state(file: Path | None, scene: Scene, make: Callable[[], Converged]) -> Converged:
-    """Return a reference of the scene, stored in the file as by `kept_arrays`."""
+def cached_state(file: Path | None, scene: Scene, make: Callable[[], Converged]) -> Converged:
+    """Return a reference of the scene, stored in the file as by `cached_arrays`."""
     shape = scene.grid.particle_count, scene.dimensions
-    found = kept_arrays(file, {"position": shape, "velocity": shape, "estimate": ()}, lambda: vars(make()))
-    return Converged(found["position"], found["velocity"], float(found["estimate"]))
+    arrays = cached_arrays(file, {"position": shape, "velocity": shape, "estimate": ()}, lambda: vars(make()))
+    return Converged(arrays["position"], arrays["velocity"], float(arrays["estimate"]))
 
 
-def kept_arrays(
+def cached_arrays(
     file: Path | None, shapes: Mapping[str, tuple[int, ...]], make: Callable[[], Mapping[str, Any]]
 ) -> Mapping[str, Any]:
     """Return arrays of these `shapes` by name from the file, or make them and store them (None: not stored).
 
     A file that cannot be read or written only costs the time to make them again.
     """
-    held = read_arrays(file) if file else None
-    if held and all(name in held and held[name].shape == shape for name, shape in shapes.items()):
-        return held
-    made = make()
+    stored = read_arrays(file) if file else None
+    if stored and all(name in stored and stored[name].shape == shape for name, shape in shapes.items()):
+        return stored
+    computed = make()
     if file:
-        write_arrays(file, **made)
-    return made
+        write_arrays(file, **computed)
+    return computed

@@ -27,7 +27,7 @@ from softlab.model.tables.colliders.distance_field import DistanceField
 from softlab.model.tables.colliders.mesh_collider import MeshCollider
 
 # kind -> (rows, columns) from one end of a spring to the other
-WAYS = {"structural": ((0, 1), (1, 0)), "shear": ((1, 1), (1, -1)), "bending": ((0, 2), (2, 0))}
+OFFSETS = {"structural": ((0, 1), (1, 0)), "shear": ((1, 1), (1, -1)), "bending": ((0, 2), (2, 0))}
 
 
 def rest(scene: Scene) -> np.ndarray:
@@ -49,11 +49,11 @@ def rest(scene: Scene) -> np.ndarray:
 
 def _zigzag(rows: int, long: int, apart: int) -> tuple[np.ndarray, np.ndarray]:
     """Return (along, across) (rows,) in spacings: `long` steps forward, `apart` steps across, `long` back, and so on."""
-    ways: list[tuple[int, int]] = []
-    while len(ways) < rows:
+    strides: list[tuple[int, int]] = []
+    while len(strides) < rows:
         for turn in (1, -1):
-            ways += [(turn, 0)] * long + [(0, 1)] * apart
-    along, across = np.cumsum([(0, 0), *ways], axis=0)[:rows].T
+            strides += [(turn, 0)] * long + [(0, 1)] * apart
+    along, across = np.cumsum([(0, 0), *strides], axis=0)[:rows].T
     return along, across
 
 
@@ -83,17 +83,17 @@ def follow(scene: Scene, position: np.ndarray, velocity: np.ndarray, time: float
         angle = motion.angular_velocity * passed
         cross = np.cross(unit, np.eye(3)).T
         matrix = np.cos(angle) * np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * np.outer(unit, unit)
-        turned = (at_rest[mask] - motion.center) @ matrix.T
-        position[mask] = np.array(motion.center) + turned + np.array(motion.velocity) * passed
+        rotated = (at_rest[mask] - motion.center) @ matrix.T
+        position[mask] = np.array(motion.center) + rotated + np.array(motion.velocity) * passed
         moving = 0 <= since < motion.duration
-        speed = np.array(motion.velocity) + np.cross(motion.angular_velocity * unit, turned)
+        speed = np.array(motion.velocity) + np.cross(motion.angular_velocity * unit, rotated)
         velocity[mask] = speed if moving else 0.0
     return position, velocity
 
 
-def ends(array: np.ndarray, way: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
-    """Return views of `array` (rows, columns, ...) at both ends of every spring along `way` (rows >= 0, columns)."""
-    down, across = way
+def ends(array: np.ndarray, offset: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
+    """Return views of `array` (rows, columns, ...) at both ends of every spring along `offset` (rows >= 0, columns)."""
+    down, across = offset
     rows, columns = array.shape[:2]
     if abs(across) >= columns or down >= rows:
         return array[:0, :0], array[:0, :0]
@@ -120,10 +120,10 @@ def spring_forces(scene: Scene, position: np.ndarray, velocity: np.ndarray) -> n
     """Return the forces of springs and their dampers by Hooke's law: (rows, columns, 3) [N]."""
     force = np.zeros_like(position)
     for kind, springs in scene.cloth_springs.items():
-        for way in WAYS[kind]:
-            (p, q), (v, w), (f, g) = (ends(array, way) for array in (position, velocity, force))
+        for offset in OFFSETS[kind]:
+            (p, q), (v, w), (f, g) = (ends(array, offset) for array in (position, velocity, force))
             length, direction = _unit(q - p)
-            rest_length = scene.grid.spacing * sqrt(way[0] ** 2 + way[1] ** 2)
+            rest_length = scene.grid.spacing * sqrt(offset[0] ** 2 + offset[1] ** 2)
             lengthening = _dot(w - v, direction)
             pull = (springs.stiffness * (length - rest_length) + springs.damping * lengthening) * direction
             f += pull
@@ -220,20 +220,20 @@ def _box_distances(d: np.ndarray, half: np.ndarray) -> tuple[np.ndarray, np.ndar
     return np.where(inside, depth.max(axis=-1, keepdims=True), length), np.where(inside, face, normal)
 
 
-def _entries(a: np.ndarray, b: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
+def _entries(a: np.ndarray, b: np.ndarray, radius: float) -> tuple[np.ndarray, np.ndarray]:
     """Return (mask (..., 1) of masses that a ball around the origin catches between a and b, entry points (..., 3)).
 
     The entry is the first t in [0, 1) with |a + t (b - a)| = reach, where a is outside and b is not. If b is inside but
     on a's half, the nearest surface is the right one anyway, and the mass is not caught. Nor is a mass that begins in
     contact (within 1e-3 of the radius's square) and ends on that half, so that rounding of its start cannot decide."""
-    way = b - a
-    square, half, rest_ = _dot(way, way), _dot(a, way), _dot(a, a) - reach**2
+    path = b - a
+    square, half, rest_ = _dot(path, path), _dot(a, path), _dot(a, a) - radius**2
     root = half**2 - square * rest_
     with np.errstate(divide="ignore", invalid="ignore"):
         t = np.maximum((-half - np.sqrt(root)) / square, 0)
-    near_side = (_dot(a, b) > 0) & ((_dot(b, b) < reach**2) | (rest_ < 1e-3 * reach**2))
-    caught = (rest_ >= -1e-3 * reach**2) & (half < 0) & (root > 0) & (t < 1) & ~near_side
-    return caught, a + np.where(caught, t, 0.0) * way
+    near_side = (_dot(a, b) > 0) & ((_dot(b, b) < radius**2) | (rest_ < 1e-3 * radius**2))
+    caught = (rest_ >= -1e-3 * radius**2) & (half < 0) & (root > 0) & (t < 1) & ~near_side
+    return caught, a + np.where(caught, t, 0.0) * path
 
 
 def touched(collider: Any, slow: float, velocity: np.ndarray, normal: np.ndarray, surface: Any = None) -> np.ndarray:
@@ -252,7 +252,7 @@ def touched(collider: Any, slow: float, velocity: np.ndarray, normal: np.ndarray
     return surface + np.where(into > 0, slowed * direction + back * normal, along)
 
 
-def held_back(dt: float, velocity: np.ndarray, answered: np.ndarray, normal: np.ndarray) -> np.ndarray:
+def reverted_sliding(dt: float, velocity: np.ndarray, answered: np.ndarray, normal: np.ndarray) -> np.ndarray:
     """Return what friction reverts of a step, dt times the tangential change of velocity: (..., 3) [m]."""
     change = answered - velocity
     return dt * (change - _dot(change, normal) * normal)
@@ -286,15 +286,15 @@ def collide(
         touching, swept = distance < collider.thickness, np.zeros(distance.shape, bool)
         if kind == "sphere":
             ball: Any = collider
-            reach = ball.radius + ball.thickness
+            contact_distance = ball.radius + ball.thickness
             old, new = (np.array(ball.center) + np.array(ball.velocity) * (step + k) * dt for k in (0, 1))
-            caught, entered = _entries(before - old, position - new, reach)
+            caught, entered = _entries(before - old, position - new, contact_distance)
             settled = np.where(caught, new + entered, settled)
             normal = np.where(caught, _unit(entered)[1], normal)
             touching, swept = touching | caught, caught
         answered = touched(collider, slow, velocity, normal)
         if in_place:
-            settled = settled + np.where(swept, 0.0, held_back(dt, velocity, answered, normal))
+            settled = settled + np.where(swept, 0.0, reverted_sliding(dt, velocity, answered, normal))
         position = np.where(touching & free, settled, position)
         velocity = np.where(touching & free, answered, velocity)
     return position, velocity

@@ -23,26 +23,26 @@ def crept(
     material = clusters.material
     if plastic is None or material is None:
         return None
-    turned, stretched, flat = clusters.rotations(position, plastic), clusters.strained(position, plastic), clusters.flat
-    found = plastic.copy()
-    for c in np.flatnonzero((material.creep > 0) & ~flat):
-        seen = turned[c].T @ stretched[c]
+    rotations, stretched = clusters.rotations(position, plastic), clusters.strained(position, plastic)
+    strains = plastic.copy()
+    for c in np.flatnonzero((material.creep > 0) & ~clusters.flat):
+        seen = rotations[c].T @ stretched[c]
         strain = (seen + seen.T) / 2 - np.eye(3)
         if np.linalg.norm(strain) <= material.threshold[c]:
             continue
-        share = 1 - np.exp(-material.creep[c] * h / iterations)
-        kept = (np.eye(3) + share * strain) @ plastic[c] - np.eye(3)
-        kept *= min(1.0, material.limit[c] / np.linalg.norm(kept))
-        volume = np.linalg.det(np.eye(3) + kept)
+        fraction = 1 - np.exp(-material.creep[c] * h / iterations)
+        updated = (np.eye(3) + fraction * strain) @ plastic[c] - np.eye(3)
+        updated *= min(1.0, material.limit[c] / np.linalg.norm(updated))
+        volume = np.linalg.det(np.eye(3) + updated)
         if volume > 0:
-            found[c] = (np.eye(3) + kept) / np.cbrt(volume)
-    return found
+            strains[c] = (np.eye(3) + updated) / np.cbrt(volume)
+    return strains
 
 
 def rigid_motion(clusters: Clusters, c: int, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
     """Return the velocities of the rigid motion with the momenta of cluster c: (entries, 3) [m/s]."""
-    own = slice(clusters.offsets[c], clusters.offsets[c + 1])
-    k, m = clusters.indices[own], clusters.masses[own, None]
+    entries = slice(clusters.offsets[c], clusters.offsets[c + 1])
+    k, m = clusters.indices[entries], clusters.masses[entries, None]
     centre, mean = (m * position[k]).sum(axis=0) / m.sum(), (m * velocity[k]).sum(axis=0) / m.sum()
     r = position[k] - centre
     spin = np.cross(r, m * velocity[k]).sum(axis=0)
@@ -54,16 +54,16 @@ LEAST = 2.0**-8  # fraction of the trace of a cluster's inertia that is added to
 FARTHEST = 0.25  # rad: largest rotation of a cluster by a couple in a substep
 
 
-def turned(clusters: Clusters, position: np.ndarray, couples: np.ndarray) -> np.ndarray:
+def couple_displacements(clusters: Clusters, position: np.ndarray, couples: np.ndarray) -> np.ndarray:
     """Return the displacements (particles, 3) [m] by the clusters' rotations under `couples` over their masses.
 
     `couples`: (particles, 3). Each cluster takes its fraction of them; model/formulas/shape_matching/couple.py has the
     formula.
     """
-    ways = np.zeros_like(position)
+    displacements = np.zeros_like(position)
     for c in np.flatnonzero(np.diff(clusters.offsets) > 1):
-        own = slice(clusters.offsets[c], clusters.offsets[c + 1])
-        k, m = clusters.indices[own], clusters.masses[own, None]
+        entries = slice(clusters.offsets[c], clusters.offsets[c + 1])
+        k, m = clusters.indices[entries], clusters.masses[entries, None]
         couple = (m * couples[k]).sum(axis=0)
         if not couple.any():
             continue
@@ -71,8 +71,8 @@ def turned(clusters: Clusters, position: np.ndarray, couples: np.ndarray) -> np.
         inertia = sum(m[n, 0] * (r[n] @ r[n] * np.eye(3) - np.outer(r[n], r[n])) for n in range(len(k)))
         turn = np.linalg.solve(inertia + LEAST * np.trace(inertia) * np.eye(3), couple)
         turn *= min(1.0, FARTHEST / np.linalg.norm(turn))
-        np.add.at(ways, k, clusters.weights[own, None] * np.cross(turn, r))
-    return ways
+        np.add.at(displacements, k, clusters.weights[entries, None] * np.cross(turn, r))
+    return displacements
 
 
 def whole_of(clusters: Clusters) -> np.ndarray:
@@ -89,11 +89,11 @@ def steadied(clusters: Clusters, whole: np.ndarray, position: np.ndarray, veloci
     """Return velocities in which those of the `whole` clusters are a rigid motion of the same momenta: (particles, 3)
     [m/s].
     """
-    found = velocity.copy()
+    result = velocity.copy()
     for c in map(int, np.flatnonzero(whole)):
-        own = slice(clusters.offsets[c], clusters.offsets[c + 1])
-        found[clusters.indices[own]] = rigid_motion(clusters, c, position, velocity)
-    return found
+        entries = slice(clusters.offsets[c], clusters.offsets[c + 1])
+        result[clusters.indices[entries]] = rigid_motion(clusters, c, position, velocity)
+    return result
 
 
 def unmoved(clusters: Clusters, before: np.ndarray, position: np.ndarray) -> np.ndarray:
@@ -108,24 +108,24 @@ def unmoved(clusters: Clusters, before: np.ndarray, position: np.ndarray) -> np.
 def damped(clusters: Clusters, position: np.ndarray, velocity: np.ndarray, h: float) -> np.ndarray:
     """Return velocities after a substep h [s] of the clusters' damping: (particles, 3) [m/s]."""
     rate = np.zeros(clusters.count) if clusters.material is None else clusters.material.damping
-    found = velocity.copy()
+    result = velocity.copy()
     for c in map(int, np.flatnonzero(rate > 0)):
-        own = slice(clusters.offsets[c], clusters.offsets[c + 1])
-        k, share = clusters.indices[own], clusters.weights[own, None] * (1 - np.exp(-rate[c] * h))
-        np.add.at(found, k, share * (rigid_motion(clusters, c, position, velocity) - velocity[k]))
-    return found
+        entries = slice(clusters.offsets[c], clusters.offsets[c + 1])
+        k, weight = clusters.indices[entries], clusters.weights[entries, None] * (1 - np.exp(-rate[c] * h))
+        np.add.at(result, k, weight * (rigid_motion(clusters, c, position, velocity) - velocity[k]))
+    return result
 
 
-def worth(clusters: Clusters, c: int, position: np.ndarray, struck: np.ndarray) -> tuple[float, float, np.ndarray]:
-    """Return two energies and a motion for cluster c whose particles got the velocities `struck`.
+def worth(clusters: Clusters, c: int, position: np.ndarray, change: np.ndarray) -> tuple[float, float, np.ndarray]:
+    """Return two energies and a motion for cluster c whose particles change their velocities by `change`.
 
-    They are (sum m v^2 of `struck`, the same of the rigid motion of its momenta, that motion's velocities (entries,
+    They are (sum m v^2 of `change`, the same of the rigid motion of its momenta, that motion's velocities (entries,
     3)); model/shape_matching/rigid_rebound.py explains their use.
     """
-    own = slice(clusters.offsets[c], clusters.offsets[c + 1])
-    k, m = clusters.indices[own], clusters.masses[own]
-    rigid = rigid_motion(clusters, c, position, struck)
-    return float((m * (struck[k] ** 2).sum(axis=1)).sum()), float((m * (rigid**2).sum(axis=1)).sum()), rigid
+    entries = slice(clusters.offsets[c], clusters.offsets[c + 1])
+    k, m = clusters.indices[entries], clusters.masses[entries]
+    rigid = rigid_motion(clusters, c, position, change)
+    return float((m * (change[k] ** 2).sum(axis=1)).sum()), float((m * (rigid**2).sum(axis=1)).sum()), rigid
 
 
 def rebounded(
@@ -135,16 +135,13 @@ def rebounded(
 
     From the velocities before (`old`) and after colliders; model/shape_matching/rigid_rebound.py has the formula.
     """
-    found = velocity.copy()
+    result = velocity.copy()
     for c in map(int, np.flatnonzero(whole)):
-        own = slice(clusters.offsets[c], clusters.offsets[c + 1])
-        k, m, (got, given, rigid) = (
-            clusters.indices[own],
-            clusters.masses[own],
-            worth(clusters, c, position, velocity - old),
-        )
-        found[k] = old[k] + (min(got / given, m.sum() / m.min()) if given > 0 else 0.0) * rigid
-    return found
+        entries = slice(clusters.offsets[c], clusters.offsets[c + 1])
+        k, m = clusters.indices[entries], clusters.masses[entries]
+        wanted, resulting, rigid = worth(clusters, c, position, velocity - old)
+        result[k] = old[k] + (min(wanted / resulting, m.sum() / m.min()) if resulting > 0 else 0.0) * rigid
+    return result
 
 
 def bounced(
@@ -160,11 +157,12 @@ def bounced(
     """
     scale, rigid = np.tile([1.0, 0.0, 0.0], (len(position), 1)), np.zeros(len(position), bool)
     rigid[clusters.indices[whole[clusters.owner]]] = True
-    struck = contacts.given(position, old, velocity, scale, rigid)
+    change = contacts.velocity_changes(position, old, velocity, scale, rigid)
     for c in map(int, np.flatnonzero(whole)):
-        own = slice(clusters.offsets[c], clusters.offsets[c + 1])
-        k, m, (total, given, _) = clusters.indices[own], clusters.masses[own], worth(clusters, c, position, struck)
-        asked, touching = (m * contacts.asked[k]).sum(), m[(struck[k] != 0).any(axis=1)].sum()
-        scale[k] = [m.sum() / touching * asked / total, asked, given] if total > 0 else 0.0
-    got = contacts.given(position, old, velocity, scale, rigid)
-    return velocity + steadied(clusters, whole, position, got)
+        entries = slice(clusters.offsets[c], clusters.offsets[c + 1])
+        k, m = clusters.indices[entries], clusters.masses[entries]
+        total, resulting, _ = worth(clusters, c, position, change)
+        asked, touching = (m * contacts.asked[k]).sum(), m[(change[k] != 0).any(axis=1)].sum()
+        scale[k] = [m.sum() / touching * asked / total, asked, resulting] if total > 0 else 0.0
+    scaled = contacts.velocity_changes(position, old, velocity, scale, rigid)
+    return velocity + steadied(clusters, whole, position, scaled)

@@ -78,14 +78,14 @@ def _rotation_slope(gradient: np.ndarray) -> np.ndarray:
     the mode is left out.
     """
     u, s, w = decompose(gradient)
-    found = np.zeros((*gradient.shape[:-2], 9, 9))
+    slope = np.zeros((*gradient.shape[:-2], 9, 9))
     for i, j in _TWISTS:
         mode = u[..., :, i, None] * w[..., None, j, :] - u[..., :, j, None] * w[..., None, i, :]
         flat = mode.reshape(*mode.shape[:-2], 9)
         sum_of_two = s[..., i] + s[..., j]
         rate = np.divide(1.0, sum_of_two, out=np.zeros_like(sum_of_two), where=np.abs(sum_of_two) > 1e-12)
-        found += rate[..., None, None] * flat[..., :, None] * flat[..., None, :]
-    return found
+        slope += rate[..., None, None] * flat[..., :, None] * flat[..., None, :]
+    return slope
 
 
 def _constants(mu: np.ndarray, lam: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -149,7 +149,7 @@ def tangent(material: str, gradient: np.ndarray, mu: np.ndarray, lam: np.ndarray
 def linear_tangent(mu: np.ndarray, lam: np.ndarray) -> np.ndarray:
     """Return the tangent of Hooke's law, mu (G + G') + lambda tr(G) I of a displacement gradient G: (..., 9, 9) [Pa]."""
     one = np.eye(3)
-    turned = np.einsum("il,jk->ijkl", one, one).reshape(9, 9)
+    transposition = np.einsum("il,jk->ijkl", one, one).reshape(9, 9)
     volume = np.einsum("ij,kl->ijkl", one, one).reshape(9, 9)
     mu, lam = (np.asarray(value)[..., None, None] for value in (mu, lam))
-    return mu * (np.eye(9) + turned) + lam * volume
+    return mu * (np.eye(9) + transposition) + lam * volume

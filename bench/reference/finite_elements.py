@@ -105,21 +105,21 @@ class Body:
 def free_coordinates(fixed: np.ndarray) -> np.ndarray:
     """Return the numbers 3 vertex + axis of the free coordinates: (free,); `fixed`: (n,) or (n, 3)."""
     fixed = np.asarray(fixed, dtype=bool)
-    held = np.repeat(fixed[:, None], 3, axis=1) if fixed.ndim == 1 else fixed
-    return np.flatnonzero(~held.ravel())
+    mask = np.repeat(fixed[:, None], 3, axis=1) if fixed.ndim == 1 else fixed
+    return np.flatnonzero(~mask.ravel())
 
 
 def linear_static(
     position: np.ndarray, tetrahedra: np.ndarray, young: Values, poisson: Values, fixed: np.ndarray, force: np.ndarray,
-    held_at: np.ndarray | None = None,
+    fixed_displacement: np.ndarray | None = None,
 ) -> np.ndarray:  # fmt: skip
     """Return the displacement at rest under `force` (n, 3) [N] by Hooke's law for small displacements: (n, 3) [m].
 
-    `held_at` (n, 3) [m]: displacements of the fixed vertices (default: none).
+    `fixed_displacement` (n, 3) [m]: displacements of the fixed vertices (default: none).
     """
     stiffness = Body.of(position, tetrahedra, "corotated", young, poisson).stiffness()
     free = free_coordinates(fixed)
-    moved = np.zeros(position.size) if held_at is None else np.array(held_at, dtype=np.float64).ravel()
+    moved = np.zeros(position.size) if fixed_displacement is None else np.array(fixed_displacement, float).ravel()
     moved[free] = 0.0
     load = np.asarray(force, dtype=np.float64).ravel() - stiffness @ moved
     moved[free] = splu(stiffness[free][:, free].tocsc()).solve(load[free])
@@ -173,5 +173,5 @@ def spread_evenly(
     triangles = triangles[np.asarray(on_face, dtype=bool)[triangles].all(axis=1)]
     a, b, c = (position[corner] for corner in triangles.T)
     area = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
-    share = np.bincount(triangles.ravel(), np.repeat(area / 3, 3), minlength=len(position)) / area.sum()
-    return share[:, None] * np.asarray(force, dtype=np.float64)
+    fraction = np.bincount(triangles.ravel(), np.repeat(area / 3, 3), minlength=len(position)) / area.sum()
+    return fraction[:, None] * np.asarray(force, dtype=np.float64)

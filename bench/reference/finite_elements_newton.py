@@ -61,19 +61,19 @@ def minimise(
             step = _step(stiffness(x, True)[free][:, free].tocsc(), pull)
         if step is None:
             raise RuntimeError("Newton's method: the projected stiffness is singular: is the body held?")
-        promised, share = float(step @ pull), 1.0
+        promised, fraction = float(step @ pull), 1.0
         while True:
             trial = x.copy()
-            trial.reshape(-1)[free] += share * step
+            trial.reshape(-1)[free] += fraction * step
             there, left = energy(trial), force(trial).ravel()[free]
-            if there <= here - DOWNHILL * share * promised:
+            if there <= here - DOWNHILL * fraction * promised:
                 break
             # near the end the descent is below the rounding of the energy, so the forces decide
-            small = share * np.abs(step).max() <= 1e-6 * np.ptp(x)
+            small = fraction * np.abs(step).max() <= 1e-6 * np.ptp(x)
             if small and np.linalg.norm(left) < 0.5 * np.linalg.norm(pull):
                 break
-            share /= 2
-            if share < 1e-12:
+            fraction /= 2
+            if fraction < 1e-12:
                 raise RuntimeError(f"Newton's method: no way down, {np.linalg.norm(pull):.2e} N left of {enough:.2e} N")
         x, here, pull = trial, there, left
         if watch:

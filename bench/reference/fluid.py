@@ -53,8 +53,8 @@ class _Kernels:
     def slope(self, r: np.ndarray) -> np.ndarray:
         """Return minus the derivative of `density` over r [1/m^2]."""
         with np.errstate(divide="ignore", invalid="ignore"):
-            found = 3 * self.scale / self.h * np.maximum(1 - r / self.h, 0) ** 2 / r
-        return np.where(r > 0, found, 0.0)
+            derivative = 3 * self.scale / self.h * np.maximum(1 - r / self.h, 0) ** 2 / r
+        return np.where(r > 0, derivative, 0.0)
 
     def wall_at(self, distance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return (what a wall adds to C, its derivative over the distance [1/m])."""
@@ -74,9 +74,9 @@ class _World:
 
     def choose(self, number: np.ndarray) -> None:
         """Select the particles `number` for all following arrays."""
-        found = self.scene.fluid_set
-        self.fluid = found.fluid[number]
-        self.weight = np.array(found.lightness)[self.fluid]
+        fluid_set = self.scene.fluid_set
+        self.fluid = fluid_set.fluid[number]
+        self.weight = np.array(fluid_set.lightness)[self.fluid]
 
     def of(self, field: str) -> np.ndarray:
         """Return a field of each particle's fluid; a missing value is infinite."""
@@ -87,10 +87,10 @@ class _World:
         total, gradient = np.zeros(len(p)), np.zeros_like(p)
         for kind, collider in self.scene.colliders:
             distance, normal = fluid_world.distances(kind, collider, p, time)
-            share, slope = self.kernels.wall_at(distance - collider.thickness)
-            of_total, of_share = fluid_world.rate(total, share), fluid_world.rate(share, total)
-            gradient = gradient * of_total[:, None] + (slope * of_share)[:, None] * normal
-            total = fluid_world.joined(total, share)
+            contribution, slope = self.kernels.wall_at(distance - collider.thickness)
+            of_total, of_contribution = fluid_world.rate(total, contribution), fluid_world.rate(contribution, total)
+            gradient = gradient * of_total[:, None] + (slope * of_contribution)[:, None] * normal
+            total = fluid_world.joined(total, contribution)
         return total, gradient
 
     def collide(self, number: int, before: np.ndarray, p: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -142,17 +142,17 @@ def _solve(world: _World, number: int, x: np.ndarray, p: np.ndarray, pairs: _Pai
     g = -pairs.s[:, None] * pairs.d
     _, wall = world.walls(p, end)
     square = (g**2).sum(axis=1)
-    own = pairs.sum(weight[pairs.j] * square, weight[pairs.i] * square)
+    from_others = pairs.sum(weight[pairs.j] * square, weight[pairs.i] * square)
     across = pairs.sum(g, -g) + wall
-    below = weight * (across**2).sum(axis=1) + own
+    below = weight * (across**2).sum(axis=1) + from_others
     part = method.relaxation_factor / (world.kernels.neighbours if averaged else 1)
     factor = part / (below + method.softness / world.kernels.h**2)
     multiplier = np.zeros(len(p))
     for _ in range(method.iterations):
         pairs.at(p, place)
         kernel = world.kernels.density(pairs.bare)
-        share, wall = world.walls(p, end)
-        c = pairs.sum(kernel, kernel) - world.kernels.rest + share
+        contribution, wall = world.walls(p, end)
+        c = pairs.sum(kernel, kernel) - world.kernels.rest + contribution
         if averaged:
             delta = np.minimum(-factor * c, 0)
         else:
@@ -163,8 +163,8 @@ def _solve(world: _World, number: int, x: np.ndarray, p: np.ndarray, pairs: _Pai
             h, at = world.kernels.h, method.tensile_distance
             ratio = np.maximum(1 - (pairs.r / h) ** 2, 0) ** 3 / (1 - at**2) ** 3
             both = both - method.tensile_correction * h**2 * ratio**4
-        way = -(both * pairs.s)[:, None] * pairs.d
-        total = pairs.sum(way, -way) + delta[:, None] * wall
+        displacement = -(both * pairs.s)[:, None] * pairs.d
+        total = pairs.sum(displacement, -displacement) + delta[:, None] * wall
         p, _ = world.collide(number, x, p + weight[:, None] * total, np.zeros_like(p))
     pairs.at(p, place)
     return p, c, multiplier
@@ -187,9 +187,9 @@ def _smooth(world: _World, p: np.ndarray, v: np.ndarray, pairs: _Pairs) -> np.nd
         return (values[i] + values[j]) / 2
 
     viscosity = np.minimum(world.of("viscosity") / world.of("density") * world.h / world.kernels.spread, 1)
-    share = mean(viscosity) * 2 / (weight[i] + weight[j]) * world.kernels.kernel(pairs.r)
-    way = share[:, None] * (v[j] - v[i])
-    smoothing = weight[:, None] * pairs.sum(way, -way)
+    factor = mean(viscosity) * 2 / (weight[i] + weight[j]) * world.kernels.kernel(pairs.r)
+    change = factor[:, None] * (v[j] - v[i])
+    smoothing = weight[:, None] * pairs.sum(change, -change)
     density = next(iter(scene.fluids.values())).density
     q, direction = pairs.r / h, pairs.d / np.maximum(pairs.r, 1e-300)[:, None]
     spline = np.where(q > 0.5, 64 * (1 - q) ** 3 * q**3, 128 * (1 - q) ** 3 * q**3 - 1)
@@ -240,7 +240,7 @@ def substep(world: _World, number: int, x: np.ndarray, v: np.ndarray, who: np.nd
         solver = DivergenceFree(world, number, x, pairs, _places(world, x))
         v, multiplier = solver.substep(v, lambda u, c: accelerated(braked(_smooth(world, x, u, pairs), c)))
         v = limited(v)
-        settled = fluid_impact.without_rebound(world, number, x, v, solver.meant, solver.second)
+        settled = fluid_impact.without_rebound(world, number, x, v, solver.second_start, solver.second)
         p, v = world.collide(number, x, x + h * v, settled)
         v = limited(v)
         pairs.at(p, _places(world, p))
@@ -283,10 +283,10 @@ def run(
     for number in range(first_step * scene.method.substeps, (first_step + steps) * scene.method.substeps):
         world.flow.emit(number, p, v)
         there = np.flatnonzero(scene.fluid_set.there(p))
-        left, *found = substep(world, number, p[there], v[there], there)
+        left, *values = substep(world, number, p[there], v[there], there)
         Flow.park(p, v, np.setdiff1d(there, left))
         c, multiplier = np.zeros((2, len(p)))
-        p[left], v[left], c[left], multiplier[left] = found
+        p[left], v[left], c[left], multiplier[left] = values
     pressure = -multiplier * next(iter(scene.fluids.values())).density / world.h**2
     return p[:, :axes], v[:, :axes], c, pressure
 
@@ -295,5 +295,5 @@ def simulate(
     scene: Scene, steps: int, position: np.ndarray, velocity: np.ndarray, first_step: int = 0
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return (position [m], velocity [m/s]), (particles, dimensions) float64, after `steps` steps from the given ones."""
-    found = run(scene, steps, position, velocity, first_step)
-    return found[0], found[1]
+    values = run(scene, steps, position, velocity, first_step)
+    return values[0], values[1]

@@ -23,14 +23,14 @@ class DivergenceFree:
         method, weight = world.scene.method, world.weight
         pairs.at(x, places)
         kernel = world.kernels.density(pairs.bare)
-        share, self.wall = world.walls(x, (number + 1) * self.h)
-        self.came = share - world.walls(x, number * self.h)[0]
-        self.c = pairs.sum(kernel, kernel) - world.kernels.rest + share
+        contribution, self.wall = world.walls(x, (number + 1) * self.h)
+        self.came = contribution - world.walls(x, number * self.h)[0]
+        self.c = pairs.sum(kernel, kernel) - world.kernels.rest + contribution
         g = -pairs.s[:, None] * pairs.d
         square = (g**2).sum(axis=1)
-        own = pairs.sum(weight[pairs.j] * square, weight[pairs.i] * square)
+        from_others = pairs.sum(weight[pairs.j] * square, weight[pairs.i] * square)
         across = pairs.sum(g, -g) + self.wall
-        below = weight * (across**2).sum(axis=1) + own
+        below = weight * (across**2).sum(axis=1) + from_others
         self.g, self.factor = g, method.relaxation_factor / (below + method.softness / world.kernels.h**2)
         self.iterations = method.iterations
         self.change = world.of("maximum_acceleration") * self.h / 2
@@ -44,8 +44,8 @@ class DivergenceFree:
     def moved_by(self, multiplier: np.ndarray) -> np.ndarray:
         """Return the displacements of particles by multipliers: (n, 3) [m]."""
         pairs = self.pairs
-        way = (multiplier[pairs.i] + multiplier[pairs.j])[:, None] * self.g
-        total = pairs.sum(way, -way) + multiplier[:, None] * self.wall
+        displacement = (multiplier[pairs.i] + multiplier[pairs.j])[:, None] * self.g
+        total = pairs.sum(displacement, -displacement) + multiplier[:, None] * self.wall
         return np.asarray(self.world.weight[:, None] * total)
 
     def solve(self, target: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -54,9 +54,9 @@ class DivergenceFree:
         """
         ahead = iterate = np.zeros(len(target))
         for k in range(self.iterations):
-            found = np.minimum(ahead - self.factor * (target + self.rate(self.moved_by(ahead))), 0)
+            updated = np.minimum(ahead - self.factor * (target + self.rate(self.moved_by(ahead))), 0)
             momentum = k / (k + 3) if k < self.iterations - 1 else 0
-            ahead, iterate = found + momentum * (found - iterate), found
+            ahead, iterate = updated + momentum * (updated - iterate), updated
         gain = self.moved_by(ahead) / self.h
         far = np.linalg.norm(gain, axis=1)
         return v + gain * np.where(far > self.change, self.change / np.where(far > 0, far, 1), 1)[:, None], ahead
@@ -66,11 +66,11 @@ class DivergenceFree:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return (velocities, multipliers) after both solves.
 
-        `between` them smooths, damps and accelerates velocities. Afterwards `meant` has the start of the second solve,
+        `between` them smooths, damps and accelerates velocities. Afterwards `second_start` has the start of the second solve,
         and `second` its multipliers.
         """
         grows = self.h * self.rate(v) + self.came
         v, first = self.solve(np.where(self.c > -SURFACE, grows, -1.0), v)
-        self.meant = between(v, self.c)
-        v, self.second = self.solve(self.c + self.h * self.rate(self.meant), self.meant)
+        self.second_start = between(v, self.c)
+        v, self.second = self.solve(self.c + self.h * self.rate(self.second_start), self.second_start)
         return v, first + self.second

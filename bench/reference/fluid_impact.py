@@ -22,9 +22,9 @@ def velocities(
     `multiplier` [m^2]: sum over all iterations.
     """
     h, change = world.h, world.of("maximum_acceleration") * world.h
-    meant = x + h * u
-    predicted, after = world.collide(number, x, meant, u)
-    hit = (predicted != meant).any(axis=1)[:, None]
+    free_flight = x + h * u
+    predicted, after = world.collide(number, x, free_flight, u)
+    hit = (predicted != free_flight).any(axis=1)[:, None]
     v = np.where(hit, after + (p - predicted) / h, (p - x) / h)
     base = np.where(hit, after, u)
     far = np.linalg.norm(v - base, axis=1)
@@ -39,13 +39,13 @@ def without_rebound(
     end, total = (number + 1) * world.h, np.zeros(len(at))
     for kind, collider in world.scene.colliders:
         distance, normal = fluid_world.distances(kind, collider, at, end)
-        share, slope = world.kernels.wall_at(distance - collider.thickness)
-        push = world.weight * multiplier * slope * fluid_world.rate(share, total) / world.h
+        contribution, slope = world.kernels.wall_at(distance - collider.thickness)
+        push = world.weight * multiplier * slope * fluid_world.rate(contribution, total) / world.h
         wall = np.array(collider.velocity, float)
         if hasattr(collider, "spin"):  # meshes and distance fields rotate
             wall = wall + np.cross(collider.spin, at - collider.origin - wall * end)
         before = np.maximum((u * normal).sum(axis=1), (wall * normal).sum(axis=1))
         gained = (v * normal).sum(axis=1) - before
         v = v - np.clip(gained, 0, push)[:, None] * normal
-        total = fluid_world.joined(total, share)
+        total = fluid_world.joined(total, contribution)
     return v

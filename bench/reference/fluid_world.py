@@ -36,10 +36,10 @@ def distances(kind: str, collider: Any, p: np.ndarray, time: float) -> tuple[np.
     distance, normal = np.full(len(p), np.inf), np.zeros_like(p)
     for k, place in enumerate(places):
         if isinstance(collider, MeshCollider):
-            way = place - mesh_collider.nearest_point(collider.position[collider.triangles], place)
-            length = float(np.linalg.norm(way))
+            offset = place - mesh_collider.nearest_point(collider.position[collider.triangles], place)
+            length = float(np.linalg.norm(offset))
             if length > 0:
-                distance[k], normal[k] = length, turn @ way / length
+                distance[k], normal[k] = length, turn @ offset / length
         else:
             field = collider.field
             last = field.low + field.spacing * (np.array(field.distance.shape) - 1)
@@ -51,15 +51,15 @@ def distances(kind: str, collider: Any, p: np.ndarray, time: float) -> tuple[np.
     return distance, normal
 
 
-def joined(total: np.ndarray, share: np.ndarray) -> np.ndarray:
-    """Return the contribution of walls to C: `total` of those so far plus `share` of one more, minus their overlap."""
-    larger = np.maximum(total, share)
-    return np.where(larger >= 1, larger, total + share - total * share)
+def joined(total: np.ndarray, contribution: np.ndarray) -> np.ndarray:
+    """Return the contribution of walls to C: `total` of those so far plus `contribution` of one more, minus their overlap."""
+    larger = np.maximum(total, contribution)
+    return np.where(larger >= 1, larger, total + contribution - total * contribution)
 
 
-def rate(share: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """Return the derivative of `joined` with respect to `share`."""
-    return np.where(np.maximum(share, other) >= 1, share >= other, 1 - other)
+def rate(contribution: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Return the derivative of `joined` with respect to `contribution`."""
+    return np.where(np.maximum(contribution, other) >= 1, contribution >= other, 1 - other)
 
 
 def collide(
@@ -75,8 +75,8 @@ def collide(
     for kind, collider in scene.colliders:
         surface: Any = collider
         if isinstance(surface, MeshCollider | DistanceField):
-            meet: Any = mesh_collider.collide if isinstance(surface, MeshCollider) else distance_field.collide
-            position, velocity = meet(
+            module: Any = mesh_collider if isinstance(surface, MeshCollider) else distance_field
+            position, velocity = module.collide(
                 surface, before, position, velocity, *times, partial(cloth.touched, surface, slow)
             )
             continue
@@ -84,9 +84,9 @@ def collide(
         settled = position + np.maximum(surface.thickness - distance, 0) * normal
         touching = distance < surface.thickness
         if kind != "plane":
-            found, stopped, way = _caught(kind, surface, before, position, *times)
-            settled, normal = np.where(found, stopped, settled), np.where(found, way, normal)
-            touching = touching | found
+            caught, stopped, new_normal = _caught(kind, surface, before, position, *times)
+            settled, normal = np.where(caught, stopped, settled), np.where(caught, new_normal, normal)
+            touching = touching | caught
         position = np.where(touching, settled, position)
         velocity = np.where(touching, cloth.touched(surface, slow, velocity, normal), velocity)
     return position, velocity
@@ -101,7 +101,7 @@ def _caught(
     """
     drift = np.array(collider.velocity)
     start = np.array(collider.start if kind == "capsule" else collider.center)
-    found, stopped, normal = np.zeros((len(position), 1), bool), position.copy(), np.zeros_like(position)
+    caught, stopped, normal = np.zeros((len(position), 1), bool), position.copy(), np.zeros_like(position)
     for k in range(len(position)):
         a, b = before[k] - start - drift * begin, position[k] - start - drift * end
         if kind == "box":
@@ -109,7 +109,7 @@ def _caught(
             entered = _by_face(a, b, half)
             if entered is not None:
                 axis, side = entered
-                found[k], normal[k, axis] = True, side
+                caught[k], normal[k, axis] = True, side
                 stopped[k, axis] = (start + drift * end)[axis] + side * (half[axis] + collider.thickness)
             continue
         line = np.array(collider.end) - start if kind == "capsule" else np.zeros(3)
@@ -117,35 +117,35 @@ def _caught(
         if part < 1:
             place, square = a + part * (b - a), line @ line
             away = place - (np.clip(place @ line / square, 0, 1) * line if square else 0)
-            found[k], stopped[k], normal[k] = True, start + drift * end + place, away / np.linalg.norm(away)
-    return found, stopped, normal
+            caught[k], stopped[k], normal[k] = True, start + drift * end + place, away / np.linalg.norm(away)
+    return caught, stopped, normal
 
 
-def _into_capsule(a: np.ndarray, b: np.ndarray, line: np.ndarray, reach: float) -> float:
+def _into_capsule(a: np.ndarray, b: np.ndarray, line: np.ndarray, radius: float) -> float:
     """Return the fraction of the path from a to b (3,) at which it enters a capsule; inf if it does not.
 
-    The capsule has the radius `reach` around the segment from the origin to `line`. Also inf where the path ends so
+    The capsule has this `radius` around the segment from the origin to `line`. Also inf where the path ends so
     that pushing the mass out is right.
     """
     square = float(line @ line)
     if square:
         u, w = a @ line / square, b @ line / square
-        part = _into_ball(a - u * line, b - w * line, reach)
+        part = _into_ball(a - u * line, b - w * line, radius)
         if part < 1 and 0 <= u + part * (w - u) <= 1:
             return part
-    return min(_into_ball(a, b, reach), _into_ball(a - line, b - line, reach))
+    return min(_into_ball(a, b, radius), _into_ball(a - line, b - line, radius))
 
 
-def _into_ball(a: np.ndarray, b: np.ndarray, reach: float) -> float:
-    """Return the same fraction for a ball of radius `reach` around the origin."""
-    way, rest = b - a, float(a @ a) - reach**2
-    slope = float(a @ way)
-    root = slope**2 - float(way @ way) * rest
-    if rest < -TOUCHING * reach**2 or slope >= 0 or root <= 0:
+def _into_ball(a: np.ndarray, b: np.ndarray, radius: float) -> float:
+    """Return the same fraction for a ball of this `radius` around the origin."""
+    path, rest = b - a, float(a @ a) - radius**2
+    slope = float(a @ path)
+    root = slope**2 - float(path @ path) * rest
+    if rest < -TOUCHING * radius**2 or slope >= 0 or root <= 0:
         return np.inf
-    if a @ b > 0 and (b @ b < reach**2 or rest < TOUCHING * reach**2):
+    if a @ b > 0 and (b @ b < radius**2 or rest < TOUCHING * radius**2):
         return np.inf
-    return float(np.clip((-slope - np.sqrt(root)) / (way @ way), 0, 1))
+    return float(np.clip((-slope - np.sqrt(root)) / (path @ path), 0, 1))
 
 
 def _by_face(a: np.ndarray, b: np.ndarray, half: np.ndarray) -> tuple[int, float] | None:
@@ -185,23 +185,23 @@ class Flow:
 
     def emit(self, number: int, position: np.ndarray, velocity: np.ndarray) -> None:
         """Write the particles that leave in a substep into arrays (particles, 3) in which inactive ones are PARKED."""
-        found = self.scene.fluid_set
+        fluid_set = self.scene.fluid_set
         for name, part in self.scene.emitters.items():
             passed = [self.layers(name, (number + k) * self.h) for k in (0, 1)]
-            own = 0 if part.fluid is None else list(self.scene.fluids).index(part.fluid)
+            fluid_number = 0 if part.fluid is None else list(self.scene.fluids).index(part.fluid)
             for layer in range(ceil(passed[0]), ceil(passed[1])):
-                waiting = np.flatnonzero((found.fluid == own) & ~found.there(position))
-                points = self.nozzles[name] + (passed[1] - layer) * found.spacing * part.unit_direction
+                waiting = np.flatnonzero((fluid_set.fluid == fluid_number) & ~fluid_set.there(position))
+                points = self.nozzles[name] + (passed[1] - layer) * fluid_set.spacing * part.unit_direction
                 self.missing += max(0, len(points) - len(waiting))
                 position[waiting[: len(points)]] = points[: len(waiting)]
                 velocity[waiting[: len(points)]] = part.speed * part.unit_direction
 
     def ended(self, position: np.ndarray) -> np.ndarray:
         """Return a mask (n,) of the positions inside a sink."""
-        found = np.zeros(len(position), bool)
+        inside = np.zeros(len(position), bool)
         for sink in self.scene.sinks.values():
-            found |= sink.holds(position)
-        return found
+            inside |= sink.holds(position)
+        return inside
 
     @staticmethod
     def park(position: np.ndarray, velocity: np.ndarray, gone: np.ndarray) -> None:

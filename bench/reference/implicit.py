@@ -58,22 +58,22 @@ def system(scene: Scene, position: np.ndarray) -> np.ndarray:
     every = np.arange(count)
     blocks[every, :, every, :] = np.eye(3) * (1 + h * (scene.damping.coefficient if scene.damping else 0.0) / mass)
     for kind, springs in scene.cloth_springs.items():
-        for way in cloth.WAYS[kind]:
-            first, second = (ends.ravel() for ends in cloth.ends(number, way))
+        for offset in cloth.OFFSETS[kind]:
+            first, second = (ends.ravel() for ends in cloth.ends(number, offset))
             d = position.reshape(-1, 3)[second] - position.reshape(-1, 3)[first]
             length = np.linalg.norm(d, axis=1)[:, None, None]
             n = np.divide(d, length[:, :, 0], out=np.zeros_like(d), where=length[:, :, 0] > 0)
             along = n[:, :, None] * n[:, None, :]
-            rest = scene.grid.spacing * np.hypot(*way)
+            rest = scene.grid.spacing * np.hypot(*offset)
             across = np.maximum(1 - np.divide(rest, length, out=np.zeros_like(length), where=length > 0), 0.0)
             stiff = h * h * springs.stiffness * (along + across * (np.eye(3) - along)) + h * springs.damping * along
             for a, b, sign in ((first, first, 1), (second, second, 1), (first, second, -1), (second, first, -1)):
                 place: Any = (a, slice(None), b, slice(None))
                 np.add.at(blocks, place, sign * stiff / mass[a])
-    held = np.flatnonzero(pinned_mask(scene))
-    blocks[held] = 0
-    blocks[:, :, held] = 0
-    blocks[held, :, held, :] = np.eye(3)
+    pinned = np.flatnonzero(pinned_mask(scene))
+    blocks[pinned] = 0
+    blocks[:, :, pinned] = 0
+    blocks[pinned, :, pinned, :] = np.eye(3)
     return blocks.reshape(3 * count, 3 * count)
 
 
@@ -97,26 +97,26 @@ def solve(
 
     u = np.zeros_like(velocity)
     x, residual = at(u)
-    found = Solution(u, [float(np.linalg.norm(residual))])
-    while found.residuals[-1] > ENOUGH * found.residuals[0] and len(found.residuals) <= MOST:
+    solution = Solution(u, [float(np.linalg.norm(residual))])
+    while solution.residuals[-1] > ENOUGH * solution.residuals[0] and len(solution.residuals) <= MOST:
         s = np.linalg.solve(system(scene, x), residual.ravel()).reshape(u.shape)
         weighted = mass * s
         slope, part = float(np.vdot(residual, weighted)), 1.0
         if linear:
-            found.velocity = s
-            return found
+            solution.velocity = s
+            return solution
         x, residual = at(u + s)
         while np.vdot(residual, weighted) < -0.9 * slope and part > 2**-10:
             part /= 2
             x, residual = at(u + part * s)
         u = u + part * s
-        if found.first is None:
-            found.first = u
-        found.residuals.append(float(np.linalg.norm(residual)))
-        if len(found.residuals) > 8 and found.residuals[-1] > 0.99 * max(found.residuals[-4:-1]):
+        if solution.first is None:
+            solution.first = u
+        solution.residuals.append(float(np.linalg.norm(residual)))
+        if len(solution.residuals) > 8 and solution.residuals[-1] > 0.99 * max(solution.residuals[-4:-1]):
             break  # limited by rounding
-    found.velocity = u
-    return found
+    solution.velocity = u
+    return solution
 
 
 def other_forces(

@@ -31,9 +31,9 @@ def refine(
         change = [b - a for a, b in zip(coarse, fine, strict=True)]
         difference = float(np.linalg.norm(change[0], axis=1).max())
         fourth = smooth or difference <= before / FOURTH
-        share = 15 if fourth else 1
+        divisor = 15 if fourth else 1
         slow = slow + 1 if before > 0 and not fourth else 0
-        if difference / share <= tolerance or 4 * steps > most_steps or slow == MAX_SLOW:
+        if difference / divisor <= tolerance or 4 * steps > most_steps or slow == MAX_SLOW:
             position, velocity = (f + c / 15 if fourth else f for f, c in zip(fine, change, strict=True))
-            return position, velocity, difference / share
+            return position, velocity, difference / divisor
         coarse, before, steps = fine, difference, 2 * steps

@@ -26,11 +26,11 @@ def iterate(
     `plastic`: the strains of plastic clusters.
     """
     with np.errstate(divide="ignore"):
-        share = 1 - (1 / (1 + clusters.stiffness * h**2)) ** (1 / iterations)
-    ways = clusters.goals(position, plastic) - position[clusters.indices]
-    ways *= (clusters.weights * share[clusters.owner])[:, None]
+        fraction = 1 - (1 / (1 + clusters.stiffness * h**2)) ** (1 / iterations)
+    displacements = clusters.goals(position, plastic) - position[clusters.indices]
+    displacements *= (clusters.weights * fraction[clusters.owner])[:, None]
     moved = position.copy()
-    np.add.at(moved, clusters.indices, ways)
+    np.add.at(moved, clusters.indices, displacements)
     return moved
 
 
@@ -108,13 +108,14 @@ def motion(
                 if len(multipliers):
                     p = linked(scene, p, multipliers)
                 bent = cluster_material.crept(clusters, p, plastic, h, method.iterations)
-                found = np.where(free, iterate(clusters, p, h, method.iterations, plastic), p)
-                p, matched, plastic = found, matched + (found - p), bent
+                iterated = np.where(free, iterate(clusters, p, h, method.iterations, plastic), p)
+                p, matched, plastic = iterated, matched + (iterated - p), bent
                 if contacts:
                     p = contacts.sweep(before, p)
                 p = yield before, p
             if contacts and contacts.part.static_friction > 0:
-                p = np.where(free, p + cluster_material.turned(scene.body_set.loose, p, contacts.couples), p)
+                rotated = cluster_material.couple_displacements(scene.body_set.loose, p, contacts.couples)
+                p = np.where(free, p + rotated, p)
             if contacts:
                 p = contacts.ended(before, p)
             old, v = v, np.where(free, (p - before - of_whole * matched) / h, 0.0)

@@ -28,8 +28,8 @@ def alone(motion: Motion) -> tuple[np.ndarray, np.ndarray]:
         while True:
             _, now = motion.send(now)
     except StopIteration as ended:
-        found: tuple[np.ndarray, np.ndarray] = ended.value
-        return found
+        end_state: tuple[np.ndarray, np.ndarray] = ended.value
+        return end_state
 
 
 def pinned_mask(scene: Scene) -> np.ndarray:

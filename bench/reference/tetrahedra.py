@@ -13,7 +13,7 @@ of the volume:
   order (`Sweep.descend`).
 
 `rows` projects them one after the other, the shape first, as all orders do for neo-Hookean except `volume-first`;
-`WAYS` has other orders. `blocks` is another scheme: F - R as one system (`Sweep.block`), then the volume. With
+`SCHEMES` has other orders. `blocks` is another scheme: F - R as one system (`Sweep.block`), then the volume. With
 iterations a scalar row keeps multipliers along past directions of |F - R| and ends some per cent off the step of
 implicit Euler (finite_elements_newton.py), to which blocks and the rows of the neo-Hookean material converge.
 
@@ -36,7 +36,7 @@ from softlab.bench.reference.finite_elements import Body
 ROUND = 1e-9  # |F - R| below it has no direction, and no row
 SHAPE, VOLUME = 0, 1
 LEAST_CURVATURE = 2.0  # lower bound of the curvature of S / 2 along a unit direction without rotation, at rest
-WAYS = {"rows": ((SHAPE,), (VOLUME,)), "volume-first": ((VOLUME,), (SHAPE,)), "together": ((SHAPE, VOLUME),)}
+SCHEMES = {"rows": ((SHAPE,), (VOLUME,)), "volume-first": ((VOLUME,), (SHAPE,)), "together": ((SHAPE, VOLUME),)}
 
 
 def row(body: Body, kind: int, members: np.ndarray, gradient: np.ndarray) -> tuple[np.ndarray, ...]:
@@ -47,10 +47,10 @@ def row(body: Body, kind: int, members: np.ndarray, gradient: np.ndarray) -> tup
     if kind == SHAPE:
         if body.material == "neo-hookean":
             raise ValueError("the shape of a neo-Hookean tetrahedron is no row: see Sweep.descend")
-        ways, modulus = gradient - elastic_materials.rotation(gradient), 2 * mu
-        length = np.sqrt((ways**2).sum(axis=(-2, -1)))
+        difference, modulus = gradient - elastic_materials.rotation(gradient), 2 * mu
+        length = np.sqrt((difference**2).sum(axis=(-2, -1)))
         there = length >= ROUND
-        slope = ways / np.where(there, length, 1.0)[..., None, None] * there[..., None, None]
+        slope = difference / np.where(there, length, 1.0)[..., None, None] * there[..., None, None]
         return np.where(there, length, 0.0), slope, 1 / (modulus * volume)
     if body.material == "corotated":
         u, s, w = elastic_materials.decompose(gradient)
@@ -86,8 +86,8 @@ class Sweep:
     def push(self, members: np.ndarray, position: np.ndarray, change: np.ndarray) -> None:
         """Move the corners by the multipliers' `change` times dC/dF (..., c, 3, 3), in place."""
         corners = self.body.tetrahedra[members]
-        ways = np.einsum("...mij,maj->...mai", change, self.body.gradient[members])
-        position[..., corners, :] += self.inverse_mass[corners][..., None] * ways
+        displacements = np.einsum("...mij,maj->...mai", change, self.body.gradient[members])
+        position[..., corners, :] += self.inverse_mass[corners][..., None] * displacements
 
     def rows(self, members: np.ndarray, position: np.ndarray, kinds: Sequence[int]) -> None:
         """Project the rows `kinds` of these tetrahedra as one system, in place."""
@@ -98,11 +98,11 @@ class Sweep:
         heavy = self.weight(members)
         between = np.einsum("...mkij,mjl,...mnil->...mkn", slope, heavy, slope)
         left = np.empty(between.shape[:-1])
-        for n, (kind, (value, ways, compliance)) in enumerate(zip(kinds, parts, strict=True)):
+        for n, (kind, (value, gradients, compliance)) in enumerate(zip(kinds, parts, strict=True)):
             known = self.shape[..., members, 0, 0] if kind == SHAPE else self.volume[..., members]
-            there = np.isfinite(compliance) & (ways**2).any(axis=(-2, -1))
+            there = np.isfinite(compliance) & (gradients**2).any(axis=(-2, -1))
             alpha = np.where(np.isfinite(compliance), compliance, 1.0) / self.h**2
-            rate = self.gamma * (ways * moved).sum(axis=(-2, -1))
+            rate = self.gamma * (gradients * moved).sum(axis=(-2, -1))
             left[..., n] = np.where(there, -value - alpha * known - rate, 0.0)
             between[..., n, :] *= 1 + self.gamma
             between[..., n, n] += alpha
@@ -144,27 +144,29 @@ class Sweep:
         body, f, gamma = self.body, self.gradient(members, position), self.gamma
         cofactor, ratio = elastic_materials.cofactor(f), np.linalg.det(f)
         alpha = 1 / (body.mu[members] * body.volume[members] * self.h**2)
-        own = self.shape[..., members, :, :] - self.volume[..., members][..., None, None] * cofactor
+        impulse = self.shape[..., members, :, :] - self.volume[..., members][..., None, None] * cofactor
         grown = (square(f) - square(self.gradient(members, self.before))) / 2
-        left = -(f + (ratio - 2)[..., None, None] * cofactor) - alpha[:, None, None] * own - 2 * gamma * f @ grown
-        way = left @ self.weight(members)
-        size, tilt = inner(way, way), np.swapaxes(f, -2, -1) @ way
+        left = -(f + (ratio - 2)[..., None, None] * cofactor) - alpha[:, None, None] * impulse - 2 * gamma * f @ grown
+        direction = left @ self.weight(members)
+        size, tilt = inner(direction, direction), np.swapaxes(f, -2, -1) @ direction
         rate = (tilt + np.swapaxes(tilt, -2, -1)) / 2
-        elastic = size + inner(cofactor, way) ** 2 + 2 * (ratio - 2) * inner(f, elastic_materials.cofactor(way))
-        viscous = 2 * (inner(rate, rate) + np.maximum(inner(grown, square(way)), 0))
+        elastic = (
+            size + inner(cofactor, direction) ** 2 + 2 * (ratio - 2) * inner(f, elastic_materials.cofactor(direction))
+        )
+        viscous = 2 * (inner(rate, rate) + np.maximum(inner(grown, square(direction)), 0))
         curvature = np.maximum(elastic, LEAST_CURVATURE * size) + gamma * np.maximum(viscous, LEAST_CURVATURE * size)
-        along = inner(left, way)
+        along = inner(left, direction)
         moves = along > np.finfo(float).tiny
         step = np.where(moves, along, 0) / np.where(moves, alpha * along + curvature, 1)
         change = step[..., None, None] * left
         self.shape[..., members, :, :] += change
         self.push(members, position, change)
 
-    def hookean(self, members: np.ndarray, position: np.ndarray, way: Sequence[Sequence[int]]) -> None:
+    def hookean(self, members: np.ndarray, position: np.ndarray, order: Sequence[Sequence[int]]) -> None:
         """Project shape and volume of neo-Hookean tetrahedra one after the other, in place.
 
         Impulses of the volume are added to the shape's multipliers, so that they need not rotate with F."""
-        for kind in [kind for kinds in way for kind in kinds]:
+        for kind in [kind for kinds in order for kind in kinds]:
             if kind == SHAPE:
                 self.descend(members, position)
                 continue
@@ -178,16 +180,16 @@ class Sweep:
         hats = self.body.gradient[members]
         return np.einsum("mai,ma,maj->mij", hats, self.inverse_mass[self.body.tetrahedra[members]], hats)
 
-    def project(self, members: np.ndarray, position: np.ndarray, way: str) -> None:
+    def project(self, members: np.ndarray, position: np.ndarray, scheme: str) -> None:
         """Project shape and volume of the tetrahedra `members` (c,), no two of which share a vertex, in place."""
         if self.body.material == "neo-hookean":
-            self.hookean(members, position, WAYS.get(way, ((SHAPE, VOLUME),)))
+            self.hookean(members, position, SCHEMES.get(scheme, ((SHAPE, VOLUME),)))
             return
-        if way == "blocks":
+        if scheme == "blocks":
             self.block(members, position)
             self.rows(members, position, (VOLUME,))
             return
-        for kinds in WAYS[way]:
+        for kinds in SCHEMES[scheme]:
             self.rows(members, position, kinds)
 
 
@@ -212,7 +214,7 @@ def substep(
     gravity: tuple[float, float, float] = (0.0, 0.0, 0.0),
     damping_time: float = 0.0,
     drag: float = 0.0,
-    way: str = "rows",
+    scheme: str = "rows",
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return (position, velocity) after h [s]; the arguments as in `simulate`."""
     free = (inverse_mass > 0)[:, None]
@@ -222,7 +224,7 @@ def substep(
     sweep = Sweep(body, inverse_mass, position, h, damping_time / h, shape, shape[..., 0, 0].copy())
     for _ in range(iterations):
         for members in order:
-            sweep.project(members, p, way)
+            sweep.project(members, p, scheme)
     return p, (p - position) / h
 
 
@@ -239,17 +241,17 @@ def simulate(
     gravity: tuple[float, float, float] = (0.0, 0.0, 0.0),
     damping_time: float = 0.0,
     drag: float = 0.0,
-    way: str = "rows",
+    scheme: str = "rows",
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return (position [m], velocity [m/s]), (..., n, 3), after `steps` steps of `dt` [s].
 
     `inverse_mass` (n,) [1/kg], 0 for fixed vertices; `order`: sets of tetrahedra without a common vertex, one after the
-    other; `damping_time` [s]: tau; `drag` [1/s]: of the velocity, in proportion to mass; `way`: a key of WAYS, or
+    other; `damping_time` [s]: tau; `drag` [1/s]: of the velocity, in proportion to mass; `scheme`: a key of SCHEMES, or
     "blocks"."""
     p, v = np.array(position, dtype=np.float64), np.array(velocity, dtype=np.float64)
     for _ in range(steps * substeps):
         p, v = substep(
-            body, p, v, inverse_mass, order, dt / substeps, iterations, gravity, damping_time, drag, way
+            body, p, v, inverse_mass, order, dt / substeps, iterations, gravity, damping_time, drag, scheme
         )  # fmt: skip
     return p, v
 
@@ -263,7 +265,7 @@ def at_rest(
     iterations: int = 1,
     gravity: tuple[float, float, float] = (0.0, 0.0, 0.0),
     damping_time: float = 0.0,
-    way: str = "rows",
+    scheme: str = "rows",
     enough: float = 1e-8,
 ) -> np.ndarray:
     """Return the positions (n, 3) [m] at which `simulate` is at rest: a substep of h [s] does not move them.
@@ -276,7 +278,9 @@ def at_rest(
     near = max(enough * h**2 * float(np.linalg.norm(gravity)), 2e-13 * extent)
 
     def moved(x: np.ndarray) -> np.ndarray:
-        p, _ = substep(body, x, np.zeros_like(x), inverse_mass, order, h, iterations, gravity, damping_time, 0.0, way)
+        p, _ = substep(
+            body, x, np.zeros_like(x), inverse_mass, order, h, iterations, gravity, damping_time, 0.0, scheme
+        )
         return (p - x).reshape(*x.shape[:-2], -1)[..., free]
 
     x, last = np.array(start, dtype=np.float64), np.inf

@@ -48,24 +48,24 @@ class Joint:
 
 def _bodies(scene: Scene) -> list[tuple[Body, list[np.ndarray]]]:
     """Return (tetrahedra of one material, their order of projection), set by set."""
-    found = scene.tetrahedra_set
-    mu, lame = found.lame()
-    made = []
-    for chosen, rows in zip(tetrahedra_of_sets(found), constraint_sets(scene), strict=False):
-        corners = found.tetrahedra[chosen].astype(np.int64)
-        volume, gradient = shape_gradients(found.position, corners)
-        body = Body(found.position, corners, rows.model, mu[chosen], lame[chosen], volume, gradient)
-        made.append((body, rows.sweep))
-    return made
+    mesh = scene.tetrahedra_set
+    mu, lame = mesh.lame()
+    bodies = []
+    for chosen, rows in zip(tetrahedra_of_sets(mesh), constraint_sets(scene), strict=False):
+        corners = mesh.tetrahedra[chosen].astype(np.int64)
+        volume, gradient = shape_gradients(mesh.position, corners)
+        body = Body(mesh.position, corners, rows.model, mu[chosen], lame[chosen], volume, gradient)
+        bodies.append((body, rows.sweep))
+    return bodies
 
 
 def _joints(scene: Scene) -> list[Joint]:
-    made = []
+    joints = []
     for rows in attachment_sets(scene.tetrahedra_set):
         for corners, values in zip(rows.corners, rows.values, strict=True):
             others = len(corners) - 1
-            made.append(Joint(corners, values[:others], values[:3], float(values[-1])))
-    return made
+            joints.append(Joint(corners, values[:others], values[:3], float(values[-1])))
+    return joints
 
 
 def simulate(
@@ -82,21 +82,21 @@ def simulate(
 def motion(scene: Scene, steps: int, position: np.ndarray, velocity: np.ndarray, most: int, distance: float) -> Motion:
     """Return `simulate` as a generator in which other references can intervene (`Motion`)."""
     if scene.motions or scene.external or any(p.mass_damping for p in scene.tetrahedra.values()):
-        told = "the reference knows gravity, dampers, contacts, colliders and attachments"
-        raise SceneError("scene", scene.name, told)
-    found, method = scene.tetrahedra_set, scene.method
+        message = "the reference knows gravity, dampers, contacts, colliders and attachments"
+        raise SceneError("scene", scene.name, message)
+    mesh, method = scene.tetrahedra_set, scene.method
     (damping,) = {part.damping for part in scene.tetrahedra.values()}
-    h, inverse_mass = method.dt / method.substeps, 1 / found.masses
-    inverse_mass[found.pinned_vertices] = 0
+    h, inverse_mass = method.dt / method.substeps, 1 / mesh.masses
+    inverse_mass[mesh.pinned_vertices] = 0
     free = (inverse_mass > 0)[:, None]
     drag = (scene.damping.coefficient if scene.damping else 0.0) * inverse_mass[:, None]
     gravity = np.array([0.0, -scene.gravity.acceleration if scene.gravity and scene.gravity.enabled else 0.0, 0.0])
-    start = int(found.first_particle[-1])
+    start = int(mesh.first_particle[-1])
     cloth = [replace(item, corners=item.corners + start) for item in xpbd_mesh.items_of(scene)] if scene.mesh else []
     bodies, joints = _bodies(scene), _joints(scene)
     fine = scene.replace({"method.dt": h}) if scene.colliders else scene
     p, v = np.array(position, np.float64), np.array(velocity, np.float64)
-    sail = found.surface[(found.surface >= start).all(axis=1)]
+    sail = mesh.surface[(mesh.surface >= start).all(axis=1)]
     for number in range(steps * method.substeps):
         before = p
         force = xpbd_mesh.wind_on(scene, p, v, number * h, sail) if scene.wind else np.zeros_like(p)
@@ -107,8 +107,8 @@ def motion(scene: Scene, steps: int, position: np.ndarray, velocity: np.ndarray,
             for body, _ in bodies for n in [len(body.tetrahedra)]
         ]  # fmt: skip
         multipliers = [np.zeros(3 if "isometric" in item.of.__qualname__ else 1) for item in cloth]
-        held = [np.zeros(3) for _ in joints]
-        touching = surface_contacts.find(scene, distance, before, p).kept(most) if scene.contact else None
+        joint_multipliers = [np.zeros(3) for _ in joints]
+        touching = surface_contacts.find(scene, distance, before, p).nearest(most) if scene.contact else None
         p = yield before, p
         for _ in range(method.iterations):
             for sweep, (_, order) in zip(sweeps, bodies, strict=True):
@@ -116,7 +116,7 @@ def motion(scene: Scene, steps: int, position: np.ndarray, velocity: np.ndarray,
                     sweep.project(members, p, "blocks" if method.rows == "blocks" else "rows")
             for item, multiplier in zip(cloth, multipliers, strict=True):
                 xpbd_mesh.project(item, p, before, multiplier, inverse_mass, h)
-            for joint, multiplier in zip(joints, held, strict=True):
+            for joint, multiplier in zip(joints, joint_multipliers, strict=True):
                 joint.project(p, multiplier, inverse_mass, h)
             for _ in range(scene.contact.sweeps if scene.contact else 0):
                 assert touching is not None and scene.contact is not None
@@ -124,6 +124,6 @@ def motion(scene: Scene, steps: int, position: np.ndarray, velocity: np.ndarray,
             p = yield before, p
         v = np.where(free, (p - before) / h, 0.0)
         if scene.colliders:
-            met = cloth_colliders.collide(fine, before[None], p[None], v[None], number, in_place=True)
-            p, v = np.where(free, met[0][0], p), np.where(free, met[1][0], 0.0)
+            collided = cloth_colliders.collide(fine, before[None], p[None], v[None], number, in_place=True)
+            p, v = np.where(free, collided[0][0], p), np.where(free, collided[1][0], 0.0)
     return p, v

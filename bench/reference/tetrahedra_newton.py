@@ -30,14 +30,14 @@ MOST = 200
 Stress = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]  # F (tetrahedra, 3, 3) -> (W, P)
 
 
-def stress(found: TetrahedraSet, gradient: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def stress(mesh: TetrahedraSet, gradient: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return (W (tetrahedra,) [Pa], P (tetrahedra, 3, 3) [Pa]) of F `gradient`."""
     u, s, v = np.linalg.svd(gradient)
-    turned = np.linalg.det(u) * np.linalg.det(v) < 0
-    s[turned, 2] *= -1
-    u[turned, :, 2] *= -1
-    mu, lame = found.lame()
-    kind = np.array([part.material for part in found.parts])[found.body]
+    reflected = np.linalg.det(u) * np.linalg.det(v) < 0
+    s[reflected, 2] *= -1
+    u[reflected, :, 2] *= -1
+    mu, lame = mesh.lame()
+    kind = np.array([part.material for part in mesh.parts])[mesh.body]
     x, y, z = s.T
     volume, cofactor, off = x * y * z, np.stack([y * z, z * x, x * y], axis=1), s - 1
     pressure = lame + mu
@@ -56,24 +56,24 @@ def stress(found: TetrahedraSet, gradient: np.ndarray) -> tuple[np.ndarray, np.n
     return energy, (u * slope[:, None, :]) @ v
 
 
-def rows_of_corners(found: TetrahedraSet) -> np.ndarray:
+def rows_of_corners(mesh: TetrahedraSet) -> np.ndarray:
     """Return the weight of each corner in F: (tetrahedra, 4, 3) [1/m]."""
-    others = found.rest_inverse
+    others = mesh.rest_inverse
     return np.concatenate([-others.sum(axis=1, keepdims=True), others], axis=1)
 
 
-def gradient_of(found: TetrahedraSet, position: np.ndarray) -> np.ndarray:
+def gradient_of(mesh: TetrahedraSet, position: np.ndarray) -> np.ndarray:
     """Return F: (tetrahedra, 3, 3)."""
-    return np.einsum("tai,taj->tij", position[found.tetrahedra], rows_of_corners(found))
+    return np.einsum("tai,taj->tij", position[mesh.tetrahedra], rows_of_corners(mesh))
 
 
-def energy_and_force(found: TetrahedraSet, position: np.ndarray, stress: Stress) -> tuple[float, np.ndarray]:
+def energy_and_force(mesh: TetrahedraSet, position: np.ndarray, stress: Stress) -> tuple[float, np.ndarray]:
     """Return (energy [J], its gradient (particles, 3) [N])."""
-    rows = rows_of_corners(found)
-    energy, p = stress(gradient_of(found, position))
+    rows = rows_of_corners(mesh)
+    energy, p = stress(gradient_of(mesh, position))
     pull = np.zeros_like(position)
-    np.add.at(pull, found.tetrahedra, found.volume[:, None, None] * np.einsum("tij,taj->tai", p, rows))
-    return float((energy * found.volume).sum()), pull
+    np.add.at(pull, mesh.tetrahedra, mesh.volume[:, None, None] * np.einsum("tij,taj->tai", p, rows))
+    return float((energy * mesh.volume).sum()), pull
 
 
 def strain_of(gradient: np.ndarray) -> np.ndarray:
@@ -81,10 +81,10 @@ def strain_of(gradient: np.ndarray) -> np.ndarray:
     return (np.swapaxes(gradient, 1, 2) @ gradient - np.eye(3)) / 2
 
 
-def element_stiffness(found: TetrahedraSet, position: np.ndarray, positive: bool, stress: Stress) -> np.ndarray:
+def element_stiffness(mesh: TetrahedraSet, position: np.ndarray, positive: bool, stress: Stress) -> np.ndarray:
     """Return the stiffness of each element (tetrahedra, 12, 12) [N/m]; without negative eigenvalues if `positive`."""
-    rows, count = rows_of_corners(found), len(found.tetrahedra)
-    gradient = gradient_of(found, position)
+    rows, count = rows_of_corners(mesh), len(mesh.tetrahedra)
+    gradient = gradient_of(mesh, position)
     tangent = np.zeros((count, 9, 9))
     for entry in range(9):
         shift = np.zeros((3, 3))
@@ -97,24 +97,24 @@ def element_stiffness(found: TetrahedraSet, position: np.ndarray, positive: bool
         tangent = (vector * np.maximum(value, 0)[:, None, :]) @ np.swapaxes(vector, 1, 2)
     spread = np.einsum("taj,ik->taijk", rows, np.eye(3))  # dF_kj by x_ai
     spread = np.swapaxes(spread, 3, 4).reshape(count, 12, 9)
-    return found.volume[:, None, None] * (spread @ tangent @ np.swapaxes(spread, 1, 2))
+    return mesh.volume[:, None, None] * (spread @ tangent @ np.swapaxes(spread, 1, 2))
 
 
-def assembled(found: TetrahedraSet, elements: np.ndarray) -> np.ndarray:
+def assembled(mesh: TetrahedraSet, elements: np.ndarray) -> np.ndarray:
     """Return the assembled matrix: (3 particles, 3 particles)."""
-    size = 3 * found.particle_count
+    size = 3 * mesh.particle_count
     whole = np.zeros((size, size))
-    place = (3 * found.tetrahedra[:, :, None] + np.arange(3)).reshape(-1, 12)
+    place = (3 * mesh.tetrahedra[:, :, None] + np.arange(3)).reshape(-1, 12)
     np.add.at(whole, (place[:, :, None], place[:, None, :]), elements)
     return whole
 
 
-def damped_stress(found: TetrahedraSet, strain: np.ndarray, h: float) -> Stress:
+def damped_stress(mesh: TetrahedraSet, strain: np.ndarray, h: float) -> Stress:
     """Return `stress` plus that of dampers, with `strain` (tetrahedra, 3, 3) at the beginning of a stage of h."""
-    mu, lame = (one * found.matter.damping / h for one in found.lame())
+    mu, lame = (one * mesh.matter.damping / h for one in mesh.lame())
 
     def total(gradient: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        energy, p = stress(found, gradient)
+        energy, p = stress(mesh, gradient)
         change = strain_of(gradient) - strain
         trace = np.trace(change, axis1=1, axis2=2)
         lost = mu * (change**2).sum(axis=(1, 2)) + lame / 2 * trace**2
@@ -125,15 +125,15 @@ def damped_stress(found: TetrahedraSet, strain: np.ndarray, h: float) -> Stress:
 
 
 def substep(
-    found: TetrahedraSet, before: np.ndarray, target: np.ndarray, mass: np.ndarray, free: np.ndarray, h: float,
+    mesh: TetrahedraSet, before: np.ndarray, target: np.ndarray, mass: np.ndarray, free: np.ndarray, h: float,
     strain: np.ndarray,
 ) -> np.ndarray:  # fmt: skip
     """Return positions (particles, 3) [m] at the end. `target`: y; `free`: mask (particles,); `strain`: E_0."""
     inertia = np.repeat(mass / h**2, 3)
-    resisting, unknown = damped_stress(found, strain, h), np.repeat(free, 3)
+    resisting, unknown = damped_stress(mesh, strain, h), np.repeat(free, 3)
 
     def potential(x: np.ndarray) -> tuple[float, np.ndarray]:
-        energy, pull = energy_and_force(found, x, resisting)
+        energy, pull = energy_and_force(mesh, x, resisting)
         away = (x - target).ravel()
         return energy + float(inertia @ away**2) / 2, np.where(unknown, pull.ravel() + inertia * away, 0.0)
 
@@ -144,7 +144,7 @@ def substep(
         if np.linalg.norm(slope) <= ENOUGH * first:
             return x
         for positive in (False, True):
-            whole = assembled(found, element_stiffness(found, x, positive, resisting)) + np.diag(inertia)
+            whole = assembled(mesh, element_stiffness(mesh, x, positive, resisting)) + np.diag(inertia)
             try:
                 np.linalg.cholesky(whole[np.ix_(unknown, unknown)])
                 break
@@ -152,15 +152,16 @@ def substep(
                 continue
         step = np.zeros_like(slope)
         step[unknown] = np.linalg.solve(whole[np.ix_(unknown, unknown)], -slope[unknown])
-        share = 1.0
-        while share > 1e-8:
-            there, left = potential(x + share * step.reshape(-1, 3))
-            if there <= here + 1e-4 * share * float(slope @ step) or np.linalg.norm(left) < 0.5 * np.linalg.norm(slope):
+        fraction = 1.0
+        while fraction > 1e-8:
+            there, left = potential(x + fraction * step.reshape(-1, 3))
+            lower = there <= here + 1e-4 * fraction * float(slope @ step)
+            if lower or np.linalg.norm(left) < 0.5 * np.linalg.norm(slope):
                 break
-            share /= 2
+            fraction /= 2
         else:
             return x  # the limit of the differences
-        x, here, slope = x + share * step.reshape(-1, 3), there, left
+        x, here, slope = x + fraction * step.reshape(-1, 3), there, left
     return x
 
 
@@ -169,27 +170,27 @@ def simulate(scene: Scene, steps: int, position: np.ndarray, velocity: np.ndarra
 
     With gravity and the masses' damper, without colliders.
     """
-    found, method, gravity = scene.tetrahedra_set, scene.method, scene.gravity
-    inverse = 1 / found.masses
-    inverse[found.pinned_vertices] = 0
-    free, mass, h = inverse > 0, found.masses, method.dt / method.substeps
+    mesh, method, gravity = scene.tetrahedra_set, scene.method, scene.gravity
+    inverse = 1 / mesh.masses
+    inverse[mesh.pinned_vertices] = 0
+    free, mass, h = inverse > 0, mesh.masses, method.dt / method.substeps
     fall = np.array([0.0, -gravity.acceleration if gravity and gravity.enabled else 0.0, 0.0])
     drag = (scene.damping.coefficient if scene.damping else 0.0) * inverse[:, None]
 
     def euler(x: np.ndarray, v: np.ndarray, h: float, strain: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         target = np.where(free[:, None], x + h * (v * (1 - h * drag) + h * fall), x)
-        after = substep(found, x, target, mass, free, h, strain)
+        after = substep(mesh, x, target, mass, free, h, strain)
         return after, (after - x) / h
 
     x, v = np.array(position, dtype=np.float64), np.array(velocity, dtype=np.float64)
     for _ in range(steps * method.substeps):
-        strain = strain_of(gradient_of(found, x))
+        strain = strain_of(gradient_of(mesh, x))
         if method.order == 1:
             x, v = euler(x, v, h, strain)
             continue
         first, speed = euler(x, v, IMPLICIT * h, strain)
         slope = speed, (speed - v) / (IMPLICIT * h)
         rest = (1 - IMPLICIT) * h
-        strain = strain + rest * (strain_of(gradient_of(found, first)) - strain) / (IMPLICIT * h)
+        strain = strain + rest * (strain_of(gradient_of(mesh, first)) - strain) / (IMPLICIT * h)
         x, v = euler(x + rest * slope[0], v + rest * slope[1], IMPLICIT * h, strain)
     return x, v

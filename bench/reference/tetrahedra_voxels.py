@@ -19,13 +19,13 @@ from softlab.bench.reference.finite_elements import Body
 from softlab.bench.reference.tetrahedra import SHAPE, Sweep
 
 
-def keep_volume(sweep: Sweep, members: np.ndarray, position: np.ndarray, multiplier: float) -> float:
+def restore_volume(sweep: Sweep, members: np.ndarray, position: np.ndarray, multiplier: float) -> float:
     """Move the corners of the tetrahedra `members` of one voxel, in place, and return its multiplier [J s^2]."""
     body, volume = sweep.body, sweep.body.volume[members]
     f = sweep.gradient(members, position)
-    ways = (volume / volume.sum())[:, None, None] * (cofactor(f) @ np.swapaxes(body.gradient[members], 1, 2))
+    gradients = (volume / volume.sum())[:, None, None] * (cofactor(f) @ np.swapaxes(body.gradient[members], 1, 2))
     slope = np.zeros_like(position)
-    np.add.at(slope, body.tetrahedra[members], np.swapaxes(ways, 1, 2))
+    np.add.at(slope, body.tetrahedra[members], np.swapaxes(gradients, 1, 2))
     violation = float((volume * np.linalg.det(f)).sum() / volume.sum()) - 1
     alpha = 1 / float((body.lam[members] * volume).sum()) / sweep.h**2
     rate = sweep.gamma * float((slope * (position - sweep.before)).sum())
@@ -59,7 +59,7 @@ def simulate(
         p = begin + h * np.where(free, v + h * np.asarray(gravity), 0.0)
         shape = np.zeros((len(body.tetrahedra), 3, 3))
         sweep = Sweep(body, inverse_mass, begin, h, damping_time / h, shape, shape[:, 0, 0].copy())
-        held = np.zeros(len(voxels))
+        multipliers = np.zeros(len(voxels))
         for _ in range(iterations):
             for members in order:
                 if body.material == "neo-hookean":
@@ -67,6 +67,6 @@ def simulate(
                 else:
                     sweep.rows(members, p, (SHAPE,))
             for number, members in enumerate(voxels):
-                held[number] = keep_volume(sweep, members, p, held[number])
+                multipliers[number] = restore_volume(sweep, members, p, multipliers[number])
         v = (p - begin) / h
     return p, v

@@ -17,7 +17,7 @@ import numpy as np
 from softlab.bench.reference import shape_matching, tetrahedra_cloth, xpbd_mesh
 from softlab.bench.reference.contact import self_contacts as projected
 from softlab.bench.reference.contact import surface_contacts
-from softlab.bench.reference.contact.self_contacts import Found
+from softlab.bench.reference.contact.self_contacts import VertexContacts
 from softlab.bench.reference.coupled.fluid_solids import FluidAmongSolids
 from softlab.bench.reference.steps import Motion
 from softlab.model.contact.attachments import attachment_sets
@@ -30,47 +30,47 @@ from softlab.model.world.solids import solids_of
 class Surfaces:
     """Surfaces of all members, in the world's particle numbers.
 
-    `triangles` (t, 3); `body` (particles,), -1 for balls, which belong to none; `is_closed` (bodies,); `kept`
+    `triangles` (t, 3); `body` (particles,), -1 for balls, which belong to none; `is_closed` (bodies,); `gaps`
     (particles,) [m]: distance from triangles; `balls` (n,).
     """
 
     triangles: np.ndarray
     body: np.ndarray
     is_closed: np.ndarray
-    kept: np.ndarray
+    gaps: np.ndarray
     balls: np.ndarray
 
 
 def _surfaces(scene: Scene, distance: float) -> Surfaces:
     slices = scene.world_set.slices()
     count = slices["fluid"].start if "fluid" in slices else scene.world_set.particle_count  # the fluid comes last
-    body, kept, triangles = np.full(count, -1), np.full(count, distance), [np.zeros((0, 3), int)]
+    body, gaps, triangles = np.full(count, -1), np.full(count, distance), [np.zeros((0, 3), int)]
     closed: list[bool] = []
-    for name, own in scene.members.items():
+    for name, member in scene.members.items():
         first = slices[name].start
         if name == "bodies":
-            found = own.body_set
-            radii = np.array([own.bodies[copy.name].contact_radius for copy in found.copies])
-            kept[slices[name]] = radii[found.body] + distance / 2
+            body_set = member.body_set
+            radii = np.array([member.bodies[copy.name].contact_radius for copy in body_set.copies])
+            gaps[slices[name]] = radii[body_set.body] + distance / 2
         elif name == "fluid":
             continue
         elif name == "cloth":
             body[slices[name]] = len(closed)
-            triangles.append(own.grid.triangles().astype(int) + first)
+            triangles.append(member.grid.triangles().astype(int) + first)
             closed.append(False)
         else:
-            found = own.tetrahedra_set
-            ends = [*found.first_particle.tolist(), found.particle_count]
+            mesh = member.tetrahedra_set
+            ends = [*mesh.first_particle.tolist(), mesh.particle_count]
             for number, (start, stop) in enumerate(pairwise(ends)):
                 body[first + start : first + stop] = len(closed)
-                closed.append(number < len(found.parts))
-            held = [rows.corners.ravel() for rows in attachment_sets(found) if rows.corners.shape[1] > 1]
-            free = ~np.isin(found.surface, np.concatenate([[], *held])).any(axis=1)
-            triangles.append(found.surface[free].astype(int) + first)
-    return Surfaces(np.concatenate(triangles), body, np.array(closed), kept, np.flatnonzero(body < 0))
+                closed.append(number < len(mesh.parts))
+            attached = [rows.corners.ravel() for rows in attachment_sets(mesh) if rows.corners.shape[1] > 1]
+            free = ~np.isin(mesh.surface, np.concatenate([[], *attached])).any(axis=1)
+            triangles.append(mesh.surface[free].astype(int) + first)
+    return Surfaces(np.concatenate(triangles), body, np.array(closed), gaps, np.flatnonzero(body < 0))
 
 
-def find(scene: Scene, surfaces: Surfaces, before: np.ndarray, predicted: np.ndarray) -> Found:
+def find(scene: Scene, surfaces: Surfaces, before: np.ndarray, predicted: np.ndarray) -> VertexContacts:
     """Return the possible contacts within a substep from `before` to `predicted` (particles, 3) [m]."""
     assert scene.contact is not None
     vertex, triangle = (
@@ -78,24 +78,24 @@ def find(scene: Scene, surfaces: Surfaces, before: np.ndarray, predicted: np.nda
     )
     push = scene.contact.separation_speed * scene.method.dt / scene.method.substeps
     return surface_contacts.among(
-        surfaces.triangles, vertex, triangle, surfaces.body, surfaces.is_closed, surfaces.kept, push, before, predicted
+        surfaces.triangles, vertex, triangle, surfaces.body, surfaces.is_closed, surfaces.gaps, push, before, predicted
     )
 
 
 def _motions(
     scene: Scene, steps: int, position: np.ndarray, velocity: np.ndarray, most: int, distance: float
 ) -> list[Motion]:
-    made: list[Motion] = []
-    for name, own in scene.members.items():
+    motions: list[Motion] = []
+    for name, member in scene.members.items():
         place = scene.world_set.slices()[name]
         begin = steps, position[place], velocity[place]
         if name == "bodies":
-            made.append(shape_matching.motion(own, *begin))
+            motions.append(shape_matching.motion(member, *begin))
         elif name == "cloth":
-            made.append(xpbd_mesh.motion(own, *begin, scene.world_set.masses[place]))
+            motions.append(xpbd_mesh.motion(member, *begin, scene.world_set.masses[place]))
         elif name == "tetrahedra":
-            made.append(tetrahedra_cloth.motion(own, *begin, most, distance))
-    return made
+            motions.append(tetrahedra_cloth.motion(member, *begin, most, distance))
+    return motions
 
 
 def simulate(
@@ -117,7 +117,7 @@ def simulate(
     ended: list[tuple[np.ndarray, np.ndarray]] = []
     for number in range(steps * scene.method.substeps):
         before, now = (np.concatenate(arrays) for arrays in zip(*places, strict=True))
-        touching = find(scene, surfaces, before, now).kept(most) if surfaces else None
+        touching = find(scene, surfaces, before, now).nearest(most) if surfaces else None
         if fluid:
             fluid.begin(number, before, now)
         for _ in range(scene.method.iterations):
@@ -137,26 +137,26 @@ def simulate(
             fluid.end()
     if fluid:
         ended.append((fluid.position, fluid.velocity))
-    found, speed = (np.concatenate(arrays) for arrays in zip(*ended, strict=True))
-    return found, speed
+    positions, speed = (np.concatenate(arrays) for arrays in zip(*ended, strict=True))
+    return positions, speed
 
 
 class _Fluid:
     """Fluid of a world among its solids, whose particles come first."""
 
     def __init__(self, scene: Scene, position: np.ndarray, velocity: np.ndarray):
-        solids, own = solids_of(scene), scene.world_set.slices()["fluid"]
+        solids, particles = solids_of(scene), scene.world_set.slices()["fluid"]
         self.solids, self.among = solids.particles, FluidAmongSolids(scene.members["fluid"], solids.samples)
-        self.position, self.velocity = position[own], velocity[own]
+        self.position, self.velocity = position[particles], velocity[particles]
 
     def begin(self, number: int, before: np.ndarray, now: np.ndarray) -> None:
         self.among.begin(number, self.position, self.velocity, before[self.solids], now[self.solids])
 
     def correct(self, now: np.ndarray) -> np.ndarray:
         """Return the positions of the solids after an iteration of the fluid."""
-        found = now.copy()
-        found[self.solids] = self.among.correct(now[self.solids])
-        return found
+        corrected = now.copy()
+        corrected[self.solids] = self.among.correct(now[self.solids])
+        return corrected
 
     def end(self) -> None:
         self.position, self.velocity = self.among.end()

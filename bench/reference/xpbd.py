@@ -31,11 +31,11 @@ ORDERINGS = ("gauss-seidel", "ascending", "jacobi", "weighted-jacobi", "averaged
 # (rows, columns) from one end of a constraint to the other -> the positions of its two colours in the order of all. The
 # first end is the upper one, of two in a row the left one; (1, -1) goes from (i, j + 1) to (i + 1, j). All directions
 # from even rows to odd ones come first, then those from odd rows to even ones: two rows at a time are involved.
-WAYS = {(1, 0): (0, 3), (1, 1): (1, 4), (1, -1): (2, 5), (0, 1): (6, 7), (2, 0): (8, 9), (0, 2): (10, 11)}
+COLOURS = {(1, 0): (0, 3), (1, 1): (1, 4), (1, -1): (2, 5), (0, 1): (6, 7), (2, 0): (8, 9), (0, 2): (10, 11)}
 
 
 @dataclass(frozen=True)
-class Way:
+class Direction:
     """Common values of the constraints along one direction; stiffnesses may differ between constraints (see `sheet`)."""
 
     rest_length: float  # m
@@ -80,42 +80,44 @@ class Substep:
     multipliers: np.ndarray
 
 
-def sheet(rows: int, columns: int, ways: dict[tuple[int, int], Way]) -> Constraints:
+def sheet(rows: int, columns: int, directions: dict[tuple[int, int], Direction]) -> Constraints:
     """Return the constraints of a sheet; particle i * columns + j is the mass (i, j).
 
     A compliance may be an array that broadcasts to the (rows, columns) of the constraints along its direction, in the
     order of `bench.reference.cloth.ends`."""
     number = np.arange(rows * columns).reshape(rows, columns)
-    found = []
-    for way, colours in WAYS.items():
-        if way not in ways:
+    groups = []
+    for direction, colours in COLOURS.items():
+        if direction not in directions:
             continue
-        first, second = cloth.ends(number, way)
+        first, second = cloth.ends(number, direction)
         i, j = np.indices(first.shape)
-        along, stride = (i, way[0]) if way[0] else (j, way[1])
-        common = ways[way]
+        along, stride = (i, direction[0]) if direction[0] else (j, direction[1])
+        common = directions[direction]
         values = (common.rest_length, common.compliance, common.damping, np.where(along // stride % 2, *colours[::-1]))
-        found.append([np.ravel(a) for a in (first, second, *(np.broadcast_to(a, first.shape) for a in values))])
-    if not found:
-        found = [[np.zeros(0, kind) for kind in (int, int, float, float, float, int)]]
-    first, second, rest_length, compliance, damping, colour = (np.concatenate(a) for a in zip(*found, strict=True))
+        groups.append([np.ravel(a) for a in (first, second, *(np.broadcast_to(a, first.shape) for a in values))])
+    if not groups:
+        groups = [[np.zeros(0, kind) for kind in (int, int, float, float, float, int)]]
+    first, second, rest_length, compliance, damping, colour = (np.concatenate(a) for a in zip(*groups, strict=True))
     return Constraints(first, second, rest_length, compliance, damping, colour)
 
 
 def of_scene(scene: Scene, inextensible: bool = False) -> Constraints:
     """Return the scene's springs as constraints, with compliance 1/stiffness, or 0 if `inextensible`."""
     grid = scene.grid
-    ways: dict[tuple[int, int], Way] = {}
+    directions: dict[tuple[int, int], Direction] = {}
     if scene.springs:
-        for way in ((1, 0), (0, 1)):
+        for direction in ((1, 0), (0, 1)):
             k = np.full((grid.rows, grid.columns), scene.springs.stiffness)
-            np.moveaxis(k, 1 if way[1] else 0, 0)[1::2] *= scene.springs.stiffness_ratio
-            ways[way] = Way(scene.springs.rest_length, 0.0 if inextensible else 1 / cloth.ends(k, way)[0])
+            np.moveaxis(k, 1 if direction[1] else 0, 0)[1::2] *= scene.springs.stiffness_ratio
+            directions[direction] = Direction(
+                scene.springs.rest_length, 0.0 if inextensible else 1 / cloth.ends(k, direction)[0]
+            )
     for kind, springs in scene.cloth_springs.items():
-        for way in cloth.WAYS[kind]:
+        for direction in cloth.OFFSETS[kind]:
             compliance = 0.0 if inextensible else 1 / springs.stiffness
-            ways[way] = Way(grid.spacing * hypot(*way), compliance, springs.damping)
-    return sheet(grid.rows, grid.columns, ways)
+            directions[direction] = Direction(grid.spacing * hypot(*direction), compliance, springs.damping)
+    return sheet(grid.rows, grid.columns, directions)
 
 
 def _stretched(
@@ -176,9 +178,9 @@ def iterate(
         if ordering == "jacobi":
             change /= np.maximum(valence[a], valence[b])
         multipliers[which] += change
-        share = 1 / valence if ordering == "averaged-jacobi" else np.ones(len(p))
-        np.subtract.at(p, a, (share[a] * inverse_mass[a] * change)[:, None] * n)
-        np.add.at(p, b, (share[b] * inverse_mass[b] * change)[:, None] * n)
+        scale = 1 / valence if ordering == "averaged-jacobi" else np.ones(len(p))
+        np.subtract.at(p, a, (scale[a] * inverse_mass[a] * change)[:, None] * n)
+        np.add.at(p, b, (scale[b] * inverse_mass[b] * change)[:, None] * n)
     return p, multipliers
 
 

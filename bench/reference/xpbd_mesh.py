@@ -152,22 +152,22 @@ def items_of(scene: Scene, inextensible: bool = False) -> list[Item]:
     assert scene.mesh is not None
     rest = mesh_of(scene.mesh).position
     items = []
-    for found in constraint_sets(scene):
-        part = scene.constraints[found.kind]
+    for constraint_set in constraint_sets(scene):
+        part = scene.constraints[constraint_set.kind]
         softness = 0.0 if inextensible or part.inextensible else 1 / part.stiffness
-        for corners in found.corners:
+        for corners in constraint_set.corners:
             at_rest = rest[corners]
-            if found.model == "distance":
+            if constraint_set.model == "distance":
                 length = float(np.linalg.norm(at_rest[1] - at_rest[0]))
                 items.append(Item(corners, distance(length), softness, getattr(part, "damping", 0.0)))
                 continue
-            if found.model == "volume":
+            if constraint_set.model == "volume":
                 sixth = abs(float(np.linalg.det(at_rest[1:] - at_rest[0])))
                 items.append(Item(corners, volume(at_rest), softness * 6 * sixth))
                 continue
             one = hinge(at_rest)
             area = one.edge * sum(one.heights) / 2
-            make = isometric if found.model == "isometric" else dihedral
+            make = isometric if constraint_set.model == "isometric" else dihedral
             items.append(Item(corners, make(at_rest), softness * area / 3))
     return items
 

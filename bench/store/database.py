@@ -31,8 +31,8 @@ class Store:
     """One store, open for reading and writing; a context manager.
 
     `path` is made where it does not exist yet (its folder only for the default path), once there is something to write.
-    `journal`: how SQLite keeps what is not committed yet; DELETE for a file that another host may read later, where WAL,
-    which needs memory that processes share, is no way.
+    `journal`: how SQLite keeps what is not committed yet; DELETE for a file that another host may read later, where WAL
+    is impossible, since it needs shared memory.
     Raises InputError, with what to do, for a store that is locked, damaged, no SQLite file, of another schema version, or
     that cannot be written; nothing on disk is changed then.
     """
@@ -49,7 +49,7 @@ class Store:
         self.readonly = readonly
         self._busy_seconds = busy_seconds
         memory = self.path == ":memory:"
-        self.new = not memory and not self._look_at(Path(path))  # a file that the first thing written makes
+        self.new = not memory and not self._is_store(Path(path))  # a file that the first thing written makes
         self.connection = self._opened(memory or self.new)
 
     def _opened(self, memory: bool) -> sqlite3.Connection:
@@ -66,8 +66,8 @@ class Store:
                 raise
         return connection
 
-    def _look_at(self, file: Path) -> bool:
-        """Whether the file is there; refuse what cannot be a store before SQLite gets to touch it."""
+    def _is_store(self, file: Path) -> bool:
+        """Return True if the file exists; refuse a file that cannot be a store before SQLite touches it."""
         try:
             if file.is_dir():
                 raise InputError(f"{file} is a folder; the store is a file, such as {DEFAULT_PATH}")
@@ -89,7 +89,7 @@ class Store:
         return False
 
     def _make(self) -> None:
-        """Turn to the file, now that there is something to write: what was refused before has left none."""
+        """Create the file, now that there is something to write; refused requests have created none."""
         file = Path(self.path)
         if file == DEFAULT_PATH:
             try:
@@ -136,7 +136,7 @@ class Store:
 
     @contextmanager
     def _explained(self) -> Iterator[None]:
-        """Turn what SQLite says into a line with a remedy."""
+        """Turn an error of SQLite into a line with a remedy."""
         try:
             yield
         except sqlite3.IntegrityError:
@@ -159,7 +159,7 @@ class Store:
 
     @contextmanager
     def transaction(self) -> Iterator[sqlite3.Connection]:
-        """One transaction: all of it is stored, or nothing. A transaction inside one joins it."""
+        """Store everything written inside this context, or nothing. A transaction inside another joins it."""
         if self.new:
             self._make()
         with self._explained():
@@ -176,7 +176,7 @@ class Store:
                 raise
 
     def query(self, sql: str, arguments: tuple[Any, ...] | Mapping[str, Any] = ()) -> list[tuple[Any, ...]]:
-        """The rows of a SELECT."""
+        """Return the rows of a SELECT."""
         with self._explained():
             return self.connection.execute(sql, arguments).fetchall()
 
@@ -214,7 +214,7 @@ class Store:
         return key
 
     def add_configuration(self, description: Mapping[str, Any]) -> str:
-        """Enter a configuration where it is new; its hash."""
+        """Enter a configuration where it is new, and return its hash."""
         key = configuration_hash(description)
         with self.transaction() as connection:
             connection.execute("INSERT OR IGNORE INTO configuration VALUES (?, ?)", (key, canonical(description)))
@@ -281,7 +281,7 @@ class Store:
     # ------------------------------------------------------------------ resuming
 
     def sample_count(self, description: Mapping[str, Any], machine: str, sources: str, stage: str = "step") -> int:
-        """How many samples the store holds of this configuration, on this machine, of these sources."""
+        """Number of samples in the store of this configuration, on this machine, of these sources."""
         return self.query(
             "SELECT count(*) FROM sample JOIN run ON run.key = sample.run "
             f"WHERE configuration = :configuration AND machine = :machine AND {schema.SOURCES} AND stage = :stage",
@@ -289,7 +289,7 @@ class Store:
         )[0][0]
 
     def has_measure(self, description: Mapping[str, Any], machine: str, sources: str, name: str) -> bool:
-        """Whether the store holds this measure of this configuration, on this machine, of these sources."""
+        """Return True if the store has this measure of this configuration, on this machine, of these sources."""
         return bool(
             self.query(
                 "SELECT 1 FROM measure JOIN run ON run.key = measure.run "

@@ -1,4 +1,4 @@
-"""What a machine's record gains from another of the same machine."""
+"""Combination of two records of the same machine."""
 
 from __future__ import annotations
 
@@ -10,12 +10,14 @@ DISTURBED = "limits_suspect"  # why not to trust them
 
 
 def gained(old: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, Any]:
-    """A machine's record with what it lacked, and with limits that were measured undisturbed in place of disturbed ones; why
-    limits are not to be trusted goes with them."""
+    """Return a machine's record with its missing fields, and with undisturbed limits in place of disturbed ones.
+
+    The reason why limits are doubtful is replaced with them.
+    """
     measured = [name for name in LIMITS if old.get(name) is not None]
     again = bool(old.get(DISTURBED)) and not new.get(DISTURBED) and all(new.get(name) is not None for name in measured)
-    kept = dict(old) | dict.fromkeys([*measured, DISTURBED] if again else [])
-    gained = {name: value for name, value in new.items() if kept.get(name) is None}
+    usable = dict(old) | dict.fromkeys([*measured, DISTURBED] if again else [])
+    gained = {name: value for name, value in new.items() if usable.get(name) is None}
     if measured and not again:
         gained.pop(DISTURBED, None)
-    return kept | gained
+    return usable | gained

@@ -1,4 +1,4 @@
-"""Marks of samples that say more than that a time is noisy: the answer is wrong, so the time wins nothing."""
+"""Marks of samples whose state is wrong, so that their time does not count; other marks only mean noise."""
 
 from __future__ import annotations
 
@@ -7,5 +7,5 @@ WRONG = ("wrong answer", "state not finite", INCOMPLETE)
 
 
 def is_wrong(mark: str | None) -> bool:
-    """Whether one of a sample's marks, which are joined by "; ", says that its answer is wrong."""
+    """Return True if one of a sample's marks, which are joined by "; ", says that its state is wrong."""
     return any(reason.startswith(WRONG) for reason in (mark or "").split("; "))

@@ -1,8 +1,8 @@
-"""What others have published of cloth on a GPU: the times of their frames, beside which the lab sets its own.
+"""Published times of frames of cloth on a GPU, for comparison with the lab's own.
 
-Each entry is a scene of the catalogue at the published size and number of iterations. What the sources do not tell (masses,
-materials, what else was computed) differs, so that a ratio says the order of magnitude and no more; the age of the GPUs is
-told with them.
+Each entry is a scene of the catalogue at the published size and number of iterations. Details that the sources omit (masses,
+materials, other computations) differ, so that a ratio is only an order of magnitude; the age of the GPUs is
+printed with them.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class Published:
 
     @cached_property
     def text(self) -> str:
-        """What the store holds of ours."""
+        """Name of our measurement in the store."""
         return self.ours().canonical()
 
 

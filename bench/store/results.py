@@ -1,4 +1,4 @@
-"""What the store says: summaries as queries, for figures, the lab book and the terminal.
+"""Summaries of the store as queries, for figures, the lab book and the terminal.
 
 `Store` itself is in bench/store/database.py; reading and writing text exports in bench/store/transfer.py.
 
@@ -28,7 +28,7 @@ from softlab.model.scene.scene import Scene
 
 SPREAD_LIMIT = 0.10  # a larger spread of the repeats makes a timing suspect
 ENOUGH = 3  # undisturbed samples of a configuration, beside which disturbed ones do not count
-NOTES = ("error", "kernel")  # measures that are told with a timing
+NOTES = ("error", "kernel")  # measures that are reported with a timing
 ITEM_BYTES = {"float32": 4, "float64": 8}
 
 
@@ -45,9 +45,9 @@ def configuration(
     graphics: bool = False,
     peer: str | None = None,
 ) -> dict[str, Any]:
-    """The description of a configuration: the resolved scene and how it is run.
+    """Return the description of a configuration: the resolved scene and the options of its run.
 
-    `kernel` as asked for (`auto`: the backend's choice, which the measure `kernel` then names). `threads`, `layer`,
+    `kernel` as requested (`auto`: the backend's choice, which the measure `kernel` then names). `threads`, `layer`,
     `wait_policy`: None on the GPU. `graphics`: with off-screen drawing. `peer`: another program, None for this lab's.
     """
     return {
@@ -80,10 +80,10 @@ class Timing:
     `seconds_per_step`: one per sample [s]; of stages without steps (compile) the plain seconds. `median`, `low`, `high`
     (least and most) [s] a step; `spread`: (75th - 25th percentile) / median; `sessions`: the runs that samples are of.
     `suspect`: reasons, empty where there are
-    none. `error` in units of the spacing, None with `error_reason`; with a value, `error_reason` tells how it was had.
+    none. `error` in units of the spacing, None with `error_reason`; with a value, `error_reason` is its origin.
     `kernel`: the one that ran; `chosen`: by the backend itself, not forced. `thread_word`: 1x, 2x, 4x of the machine's
     cores or the number; None on the GPU. `bytes_per_step`: what one fused pass over the state moves. `joules_per_step`:
-    median [J], None where the machine does not tell. `graphics` timings hold stepping and drawing together; what drawing
+    median [J], None where the machine has no counter. `graphics` timings hold stepping and drawing together; what drawing
     costs is the difference to the same timing without.
     """
 
@@ -143,7 +143,7 @@ class Measure:
 
 
 def open_readonly(path: str | Path = DEFAULT_PATH) -> Store:
-    """A store to read from: a .sqlite file, or a .csv or .csv.gz export (which is read into memory). Raises InputError."""
+    """Open a .sqlite file, or a .csv or .csv.gz export (in memory), as a store to read from. Raises InputError."""
     from softlab.bench.store.text import is_text
     from softlab.bench.store.transfer import load_text
 
@@ -159,9 +159,9 @@ def machines(store: Store) -> list[Machine]:
 
 
 def measures(store: Store, name: str | None = None, machine: str | None = None) -> list[Measure]:
-    """The measures in the store, of one name or machine (a key) or of all.
+    """Return the measures in the store, of one name or machine (a key) or of all.
 
-    Of a configuration measured more than once on a machine, the newest run's value.
+    A configuration that was measured repeatedly on a machine has the newest run's value.
     """
     rows = store.query(
         "SELECT run.machine, measure.configuration, sources, run.key, description, name, value, unit, reason "
@@ -180,23 +180,23 @@ def measures(store: Store, name: str | None = None, machine: str | None = None) 
 
 
 def measures_of(store: Store, machine: str, descriptions: Iterable[Mapping[str, Any]]) -> list[Measure]:
-    """The measures of these configurations on a machine."""
+    """Return the measures of these configurations on a machine."""
     wanted = set(map(configuration_hash, descriptions))
     return [measure for measure in measures(store, machine=machine) if measure.configuration in wanted]
 
 
-def by_configuration(found: Iterable[Measure]) -> list[dict[str, Measure]]:
-    """The measures of each configuration on each machine, by name."""
+def by_configuration(stored: Iterable[Measure]) -> list[dict[str, Measure]]:
+    """Return the measures of each configuration on each machine, by name."""
     named: dict[tuple[str, str], dict[str, Measure]] = {}
-    for measure in found:
+    for measure in stored:
         named.setdefault((measure.machine, measure.configuration), {})[measure.name] = measure
     return list(named.values())
 
 
 def timings(store: Store, machine: str | None = None, stage: str | None = "step") -> list[Timing]:
-    """The timings in the store, of one machine (a key) or all, of one stage (None: all), smallest grids first.
+    """Return the timings in the store, of one machine (a key) or all, of one stage (None: all), smallest grids first.
 
-    Of a configuration that was measured with several sources, those measured last. Marked samples are left out where there
+    A configuration that was measured with several sources has those measured last. Marked samples are left out where there
     are ENOUGH others.
     """
     rows = store.query(

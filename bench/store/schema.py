@@ -82,17 +82,17 @@ def measured_as(description: Mapping[str, Any], machine: str, sources: str) -> d
 
 
 def check_rows(connection: sqlite3.Connection, path: str) -> None:
-    """Refuse rows that no lab wrote: SQLite takes any type in any column. Raises InputError."""
+    """Refuse rows with wrong types, since SQLite accepts any type in any column. Raises InputError."""
     damaged = "this lab wrote no such row; restore a copy, or merge its last export into another store"
     for table, columns in COLUMNS.items():
         for column, declared in columns.items():
             kind, _, rule = declared.partition(" ")
             types = STORED[kind] if rule else (*STORED[kind], "null")
-            found = connection.execute(
+            damage = connection.execute(
                 f"SELECT rowid, {column} FROM {table} WHERE typeof({column}) NOT IN ({', '.join(map(repr, types))}) LIMIT 1"
             ).fetchone()
-            if found:
-                raise InputError(f"{path}: {table}.{column} = {shown(found[1])} in row {found[0]}: {damaged}")
+            if damage:
+                raise InputError(f"{path}: {table}.{column} = {shown(damage[1])} in row {damage[0]}: {damaged}")
     for table, column in (("machine", "record"), ("configuration", "description")):
         for row, text in connection.execute(f"SELECT rowid, {column} FROM {table}"):
             try:
@@ -111,7 +111,7 @@ TABLES_OF_NUMBERS = ("arithmetic", "caches", "gpu_arithmetic", "region_policies"
 
 
 def checked_record(record: Mapping[str, Any]) -> Mapping[str, Any]:
-    """A machine's record, whose numbers are numbers. Raises ValueError, which names the field."""
+    """Return a machine's record after a check of its numbers. Raises ValueError, which names the field."""
 
     def check(name: str, value: Any) -> None:
         if value is not None and (type(value) not in (int, float) or not 0 <= value < float("inf")):

@@ -99,7 +99,7 @@ def flatten(data: Mapping[str, Any], prefix: str = "") -> dict[str, str]:
 
 @lru_cache(maxsize=65536)  # most cells of a column are the same
 def _value(cell: str) -> Any:
-    """What a cell says: JSON, or else its text."""
+    """Value of a cell: JSON, or else its text."""
     try:
         return json.loads(cell)
     except ValueError:
@@ -107,7 +107,7 @@ def _value(cell: str) -> Any:
 
 
 def is_text(file: str | Path) -> bool:
-    """Whether a file's name is that of a text export."""
+    """Return True for the name of a text export."""
     return str(file).lower().endswith(TEXTS)
 
 
@@ -117,7 +117,7 @@ def _opened(file: Path) -> IO[str]:
 
 
 def is_text_export(file: Path) -> bool:
-    """Whether a file begins as one."""
+    """Return True if a file begins like a text export."""
     try:
         with _opened(file) as opened:
             return opened.read(len(MAGIC) + 1) == MAGIC + ","

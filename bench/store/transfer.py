@@ -17,8 +17,8 @@ from softlab.model.base.files import check_target, replacing
 
 
 def export(store: Store, path: str | Path, machine: str | None = None, after: int = 0) -> Path:
-    """Write the store (or one machine's part of it, by key) to a .csv, .csv.gz or .sqlite file; the path. `after`: only runs
-    that were entered after so many (`last_run`). Commands are written without --store and its path.
+    """Write the store (or one machine's part of it, by key) to a .csv, .csv.gz or .sqlite file, and return its path. `after`:
+    only runs after this number (`last_run`). Commands are written without --store and its path.
 
     An earlier text export is replaced, at once and whole; any other existing file is not. Raises InputError.
     """
@@ -39,7 +39,7 @@ def export(store: Store, path: str | Path, machine: str | None = None, after: in
 
 
 def merge(store: Store, other: str | Path) -> dict[str, int]:
-    """Take over what another store or text export holds; how many rows of each table were new.
+    """Merge another store or text export; return the number of new rows of each table.
 
     All or nothing; merging twice adds nothing. Raises InputError for a file that is neither.
     """
@@ -56,7 +56,7 @@ def merge(store: Store, other: str | Path) -> dict[str, int]:
 
 
 def load_text(paths: Iterable[str | Path]) -> Store:
-    """An in-memory store of what the text exports hold, such as those in labbook/data/. Raises InputError."""
+    """Return an in-memory store with the contents of text exports, such as labbook/data/. Raises InputError."""
     store = Store(":memory:")
     for path in paths:
         _insert(store, read_text(Path(path)), path)
@@ -73,15 +73,15 @@ def _rows_of(store: Store, machine: str | None = None, after: int = 0) -> Rows:
     if machine is not None and not store.query("SELECT 1 FROM machine WHERE key = ?", (machine,)):
         known = ", ".join(key for (key,) in store.query("SELECT key FROM machine ORDER BY key"))
         raise InputError(f"{store.path} knows no machine {machine}; it knows: {known or 'none'}")
-    mine = "SELECT key FROM run WHERE (:machine IS NULL OR machine = :machine) AND rowid > :after"
-    used = f"SELECT configuration FROM {{}} WHERE run IN ({mine})"
+    runs = "SELECT key FROM run WHERE (:machine IS NULL OR machine = :machine) AND rowid > :after"
+    used = f"SELECT configuration FROM {{}} WHERE run IN ({runs})"
     conditions = {
         "machine": "WHERE :machine IS NULL OR key = :machine ORDER BY key",
-        "run": f"WHERE key IN ({mine}) ORDER BY started, key",
+        "run": f"WHERE key IN ({runs}) ORDER BY started, key",
         "configuration": "WHERE (:machine IS NULL AND NOT :after) "
         f"OR hash IN ({used.format('sample')} UNION {used.format('measure')}) ORDER BY hash",
-        "sample": f"WHERE run IN ({mine}) ORDER BY configuration, run, sources, stage, repeat",
-        "measure": f"WHERE run IN ({mine}) ORDER BY configuration, run, sources, name",
+        "sample": f"WHERE run IN ({runs}) ORDER BY configuration, run, sources, stage, repeat",
+        "measure": f"WHERE run IN ({runs}) ORDER BY configuration, run, sources, name",
     }
     wanted = {"machine": machine, "after": after}
     return {
@@ -91,14 +91,14 @@ def _rows_of(store: Store, machine: str | None = None, after: int = 0) -> Rows:
 
 
 def _without_paths(rows: Rows) -> Rows:
-    """Rows in which no run's command says where a store lay."""
+    """Return the rows without paths of stores in the commands of runs."""
     command = TABLES["run"].index("command")
     runs = [(*run[:command], without_store(run[command].split(" ")), *run[command + 1 :]) for run in rows["run"]]
     return rows | {"run": runs}
 
 
 def _insert(store: Store, rows: Rows, origin: str | Path) -> dict[str, int]:
-    """How many of the rows of `origin` were new in each table. Raises InputError."""
+    """Insert the rows of `origin`; return the number of new ones in each table. Raises InputError."""
     added = dict.fromkeys(TABLES, 0)
     try:
         with store.transaction() as connection:

@@ -1,8 +1,8 @@
-"""Which version of the code a number is from, and so what may be compared with what.
+"""Version of the code that a number is from, which decides what may be compared.
 
 Two timings are compared only where they are of one version of the code: those of one backend if its sources were the same;
-CPU against GPU if some run names the sources of both, because those then lay side by side. Every run says so when it is
-entered (`code_version`). What is not of one version is not set side by side: there is no sentence and no line.
+CPU against GPU if some run names the sources of both, because those then lay side by side. Every run records both when it is
+entered (`code_version`). Other pairs are not compared: there is no sentence and no line.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ COMMIT = "SOFTLAB_COMMIT"  # environment variable: the revision of a copy that h
 @dataclass(frozen=True)
 class Version:
     """`commit`: the revision, `+` added where files differed from it, None where unknown; `cpu`, `gpu`: the digests of the
-    backends' sources, None in the records of labs that did not tell."""
+    backends' sources, None in the records of earlier labs."""
 
     commit: str | None
     cpu: str | None = None
@@ -42,7 +42,7 @@ class Version:
 
 
 def code_version() -> str:
-    """What a run says of the code that it is of: `9613136a2b1c+ cpu:<digest> gpu:<digest>`; the revision is `-` outside a
+    """Version of the code for the record of a run: `9613136a2b1c+ cpu:<digest> gpu:<digest>`; the revision is `-` outside a
     checkout, unless SOFTLAB_COMMIT names it."""
     return " ".join([_revision() or "-", *(f"{name}:{digest_of(name)}" for name in BACKENDS)])
 
@@ -54,17 +54,17 @@ def digest_of(backend: str) -> str:
 
 
 def read_version(text: str | None) -> Version:
-    """The version that a run's entry tells of; of runs of earlier labs the revision at most."""
+    """Parse the version of a run's entry; runs of earlier labs have the revision at most."""
     commit, *others = (text or "-").split()
-    told = dict(word.split(":", 1) for word in others if ":" in word)
-    return Version(None if commit == "-" else commit, told.get("cpu"), told.get("gpu"))
+    digests = dict(word.split(":", 1) for word in others if ":" in word)
+    return Version(None if commit == "-" else commit, digests.get("cpu"), digests.get("gpu"))
 
 
 def _revision() -> str | None:
-    """The revision of the lab's own files, `+` added where they differ from it; None where nothing tells."""
-    told = os.environ.get(COMMIT, "").strip()
-    if told or not (ROOT / ".git").exists():
-        return told.split()[0] if told else None
+    """The revision of the lab's own files, `+` added where they differ from it; None where unknown."""
+    named = os.environ.get(COMMIT, "").strip()
+    if named or not (ROOT / ".git").exists():
+        return named.split()[0] if named else None
     try:
 
         def git(*words: str) -> str:
@@ -79,8 +79,8 @@ def _revision() -> str | None:
 
 
 def refuse_changed_files(allowed: bool) -> None:
-    """Raise InputError where the lab's files differ from their commit, unless that is `allowed`: nobody could read the code
-    of such a measurement again."""
+    """Raise InputError where the lab's files differ from their commit, unless that is `allowed`: no measurement could be
+    traced to its code."""
     revision = _revision() or ""
     if revision.endswith("+") and not allowed:
         raise InputError(
@@ -105,7 +105,7 @@ Item = TypeVar("Item", bound=Dated)
 
 
 def sources_of(item: Dated) -> str:
-    """The digest of the backend's sources that a timing is of (an experiment's own mark comes after it)."""
+    """Return the digest of the backend's sources of a timing (without the experiment's own suffix)."""
     return item.sources.partition("-")[0]
 
 
@@ -115,11 +115,11 @@ def of_one_version(
     here: bool,
     same: Callable[[Item], bool] = lambda item: False,
 ) -> list[Item]:
-    """Those that are of one version of the code, and so may be compared, in their order.
+    """Return the items of one version of the code, which may be compared, in their order.
 
-    Of each backend those of the version that most are of, or with `here` of the code that runs now, if any are; of several
-    the one measured last (`versions` are in order of time). CPU and GPU stay together only if some run names the sources
-    of both; else the one that was measured last stays. `same`: an item is of the kernels of the code that runs now.
+    Each backend keeps the version with most items, or with `here` the current code if it has any; of equal ones the version
+    measured last (`versions` are in order of time). CPU and GPU stay together only if some run names the sources of both;
+    else the one that was measured last stays. `same(item)`: its kernels are those of the current code.
     """
 
     def digest(item: Item) -> str:
@@ -139,6 +139,6 @@ def of_one_version(
 
 
 def _side_by_side(digests: dict[str, str], versions: Sequence[Version]) -> bool:
-    """Whether the sources of both backends are of one version: named by one run, or not told apart at all."""
+    """True if the sources of both backends are of one version: named by one run, or with one digest."""
     wanted = tuple(digests[backend] for backend in BACKENDS)
     return len(set(wanted)) == 1 or any((version.cpu, version.gpu) == wanted for version in versions)

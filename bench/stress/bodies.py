@@ -39,11 +39,11 @@ from softlab.model.tables.cloth import Box, Plane, Sphere
 ROUNDINGS = 8  # rounding errors of a coordinate per substep
 GOALS = 32  # rounding errors of 1 m: error of a goal, from some 60 operations on half a metre
 LAG = 2 * UNCHANGED  # rounding errors of 1: the angle [rad] by which a rotation may lag behind, |b| over s1 + s2 > 1
-FLYING, LOOKS = 20, 50  # steps after an impact, or of a deformed body, that are checked one by one
+FLYING, CHECKED_STEPS = 20, 50  # steps after an impact, or of a deformed body, that are checked one by one
 LAST = 1000  # steps: 10 s, after which it must be at rest
 
 # names of the numbers that the lab book quotes
-OFF_LAW, SPIN_KEPT, OFF_NEWTON = "spin, off what its law keeps", "spin kept", "error against Newton's law"
+OFF_LAW, SPIN_FRACTION, OFF_NEWTON = "spin, off what its law keeps", "spin kept", "error against Newton's law"
 OUT_OF_SHAPE, PARTING = "out of shape over the spacing", "speed of parting"
 
 
@@ -85,7 +85,7 @@ def spins(trial: Trial) -> list[Check]:
     middle, turn = centre(scene, at), law_turn(n)
     rotation = np.array([[cos(turn), -sin(turn), 0], [sin(turn), cos(turn), 0], [0, 0, 1]])
     lag, steps = LAG * ULP[trial.precision], n * trial.steps(body_laws.SECONDS[SPIN])
-    reach = float(np.linalg.norm(at - middle, axis=1).max()) / scene.body_set.spacing
+    radius = float(np.linalg.norm(at - middle, axis=1).max()) / scene.body_set.spacing
 
     def error(expected: np.ndarray) -> float:
         return float(np.sqrt(np.mean(np.sum((_moving(state)[0] - expected) ** 2, axis=1)))) / scene.body_set.spacing
@@ -93,9 +93,9 @@ def spins(trial: Trial) -> list[Check]:
     return [
         Check(OFF_LAW, abs(left - spin_left(n)), "", "<", steps * lag / atan(_first(n))),
         Check("error against the law", error((at - middle) @ rotation.T + middle), "spacing", "<",
-              reach * lag * steps**2 / 2),
+              radius * lag * steps**2 / 2),
         Check(OFF_NEWTON, error(at), "spacing"),
-        Check(SPIN_KEPT, left, ""),
+        Check(SPIN_FRACTION, left, ""),
     ]  # fmt: skip
 
 
@@ -141,17 +141,17 @@ def finds_its_shape(how: str) -> Law:
     def law(trial: Trial) -> list[Check]:
         scene = trial.scene
         begin = changed(scene, CHANGED[how])
-        given = scene.body_set.clusters.energy(begin.position) + masses(scene).sum() * SEPARATION**2 / 2
+        input_energy = scene.body_set.clusters.energy(begin.position) + masses(scene).sum() * SEPARATION**2 / 2
         most = 0.0
-        for state in trial.watch((*range(1, LOOKS + 1), LAST), begin):
-            if state.step <= LOOKS:
+        for state in trial.watch((*range(1, CHECKED_STEPS + 1), LAST), begin):
+            if state.step <= CHECKED_STEPS:
                 most = max(most, kinetic(scene, state.velocity))
         at, velocity = _moving(state)
         drift = float(np.abs(centre(scene, velocity)).max())
         rounded = LAST * scene.method.substeps * of_a_place(trial) / substep(scene)
         return [
             Check(OUT_OF_SHAPE, out_of_shape(scene, at) / SPACING, "", "<", 0.01),
-            Check("largest kinetic energy over what was put in", most / given, "", "<", 1.0),
+            Check("largest kinetic energy over what was put in", most / input_energy, "", "<", 1.0),
             Check("speed of its centre", drift, "m/s", "<", rounded),
         ]
 
@@ -188,14 +188,14 @@ def is_stopped_by_a_plane(trial: Trial) -> list[Check]:
     from its initial speed. Then it recovers its shape, to a tenth of a spacing."""
     scene, lowest, peak = trial.scene, np.inf, 0.0
     energy = kinetic(scene, scene.body_set.velocity)
-    reach = next(part for part in scene.parts.values() if isinstance(part, Plane)).thickness
+    thickness = next(part for part in scene.parts.values() if isinstance(part, Plane)).thickness
     for state in trial.watch((*range(1, FLYING + 1), FLYING + LAST)):
         lowest = min(lowest, float(state.position[:, 1].min()))
         if state.step <= FLYING:
             peak = max(peak, kinetic(scene, state.velocity))
     bent = out_of_shape(scene, _moving(state)[0]) / scene.body_set.spacing
     return [
-        Check("deepest under the plane's reach", reach - lowest, "m", "<", 4 * ULP[trial.precision]),
+        Check("deepest under the plane's reach", thickness - lowest, "m", "<", 4 * ULP[trial.precision]),
         Check("kinetic energy over the shot's", peak / energy, "", "<", 1 + of_a_place(trial)),
         Check("out of shape over the spacing, 10 s later", bent, "", "<", 0.1),
     ]
@@ -207,7 +207,7 @@ def is_stopped_by_a_box(trial: Trial) -> list[Check]:
     It therefore stops whatever moves by less than half its thickness per substep, and reduces the energy."""
     scene = trial.scene
     box = next(part for part in scene.parts.values() if isinstance(part, Box))
-    top, way = box.center[1] + box.half_size[1] + box.thickness, np.abs(scene.body_set.velocity).max() * substep(scene)
+    top, path = box.center[1] + box.half_size[1] + box.thickness, np.abs(scene.body_set.velocity).max() * substep(scene)
     lowest = np.inf
     for state in trial.watch(range(1, FLYING + 1)):
         lowest = min(lowest, float(state.position[:, 1].min()))
@@ -215,7 +215,7 @@ def is_stopped_by_a_box(trial: Trial) -> list[Check]:
     return [
         Check("deepest under the reach of its upper side", top - lowest, "m", "<", 4 * ULP[trial.precision]),
         Check("kinetic energy over the shot's", energy, "", "<", 1.0),
-        Check("way a substep over its thickness", way / (2 * box.half_size[1]), ""),
+        Check("way a substep over its thickness", path / (2 * box.half_size[1]), ""),
     ]
 
 
@@ -226,16 +226,16 @@ def is_stopped_by_a_body(trial: Trial) -> list[Check]:
     except for rounding of coordinates of 1 m; energy only decreases, by at least a tenth."""
     scene, steps = trial.scene, round(0.04 / trial.dt)
     energy, most, least = kinetic(scene, scene.body_set.velocity), 0.0, np.inf
-    for look in trial.watch(range(steps // FLYING, steps + 1, steps // FLYING)):
-        at, velocity = _moving(look)
+    for state in trial.watch(range(steps // FLYING, steps + 1, steps // FLYING)):
+        at, velocity = _moving(state)
         most = max(most, kinetic(scene, velocity))
         least = min(least, float(centre(scene, at, 1)[1] - centre(scene, at, 0)[1]))
     names = [copy.name for copy in scene.body_set.copies]
-    keep = (getattr(scene.parts[names[1]], "particle_spacing") + RIGID_SPACING) / 2  # noqa: B009 - of either kind
+    contact_distance = (getattr(scene.parts[names[1]], "particle_spacing") + RIGID_SPACING) / 2  # noqa: B009 - of either kind
     change = np.abs(centre(scene, velocity - scene.body_set.velocity)).max()
     return [
         Check("least height of its centre over the other's", least, "m", ">", RIGID_SPACING),
-        Check("nearest particles at last over their distance", nearest(scene, at) / keep, "", ">", 0.9),
+        Check("nearest particles at last over their distance", nearest(scene, at) / contact_distance, "", ">", 0.9),
         Check("kinetic energy at last over the shot's", kinetic(scene, velocity) / energy, "", "<", 0.9),
         Check("kinetic energy ever gained over the shot's", most / energy - 1, "", "<", of_a_place(trial, steps)),
         Check("speed of the centre of both, off what it was", float(change), "m/s", "<",
@@ -284,17 +284,17 @@ def is_pushed_out_in_place(trial: Trial) -> list[Check]:
     exceeds it."""
     scene = trial.scene
     ball = next(part for part in scene.parts.values() if isinstance(part, Sphere))
-    middle, reach, clusters = np.array(ball.center), ball.radius + ball.thickness, scene.body_set.clusters
-    depths = np.maximum(reach - np.linalg.norm(scene.body_set.position - middle, axis=1), 0)
-    given = clusters.stiffness[0] / 2 * float((clusters.mass * depths**2).sum())
+    middle, radius, clusters = np.array(ball.center), ball.radius + ball.thickness, scene.body_set.clusters
+    depths = np.maximum(radius - np.linalg.norm(scene.body_set.position - middle, axis=1), 0)
+    input_energy = clusters.stiffness[0] / 2 * float((clusters.mass * depths**2).sum())
     most, deepest = 0.0, -np.inf
     for state in trial.watch(range(1, 101)):
         at, velocity = _moving(state)
-        deepest = max(deepest, reach - float(np.linalg.norm(at - middle, axis=1).min()))
+        deepest = max(deepest, radius - float(np.linalg.norm(at - middle, axis=1).min()))
         most = max(most, kinetic(scene, velocity) + clusters.energy(at))
     return [
-        Check("energy over what its ways out bend it by", most / given, "", "<", 1.0),
+        Check("energy over what its ways out bend it by", most / input_energy, "", "<", 1.0),
         Check("deepest particle inside the ball", deepest, "m", "<", of_a_place(trial)),
-        Check("energy left over it", kinetic(scene, velocity) / given, "", ">", 0.1),
+        Check("energy left over it", kinetic(scene, velocity) / input_energy, "", ">", 0.1),
         Check("deepest at the start", float(depths.max()), "m"),
     ]

@@ -24,7 +24,7 @@ class HardCase:
 
     `name`: row and variant; `scene`: catalogue name, or a function that makes it; `changes`: fields replaced in it;
     `law`: runs a Trial and returns its checks, the decisive one first. `expect`: the correct verdict, `pass` or
-    `refused`. `own_step`: an integrator for which the scene's dt is too large runs at 0.9 of its limit; otherwise it is
+    `refused`. `limited_step`: an integrator for which the scene's dt is too large runs at 0.9 of its limit; otherwise it is
     refused. `known`: (method, precision), either of them ANY -> reason of a failure there, which then is not a bug.
     `methods`: names of the methods it applies to; a position-based one has the iterations and substeps of `changes`, or
     of the scene. `basis`: origin of the decisive check's bound, in words; empty where the law itself gives it. `quick`:
@@ -37,7 +37,7 @@ class HardCase:
     law: Law
     changes: Mapping[str, Any] = field(default_factory=dict)
     expect: str = "pass"
-    own_step: bool = True
+    limited_step: bool = True
     known: Mapping[tuple[str, str], str] = field(default_factory=dict)
     methods: tuple[str, ...] = FORCES
     basis: str = ""

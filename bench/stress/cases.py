@@ -32,7 +32,7 @@ STANDS = {
 
 FAR = (1e3, 1e4, 1e5)  # m
 CASES = (
-    HardCase("B1", "stiffness ratio 1e6", "hard/b1", too_stiff, expect="refused", own_step=False),
+    HardCase("B1", "stiffness ratio 1e6", "hard/b1", too_stiff, expect="refused", limited_step=False),
     HardCase("B1 hanging", "the same, under its limit", "hard/b1", stiff_chain_hangs, known=STANDS),
     HardCase("B1 implicit", "the same, by constraints", "hard/b1", stiff_chain_hangs, {"method.iterations": 20},
              methods=POSITIONS),
@@ -48,7 +48,7 @@ CASES = (
     HardCase("B6", "turned upward, disturbed", "hard/b6", laws.flipped, known=REST_KNOWN),
     HardCase("B7 mirrored", "mirrored in x", "hard/b7", laws.comes_to_rest(laws.mirrored), known=REST_KNOWN),
     HardCase("B7 random", "scattered in a box", "hard/b7", laws.comes_to_rest(laws.scattered), known=REST_KNOWN),
-    HardCase("B8", "ten times the step size", "hard/b8", laws.ten_times_too_large, expect="refused", own_step=False),
+    HardCase("B8", "ten times the step size", "hard/b8", laws.ten_times_too_large, expect="refused", limited_step=False),
     HardCase("B8 implicit", "the same, by constraints", "hard/b8", bounded, {"method.iterations": 60},
              methods=POSITIONS),
     HardCase("B9 below", "0.99 of the limit", "hard/b9", laws.beside_the_limit(0.99)),
@@ -56,23 +56,23 @@ CASES = (
     HardCase("B10 100", "poke of 100 m/s", "hard/b10", laws.violent(speed=100.0), known=REST_KNOWN),
     HardCase("B10 1000", "poke of 1000 m/s", "hard/b10", laws.violent(speed=1000.0), known=REST_KNOWN),
     HardCase("B10 drag", "corner let go 707 m away", "hard/b10", laws.violent(drag=500.0), known=REST_KNOWN),
-    HardCase("B11", "gravity toggled each step", "hard/b11", laws.toggled, own_step=False),
+    HardCase("B11", "gravity toggled each step", "hard/b11", laws.toggled, limited_step=False),
     HardCase("B12", "hung by one corner", "hard/b12", laws.one_pin),
     HardCase("B13", "chain of 4096 links", "hard/b13", numbers.long_chain, known={("lab", "float32"): LAB_FAR}),
     HardCase("B13 inextensible", "the same without give, tethered", "hard/b13", tethered_chain,
              {"springs.compliance": 0.0, "attachments.anchors": 1}, methods=POSITIONS),
     *(
         HardCase(f"B14 {offset:.0e}".replace("e+0", "e"), f"chain {offset:g} m away", "hard/b14",
-                 numbers.far_away(offset, False), own_step=False, known=FAR_KNOWN)
+                 numbers.far_away(offset, False), limited_step=False, known=FAR_KNOWN)
         for offset in FAR
     ),
-    HardCase("B14 swinging", "the same, swinging", "hard/b14", numbers.far_away(1e5, True), own_step=False,
+    HardCase("B14 swinging", "the same, swinging", "hard/b14", numbers.far_away(1e5, True), limited_step=False,
              known=FAR_KNOWN),
     HardCase("B15", "denormal numbers", "hard/b15", numbers.denormals),
-    HardCase("B16", "a fast ball through a cloth", "hard/b16", fast_ball, own_step=False),
-    HardCase("B17", "a ball inside a cloth", "hard/b17", ball_inside, own_step=False),
-    HardCase("B18", "eight layers fall on a floor", "hard/b18", comes_to_rest_in_layers, own_step=False, methods=SEIDEL),
-    HardCase("B19", "two layers in one place", "hard/b19", comes_to_rest_in_layers, own_step=False, methods=SEIDEL),
+    HardCase("B16", "a fast ball through a cloth", "hard/b16", fast_ball, limited_step=False),
+    HardCase("B17", "a ball inside a cloth", "hard/b17", ball_inside, limited_step=False),
+    HardCase("B18", "eight layers fall on a floor", "hard/b18", comes_to_rest_in_layers, limited_step=False, methods=SEIDEL),
+    HardCase("B19", "two layers in one place", "hard/b19", comes_to_rest_in_layers, limited_step=False, methods=SEIDEL),
     HardCase("B23", "a poke, and one iteration", "hard/b10", one_iteration, methods=POSITIONS),
     HardCase("B24 one", "1 x 1 masses", "hard/b24", laws.like_the_reference, methods=FORCES + POSITIONS),
     HardCase("B24 row", "1 x 7 masses", "hard/b24", laws.like_the_reference, {"grid.columns": 7}, methods=FORCES + POSITIONS),

@@ -17,10 +17,10 @@ from softlab.model.core.integrators import frequency_bound
 from softlab.model.core.simulation import State
 from softlab.model.tables.cloth import Sphere
 
-LOOKS = (1, 2, 3, 5, 10, 30, 60)  # steps after which a state is checked
+CHECKED_STEPS = (1, 2, 3, 5, 10, 30, 60)  # steps after which a state is checked
 SECONDS = 10.0  # simulated time of layers
-STILL_SHARE = 1e-3  # of the largest kinetic energy
-GAP_SHARE = 0.8  # of the thickness
+STILL_FRACTION = 1e-3  # of the largest kinetic energy
+GAP_FRACTION = 0.8  # of the thickness
 SHOWN = 1  # steps after which B16 is drawn: the ball has just passed, and is out of sight later
 
 
@@ -30,7 +30,7 @@ def ball_of(trial: Trial, time: float = 0.0) -> tuple[Sphere, np.ndarray]:
     return ball, np.array(ball.center) + time * np.array(ball.velocity)
 
 
-def reach_of(ball: Sphere) -> float:
+def contact_radius(ball: Sphere) -> float:
     """Return the smallest distance [m] of a mass from the ball's centre."""
     return ball.radius + ball.thickness
 
@@ -47,7 +47,7 @@ def _overlap(trial: Trial, state: State) -> tuple[float, float]:
     """Return (depth [m] of the deepest mass inside the ball's surface, negative outside; its rounding error [m])."""
     ball, center = ball_of(trial, state.time)
     nearest = np.linalg.norm(state.position.astype(np.float64) - center, axis=1).min()
-    return reach_of(ball) - float(nearest), rounding(trial, state, center)
+    return contact_radius(ball) - float(nearest), rounding(trial, state, center)
 
 
 def _seen_energy(trial: Trial, position: np.ndarray, velocity: np.ndarray) -> float:
@@ -69,12 +69,12 @@ def fast_ball(trial: Trial) -> list[Check]:
     """
     begin, at_rest = reference.start(trial.scene)
     ball, center = ball_of(trial)
-    in_the_way = np.linalg.norm((begin - center)[:, :2], axis=1) < reach_of(ball)
+    in_path = np.linalg.norm((begin - center)[:, :2], axis=1) < contact_radius(ball)
     energy, most, deepest, known = _seen_energy(trial, begin, at_rest), 0.0, -np.inf, 0.0
     behind, shown = len(begin), None
-    for state in trial.watch(LOOKS, trial.start(begin)):
+    for state in trial.watch(CHECKED_STEPS, trial.start(begin)):
         if state.step == 1:
-            behind = int((state.position[in_the_way, 2] < ball_of(trial, state.time)[1][2]).sum())
+            behind = int((state.position[in_path, 2] < ball_of(trial, state.time)[1][2]).sum())
         if state.step == SHOWN:
             shown = state
         depth, rounded = _overlap(trial, state)
@@ -82,7 +82,7 @@ def fast_ball(trial: Trial) -> list[Check]:
         most = max(most, _seen_energy(trial, state.position, state.velocity))
     trial.show(shown)
     return [
-        Check(f"of {in_the_way.sum()} masses in its way passed by the ball", behind, "", "<", 1),
+        Check(f"of {in_path.sum()} masses in its way passed by the ball", behind, "", "<", 1),
         Check("deepest mass inside the ball", deepest, "m", "<", known),
         Check("energy seen from the ball over the start's", most / energy, "", "<", _wobble(trial)),
     ]
@@ -96,13 +96,13 @@ def ball_inside(trial: Trial) -> list[Check]:
     """
     begin, at_rest = reference.start(trial.scene)
     ball, center = ball_of(trial)
-    depths = reach_of(ball) - np.linalg.norm(begin - center, axis=1)
+    depths = contact_radius(ball) - np.linalg.norm(begin - center, axis=1)
     inside, mass, fastest = int((depths > 0).sum()), trial.scene.grid.mass, ball.radius / trial.dt
     stiffness = sum(4 * springs.stiffness for springs in trial.scene.cloth_springs.values())
     allowed = inside * min(stiffness * (2 * depths.max()) ** 2 / 2, mass * fastest**2 / 2)
     energy = energies(trial.scene, begin, at_rest)["conserved"]
     gained, speed, deepest, known = -np.inf, 0.0, -np.inf, 0.0
-    for state in trial.watch(LOOKS, trial.start(begin)):
+    for state in trial.watch(CHECKED_STEPS, trial.start(begin)):
         depth, rounded = _overlap(trial, state)
         deepest, known = max(deepest, depth), max(known, rounded)
         speed = max(speed, float(np.linalg.norm(state.velocity, axis=1).max()))
@@ -129,12 +129,12 @@ def comes_to_rest_in_layers(trial: Trial) -> list[Check]:
             trial.advance(simulation, 1)
             energy = grid.mass / 2 * float((simulation.read("velocity").astype(np.float64) ** 2).sum())
             peak = max(peak, energy)
-        state = trial.look(simulation)
-    found = measure(grid.rows, grid.columns, grid.spacing, state.position, part.thickness)
+        state = trial.checked_state(simulation)
+    gaps = measure(grid.rows, grid.columns, grid.spacing, state.position, part.thickness)
     return [
-        Check("kinetic energy over its peak", energy / peak, "", "<", STILL_SHARE),
-        Check("smallest gap over the thickness", found.min_gap / part.thickness, "", ">", GAP_SHARE),
-        Check("edges through triangles", found.crossings, "", "<", 1),
-        Check("pairs of edges that contacts miss", found.edge_misses, ""),
-        Check("smallest gap of edges over the thickness", found.min_edge_gap / part.thickness, ""),
+        Check("kinetic energy over its peak", energy / peak, "", "<", STILL_FRACTION),
+        Check("smallest gap over the thickness", gaps.min_gap / part.thickness, "", ">", GAP_FRACTION),
+        Check("edges through triangles", gaps.crossings, "", "<", 1),
+        Check("pairs of edges that contacts miss", gaps.edge_misses, ""),
+        Check("smallest gap of edges over the thickness", gaps.min_edge_gap / part.thickness, ""),
     ]

@@ -19,14 +19,14 @@ import numpy as np
 from softlab.bench.experiments.accuracy.methods import FLUIDS, MATCHING, METHODS, TETRAHEDRAL, changes
 from softlab.bench.measure.costs_timing import Measures
 from softlab.bench.measure.experiment import (
-    Tell,
+    Report,
     backends_here,
     chosen,
     ending_cleanly,
     host_of,
-    keep,
     resume,
     source_hash,
+    store_measures,
 )
 from softlab.bench.measure.progress import progress_bar
 from softlab.bench.store.database import Store
@@ -79,19 +79,21 @@ BODY_LAWS = (  # these include files of bench/experiments
 def case_scene(case: HardCase, method: str) -> tuple[Scene, str]:
     """Return the scene of a case under a method, and a note on its step size."""
     base = case.base()
-    own = base.method.position_based  # the scene has its own substeps and iterations
+    position_based = base.method.position_based  # the scene has its own substeps and iterations
     if case.of_tetrahedra:
         solved = tetrahedral_budget(case, method)
     elif case.of_fluids:
         solved = {"method.scheme": method.split()[-1]}
     else:
-        solved = {} if case.of_bodies else {"method.ordering": method.split()[-1]} if own else changes(method)
+        solved = (
+            {} if case.of_bodies else {"method.ordering": method.split()[-1]} if position_based else changes(method)
+        )
     scene = base.replace({**solved, **case.changes})
     limit, dt = stability_limit(scene), scene.method.dt
-    if not case.own_step or dt <= limit or limit <= 0:
+    if not case.limited_step or dt <= limit or limit <= 0:
         return scene, ""
-    held = float(f"{SAFE * limit:.3g}")
-    return scene.replace({"method.dt": held}), f"at dt {held:g} s; {dt:g} s is over the limit of {limit:.4g} s"
+    reduced = float(f"{SAFE * limit:.3g}")
+    return scene.replace({"method.dt": reduced}), f"at dt {reduced:g} s; {dt:g} s is over the limit of {limit:.4g} s"
 
 
 def judge_case(case: HardCase, method: str, backend: str = "cpu", precision: str = "float64", **how: Any) -> Outcome:
@@ -165,14 +167,14 @@ def _work(
     cases: Sequence[HardCase], methods: Sequence[str], backends: Sequence[str], precisions: Sequence[str]
 ) -> list[_Work]:
     """Return all runs; those that share machine code follow each other."""
-    found, laws = [], {case.name: _digest(case) for case in cases}
+    runs, laws = [], {case.name: _digest(case) for case in cases}
     for backend, precision, method, case in product(backends, precisions, methods, cases):
         if method in case.methods:
             scene, _ = case_scene(case, method)
             description = configuration(scene, backend=backend, precision=precision, **host_of(backend))
             sources = f"{source_hash(backend)}-{laws[case.name]}"
-            found.append(_Work(case, method, backend, precision, description | {"hard": case.name}, sources))
-    return found
+            runs.append(_Work(case, method, backend, precision, description | {"hard": case.name}, sources))
+    return runs
 
 
 def run_hard(
@@ -210,16 +212,16 @@ def run_hard(
     everything = _work(asked, names, here, accurate)
     ends: list[tuple[_Work, Outcome]] = []
 
-    def held(work: _Work) -> bool:
+    def is_stored(work: _Work) -> bool:
         return store.has_measure(work.description, summary.machine, work.sources, VERDICT)
 
-    def measure(group: Sequence[_Work], tell: Tell) -> None:
+    def measure(group: Sequence[_Work], report: Report) -> None:
         for work in group:
-            tell(str(work), 0)
+            report(str(work), 0)
             _judge(store, summary, work, here[0], ends)
-            tell(str(work), 1)
+            report(str(work), 1)
 
-    resume(store, summary, [[work] for work in everything], held, measure, progress=progress, command=command)
+    resume(store, summary, [[work] for work in everything], is_stored, measure, progress=progress, command=command)
     with ending_cleanly(summary):
         if pictures and store.path != ":memory:" and not summary.interrupted:
             _draw(summary, ends, Path(store.path).absolute().parent / "hard", progress)
@@ -254,7 +256,7 @@ def _judge(store: Store, summary: HardSummary, work: _Work, first: str, ends: li
         numbers[SHAPE] = None, "m", _shape(scene, outcome.end)
         ends.append((work, outcome))
     numbers[VERDICT] = CODES[outcome.verdict], "", outcome.diagnosis
-    keep(store, summary.run, work.description, work.sources, numbers)
+    store_measures(store, summary.run, work.description, work.sources, numbers)
     summary.measured += 1
 
 

@@ -183,7 +183,7 @@ FLUID_CASES = (
     HardCase("F8 sheet", "a plate a tenth of a millimetre thick that moves", partial(plate, 5e-5, True),
              fluids.stops_at_a_plate, methods=FLUIDS,
              basis="no way leads through a box"),
-    HardCase("F9", "three blocks in one place", crowded, fluids.tells_what_is_lost, methods=FLUIDS,
+    HardCase("F9", "three blocks in one place", crowded, fluids.reports_lost_neighbours, methods=FLUIDS,
              basis="a count of every pair in NumPy"),
     HardCase("F10", "two vessels that communicate", joined_vessels, vessels.levels_out, methods=FLUIDS, quick=False,
              basis="Torricelli: one level, that of the volume, to half a layer"),

@@ -24,21 +24,21 @@ INSIDE = (0.4, 0.4, 0.3)  # m: inner size of the cup
 STILL = 1e-5  # relative: of momentum, and of a rest distance
 DENSE = 0.01  # largest mean excess over the rest density (section F of the lab's collection)
 DEPTH = 0.1  # fraction of a heavy fluid's depth
-HELD = 0.99  # fraction of a speed that must remain
+MIN_ARRIVAL_SPEED = 0.99  # fraction of a speed that must remain
 
 # names of the numbers
 OUTSIDE, LAG = "farthest out of the cup", "mean velocity off the cup's, of it"
 FALL, HEIGHT, SPEED = "place off the fall's law, of the way", "height over the floor, of a rest distance", "speed"
 APART, LOST = "distance of the two, of a rest distance", "momentum lost"
 LOWER, HIGH, PRESSED = "heavy fluid's height under the light one's", "heavy height off its rest", "mean compression"
-KEPT, ENERGY, BELOW = "speed kept before it hits", "largest energy over the start's", "deepest below the floor"
+ARRIVAL_SPEED, ENERGY, BELOW = "speed kept before it hits", "largest energy over the start's", "deepest below the floor"
 FASTEST = "largest speed over its limit"
 THROUGH, DRIFT, STIRRED = (
     "particles beyond the plate",
     "drift of the centre, of a rest distance",
     "largest way of a particle",
 )
-TOLD, MISSED = "neighbours told as lost, off what NumPy counts", "neighbours lost"
+REPORTED, MISSED = "neighbours told as lost, off what NumPy counts", "neighbours lost"
 
 
 def _unit(trial: Trial, size: float) -> float:
@@ -97,9 +97,9 @@ def falls_alone(trial: Trial) -> list[Check]:
     start, g, h = float(scene.fluid_set.position[0, 1]), scene.gravity.acceleration, trial.dt / method.substeps
     fallen, landed = trial.watch((trial.steps(FREE), trial.steps(4 * SECONDS)))
     n = trial.steps(FREE) * method.substeps
-    way = g * h * h * n * (n + 1) / 2
-    error = abs(start - float(fallen.position[0, 1]) - way) / way
-    rounded = _rounded(trial, start, FREE) * FREE / way
+    fall = g * h * h * n * (n + 1) / 2
+    error = abs(start - float(fallen.position[0, 1]) - fall) / fall
+    rounded = _rounded(trial, start, FREE) * FREE / fall
     high = (float(landed.position[0, 1]) - _floor(scene)) / scene.fluid_set.spacing
     return [
         Check(FALL, error, "", "<", rounded),
@@ -175,19 +175,19 @@ def hits_the_floor(trial: Trial) -> list[Check]:
     arrives slower, since no speed exceeds half a support radius per substep.
     """
     scene = trial.scene
-    given, floor = np.linalg.norm(next(iter(scene.fluids.values())).velocity), _floor(scene)
-    kept, energy, low, fastest = 0.0, 0.0, np.inf, 0.0
+    initial_speed, floor = np.linalg.norm(next(iter(scene.fluids.values())).velocity), _floor(scene)
+    arrival, energy, low, fastest = 0.0, 0.0, np.inf, 0.0
     for number, state in enumerate(trial.watch(range(1, trial.steps(SECONDS) + 1))):
         speed = np.linalg.norm(state.velocity.astype(np.float64), axis=1)
-        kept = float(speed.mean() / given) if number == 0 else kept
-        energy, fastest = max(energy, float((speed**2).mean() / given**2)), max(fastest, float(speed.max()))
+        arrival = float(speed.mean() / initial_speed) if number == 0 else arrival
+        energy, fastest = max(energy, float((speed**2).mean() / initial_speed**2)), max(fastest, float(speed.max()))
         low = min(low, float(state.position[:, 1].astype(np.float64).min()))
     return [
-        Check(KEPT, kept, "", ">", HELD),
-        Check(ENERGY, energy, "", "<", 1 + float(_rounded(trial, 2.0, trial.dt) / given)),
+        Check(ARRIVAL_SPEED, arrival, "", ">", MIN_ARRIVAL_SPEED),
+        Check(ENERGY, energy, "", "<", 1 + float(_rounded(trial, 2.0, trial.dt) / initial_speed)),
         Check(BELOW, floor - low, "m", "<", 8 * _unit(trial, 1.0)),
         _within_limit(trial, fastest),
-        Check("energy after it, of the start's", float((speed**2).mean() / given**2), ""),
+        Check("energy after it, of the start's", float((speed**2).mean() / initial_speed**2), ""),
     ]
 
 
@@ -199,12 +199,12 @@ def keeps_still(trial: Trial) -> list[Check]:
     scene = trial.scene
     begin = scene.fluid_set.position
     state = trial.run(None, SPARSE)
-    way = state.position.astype(np.float64) - begin
+    displacement = state.position.astype(np.float64) - begin
     size, spacing = float(np.abs(begin).max()), scene.fluid_set.spacing
     one, all_of_them = (_rounded(trial, size, SPARSE, mean) * SPARSE / spacing for mean in (1, len(begin)))
-    checks = [Check(DRIFT, float(np.abs(way.mean(axis=0)).max() / spacing), "", "<", max(STILL, all_of_them))]
+    checks = [Check(DRIFT, float(np.abs(displacement.mean(axis=0)).max() / spacing), "", "<", max(STILL, all_of_them))]
     drawn = any(part.cohesion or part.surface_tension for part in scene.fluids.values())
-    stirred = float(np.abs(way).max() / spacing)
+    stirred = float(np.abs(displacement).max() / spacing)
     return [*checks, Check(STIRRED, stirred, "") if drawn else Check(STIRRED, stirred, "", "<", max(STILL, one))]
 
 
@@ -214,9 +214,9 @@ def keeps_momentum(trial: Trial) -> list[Check]:
     Momentum is conserved (Newton's third law) to 1e-5 of the sum of all m |v|; in float32 to the rounding of
     velocities.
     """
-    found = trial.scene.fluid_set
-    velocity = np.random.default_rng(7).normal(0, SCATTERED, found.position.shape)
-    state = trial.run(trial.start(found.position, velocity), SPARSE)
+    fluid_set = trial.scene.fluid_set
+    velocity = np.random.default_rng(7).normal(0, SCATTERED, fluid_set.position.shape)
+    state = trial.run(trial.start(fluid_set.position, velocity), SPARSE)
     return [_momentum(trial, state, velocity, float(np.abs(velocity).mean()), SPARSE)]
 
 
@@ -243,7 +243,7 @@ def stops_at_a_plate(trial: Trial) -> list[Check]:
     return [Check(THROUGH, float(through), "", "<", 0.5), _within_limit(trial, fastest)]
 
 
-def tells_what_is_lost(trial: Trial) -> list[Check]:
+def reports_lost_neighbours(trial: Trial) -> list[Check]:
     """F9: several blocks in one place, slightly perturbed: more neighbours than the lists can store.
 
     In the first substep the reported number of lost neighbours equals the number beyond the lists' length that NumPy
@@ -254,19 +254,19 @@ def tells_what_is_lost(trial: Trial) -> list[Check]:
     position = scene.fluid_set.position + random.normal(0, scene.fluid_set.spacing / 20, scene.fluid_set.position.shape)
     if trial.single:
         position = position.astype(np.float32).astype(np.float64)
-    met = np.bincount(differences(scene, position)[0].ravel(), minlength=len(position))
-    expected = int(np.maximum(met - MAX_NEIGHBOURS[scene.dimensions], 0).sum())
+    neighbours = np.bincount(differences(scene, position)[0].ravel(), minlength=len(position))
+    expected = int(np.maximum(neighbours - MAX_NEIGHBOURS[scene.dimensions], 0).sum())
     once = scene.replace({"method.substeps": 1, "method.dt": trial.dt / scene.method.substeps})
     with trial.open(trial.start(position), scene=once) as simulation:
         trial.advance(simulation, 1)
-        told = int(simulation.contacts_lost)  # type: ignore[attr-defined]
+        reported = int(simulation.contacts_lost)  # type: ignore[attr-defined]
     fastest = max(
         _largest_speed(state) for state in trial.watch(range(1, trial.steps(FREE) + 1), trial.start(position))
     )
     # in float32 a pair within rounding of the support radius may be counted by only one of the two
     return [
-        Check(TOLD, abs(told / max(expected, 1) - 1), "", "<", 1e-3 if trial.single else 1e-12),
-        Check(MISSED, float(told), "", ">", 0.5),
+        Check(REPORTED, abs(reported / max(expected, 1) - 1), "", "<", 1e-3 if trial.single else 1e-12),
+        Check(MISSED, float(reported), "", ">", 0.5),
         _within_limit(trial, fastest),
     ]
 

@@ -153,7 +153,7 @@ def ten_times_too_large(trial: Trial) -> list[Check]:
     try:
         with trial.open(trial.start(trial.rest()), allow_unstable=True) as simulation:
             trial.advance(simulation, OVERFLOW_STEPS)
-            trial.look(simulation)
+            trial.checked_state(simulation)
         step = float("inf")
     except Diverged as error:
         step = float(error.step)
@@ -217,7 +217,7 @@ def violent(speed: float = 0.0, drag: float = 0.0) -> Law:
                 trial.advance(simulation, 1)
                 fastest = max(fastest, float(np.hypot(*simulation.read("velocity").astype(np.float64).T).max()))
             trial.advance(simulation, soon - watched)
-            state = trial.look(simulation)
+            state = trial.checked_state(simulation)
             lost = before - energies(trial.scene, state.position, state.velocity)["conserved"]
             _, checks = trial.settle(simulation)
         return [
@@ -237,7 +237,7 @@ def toggled(trial: Trial) -> list[Check]:
             for enabled in (True, False):
                 simulation.set("gravity.enabled", enabled)
                 trial.advance(simulation, 1)
-        state = trial.look(simulation)
+        state = trial.checked_state(simulation)
     columns = trial.scene.grid.columns
     off = np.abs(state.position[-columns:, 1] - hanging(half)[-1, :, 1]).max()
     return [Check("bottom row from its place under half of gravity", float(off), "m", "<", 1e-3)]

@@ -70,7 +70,7 @@ def denormals(trial: Trial) -> list[Check]:
     times: dict[str, list[float]] = {"small": [], "ordinary": []}
     with trial.open(small) as simulation:
         trial.advance(simulation, 100)
-        state = trial.look(simulation)
+        state = trial.checked_state(simulation)
         for _ in range(9 if trial.timed else 0):
             for name, initial in (("small", small), ("ordinary", ordinary)):
                 simulation.load(initial)

@@ -28,7 +28,7 @@ SINKING, LOWERED, BORNE, DEPTH, RATIO = (  # names of the numbers that the lab b
     "sinking of an interface, off 4 k g h^2, over g h^2", "way of the top over a brick's height",
     "depth over 2 (1 + r) g h^2, off 1", "depth over the distance of particles", "r",
 )  # fmt: skip
-STILL_SHARE, GAP_SHARE = 1e-3, 0.8  # B18: of the largest kinetic energy, and of the contact distance
+STILL_FRACTION, GAP_FRACTION = 1e-3, 0.8  # B18: of the largest kinetic energy, and of the contact distance
 
 
 def of_rounding(trial: Trial, size: float) -> float:
@@ -49,10 +49,10 @@ def stands(trial: Trial) -> list[Check]:
     bricks = len(scene.body_set.copies)
     expected = np.array([2 * bricks - 1, *(4 * above for above in range(bricks - 1, 0, -1))])
     at = state.position.astype(np.float64)
-    found = sunk(scene, at)
+    sinking = sunk(scene, at)
     height = bricks * BRICK_HEIGHT
     return [
-        Check(SINKING, float(np.abs(found - expected).max()), "", "<",
+        Check(SINKING, float(np.abs(sinking - expected).max()), "", "<",
               NEAR + of_rounding(trial, height)),
         Check(LOWERED, float(_lowered(trial, at, bricks - 1)) / BRICK_HEIGHT, ""),
         *_quiet(trial, state, height),
@@ -70,12 +70,12 @@ def bears(trial: Trial) -> list[Check]:
     m = masses(scene)[:, 0]
     ratio = float(m[scene.body_set.body == 1][0] / m[scene.body_set.body == 0][0])
     at = state.position.astype(np.float64)
-    found, h = sunk(scene, at)[1], trial.dt / scene.method.substeps
+    sinking, h = sunk(scene, at)[1], trial.dt / scene.method.substeps
     rounded = of_rounding(trial, 2 * BRICK_HEIGHT) * (1 + ratio)
     return [
-        Check(BORNE, abs(found / (2 * (1 + ratio)) - 1), "", "<",
+        Check(BORNE, abs(sinking / (2 * (1 + ratio)) - 1), "", "<",
               NEAR + rounded / (2 * (1 + ratio))),
-        Check(DEPTH, found * GRAVITY * h * h / scene.body_set.spacing, ""),
+        Check(DEPTH, sinking * GRAVITY * h * h / scene.body_set.spacing, ""),
         Check(RATIO, ratio, ""),
         *_quiet(trial, state, 2 * BRICK_HEIGHT, 1 + ratio),
     ]  # fmt: skip
@@ -87,14 +87,14 @@ def heaps_up(trial: Trial) -> list[Check]:
     with trial.open() as simulation:
         for _ in range(100):
             trial.advance(simulation, trial.steps(SECONDS / 100))
-            state = trial.look(simulation)
+            state = trial.checked_state(simulation)
             energy = kinetic(scene, state.velocity)
             peak = max(peak, energy)
         lost = simulation.contacts_lost  # type: ignore[attr-defined]
     at, spacing = state.position.astype(np.float64), scene.body_set.spacing
     return [
-        Check("nearest particles over their distance", nearest(scene, at) / spacing, "", ">", GAP_SHARE),
-        Check("kinetic energy over its peak", energy / peak, "", "<", STILL_SHARE),
+        Check("nearest particles over their distance", nearest(scene, at) / spacing, "", ">", GAP_FRACTION),
+        Check("kinetic energy over its peak", energy / peak, "", "<", STILL_FRACTION),
         Check("out of shape over the spacing", out_of_shape(scene, at) / spacing, "", "<", 1.0),
         Check("contacts that found no room", float(lost), "", "<", 1.0),
     ]
@@ -112,14 +112,14 @@ def lies_still(trial: Trial) -> list[Check]:
     ]
     if len(scene.body_set.copies) > 1:
         apart = nearest(scene, state.position.astype(np.float64)) / spacing
-        checks.append(Check("nearest particles over their distance", apart, "", ">", GAP_SHARE))
+        checks.append(Check("nearest particles over their distance", apart, "", ">", GAP_FRACTION))
     return checks
 
 
 def _lowered(trial: Trial, at: np.ndarray, body: int) -> float:
     """Downward displacement [m] of the mean of a body's particles."""
-    mine = trial.scene.body_set.body == body
-    return float((trial.scene.body_set.position - at)[mine, 1].mean())
+    members = trial.scene.body_set.body == body
+    return float((trial.scene.body_set.position - at)[members, 1].mean())
 
 
 def _quiet(trial: Trial, state: State, height: float, load: float = 1.0) -> list[Check]:
@@ -130,12 +130,12 @@ def _quiet(trial: Trial, state: State, height: float, load: float = 1.0) -> list
     and at most a tenth of a particle's distance.
     """
     scene = trial.scene
-    lean = np.abs(state.position - scene.body_set.position)[:, [0, 2]].max()
+    tilt = np.abs(state.position - scene.body_set.position)[:, [0, 2]].max()
     substeps = scene.method.substeps * trial.steps(SECONDS)
     slid = substeps * LAG * ULP[trial.precision] * height * load
     weight = float(masses(scene).sum()) * GRAVITY
     energy = kinetic(scene, state.velocity) / (weight * height)
     return [
-        Check("lean", float(lean), "m", "<", min(slid, scene.body_set.spacing / 10)),
+        Check("lean", float(tilt), "m", "<", min(slid, scene.body_set.spacing / 10)),
         Check("kinetic energy over that of a fall of its height", energy, "", "<", STILL),
     ]

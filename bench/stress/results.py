@@ -45,7 +45,7 @@ IN_FULL = dict(_in_full())  # name -> complete title: `mass ratio 1:1000`, `two 
 
 
 @dataclass(frozen=True)
-class Told:
+class StoredCheck:
     """A check as stored: `bound` as text (`< 1e-09 N`, `aim <= 1.5`), empty where there is none."""
 
     name: str
@@ -89,7 +89,7 @@ class HardRow:
     dt: float
     verdict: str
     diagnosis: str
-    checks: tuple[Told, ...]
+    checks: tuple[StoredCheck, ...]
     shape: Shape | None = None
     configuration: str = ""
 
@@ -151,16 +151,16 @@ def rows_of(measures: Iterable[Measure]) -> list[HardRow]:
     )  # fmt: skip
 
 
-def _row(found: list[Measure]) -> HardRow | None:
-    newest = next((m for m in found if m.name == VERDICT), None)
+def _row(measures: list[Measure]) -> HardRow | None:
+    newest = next((m for m in measures if m.name == VERDICT), None)
     verdict = next((word for word, code in CODES.items() if newest and newest.value == code), None)
     if newest is None or verdict is None:
         return None
     # checks of earlier sources belong to another version of the law
-    named = [m for m in found if m.sources == newest.sources]
+    named = [m for m in measures if m.sources == newest.sources]
     description = newest.description
     method = tables_by_kind(description["scene"])["method"]
-    told = [Told(m.name.removeprefix(CHECK)[3:], m.value, m.unit, m.reason or "")
+    checks = [StoredCheck(m.name.removeprefix(CHECK)[3:], m.value, m.unit, m.reason or "")
             for m in sorted(named, key=lambda m: m.name) if m.name.startswith(CHECK)]  # fmt: skip
     shape = next((m.reason for m in named if m.name == SHAPE and m.reason), None)
     bodies = method.get("solver") == MATCHING
@@ -172,7 +172,7 @@ def _row(found: list[Measure]) -> HardRow | None:
         dt=method["dt"],
         verdict=verdict,
         diagnosis=newest.reason or "",
-        checks=tuple(told),
+        checks=tuple(checks),
         shape=Shape([[tuple(place) for place in line] for line in json.loads(shape)], bodies) if shape else None,
         configuration=newest.configuration,
     )

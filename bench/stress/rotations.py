@@ -50,8 +50,8 @@ def finds_rotations(count: int = COUNT, only: Sequence[str] | None = None) -> La
         for scale in SCALES:
             for rotation in (None, before):
                 R = matrices_of(_rotations(trial, A, scale, rotation))
-                found = off_rotation(R)
-                apart, determinant = max(apart, found[0]), max(determinant, found[1])
+                errors = off_rotation(R)
+                apart, determinant = max(apart, errors[0]), max(determinant, errors[1])
                 missing = max(missing, float(((best_trace(A) - (R * A).sum((1, 2))) / largest).max()))
         least = 2 * TRACE * ULP[trial.precision]
         return [
@@ -92,7 +92,7 @@ def goals_are_exact(turns: int = TURNS) -> Law:
 
     def law(trial: Trial) -> list[Check]:
         one, q = degenerate(), quaternions(np.random.default_rng(1), turns)
-        clusters, position = _turned_copies(one, matrices_of(q))
+        clusters, position = _rotated_copies(one, matrices_of(q))
         state = _one_step(trial, clusters, position)
         moved = float(np.abs(state.position.astype(np.float64) - position).max())
         size = float(np.abs(one.rest).max())
@@ -108,15 +108,15 @@ def goals_are_exact(turns: int = TURNS) -> Law:
     return law
 
 
-def _turned_copies(one: Clusters, turns: np.ndarray) -> tuple[Clusters, np.ndarray]:
+def _rotated_copies(one: Clusters, turns: np.ndarray) -> tuple[Clusters, np.ndarray]:
     """Return (a copy for each of `turns` (n, 3, 3), positions with every cluster rotated about its own centre)."""
     ends, particles = one.offsets, len(one.mass)
     members = [one.indices[a:b] + copy * particles for copy in range(len(turns)) for a, b in pairwise(ends)]
     position = np.concatenate([one.position] * len(turns))
     for copy, turn in enumerate(turns):
         for owner in range(one.count):
-            mine = one.indices[ends[owner] : ends[owner + 1]]
-            position[copy * particles + mine] = one.rest[ends[owner] : ends[owner + 1]] @ turn.T  # about the origin
+            cluster = one.indices[ends[owner] : ends[owner + 1]]
+            position[copy * particles + cluster] = one.rest[ends[owner] : ends[owner + 1]] @ turn.T  # about the origin
     return clusters_of(np.concatenate([one.position] * len(turns)), *members), position
 
 

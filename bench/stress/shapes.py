@@ -23,8 +23,8 @@ def as_text(position: Any, rows: int, columns: int, most: int = 33) -> str:
     flat = np.asarray(position, dtype=np.float64)
     dimensions = flat.shape[-1]
     grid = flat.reshape(rows, columns, dimensions)
-    kept = [np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(int)) for count in (rows, columns)]
-    grid = grid[np.ix_(*kept)]
+    drawn = [np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(int)) for count in (rows, columns)]
+    grid = grid[np.ix_(*drawn)]
     return json.dumps(_rounded(grid).tolist(), separators=(",", ":"))
 
 

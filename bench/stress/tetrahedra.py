@@ -119,18 +119,18 @@ def one_iteration(trial: Trial) -> list[Check]:
 
     It may be too soft, but its energy never exceeds the initial one, and decreases.
     """
-    found = trial.scene.tetrahedra_set
-    position = found.position.copy()
+    mesh = trial.scene.tetrahedra_set
+    position = mesh.position.copy()
     position[:, 1] += BENT * (position[:, 0] - position[:, 0].min()) ** 2
-    given = float(energies(found, position).sum())
+    initial_energy = float(energies(mesh, position).sum())
     total = [
-        float((found.masses[:, None] * state.velocity.astype(np.float64) ** 2).sum() / 2)
-        + float(energies(found, state.position).sum())
+        float((mesh.masses[:, None] * state.velocity.astype(np.float64) ** 2).sum() / 2)
+        + float(energies(mesh, state.position).sum())
         for state in trial.watch(range(1, 121), trial.start(position))
     ]
     return [
-        Check(STORED, max(total) / given, "", "<", 1.0),
-        Check("energy after 2 s over the start's", total[-1] / given, "", "<", 0.9),
+        Check(STORED, max(total) / initial_energy, "", "<", 1.0),
+        Check("energy after 2 s over the start's", total[-1] / initial_energy, "", "<", 0.9),
     ]
 
 
@@ -142,8 +142,8 @@ def tumbles(trial: Trial) -> list[Check]:
     of w^2 h of the spin per second, whatever the iterations. In float32 a rounding error of a coordinate over h is a
     velocity, which stays.
     """
-    scene, found = trial.scene, trial.scene.tetrahedra_set
-    m, begin, moving = found.masses, found.position, found.velocity
+    scene, mesh = trial.scene, trial.scene.tetrahedra_set
+    m, begin, moving = mesh.masses, mesh.position, mesh.velocity
     state = trial.run(None, SECONDS)
     at, velocity = state.position.astype(np.float64), state.velocity.astype(np.float64)
     scale = float((m[:, None] * np.abs(moving)).sum())
@@ -151,7 +151,7 @@ def tumbles(trial: Trial) -> list[Check]:
     spin = float(np.linalg.norm(angular_momentum(at, velocity, m)) / np.linalg.norm(angular_momentum(begin, moving, m)))
     h = trial.dt / scene.method.substeps
     substeps = scene.method.substeps * trial.steps(SECONDS)
-    law = spin_kept(float(np.linalg.norm(found.parts[0].spin)) * h, substeps)
+    law = spin_fraction(float(np.linalg.norm(mesh.parts[0].spin)) * h, substeps)
     rounded = substeps * ROUNDINGS * float(np.spacing(np.float32(1) if trial.single else np.float64(1))) / h
     speed = float(np.abs(moving).max())
     return [
@@ -162,7 +162,7 @@ def tumbles(trial: Trial) -> list[Check]:
     ]  # fmt: skip
 
 
-def spin_kept(turn: float, substeps: int) -> float:
+def spin_fraction(turn: float, substeps: int) -> float:
     """Return the fraction of a spin that is left, if the first substep would rotate by `turn` [rad].
 
     It begins with the tangent's velocity, atan(turn).

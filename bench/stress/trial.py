@@ -158,7 +158,7 @@ class Trial:
             kernel=self.kernel, live=self.live | set(live), initial=initial, allow_unstable=allow_unstable,
         )  # fmt: skip
 
-    def look(self, simulation: Simulation) -> State:
+    def checked_state(self, simulation: Simulation) -> State:
         """Return the checked state. Raises Diverged (with the last finite state as `end`), or SilentNaN."""
         try:
             state = simulation.state()
@@ -193,30 +193,30 @@ class Trial:
             self._show_last(simulation)
             raise
 
-    def watch(self, looks: Iterable[int], initial: State | None = None, **how: Any) -> Iterator[State]:
-        """Yield the states after each number of steps in `looks`, of one run; `how`: options of `open`.
+    def watch(self, steps: Iterable[int], initial: State | None = None, **how: Any) -> Iterator[State]:
+        """Yield the states after each number of steps in `steps`, of one run; `how`: options of `open`.
 
-        Raises what `advance` and `look` raise.
+        Raises what `advance` and `checked_state` raise.
         """
         with self.open(initial, **how) as simulation:
-            for step in looks:
+            for step in steps:
                 self.advance(simulation, step - simulation.step)
-                yield self.look(simulation)
+                yield self.checked_state(simulation)
 
     def run(self, initial: State | None, seconds: float, *, allow_unstable: bool = False) -> State:
         """Return the state after `seconds` [s]; `initial` None: from the scene's own start."""
         with self.open(initial, allow_unstable=allow_unstable) as simulation:
             self.advance(simulation, self.steps(seconds))
-            return self.look(simulation)
+            return self.checked_state(simulation)
 
     def settle(self, simulation: Simulation) -> tuple[State, list[Check]]:
         """Continue for 60 s, and up to four times as long if the net still moves because of a soft mode.
 
-        Returns the state at rest and its checks, including the time. Raises what `advance` and `look` raise.
+        Returns the state at rest and its checks, including the time. Raises what `advance` and `checked_state` raise.
         """
         for k in range(1, PARTS + 1):
             self.advance(simulation, self.steps(k * REST) - simulation.step)
-            state = self.look(simulation)
+            state = self.checked_state(simulation)
             checks = self.rest_checks(state)
             if all(check.good for check in checks):
                 break

@@ -20,21 +20,21 @@ def levels_out(trial: Trial) -> list[Check]:
     passes a wall.
     """
     scene = trial.scene
-    found, wall = scene.fluid_set, scene.parts["wall"]
+    fluid_set, wall = scene.fluid_set, scene.parts["wall"]
     middle, half = wall.center[0], wall.half_size[0]  # type: ignore[attr-defined]
     right, gap = scene.parts["right"].point[0], wall.center[1] - wall.half_size[1]  # type: ignore[attr-defined]
     each = right - middle - half
-    level = found.particle_count * found.lattice.volume / (2 * each) - gap * half / each
+    level = fluid_set.particle_count * fluid_set.lattice.volume / (2 * each) - gap * half / each
     period = 2 * np.pi * np.sqrt((2 * level + 2 * half + each) / 2 / 9.81)
     begin, levels, lowest = trial.steps(LEVELLED), [], 0.0
     for state in trial.watch(range(begin, begin + trial.steps(PERIODS * period), 4)):
         place = state.position.astype(np.float64)
         lowest = min(lowest, float(place[:, 1].min()))
         sides = place[place[:, 0] < middle - half], place[place[:, 0] > middle + half]
-        levels.append([len(side) * found.lattice.volume / each for side in sides])
+        levels.append([len(side) * fluid_set.lattice.volume / each for side in sides])
     heights = np.mean(levels, axis=0)
     return [
-        Check(OFF, float(abs(heights[0] - heights[1]) / found.spacing), "", "<", 0.5),
-        Check(BIAS, float(np.abs(heights - level).max() / found.spacing), "", "<", 0.5),
+        Check(OFF, float(abs(heights[0] - heights[1]) / fluid_set.spacing), "", "<", 0.5),
+        Check(BIAS, float(np.abs(heights - level).max() / fluid_set.spacing), "", "<", 0.5),
         Check(BELOW, -lowest, "m", "<", 1e-6),
     ]

@@ -91,12 +91,12 @@ def tethered_chain(trial: Trial) -> list[Check]:
     the length of the chain up to it, to eight ulp of the farthest coordinate.
     """
     position = trial.rest()[..., ::-1] * (-1, 1)
-    reach = trial.scene.grid.spacing * np.arange(1, trial.scene.grid.rows)
+    max_distance = trial.scene.grid.spacing * np.arange(1, trial.scene.grid.rows)
     farthest, part = -np.inf, trial.steps(SWING / 4)
     for state in trial.watch(range(part, 4 * part + 1, part), trial.start(position)):
         away = np.linalg.norm(state.position[1:].astype(np.float64) - state.position[0], axis=1)
-        farthest = max(farthest, float((away - reach).max()))
-    largest = np.float32(reach[-1]) if trial.single else np.float64(reach[-1])
+        farthest = max(farthest, float((away - max_distance).max()))
+    largest = np.float32(max_distance[-1]) if trial.single else np.float64(max_distance[-1])
     return [
         Check("farther from the pin than the chain reaches", farthest, "m", "<", 8 * float(np.spacing(largest))),
         Check("fall of the last mass", float(position[-1, 0, 1] - state.position[-1, 1]), "m", ">", 1.0),

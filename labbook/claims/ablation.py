@@ -6,12 +6,12 @@ from softlab.bench.experiments.advise.ablation_results import NOT_NEEDED
 from softlab.labbook.claims.claim import Claim, Claims
 from softlab.labbook.words import count, listed, times
 from softlab.plots.core.data import Results
-from softlab.plots.figures.ablation import told_tables
+from softlab.plots.figures.ablation import quotable_tables
 
 
 def idle(results: Results) -> Claim:
     """Number of things that a scene does not need, which they are, and the most time that one of them saves."""
-    source, tables = told_tables(results)
+    source, tables = quotable_tables(results)
     rows = [(table, row) for table in tables for row in table.rows]
     if source is None or not rows:
         return Claim("Nothing was left out of a scene.")
@@ -20,7 +20,7 @@ def idle(results: Results) -> Claim:
     text = f"Of {count(len(rows))} things left out one at a time, {count(len(idle))} changed less than the method's own error"
     if idle:
         text += f" ({listed(list(dict.fromkeys(row.name for _, row in idle)))})"
-    savings = [saving for table, row in idle if (saving := table.told_saving(row)) is not None]
+    savings = [saving for table, row in idle if (saving := table.quotable_saving(row)) is not None]
     if savings:
         numbers["most"] = max(savings)
         text += f"; the best of them made a run {times(max(savings))} as fast on the {source.place}"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from softlab.bench.experiments.bar import FINEST, SOME_LAYERS, SOME_LINKS, SOME_OVERLAP, SOME_VOXELS
-from softlab.bench.experiments.bar_body import CLUSTERS, REACH
+from softlab.bench.experiments.bar_body import CLUSTERS, LEVER_ARM
 from softlab.bench.experiments.bar_rows import JELLY, Bar, first_backend, series
 from softlab.bench.experiments.bar_strip import (
     ACROSS,
@@ -204,7 +204,7 @@ def overlap(results: Results) -> Claim:
         f"({number(bar.values[CLUSTERS], 2)} clusters a particle)"
         for bar in by_size
     ]
-    stiffer = (by_size[-1].values[REACH] / by_size[0].values[REACH]) ** 2
+    stiffer = (by_size[-1].values[LEVER_ARM] / by_size[0].values[LEVER_ARM]) ** 2
     numbers = {f"{bar.size:g}": bar.part(FREQUENCY) or 0.0 for bar in by_size} | {"stiffer": stiffer}
     return Claim(
         "A cluster stiffness is no material: in even stretch the bar is as stiff as that times the mean square of the "

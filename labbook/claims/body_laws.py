@@ -3,7 +3,17 @@
 from __future__ import annotations
 
 from softlab.bench.experiments.bar_rows import Bar
-from softlab.bench.experiments.body_laws import DROP, ENERGY, FLIGHT, KEPT, MOMENTUM, SECONDS, SPIN, SPIN_LAW, STILL
+from softlab.bench.experiments.body_laws import (
+    ANGULAR_MOMENTUM,
+    DROP,
+    ENERGY,
+    FLIGHT,
+    MOMENTUM,
+    SECONDS,
+    SPIN,
+    SPIN_LAW,
+    STILL,
+)
 from softlab.labbook import words
 from softlab.labbook.claims.bodies import EQUAL, measured_bars, substeps_of
 from softlab.labbook.claims.claim import Claim, Claims
@@ -19,29 +29,29 @@ def _laws(results: Results, law: str) -> list[Bar]:
 
 def spin(results: Results) -> Claim:
     """S7 and A8: loss of spin of a rigid body, compared with its law."""
-    rows = [bar for bar in _laws(results, SPIN) if {KEPT, SPIN_LAW} <= set(bar.values)]
+    rows = [bar for bar in _laws(results, SPIN) if {ANGULAR_MOMENTUM, SPIN_LAW} <= set(bar.values)]
     if not rows:
         return Claim("The spin of a rigid body was not measured.")
-    off = max(abs(bar.values[KEPT] - bar.values[SPIN_LAW]) for bar in rows)
-    parts = [f"{percent(bar.values[KEPT])} at {substeps_of(bar)} a frame" for bar in rows]
+    off = max(abs(bar.values[ANGULAR_MOMENTUM] - bar.values[SPIN_LAW]) for bar in rows)
+    parts = [f"{percent(bar.values[ANGULAR_MOMENTUM])} at {substeps_of(bar)} a frame" for bar in rows]
     return Claim(
         f"A rigid body that turns once a second keeps, after {seconds(SECONDS[SPIN], 1)}, {words.listed(parts)} of its spin. "
         f"Newton's law keeps all of it; the loss agrees with the law of the method to {number(off, 1)}.",
-        {"off": off, "kept": rows[-1].values[KEPT]}, off < EQUAL,
+        {"off": off, "kept": rows[-1].values[ANGULAR_MOMENTUM]}, off < EQUAL,
     )  # fmt: skip
 
 
 def flight(results: Results) -> Claim:
     """Linear and angular momentum of a thrown, spinning soft body."""
-    rows = [bar for bar in _laws(results, FLIGHT) if {KEPT, MOMENTUM} <= set(bar.values)]
+    rows = [bar for bar in _laws(results, FLIGHT) if {ANGULAR_MOMENTUM, MOMENTUM} <= set(bar.values)]
     if not rows:
         return Claim("The momenta of a thrown soft body were not measured.")
     off = max(bar.values[MOMENTUM] for bar in rows)
-    parts = [f"{percent(1 - bar.values[KEPT])} at {substeps_of(bar)} a frame" for bar in rows]
+    parts = [f"{percent(1 - bar.values[ANGULAR_MOMENTUM])} at {substeps_of(bar)} a frame" for bar in rows]
     return Claim(
         f"A soft body that is thrown spinning keeps its linear momentum to {number(off, 1)} of what gravity adds; it loses "
         f"{words.listed(parts)} of its angular momentum within {seconds(SECONDS[FLIGHT], 1)}, as position-based solvers do.",
-        {"momentum": off, "kept": rows[-1].values[KEPT]}, off < EQUAL,
+        {"momentum": off, "kept": rows[-1].values[ANGULAR_MOMENTUM]}, off < EQUAL,
     )  # fmt: skip
 
 

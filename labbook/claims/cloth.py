@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from softlab.bench.experiments.discretisation import BIAS, FINDING, RATIO, WAYS, exact_ratio
+from softlab.bench.experiments.discretisation import BIAS, DIAGONALS, FINDING, RATIO, exact_ratio
 from softlab.bench.experiments.projections import ProjectionPoint
 from softlab.labbook import words
 from softlab.labbook.claims.claim import Claim, Claims, where
@@ -76,10 +76,10 @@ def discretisation(results: Results) -> Claim:
     for source in results.everyone:
         measures = [m for m in source.measures if m.description.get("finding") == FINDING and m.value is not None]
         values = {(m.description["diagonals"], m.name): m.value for m in reversed(measures)}
-        if {(cut, name) for cut in WAYS for name in (BIAS, RATIO)} <= set(values):
-            one, both = (values[cut, BIAS] or 0.0 for cut in WAYS)
-            ratios = [values[cut, RATIO] or 0.0 for cut in WAYS]
-            exact = [words.number(exact_ratio(cut)) for cut in WAYS]
+        if {(cut, name) for cut in DIAGONALS for name in (BIAS, RATIO)} <= set(values):
+            one, both = (values[cut, BIAS] or 0.0 for cut in DIAGONALS)
+            ratios = [values[cut, RATIO] or 0.0 for cut in DIAGONALS]
+            exact = [words.number(exact_ratio(cut)) for cut in DIAGONALS]
             return Claim(
                 f"A square sheet held at its corners sags to its own mirror image. Cut along one diagonal it lies "
                 f"{words.number(one, 2)} spacings off its mirror image, with alternating diagonals {words.number(both, 2)}; "

@@ -14,7 +14,7 @@ from softlab.labbook.words import number, percent
 from softlab.plots.core.apart import SMALL, small
 from softlab.plots.core.backends import BACKENDS, on_backends
 from softlab.plots.core.data import Results, Source
-from softlab.plots.findings.points import Cost, costs, look_costs
+from softlab.plots.findings.points import Cost, check_costs, costs
 
 BOUND = 1.0  # per cent of the time: largest cost of the divergence check
 
@@ -22,9 +22,9 @@ BOUND = 1.0  # per cent of the time: largest cost of the divergence check
 def check_cost(results: Results) -> Claim:
     """Largest relative cost of a check on each backend, and whether it is below the bound."""
     parts, numbers, busy = [], {}, False
-    for backend, source, checks in on_backends(results, look_costs):
-        worst = max(checks, key=lambda cost: cost.share or 0.0)
-        largest = numbers[backend] = worst.share or 0.0
+    for backend, source, checks in on_backends(results, check_costs):
+        worst = max(checks, key=lambda cost: cost.check_fraction or 0.0)
+        largest = numbers[backend] = worst.check_fraction or 0.0
         busy = busy or any(cost.suspect for cost in checks)
         parts.append(
             f"{percent(largest)} of the time on the {named(source, backend)} (the most of {len(checks)} grids: "
@@ -54,7 +54,7 @@ def determinism_cost(results: Results) -> Claim:
             atomics = variants["atomics"]
             numbers["atomics"] = atomics.ratio
             supported = atomics.least > 1 or atomics.most < 1
-            every = [c for c in rows if c.way == "atomics" and c.different is not None]
+            every = [c for c in rows if c.variant == "atomics" and c.different is not None]
             other, runs = sum(c.different or 0 for c in every), len(every) * (RUNS - 1)
             numbers["different"] = other
             parts.append(
@@ -90,7 +90,7 @@ def _largest(rows: list[Cost]) -> dict[str, Cost]:
     """Return the costs in float32 at the largest grid, by variant."""
     single = [cost for cost in rows if cost.precision == "float32"]
     most = max((cost.particles for cost in single), default=0)
-    return {cost.way: cost for cost in single if cost.particles == most}
+    return {cost.variant: cost for cost in single if cost.particles == most}
 
 
 def _compared(cost: Cost) -> str:

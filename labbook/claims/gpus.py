@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from softlab.bench.experiments.scaling.experiment import ScalingPoint, shares, speedups
+from softlab.bench.experiments.scaling.experiment import ScalingPoint, speedups, weak_efficiencies
 from softlab.labbook import words
 from softlab.labbook.claims.claim import Claim, Claims
 from softlab.plots.core.backends import on_backends
 from softlab.plots.core.data import Results, Source
-from softlab.plots.figures.scaling.gpus import found_by, masses
+from softlab.plots.figures.scaling.gpus import masses, timed_shared
 
 USUAL = "flags"  # the default link
 Speedups = Sequence[tuple[ScalingPoint, float, float | None]]
@@ -17,7 +17,7 @@ Speedups = Sequence[tuple[ScalingPoint, float, float | None]]
 
 def _measured(results: Results) -> tuple[Source | None, Sequence[ScalingPoint]]:
     """Return the first machine that distributed a sheet among GPUs, and its points."""
-    chosen = on_backends(results, found_by)
+    chosen = on_backends(results, timed_shared)
     return (chosen[0][1], chosen[0][2]) if chosen else (None, ())
 
 
@@ -51,7 +51,7 @@ def strong(results: Results) -> Claim:
 def weak(results: Results) -> Claim:
     """Weak scaling: one grid for each GPU."""
     _, measured = _measured(results)
-    efficiency = shares(measured)
+    efficiency = weak_efficiencies(measured)
     rates = [(p, efficiency[id(p)]) for p in measured if id(p) in efficiency and p.link == USUAL and p.scene == "grid"]
     if not rates:
         return Claim("A grid for each of several GPUs was not timed.")

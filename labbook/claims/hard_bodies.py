@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from softlab.bench.experiments.body_laws import SECONDS, SPIN
-from softlab.bench.stress.bodies import OFF_LAW, OFF_NEWTON, OUT_OF_SHAPE, SPIN_KEPT
+from softlab.bench.stress.bodies import OFF_LAW, OFF_NEWTON, OUT_OF_SHAPE, SPIN_FRACTION
 from softlab.bench.stress.results import HardRow
 from softlab.labbook import words
 from softlab.labbook.claims.claim import Claim, Claims
@@ -40,7 +40,9 @@ def spin(results: Results) -> Claim:
     """S7 and A8: remaining spin of a rigid body, and where float32 deviates from the law."""
     rows = _rows(results)
     cases = sorted({row.case for row in rows if row.case.startswith("S7 ")}, key=_substeps)
-    by_case = {case: values for case in cases if (values := _values(_one(rows, case), SPIN_KEPT, OFF_LAW, OFF_NEWTON))}
+    by_case = {
+        case: values for case in cases if (values := _values(_one(rows, case), SPIN_FRACTION, OFF_LAW, OFF_NEWTON))
+    }
     if not by_case:
         return Claim("The spin of a rigid body was not judged.")
     parts = [f"{percent(remaining)} with {_substeps(case)}" for case, (remaining, _, _) in by_case.items()]
@@ -53,7 +55,9 @@ def spin(results: Results) -> Claim:
         "from where that law puts it."
     )
     numbers = {"off": off, "kept": by_case[last][0]}
-    single = {case: values for case in by_case if (values := _values(_one(rows, case, "float32"), SPIN_KEPT, OFF_LAW))}
+    single = {
+        case: values for case in by_case if (values := _values(_one(rows, case, "float32"), SPIN_FRACTION, OFF_LAW))
+    }
     worst = max(single, key=lambda case: single[case][1], default="")
     if worst and single[worst][1] > FEW:
         numbers["float32"] = single[worst][0]

@@ -52,8 +52,8 @@ def roof(results: Results, backend: str) -> Claim:
         return Claim(
             f"How the {backend.upper()}'s kernels stand against its ceilings beyond the caches was not measured."
         )
-    best = max((t for (t,) in ranked), key=limits.share)
-    fraction = limits.share(best)
+    best = max((t for (t,) in ranked), key=limits.fraction)
+    fraction = limits.fraction(best)
     numbers = {"share": fraction, "masses": best.particles}
     more = "more" if fraction > 1 else "no more"
     text = (
@@ -61,11 +61,9 @@ def roof(results: Results, backend: str) -> Claim:
         f"per pass ({best.kernel}, {masses(best.particles)}): {more} than a kernel that does one step per pass from memory "
         f"could reach{suspect}"
     )
-    if limits.arithmetic_share and limits.rate:
-        numbers["arithmetic"] = fraction / limits.arithmetic_share
-        text += (
-            f". It uses {percent(fraction / limits.arithmetic_share)} of the measured {words.operations(limits.rate)}"
-        )
+    if limits.arithmetic_fraction and limits.rate:
+        numbers["arithmetic"] = fraction / limits.arithmetic_fraction
+        text += f". It uses {percent(fraction / limits.arithmetic_fraction)} of the measured {words.operations(limits.rate)}"
     return Claim(f"{text}.", numbers, True)
 
 

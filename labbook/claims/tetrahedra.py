@@ -168,14 +168,14 @@ def decided(results: Results) -> Claim:
             if one.elements != largest or one.best is None:
                 continue
             busy = busy or one.best.suspect or (one.rows is not None and one.rows.suspect)
-            if one.share is None:
+            if one.time_ratio is None:
                 numbers[f"{backend} {one.where} alone"] = one.best.seconds
                 texts.append(
                     f"{one.where} {words.seconds(one.best.seconds)} a frame ({_solver(one.best)}), where none does"
                 )
             else:
-                numbers[f"{backend} {one.where}"] = one.share
-                texts.append(f"{one.where} {words.percent(one.share)} of its time ({_solver(one.best)})")
+                numbers[f"{backend} {one.where}"] = one.time_ratio
+                texts.append(f"{one.where} {words.percent(one.time_ratio)} of its time ({_solver(one.best)})")
         if texts:
             parts.append(f"on {where(backend, source)}, {words.count(largest)} tetrahedra, {words.listed(texts)}")
     if not parts:
@@ -193,7 +193,7 @@ def decided(results: Results) -> Claim:
 
 def _shared(stiff: list[Decision], elements: int) -> bool:
     """Return True if a position-based setting on that mesh is available for comparison."""
-    return any(one.elements == elements and one.share is not None for one in stiff)
+    return any(one.elements == elements and one.time_ratio is not None for one in stiff)
 
 
 def _all(source: Source, backend: str) -> list[Bar]:

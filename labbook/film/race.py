@@ -105,7 +105,7 @@ def _race(source: Source, both: tuple[Timing, Timing]) -> Race:
     tables = {name: dict(table) if isinstance(table, dict) else table for name, table in source.scene.items()}
     tables["grid"] |= {"rows": both[0].rows, "columns": both[0].columns}
     left, right = (_runner(source, timing, colour) for timing, colour in zip(both, (CPU, GPU), strict=True))
-    return Race(Scene(tables), (left, right), source.own)
+    return Race(Scene(tables), (left, right), source.by_user)
 
 
 def _runner(source: Source, timing: Timing, colour: Colour) -> Runner:

@@ -45,7 +45,7 @@ def script(results: Results, form: Format, backend: str) -> list[Shot]:
 def _title(results: Results, comparison: Judged) -> Shot:
     measured = [source for source in results.featured if source.timings or source.measures]
     labels = listed(list(dict.fromkeys(source.machine.label.replace("; ", ", ") for source in measured)))
-    is_local = any(source.own for source in measured)
+    is_local = any(source.by_user for source in measured)
     whose = "Its times were measured on" if is_local else "Its times are the committed ones of"
     lines = [Line(INTRODUCTION), Line(QUESTION, 1), *([Line(f"{whose}: {labels}.", 2)] if measured else [])]
     return Shot("title", "", tuple(lines), partial(stills.draw_title, comparison, results), 4.0)

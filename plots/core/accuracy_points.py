@@ -43,8 +43,8 @@ def points(source: Source, scene: str | None = None, math: str = "fast") -> list
 @lru_cache(maxsize=16)  # every claim, figure and table calls it
 def _points(source: Source) -> list[Point]:
     gathered = by_configuration(m for m in source.measures if m.name in MEASURES)
-    found = [entry for named in gathered if ERROR in named and (entry := _point(source, named))]
-    return sorted(found, key=lambda p: (p.scene, p.integrator, p.iterations or 0, p.backend, p.precision, -p.dt))
+    entries = [entry for named in gathered if ERROR in named and (entry := _point(source, named))]
+    return sorted(entries, key=lambda p: (p.scene, p.integrator, p.iterations or 0, p.backend, p.precision, -p.dt))
 
 
 def _point(source: Source, named: dict[str, Measure]) -> Point | None:
@@ -54,8 +54,8 @@ def _point(source: Source, named: dict[str, Measure]) -> Point | None:
     repeats = source.costs.get(
         named[ERROR].configuration
     )  # None: timed with another version of the code, or not at all
-    found = point(label, description, named, repeats) if label else None
-    return Point(**vars(found)) if found else None
+    accuracy_point = point(label, description, named, repeats) if label else None
+    return Point(**vars(accuracy_point)) if accuracy_point else None
 
 
 def _label(tables: dict[str, Any]) -> str | None:
@@ -76,20 +76,20 @@ def _material(tables: dict[str, Any]) -> dict[str, Any]:
 
 def reaching(candidates: Sequence[Point], error: float) -> list[Point]:
     """Return the timed points with a resolved error of at most `error` spacings, cheapest first."""
-    found = [p for p in candidates if p.seconds is not None and p.error <= error and p.resolved]
-    return sorted(found, key=lambda p: p.seconds or 0.0)
+    reached = [p for p in candidates if p.seconds is not None and p.error <= error and p.resolved]
+    return sorted(reached, key=lambda p: p.seconds or 0.0)
 
 
-def order_points(found: Sequence[Point], integrator: str) -> list[Point]:
+def order_points(candidates: Sequence[Point], integrator: str) -> list[Point]:
     """Return the runs that determine an integrator's order: float64, finite, resolved, of the first backend with any."""
     for backend in ("cpu", "gpu"):
-        mine = [
+        runs = [
             p
-            for p in found
+            for p in candidates
             if (p.integrator, p.precision, p.backend) == (integrator, "float64", backend) and not p.diverged and p.error
         ]
-        if mine:
-            return mine
+        if runs:
+            return runs
     return []
 
 

@@ -23,17 +23,17 @@ class Timed(Protocol):
 
 
 Point = TypeVar("Point", bound=Timed)
-Found = TypeVar("Found")
+Selection = TypeVar("Selection")
 
 
-def on_backends(results: Results, found: Callable[[Source, str], Found]) -> list[tuple[str, Source, Found]]:
-    """Return (backend, machine, result of `found`) for each backend, from the first machine with a non-empty result."""
+def on_backends(results: Results, select: Callable[[Source, str], Selection]) -> list[tuple[str, Source, Selection]]:
+    """Return (backend, machine, result of `select`) for each backend, from the first machine with a non-empty result."""
     chosen = []
     for backend in BACKENDS:
         for source in results.everyone:
-            mine = found(source, backend)
-            if mine:
-                chosen.append((backend, source, mine))
+            selection = select(source, backend)
+            if selection:
+                chosen.append((backend, source, selection))
                 break
     return chosen
 
@@ -47,21 +47,21 @@ def timed(points: Callable[[Iterable[Measure]], list[Point]]) -> Callable[[Sourc
 
 def draw_rates(
     ax: Any,
-    found: Sequence[Any],
-    looks: Mapping[Any, tuple[str, str, str]],
+    points: Sequence[Any],
+    styles: Mapping[Any, tuple[str, str, str]],
     lines: Mapping[int, str],
     kind: Callable[[Any], tuple[Any, int]],
 ) -> None:
     """Draw the `rate` of the points against their `particles`.
 
-    A line for each of `looks` (label, colour, marker) and of `lines`, through the points of that `kind`. Solid lines
+    A line for each of `styles` (label, colour, marker) and of `lines`, through the points of that `kind`. Solid lines
     are in the legend.
     """
-    for look, (label, colour, marker) in looks.items():
+    for key, (label, colour, marker) in styles.items():
         for number, line in lines.items():
-            mine = [p for p in found if kind(p) == (look, number)]
-            if mine:
-                x, y = [p.particles for p in mine], [p.rate for p in mine]
+            group = [p for p in points if kind(p) == (key, number)]
+            if group:
+                x, y = [p.particles for p in group], [p.rate for p in group]
                 ax.plot(x, y, line, color=colour, marker=marker, label=label if line == "-" else None)
 
 

@@ -40,7 +40,7 @@ class Run:
 class Source:
     """Measurements of one machine.
 
-    `own`: by the user, else committed with the lab. `timings`: of the sweep, with the kernels that the lab chose, one
+    `by_user`: by the user, else committed with the lab. `timings`: of the sweep, with the kernels that the lab chose, one
     threading layer and one wait policy (`threading`, the most frequent ones). `scene`: the sweep's, as nested tables
     without the grid's size. `costs`: of the accuracy runs, by configuration. `kernels`: timings of forced kernels;
     `energies`: samples with joules, by configuration; `defaults`: whether the backend would have chosen the forced
@@ -53,7 +53,7 @@ class Source:
     """
 
     machine: Machine
-    own: bool
+    by_user: bool
     timings: tuple[Timing, ...]
     measures: tuple[Measure, ...]
     runs: tuple[Run, ...]
@@ -87,7 +87,7 @@ class Source:
     @property
     def label(self) -> str:
         """`committed` if these measurements are not those of a user who measured too; else empty."""
-        return "" if self.own or self.alone else "committed"
+        return "" if self.by_user or self.alone else "committed"
 
     @property
     def bracket(self) -> str:
@@ -108,8 +108,8 @@ class Source:
             for version in self.versions
             if not version.commit
         )
-        told = [f"commit{'s' * (len(commits) > 1)} {', '.join(commits)}"] if commits else []
-        return ", ".join([*told, *others]) or str(Version(None))
+        texts = [f"commit{'s' * (len(commits) > 1)} {', '.join(commits)}"] if commits else []
+        return ", ".join([*texts, *others]) or str(Version(None))
 
     @property
     def date(self) -> str:
@@ -120,7 +120,7 @@ class Source:
     @property
     def provenance(self) -> str:
         """Machine, commit and date in one line, for captions."""
-        committed = "" if self.own else "Committed measurements: "
+        committed = "" if self.by_user else "Committed measurements: "
         return f"{committed}{self.machine.label}; {self.code}, measured {self.date}{self.older and '; '}{self.older}"
 
     @property
@@ -155,14 +155,14 @@ class Source:
         """Return the timings of every forced kernel at square sizes, smallest first, by kernel; `word`: threads on the
         CPU.
         """
-        found: dict[str, list[Timing]] = {}
+        by_kernel: dict[str, list[Timing]] = {}
         for timing in self.kernels:
             wanted = timing.thread_word == (None if backend == "gpu" else word)
             if ":" in timing.kernel:  # a tile that was tried by hand is not a variant
                 continue
             if wanted and (timing.backend, timing.precision) == (backend, precision) and timing.rows == timing.columns:
-                found.setdefault(timing.kernel, []).append(timing)
-        return found
+                by_kernel.setdefault(timing.kernel, []).append(timing)
+        return by_kernel
 
     @property
     def has_gpu_times(self) -> bool:
@@ -177,8 +177,8 @@ class Results:
 
     @property
     def featured(self) -> tuple[Source, ...]:
-        own = tuple(source for source in self.sources if source.own)
-        return own or self.sources
+        users = tuple(source for source in self.sources if source.by_user)
+        return users or self.sources
 
     @property
     def background(self) -> tuple[Source, ...]:
@@ -192,8 +192,8 @@ class Results:
     @property
     def committed(self) -> Results | None:
         """Committed sources only, if they are next to a user's own, for results that those lack."""
-        found = tuple(source for source in self.sources if not source.own)
-        return Results(found) if found and len(found) < len(self.sources) else None
+        sources = tuple(source for source in self.sources if not source.by_user)
+        return Results(sources) if sources and len(sources) < len(self.sources) else None
 
     def first(self, holds: Callable[[Source], object]) -> Source | None:
         """Return the first source that `holds` something."""
@@ -213,32 +213,34 @@ def judgements(results: Results, belongs: Callable[[Measure], bool]) -> tuple[li
     """
     sets: list[tuple[Source, dict[tuple[Any, Any], list[Measure]]]] = []
     for source in results.everyone:
-        mine: dict[tuple[Any, Any], list[Measure]] = {}
+        by_experiment: dict[tuple[Any, Any], list[Measure]] = {}
         for measure in filter(belongs, source.measures):
-            mine.setdefault((measure.description.get("backend"), measure.description.get("finding")), []).append(
-                measure
-            )
-        sets.append((source, mine))
+            by_experiment.setdefault(
+                (measure.description.get("backend"), measure.description.get("finding")), []
+            ).append(measure)
+        sets.append((source, by_experiment))
     largest: dict[tuple[Any, Any], int] = {}
-    for _, mine in sets:
-        for key, of_set in mine.items():
+    for _, by_experiment in sets:
+        for key, of_set in by_experiment.items():
             largest[key] = max(largest.get(key, 0), _configurations(of_set))
-    found: list[Measure] = []
+    selected: list[Measure] = []
     sources: list[Source] = []
-    for source, mine in sets:
+    for source, by_experiment in sets:
         full = [
-            key for key, of_set in mine.items() if key in largest and _configurations(of_set) >= FULL * largest[key]
+            key
+            for key, of_set in by_experiment.items()
+            if key in largest and _configurations(of_set) >= FULL * largest[key]
         ]
         for key in full:
             del largest[key]
-            found += mine[key]
+            selected += by_experiment[key]
         if full:
             sources.append(source)
-    return found, tuple(sources)
+    return selected, tuple(sources)
 
 
-def _configurations(found: Iterable[Measure]) -> int:
-    return len({measure.configuration for measure in found})
+def _configurations(measures: Iterable[Measure]) -> int:
+    return len({measure.configuration for measure in measures})
 
 
 def provenance(sources: Sequence[Source]) -> str:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from softlab.model.base.files import replacing
-from softlab.plots.core import kept
+from softlab.plots.core import figure_cache
 from softlab.plots.core.style import FOOTER_SIZE, Drawing
 
 PNG_DPI = 160
@@ -44,10 +44,10 @@ def lay_out(figure: Any) -> None:
 
 def plain_power(formula: str) -> str:
     r"""Return `$\mathdefault{2\times10^{-3}}$`, matplotlib's label of an axis, as text."""
-    found = re.fullmatch(r"\$\\mathdefault\{(.*)\}\$", formula)
-    if found is None:
+    match = re.fullmatch(r"\$\\mathdefault\{(.*)\}\$", formula)
+    if match is None:
         return formula
-    return re.sub(r"\^\{(.*?)\}", lambda power: power[1].translate(RAISED), found[1]).replace(
+    return re.sub(r"\^\{(.*?)\}", lambda power: power[1].translate(RAISED), match[1]).replace(
         r"\times", "\N{MULTIPLICATION SIGN}"
     )
 
@@ -67,7 +67,7 @@ def save(
     from matplotlib.transforms import Bbox
 
     figure = drawing.figure
-    key = kept.key_of(figure, drawing.title, drawing.caption, footer)
+    key = figure_cache.key_of(figure, drawing.title, drawing.caption, footer)
     width, height = figure.get_size_inches()
     above = 0.0
     if footer:
@@ -84,13 +84,13 @@ def save(
         if suffix == "svg":
             metadata["Date"] = None  # a date would make equal figures differ
         with replacing(path) as temporary:
-            if not kept.fetch(key, suffix, temporary):
+            if not figure_cache.fetch(key, suffix, temporary):
                 lay_out(figure)
                 figure.savefig(
                     temporary, format=suffix, dpi=PNG_DPI, metadata=metadata,
                     bbox_inches=Bbox.from_bounds(0, 0, width, height + above),
                 )  # fmt: skip
-                kept.keep(key, suffix, temporary)
+                figure_cache.store(key, suffix, temporary)
         written.append(path)
     return written
 
@@ -98,8 +98,8 @@ def save(
 def without_footer(svg: str, height: float) -> str:
     """Return a figure from `save`, .svg, without the strip of that many points above it, by its view box."""
 
-    def lower(found: re.Match[str]) -> str:
-        width, tall = float(found[1]), float(found[2]) - height
+    def lower(match: re.Match[str]) -> str:
+        width, tall = float(match[1]), float(match[2]) - height
         return f'width="{width:g}pt" height="{tall:g}pt" viewBox="0 {height:g} {width:g} {tall:g}"'
 
     return re.sub(r'width="([0-9.]+)pt" height="([0-9.]+)pt" viewBox="0 0 [0-9. ]+"', lower, svg, count=1)

@@ -43,13 +43,13 @@ def machine_of(results: Results, backend: str, holds: Callable[[Source], bool] =
 
 
 def backend_panels(
-    results: Results, holds: Callable[[Source, str], bool] = lambda *_: True, share_y: bool = True
+    results: Results, holds: Callable[[Source, str], bool] = lambda *_: True, sharey: bool = True
 ) -> tuple[Any, list[tuple[Any, str, Source]]]:
     """Return a figure with a panel for each backend whose kernels were timed; (None, []) if there is none."""
     chosen = on_backends(results, lambda source, backend: source.ladder(backend) and holds(source, backend))
     if not chosen:
         return None, []
-    figure, axes = new_figure(len(chosen), 2.8, share_y)
+    figure, axes = new_figure(len(chosen), 2.8, sharey)
     panels = [(ax, backend, source) for ax, (backend, source, _) in zip(axes, chosen, strict=True)]
     for ax, backend, source in panels:
         ax.set_title(title(source, backend), fontsize=8)
@@ -87,8 +87,8 @@ def fastest(source: Source, backend: str) -> list[Timing]:
 
 def mark_switches(ax: Any, source: Source, backend: str) -> bool:
     """Mark where the backend's default kernel changes between two sizes; return False if it never does."""
-    found = defaults(source, backend)
-    for left, right in pairwise(found):
+    choices = defaults(source, backend)
+    for left, right in pairwise(choices):
         if left.kernel != right.kernel:
             where = (left.particles * right.particles) ** 0.5
             ax.axvline(where, color=BLACK, linestyle=":", linewidth=0.8, zorder=1)
@@ -97,4 +97,4 @@ def mark_switches(ax: Any, source: Source, backend: str) -> bool:
                     name, (where, 1), (shift, -2), xycoords=("data", "axes fraction"), textcoords="offset points",
                     fontsize=7, color="#555555", ha=side, va="top", rotation=90,
                 )  # fmt: skip
-    return len({t.kernel for t in found}) > 1
+    return len({t.kernel for t in choices}) > 1

@@ -24,18 +24,18 @@ UNKNOWN = "a commit that was not recorded"
 
 
 def older_items(source: Source) -> Iterator[Any]:
-    """The timings and measures of a source that are older."""
+    """Yield the timings and measures of a source that are older."""
     same = same_kernels(source.measures)
     for item in _items(source):
         if is_older(item, item.configuration) and not same(item):
             yield item
 
 
-def same_kernels(found: Iterable[Measure]) -> Callable[[Any], bool]:
-    """True for a timing or measure of other sources whose kernels a store says are today's."""
+def same_kernels(measures: Iterable[Measure]) -> Callable[[Any], bool]:
+    """Return a test for timings and measures of other sources whose kernels are the current ones by the store."""
     same = {
         (m.reason.partition("-")[0], m.configuration)
-        for m in found
+        for m in measures
         if m.name == SAME and m.reason and sources_of(m) == digest_of(m.backend)
     }
     return lambda item: (sources_of(item), item.configuration) in same
@@ -48,31 +48,31 @@ def _items(source: Source) -> Iterator[Any]:
 
 
 def older_peers(store: Store, machine: str) -> frozenset[str]:
-    """The backends whose peers were timed beside other sources than today's."""
-    found = store.query(
+    """Return the backends whose peers were timed beside other sources than the current ones."""
+    rows = store.query(
         "SELECT DISTINCT json_extract(description, '$.backend'), sources FROM sample JOIN run ON run.key = sample.run "
         "JOIN configuration ON hash = configuration WHERE machine = ? "
         "AND json_extract(description, '$.peer') IS NOT NULL AND json_extract(description, '$.finding') IS NULL",
         (machine,),
     )
-    digests = {(backend, sources) for backend, sources in found if DIGEST.fullmatch(sources)}
+    digests = {(backend, sources) for backend, sources in rows if DIGEST.fullmatch(sources)}
     return frozenset(backend for backend, _ in digests if (backend, peer_sources(backend)) not in digests)
 
 
 def with_older(source: Source) -> Source:
-    """The source with `older` said."""
-    found = list(older_items(source))
-    if not found and not source.older_peers:
+    """Return the source with its text `older`."""
+    items = list(older_items(source))
+    if not items and not source.older_peers:
         return source
     every = sum(1 for _ in _items(source)) + len(source.peers)
-    count = len(found) + sum(ratio.backend in source.older_peers for ratio in source.peers)
-    return replace(source, older=f"{count} of its {every} numbers are older than this code ({_commits(source, found)})")
+    count = len(items) + sum(ratio.backend in source.older_peers for ratio in source.peers)
+    return replace(source, older=f"{count} of its {every} numbers are older than this code ({_commits(source, items)})")
 
 
-def _commits(source: Source, found: list[Any]) -> str:
-    """`commit 1e405d5bab8c of 2026-11-23`: where older numbers are from."""
+def _commits(source: Source, items: list[Any]) -> str:
+    """Return the origin of older numbers: `commit 1e405d5bab8c of 2026-11-23`."""
     known = read_map().commits
-    told = {sources_of(item): known.get(sources_of(item)) for item in found}
+    commits = {sources_of(item): known.get(sources_of(item)) for item in items}
     runs = {
         digest: (run.version.commit, run.started[:10])
         for run in source.runs
@@ -80,17 +80,17 @@ def _commits(source: Source, found: list[Any]) -> str:
         if digest and run.version.commit
     }
     named: dict[str, str] = {}
-    for digest, commit in told.items():
-        if found_in := commit or runs.get(digest):
-            named[found_in[0]] = min(found_in[1], named.get(found_in[0], found_in[1]))
+    for digest, commit in commits.items():
+        if origin := commit or runs.get(digest):
+            named[origin[0]] = min(origin[1], named.get(origin[0], origin[1]))
     words = [f"commit {name} of {day}" for name, day in sorted(named.items(), key=lambda item: item[1])]
-    unknown = not named or any(not commit and digest not in runs for digest, commit in told.items())
+    unknown = not named or any(not commit and digest not in runs for digest, commit in commits.items())
     return ", ".join([*words, *([UNKNOWN] if unknown else [])])
 
 
 @lru_cache(maxsize=8)
 def without_older(results: Results) -> Results:
-    """The results without older measurements; the same object where there are none."""
+    """Return the results without older measurements; the same object where there are none."""
     if not any(source.older for source in results.sources):
         return results
     return Results(tuple(map(_without, results.sources)))
@@ -101,15 +101,15 @@ def _without(source: Source) -> Source:
         return source
     dropped = {id(item) for item in older_items(source)}
 
-    def kept(items: Iterable[Any]) -> tuple[Any, ...]:
+    def current(items: Iterable[Any]) -> tuple[Any, ...]:
         return tuple(item for item in items if id(item) not in dropped)
 
-    def kept_of(table: dict[str, Timing]) -> dict[str, Timing]:
+    def current_of(table: dict[str, Timing]) -> dict[str, Timing]:
         return {key: item for key, item in table.items() if id(item) not in dropped}
 
     return replace(
         source,
-        timings=kept(source.timings), kernels=kept(source.kernels), findings=kept(source.findings),
-        measures=kept(source.measures), costs=kept_of(source.costs), energies=kept_of(source.energies),
+        timings=current(source.timings), kernels=current(source.kernels), findings=current(source.findings),
+        measures=current(source.measures), costs=current_of(source.costs), energies=current_of(source.energies),
         peers=tuple(ratio for ratio in source.peers if ratio.backend not in source.older_peers), older="",
     )  # fmt: skip

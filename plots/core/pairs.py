@@ -18,8 +18,8 @@ def square_time(squares: Sequence[Timing], particles: int) -> float | None:
     left, right = below[-1], above[0]
     if left.particles == right.particles:
         return left.median
-    share = math.log(particles / left.particles) / math.log(right.particles / left.particles)
-    return left.median * (right.median / left.median) ** share
+    fraction = math.log(particles / left.particles) / math.log(right.particles / left.particles)
+    return left.median * (right.median / left.median) ** fraction
 
 
 def shape_ratios(source: Source, backend: str, word: str | None) -> list[tuple[Timing, float]]:
@@ -37,8 +37,8 @@ def shape_ratios(source: Source, backend: str, word: str | None) -> list[tuple[T
 
 def at_one_size(ones: Iterable[Timing], others: Iterable[Timing]) -> list[tuple[Timing, Timing]]:
     """Return (one, another) of every size that is in both, in the order of the others."""
-    held = {(t.rows, t.columns): t for t in ones}
-    return [(held[t.rows, t.columns], t) for t in others if (t.rows, t.columns) in held]
+    by_size = {(t.rows, t.columns): t for t in ones}
+    return [(by_size[t.rows, t.columns], t) for t in others if (t.rows, t.columns) in by_size]
 
 
 def float64_pairs(source: Source, backend: str, word: str | None) -> list[tuple[Timing, Timing]]:

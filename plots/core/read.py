@@ -45,41 +45,41 @@ def uncollected() -> Iterator[None]:
             gc.enable()
 
 
-def load(own: Origin | Sequence[Origin] | None, committed: Iterable[str | Path] = ()) -> Results:
+def load(users: Origin | Sequence[Origin] | None, committed: Iterable[str | Path] = ()) -> Results:
     """Read the user's own store(s) (None: there are none) and the committed text exports. Raises InputError."""
-    origins: list[Origin] = [] if own is None else [own] if isinstance(own, Store | str | Path) else list(own)
-    found: list[Source] = []
+    origins: list[Origin] = [] if users is None else [users] if isinstance(users, Store | str | Path) else list(users)
+    sources: list[Source] = []
     with uncollected(), ExitStack() as stack:
         for origin in origins:
             store = origin if isinstance(origin, Store) else stack.enter_context(open_readonly(origin))
-            found += _sources(store, own=True)
+            sources += _sources(store, by_user=True)
         for path in committed:
-            found += _sources(stack.enter_context(open_readonly(path)), own=False)
-    found.sort(key=lambda source: (not source.own, not source.has_gpu_times))
-    alone = not any(source.own for source in found)
-    return Results(tuple(replace(source, alone=alone) for source in _told_apart(found)))
+            sources += _sources(stack.enter_context(open_readonly(path)), by_user=False)
+    sources.sort(key=lambda source: (not source.by_user, not source.has_gpu_times))
+    alone = not any(source.by_user for source in sources)
+    return Results(tuple(replace(source, alone=alone) for source in _with_letters(sources)))
 
 
-def _told_apart(found: list[Source]) -> list[Source]:
+def _with_letters(sources: list[Source]) -> list[Source]:
     """Return the sources with a letter in the names of machines with equal names: `AMD EPYC A, 2 cores`."""
     keys: dict[tuple[bool, str], list[str]] = {}
-    for source in found:
-        named = keys.setdefault((source.own, source.machine.label), [])
+    for source in sources:
+        named = keys.setdefault((source.by_user, source.machine.label), [])
         if source.machine.key not in named:
             named.append(source.machine.key)
-    told = []
-    for source in found:
-        named = keys[source.own, source.machine.label]
+    lettered = []
+    for source in sources:
+        named = keys[source.by_user, source.machine.label]
         if len(named) > 1:
             processor, *rest = source.machine.label.split(",")
             letter = chr(ord("A") + named.index(source.machine.key))
             label = ",".join((f"{processor} {letter}", *rest))
             source = replace(source, machine=replace(source.machine, label=label))
-        told.append(source)
-    return told
+        lettered.append(source)
+    return lettered
 
 
-def _sources(store: Store, own: bool) -> list[Source]:
+def _sources(store: Store, by_user: bool) -> list[Source]:
     """Return the measurements of each machine in a store."""
     descriptions = {key: json.loads(text) for key, text in store.query("SELECT hash, description FROM configuration")}
     result = []
@@ -93,7 +93,7 @@ def _sources(store: Store, own: bool) -> list[Source]:
         numbers = [
             m
             for m in measures(store, machine=machine.key)
-            if not (simulated and m.description["backend"] == "gpu") and _is_told(m.description)
+            if not (simulated and m.description["backend"] == "gpu") and _is_shown(m.description)
         ]
         runs = tuple(
             Run(read_version(version), started, command)
@@ -110,20 +110,20 @@ def _sources(store: Store, own: bool) -> list[Source]:
             for stage in STAGES
         ]
         same = same_kernels(numbers)
-        kept = [of_one_version(times, versions, own, same) for times in of_stages]
+        current = [of_one_version(times, versions, by_user, same) for times in of_stages]
         of_rates = [[m for m in numbers if m.name in names] for names in RATES]
         dropped = {id(m) for rates in of_rates for m in rates}
-        dropped -= {id(m) for rates in of_rates for m in of_one_version(rates, versions, own, same)}
+        dropped -= {id(m) for rates in of_rates for m in of_one_version(rates, versions, by_user, same)}
         numbers = [m for m in numbers if id(m) not in dropped]
-        times, forced, costs, energies, findings = kept
+        times, forced, costs, energies, findings = current
         defaults = {m.configuration: bool(m.value) for m in numbers if m.name == "default"}
         peers = tuple(ratios(store, machine.key))
         if everything or numbers or peers:
             source = Source(
-                machine, own, tuple(times), tuple(numbers), runs, scene, threading,
+                machine, by_user, tuple(times), tuple(numbers), runs, scene, threading,
                 {timing.configuration: timing for timing in costs}, tuple(forced),
                 {timing.configuration: timing for timing in energies}, defaults, peers, tuple(findings),
-                sum(map(len, of_stages)) - sum(map(len, kept)) + len(dropped), older_peers=older_peers(store, machine.key),
+                sum(map(len, of_stages)) - sum(map(len, current)) + len(dropped), older_peers=older_peers(store, machine.key),
             )  # fmt: skip
             result.append(with_older(source))
     return sorted(result, key=lambda source: source.runs[-1].started if source.runs else "", reverse=True)
@@ -131,13 +131,13 @@ def _sources(store: Store, own: bool) -> list[Source]:
 
 def _of_stage(store: Store, machine: str, stage: str) -> list[Timing]:
     """Return the timings of a stage; of accuracy runs on a machine without whole runs the older ones, marked."""
-    found = timings(store, machine, stage)
-    if found or stage != ACCURACY_STAGE:
-        return found
+    of_stage = timings(store, machine, stage)
+    if of_stage or stage != ACCURACY_STAGE:
+        return of_stage
     return [replace(t, suspect=(*t.suspect, OTHER_INTERVAL)) for t in timings(store, machine, OLDER_STAGE)]
 
 
-def _is_told(description: dict[str, Any]) -> bool:
+def _is_shown(description: dict[str, Any]) -> bool:
     """True for the lab's own configurations and findings; `ratios` handles those of a sweep with peers."""
     return description.get("peer") is None or "finding" in description
 

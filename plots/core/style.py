@@ -91,7 +91,7 @@ class Drawing:
         return " Several machines: a time of one does not compare with one of another." if several else ""
 
     @property
-    def told(self) -> str:
+    def short_caption(self) -> str:
         """Description, then the machines, for a book whose first page states commits and dates."""
         places = dict.fromkeys(f"{source.place}{f' {OLDER}' if source.older else ''}" for source in self.sources)
         return f"{self.text.strip()}{self._machines} Measured on: {'; '.join(places)}." if places else self.text.strip()
@@ -125,17 +125,17 @@ def settings() -> Iterator[None]:
         yield
 
 
-def new_figure(columns: int = 1, height: float = HEIGHT, share_y: bool = True) -> tuple[Any, list[Any]]:
+def new_figure(columns: int = 1, height: float = HEIGHT, sharey: bool = True) -> tuple[Any, list[Any]]:
     """Return a figure with a row of axes."""
-    figure, (axes,) = new_grid(1, columns, height, share_y)
+    figure, (axes,) = new_grid(1, columns, height, sharey)
     return figure, axes
 
 
-def new_grid(rows: int, columns: int, height: float, share_y: bool = True) -> tuple[Any, list[list[Any]]]:
+def new_grid(rows: int, columns: int, height: float, sharey: bool = True) -> tuple[Any, list[list[Any]]]:
     """Return a figure with rows of axes; each row may share its y."""
     figure = new_sheet(height)
     return figure, [
-        list(row) for row in figure.subplots(rows, columns, sharey="row" if share_y else False, squeeze=False)
+        list(row) for row in figure.subplots(rows, columns, sharey="row" if sharey else False, squeeze=False)
     ]
 
 

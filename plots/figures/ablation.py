@@ -16,7 +16,7 @@ LEAST = 1e-16  # spacings: lower end of the axis; smaller changes are drawn ther
 SHOWN = {NEEDED: (VERMILLION, "o"), NOT_NEEDED: (GREEN, "s"), GAINS: (SKY, "D")}  # verdict -> colour, marker
 
 
-def told_tables(results: Results) -> tuple[Source | None, list[Ablated]]:
+def quotable_tables(results: Results) -> tuple[Source | None, list[Ablated]]:
     """Return the first source with ablations of motions that are not chaotic, and the last of each scene and backend."""
     for source in results.everyone:
         newest = {
@@ -31,7 +31,7 @@ def told_tables(results: Results) -> tuple[Source | None, list[Ablated]]:
 
 def draw(results: Results) -> Drawing | str:
     """Return the figure, or the reason why there is none."""
-    source, tables = told_tables(results)
+    source, tables = quotable_tables(results)
     if source is None:
         return "no scene was taken apart (softlab ablate)"
     lines = [len(table.rows) + 2 for table in tables]

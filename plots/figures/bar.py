@@ -51,8 +51,8 @@ ROWS = {SAG: "sag / a rod's", FREQUENCY: "first frequency / a rod's"}
 
 def bars(results: Results) -> tuple[list[Bar], tuple[Source, ...]]:
     """Return all rows, those of each backend from one machine, and their sources."""
-    found, sources = judgements(results, is_bar)
-    return rows(found), sources
+    selected, sources = judgements(results, is_bar)
+    return rows(selected), sources
 
 
 def draw(results: Results) -> Drawing | str:
@@ -60,17 +60,17 @@ def draw(results: Results) -> Drawing | str:
 
     Sag above, frequency below; against the spacing on the left, against the substeps on the right.
     """
-    found, sources = bars(results)
-    if not any(bar.solver in SOLVERS for bar in found):
+    measured, sources = bars(results)
+    if not any(bar.solver in SOLVERS for bar in measured):
         return MISSING
-    found = first_backend(found)
+    measured = first_backend(measured)
     figure = new_sheet(3.9)
     axes = figure.subplots(2, 2, sharex="col")
     for row, name in zip(axes, ROWS, strict=True):
         for solver, (label, colour, marker, line) in CURVES.items():
             size, some = SOME.get(solver, (1.0, SOME_LINKS))
-            by_spacing = series(found, solver, _fine, substeps=FINEST, size=size)
-            by_substeps = series(found, solver, _substeps, fine=some, size=size)
+            by_spacing = series(measured, solver, _fine, substeps=FINEST, size=size)
+            by_substeps = series(measured, solver, _substeps, fine=some, size=size)
             how: dict[str, Any] = {"color": colour, "marker": marker, "linestyle": line, "label": label}
             if solver == "mass-spring":  # drawn below the others, most of which coincide with it
                 how |= {"linewidth": 3.5, "markersize": 7.5}
@@ -81,14 +81,14 @@ def draw(results: Results) -> Drawing | str:
             ax.axhline(1, color=GREY, linewidth=0.7, zorder=1)
     axes[0][1].set_yscale("log")  # the other has a smaller range
     plain_ticks(axes[0][1].yaxis)
-    drawn = [bar for bar in found if bar.solver in CURVES and not bar.law]
+    drawn = [bar for bar in measured if bar.solver in CURVES and not bar.law]
     _doubling(axes[1][0], drawn, _fine, "masses along the bar")
     _doubling(axes[1][1], drawn, _substeps, "substeps of a frame")
     legend_below(figure, list(axes.ravel()), columns=3)
     shown = {bar.solver for bar in drawn}
-    held = [text for text, solvers in BARS.items() if shown & set(solvers)]
+    titles = [text for text, solvers in BARS.items() if shown & set(solvers)]
     caption = (
-        f"One bar of one material: {'; '.join(held)}. Left: at {FINEST} substeps of a frame of a sixtieth of a second, "
+        f"One bar of one material: {'; '.join(titles)}. Left: at {FINEST} substeps of a frame of a sixtieth of a second, "
         f"against the masses along it. Right: at {SOME_LINKS} along it"
         f"{f', of tetrahedra {SOME_VOXELS} voxels' if shown & set(TETRAHEDRAL) else ''}, against the "
         "substeps; mass-spring, whose steps are the substeps, is refused where there is no mark. Over "
@@ -99,20 +99,20 @@ def draw(results: Results) -> Drawing | str:
 
 def draw_clusters(results: Results) -> Drawing | str:
     """Return the figure of windows of the strip and overlap of the jelly bar, or the reason why there is none."""
-    found, sources = bars(results)
-    if not any(bar.solver in ("shape-matching", JELLY) for bar in found):
+    measured, sources = bars(results)
+    if not any(bar.solver in ("shape-matching", JELLY) for bar in measured):
         return MISSING
-    found = first_backend(found)
-    figure, (left, right) = new_figure(2, 3.4, share_y=False)
+    measured = first_backend(measured)
+    figure, (left, right) = new_figure(2, 3.4, sharey=False)
     for region, (colour, marker) in REGIONS.items():
-        mine = series(found, "shape-matching", _fine, substeps=FINEST, size=region)
+        windows = series(measured, "shape-matching", _fine, substeps=FINEST, size=region)
         wide = 2 * region + 1
-        _curve(left, mine, _fine, SAG, color=colour, marker=marker, label=f"windows of {wide} x {wide}")
-        _curve(left, mine, _fine, ACROSS, color=colour, marker=marker, linestyle=":", markersize=3)
-    across = any(bar.solver == "shape-matching" and ACROSS in bar.values for bar in found)
+        _curve(left, windows, _fine, SAG, color=colour, marker=marker, label=f"windows of {wide} x {wide}")
+        _curve(left, windows, _fine, ACROSS, color=colour, marker=marker, linestyle=":", markersize=3)
+    across = any(bar.solver == "shape-matching" and ACROSS in bar.values for bar in measured)
     if across:
         left.plot([], [], ":", color=GREY, label="loaded across")
-    overlaps = series(found, JELLY, _size, substeps=FINEST, fine=SOME_LAYERS)
+    overlaps = series(measured, JELLY, _size, substeps=FINEST, fine=SOME_LAYERS)
     for name, colour, marker in ((SAG, VERMILLION, "D"), (FREQUENCY, SKY, "v")):
         _curve(
             right, overlaps, _size, name, color=colour, marker=marker, label=f"jelly bar: {ROWS[name].split(' /')[0]}"
@@ -121,14 +121,14 @@ def draw_clusters(results: Results) -> Drawing | str:
         ax.axhline(1, color=GREY, linewidth=0.7, zorder=1)
     left.set_yscale("log")
     plain_ticks(left.yaxis)
-    _doubling(left, [bar for bar in found if bar.solver == "shape-matching"], _fine, "masses along the strip")
+    _doubling(left, [bar for bar in measured if bar.solver == "shape-matching"], _fine, "masses along the strip")
     left.set_ylabel("sag / a rod's")
     right.set_xlabel("overlap: cluster radius / cluster spacing")
     right.set_ylabel("over a rod's")
     legend_below(figure, [left, right], columns=3)
-    ways = "that hangs (solid) or is held at its side (dotted, over a beam's)" if across else "that hangs"
+    loads = "that hangs (solid) or is held at its side (dotted, over a beam's)" if across else "that hangs"
     caption = (
-        f"Left: the strip's windows, all as stiff in a long even stretch, and the sag of the strip {ways}: windows that the "
+        f"Left: the strip's windows, all as stiff in a long even stretch, and the sag of the strip {loads}: windows that the "
         "strip's ends cut off are softer. Right: the jelly bar, "
         "its clusters' stiffness chosen so that the material is one; clusters that hardly overlap do not make it one."
     )
@@ -147,15 +147,15 @@ def _size(bar: Bar) -> float:
     return bar.size
 
 
-def _curve(ax: Any, mine: Sequence[Bar], where: Callable[[Bar], float], name: str, **how: Any) -> None:
-    points = [(where(bar), part) for bar in mine if (part := bar.part(name)) is not None]
+def _curve(ax: Any, measured: Sequence[Bar], where: Callable[[Bar], float], name: str, **how: Any) -> None:
+    points = [(where(bar), part) for bar in measured if (part := bar.part(name)) is not None]
     if points:
         ax.plot(*zip(*points, strict=True), **how)
 
 
-def _doubling(ax: Any, found: Sequence[Bar], where: Callable[[Bar], float], label: str) -> None:
+def _doubling(ax: Any, measured: Sequence[Bar], where: Callable[[Bar], float], label: str) -> None:
     """Set a logarithmic x axis with a tick at each measured value."""
-    values = sorted({where(bar) for bar in found})
+    values = sorted({where(bar) for bar in measured})
     ax.set_xscale("log")
     ax.set_xticks(values, [f"{value:g}" for value in values])
     ax.set_xticks([], minor=True)

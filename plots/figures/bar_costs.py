@@ -33,15 +33,17 @@ def draw(results: Results) -> Drawing | str:
     chosen = on_backends(results, judged)
     if not chosen:
         return MISSING
-    figure, axes = new_figure(len(PARTS), 2.4, share_y=False)
+    figure, axes = new_figure(len(PARTS), 2.4, sharey=False)
     for ax, (name, part) in zip(axes, PARTS.items(), strict=True):
-        for backend, _, found in chosen:
+        for backend, _, methods in chosen:
             for solver, (label, colour, marker, _) in CURVES.items():
-                mine = [
-                    (cost.frame, value) for cost in found if cost.solver == solver and (value := part(cost)) is not None
+                points = [
+                    (cost.frame, value)
+                    for cost in methods
+                    if cost.solver == solver and (value := part(cost)) is not None
                 ]
-                if mine:
-                    x, y = [1e3 * frame for frame, _ in mine], [max(abs(value), LEAST) for _, value in mine]
+                if points:
+                    x, y = [1e3 * frame for frame, _ in points], [max(abs(value), LEAST) for _, value in points]
                     once = backend == chosen[0][0]
                     ax.plot(
                         x, y, LINES[backend], color=colour, marker=marker, markersize=4, label=label if once else None
@@ -57,13 +59,13 @@ def draw(results: Results) -> Drawing | str:
     legend_below(figure, axes, columns=3)
     errors = [
         value
-        for _, _, found in chosen
-        for cost in found
+        for _, _, methods in chosen
+        for cost in methods
         for part in PARTS.values()
         if (value := part(cost)) is not None
     ]
     clipped = f" Errors under {LEAST:g} are drawn there." if any(abs(value) < LEAST for value in errors) else ""
-    counts = ", ".join(str(n) for n in sorted({cost.substeps for _, _, found in chosen for cost in found}))
+    counts = ", ".join(str(n) for n in sorted({cost.substeps for _, _, methods in chosen for cost in methods}))
     caption = (
         f"The bar by each method, {counts} substeps of a frame of 1/60 s along each line: how far it is off the "
         f"closed form of a rod of its material. Black: {CLOSE:.0%}. float64, exact math.{clipped}"

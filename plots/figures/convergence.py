@@ -42,17 +42,17 @@ class Converging:
 
 def converging(source: Source, backend: str | None = None) -> list[Converging]:
     """Return all of a source (and backend), by ordering, size and iterations."""
-    held = by_configuration(
+    groups = by_configuration(
         m for m in source.measures if m.description.get("finding") == CONVERGENCE and backend in (None, m.backend)
     )
-    found = [entry for numbers in held if (entry := _entry(numbers))]
-    return sorted(found, key=lambda e: (e.backend, XPBD.index(e.name), e.side, e.iterations))
+    entries = [entry for numbers in groups if (entry := _entry(numbers))]
+    return sorted(entries, key=lambda e: (e.backend, XPBD.index(e.name), e.side, e.iterations))
 
 
 def lines(source: Source, backend: str | None = None) -> bool:
     """True if any ordering was run with several numbers of iterations: one point is no line."""
-    found = [(e.backend, e.name, e.side) for e in converging(source, backend)]
-    return len(set(found)) < len(found)
+    runs = [(e.backend, e.name, e.side) for e in converging(source, backend)]
+    return len(set(runs)) < len(runs)
 
 
 def _entry(numbers: dict[str, Measure]) -> Converging | None:
@@ -110,16 +110,16 @@ def _shown(sides: list[int]) -> list[int]:
     return [*sides[: len(LINES) - 1], sides[-1]]
 
 
-def _panel(ax: Any, found: list[Converging], where: Any) -> None:
-    sides = _shown(sorted({entry.side for entry in found}))
+def _panel(ax: Any, entries: list[Converging], where: Any) -> None:
+    sides = _shown(sorted({entry.side for entry in entries}))
     for name, (colour, marker) in CURVES.items():
         for side, line in zip(sides, LINES, strict=False):
-            mine = [entry for entry in found if (entry.name, entry.side) == (name, side)]
-            if mine:
+            curve = [entry for entry in entries if (entry.name, entry.side) == (name, side)]
+            if curve:
                 ax.plot(
-                    [where(e) for e in mine], [e.left for e in mine], line, marker=marker, color=colour, markersize=3
+                    [where(e) for e in curve], [e.left for e in curve], line, marker=marker, color=colour, markersize=3
                 )
-        if any(entry.name == name for entry in found):
+        if any(entry.name == name for entry in entries):
             ax.plot([], [], marker=marker, color=colour, label=name)
     ax.set_xscale("log")
     ax.set_yscale("log")

@@ -52,19 +52,19 @@ def pairs(source: Source, precision: str = "float32", *, graphics: bool = False)
     for timing in source.timings:
         chosen = timing.backend == "cpu" and timing.precision == precision and timing.graphics == graphics
         if chosen and timing.rows == timing.columns and not is_wrong(timing):
-            held = best.get(timing.particles)
-            best[timing.particles] = timing if held is None or timing.median < held.median else held
+            fastest = best.get(timing.particles)
+            best[timing.particles] = timing if fastest is None or timing.median < fastest.median else fastest
     on_gpu = sound(source.select("gpu", None, precision, graphics=graphics))
     return [Pair(best[t.particles], t) for t in on_gpu if t.particles in best]
 
 
-def crossing(found: list[Pair]) -> float | None:
+def crossing(compared: list[Pair]) -> float | None:
     """Return the masses at which the ratio last rises above 1, interpolated between two sizes; None if it does not."""
     result = None
-    for left, right in pairwise(found):
+    for left, right in pairwise(compared):
         if left.ratio < 1 <= right.ratio:
-            share = math.log(1 / left.ratio) / math.log(right.ratio / left.ratio)
-            result = left.gpu.particles * (right.gpu.particles / left.gpu.particles) ** share
+            fraction = math.log(1 / left.ratio) / math.log(right.ratio / left.ratio)
+            result = left.gpu.particles * (right.gpu.particles / left.gpu.particles) ** fraction
     return result
 
 
@@ -75,18 +75,18 @@ def draw(results: Results) -> Drawing | str:
         return "no machine in the data has timed both a GPU and a CPU at one size with one version of the code"
     figure, (ax,) = new_figure(1, 2.1)
     for precision, colour, marker in (("float32", GREEN, "D"), ("float64", PURPLE, "P")):
-        found = pairs(source, precision)
-        if not found:
+        compared = pairs(source, precision)
+        if not compared:
             continue
-        x = [pair.gpu.particles for pair in found]
-        ax.fill_between(x, [p.low for p in found], [p.high for p in found], color=colour, alpha=0.18, linewidth=0)
-        ax.plot(x, [p.ratio for p in found], marker=marker, color=colour, label=precision)
-        hollow = [p for p in found if is_suspect(p.cpu) or is_suspect(p.gpu)]
+        x = [pair.gpu.particles for pair in compared]
+        ax.fill_between(x, [p.low for p in compared], [p.high for p in compared], color=colour, alpha=0.18, linewidth=0)
+        ax.plot(x, [p.ratio for p in compared], marker=marker, color=colour, label=precision)
+        hollow = [p for p in compared if is_suspect(p.cpu) or is_suspect(p.gpu)]
         ax.plot(
             [p.gpu.particles for p in hollow], [p.ratio for p in hollow], marker, markerfacecolor="white",
             markeredgecolor=colour, label="suspect" if hollow and precision == "float32" else None,
         )  # fmt: skip
-        where = crossing(found)
+        where = crossing(compared)
         if where and precision == "float32":
             ax.plot([where], [1], "o", color=BLACK, zorder=5)
             ax.annotate(
@@ -94,7 +94,7 @@ def draw(results: Results) -> Drawing | str:
                 textcoords="offset points", fontsize=8,
             )  # fmt: skip
         elif precision == "float32":
-            side = "faster" if found[-1].ratio >= 1 else "slower"
+            side = "faster" if compared[-1].ratio >= 1 else "slower"
             ax.set_title(
                 f"no crossing: the GPU is {side} from the smallest size to the largest", loc="right", fontsize=8
             )

@@ -46,13 +46,13 @@ class EnergyRecord:
 def read_energies(trajectory: str | Path) -> EnergyRecord:
     """Return the energies of every frame of a recorded trajectory. Raises InputError for any other file."""
     path = Path(trajectory)
-    held = read_archive(path, "energies are drawn of a .npz that softlab run --record every=N FILE.npz wrote")
-    missing = [name for name in (*ARRAYS, "scene") if name not in held]
+    archive = read_archive(path, "energies are drawn of a .npz that softlab run --record every=N FILE.npz wrote")
+    missing = [name for name in (*ARRAYS, "scene") if name not in archive]
     if missing:
         raise InputError(f"{path} lacks {', '.join(missing)}; record it with softlab run --record every=N")
-    arrays = {name: held[name] for name in ARRAYS}
+    arrays = {name: archive[name] for name in ARRAYS}
     try:
-        scene = Scene(json.loads(str(held["scene"])))
+        scene = Scene(json.loads(str(archive["scene"])))
     except (ValueError, TypeError, RecursionError, SceneError) as error:
         raise InputError(f"{path}: its scene cannot be read ({error}); record it anew") from None
     for name, dimensions in ARRAYS.items():
@@ -66,8 +66,8 @@ def read_energies(trajectory: str | Path) -> EnergyRecord:
     if not frames:
         raise InputError(f"{path} holds no frame; record with a smaller every=N")
     with np.errstate(all="ignore"):
-        found = [energies(scene, p, v) for p, v in zip(arrays["position"], arrays["velocity"], strict=True)]
-    columns = {name: np.array([one[name] for one in found]) for name, *_ in CURVES}
+        records = [energies(scene, p, v) for p, v in zip(arrays["position"], arrays["velocity"], strict=True)]
+    columns = {name: np.array([one[name] for one in records]) for name, *_ in CURVES}
     if not all(np.isfinite(values).all() for values in (arrays["time"], *columns.values())):
         raise InputError(f"{path}: times or energies are not finite; record a run that does not diverge")
     return EnergyRecord(scene, arrays["time"].astype(float), **columns)

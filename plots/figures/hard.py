@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from softlab.app.render.camera3d import Camera3D
+from softlab.bench.stress.report import table_of
 from softlab.bench.stress.results import BODIES, IN_FULL, OF_FLUIDS, OF_TETRAHEDRA, HardRow, rows_of
-from softlab.bench.stress.told import table_of
 from softlab.plots.core.colours import BLUE, GREEN, GREY, ORANGE, SKY, VERMILLION
 from softlab.plots.core.data import Results, Source, judgements
 from softlab.plots.core.style import Drawing, legend_below, new_sheet
@@ -30,8 +30,8 @@ COLOURS = {"pass": GREEN, "refused": SKY, "known": ORANGE, "fail": VERMILLION}
 
 def hard_rows(results: Results) -> tuple[list[HardRow], tuple[Source, ...]]:
     """Return the verdicts of sheets, and their sources: featured ones first, those of each backend from one machine."""
-    found, sources = judgements(results, lambda measure: measure.description.get("hard", NOT_HARD) not in NOT_OF_SHEETS)
-    return rows_of(found), sources
+    selected, sources = judgements(results, lambda m: m.description.get("hard", NOT_HARD) not in NOT_OF_SHEETS)
+    return rows_of(selected), sources
 
 
 def draw_states(results: Results) -> Drawing | str:
@@ -93,14 +93,14 @@ def _shown(rows: Sequence[HardRow]) -> list[HardRow]:
     """Return a row per case, of the preferred integrator; and for each reason to fail the last case with it."""
     failing = [row for row in rows if row.shape and row.verdict in ("fail", "known")]
     failing.sort(key=lambda row: row.precision, reverse=True)  # float32, where more is visible, wins
-    told = {row.diagnosis: row for row in failing}
-    found = []
+    by_diagnosis = {row.diagnosis: row for row in failing}
+    shown = []
     for case in dict.fromkeys(row.case for row in rows):
         drawn = [row for row in rows if row.case == case and row.shape]
         right = [row for name in PREFERRED for row in drawn
                  if row.integrator == name and row.verdict in ("pass", "refused")]  # fmt: skip
-        found += [*right[:1], *(row for row in told.values() if row.case == case)]
-    return found
+        shown += [*right[:1], *(row for row in by_diagnosis.values() if row.case == case)]
+    return shown
 
 
 def as_seen(position: np.ndarray) -> np.ndarray:

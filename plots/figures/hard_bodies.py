@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from softlab.bench.stress.results import BODIES, HardRow, Told, rows_of
+from softlab.bench.stress.results import BODIES, HardRow, StoredCheck, rows_of
 from softlab.plots.core.colours import BLACK, BLUE, ORANGE, SKY, VERMILLION
 from softlab.plots.core.data import Results, Source, judgements
 from softlab.plots.core.style import Drawing, legend_below, new_sheet
@@ -12,7 +12,7 @@ from softlab.plots.figures.hard import PANEL
 
 TITLE = "Bodies against their bounds"
 MISSING = "the hard cases of bodies were not run"
-LOOKS = {  # backend, precision -> colour, marker
+STYLES = {  # backend, precision -> colour, marker
     ("cpu", "float64"): (BLUE, "o"), ("cpu", "float32"): (ORANGE, "s"),
     ("gpu", "float64"): (SKY, "D"), ("gpu", "float32"): (VERMILLION, "^"),
 }  # fmt: skip
@@ -23,11 +23,11 @@ OVERSHOT = 10.0  # of its bound: larger values, and values that are not finite, 
 
 def body_rows(results: Results) -> tuple[list[HardRow], tuple[Source, ...]]:
     """Return the verdicts of bodies, and their sources: featured ones first, those of each backend from one machine."""
-    found, sources = judgements(results, lambda measure: measure.description.get("hard", "") in BODIES)
-    return rows_of(found), sources
+    selected, sources = judgements(results, lambda measure: measure.description.get("hard", "") in BODIES)
+    return rows_of(selected), sources
 
 
-def share(check: Told) -> float | None:
+def bound_ratio(check: StoredCheck) -> float | None:
     """Return a number over its bound, or the bound over it for a lower bound; None without a bound."""
     relation, _, rest = check.bound.partition(" ")
     if relation not in ("<", ">"):
@@ -42,7 +42,7 @@ def share(check: Told) -> float | None:
 
 def worst(row: HardRow) -> float | None:
     """Return the largest such ratio of a run."""
-    return max((part for check in row.checks if (part := share(check)) is not None), default=None)
+    return max((part for check in row.checks if (part := bound_ratio(check)) is not None), default=None)
 
 
 def draw(results: Results) -> Drawing | str:
@@ -57,14 +57,14 @@ def draw(results: Results) -> Drawing | str:
     titles = {row.case: row.in_full for row, _ in judged}
     figure = new_sheet(max(PANEL, ROW * (len(names) + 6)))
     ax = figure.subplots()
-    for (backend, precision), (colour, marker) in LOOKS.items():
-        mine = [
+    for (backend, precision), (colour, marker) in STYLES.items():
+        points = [
             (names.index(row.case), part)
             for row, part in judged
             if (row.backend, row.precision) == (backend, precision)
         ]
-        if mine:
-            y, x = np.array([place for place, _ in mine]), np.array([part for _, part in mine])
+        if points:
+            y, x = np.array([place for place, _ in points]), np.array([part for _, part in points])
             label = f"{backend.upper()} {precision}"
             ax.plot(np.clip(x, LEAST, OVERSHOT), y, marker, color=colour, linestyle="", label=label, markersize=4)
     ax.axvline(1.0, color=BLACK, linewidth=0.8)

@@ -42,8 +42,8 @@ def draw(results: Results) -> Drawing | str:
             "no joules were counted: the machine has no energy counter that may be read, or the kernels were not timed"
         )
     for ax, backend, source in chosen:
-        for kernel, mine in in_order(source.ladder(backend)):
-            points = [(t.particles, j) for t in mine if (j := joules(source, t)) is not None]
+        for kernel, timings in in_order(source.ladder(backend)):
+            points = [(t.particles, j) for t in timings if (j := joules(source, t)) is not None]
             curve = rung(kernel)
             if points:
                 x, y = [n for n, _ in points], [j for _, j in points]
@@ -53,7 +53,7 @@ def draw(results: Results) -> Drawing | str:
     chosen[0][0].set_ylabel("J per million mass-steps")
     legend_below(figure, [ax for ax, *_ in chosen])
     caption = (
-        "Energy of a million mass-steps with each kernel, float32, over about a second of stepping: what the device's "
-        "own counter tells, its idle share included, so that a slow kernel pays for the time it takes."
+        "Energy of a million mass-steps with each kernel, float32, over about a second of stepping, by the device's own "
+        "counter. It includes the idle power, so that a slow kernel pays for the time it takes."
     )
     return Drawing(figure, TITLE, caption, sources_of(chosen))

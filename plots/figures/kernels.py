@@ -15,15 +15,15 @@ TITLE = "Every kernel"
 
 def draw(results: Results) -> Drawing | str:
     """Return the figure, or the reason why there is none."""
-    figure, chosen = backend_panels(results, share_y=False)
+    figure, chosen = backend_panels(results, sharey=False)
     if figure is None:
         return "the kernels were not timed one by one (softlab sweep --kernels)"
     times: list[Timing] = []
     switches = False
     for ax, backend, source in chosen:
-        for kernel, mine in in_order(source.ladder(backend)):
-            draw_times(ax, mine, rung(kernel))
-            times += mine
+        for kernel, timings in in_order(source.ladder(backend)):
+            draw_times(ax, timings, rung(kernel))
+            times += timings
         bandwidth = copy_bandwidth(source, backend)
         sizes = {
             t.particles: t.bytes_per_step for t in source.kernels if t.backend == backend and t.precision == "float32"

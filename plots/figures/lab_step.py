@@ -44,34 +44,34 @@ def draw(results: Results) -> Drawing | str:
     return Drawing(figure, TITLE, caption, (source,))
 
 
-def _draw_panel(ax: Any, found: list[Point]) -> None:
+def _draw_panel(ax: Any, runs: list[Point]) -> None:
     for name, (colour, marker) in INTEGRATORS.items():
-        mine = [p for p in order_points(found, name) if p.error > 0]
-        if not mine:
+        curve = [p for p in order_points(runs, name) if p.error > 0]
+        if not curve:
             continue
         label = "lab, against Newton's law" if name == "lab" else name
-        ax.plot([p.dt for p in mine], [p.error for p in mine], marker=marker, color=colour, label=label)
-        hollow = [p for p in mine if not p.resolved]
+        ax.plot([p.dt for p in curve], [p.error for p in curve], marker=marker, color=colour, label=label)
+        hollow = [p for p in curve if not p.resolved]
         ax.plot([p.dt for p in hollow], [p.error for p in hollow], marker, color=colour, markerfacecolor="white")
-    halves = [p for p in order_points(found, "lab") if p.half]
+    halves = [p for p in order_points(runs, "lab") if p.half]
     if halves:
         x, y, label = [p.dt for p in halves], [p.half for p in halves], "lab, against half the acceleration"
         ax.plot(x, y, "--", marker="*", color=VERMILLION, label=label)
     log_axes(ax, x_label="step size / ms")
-    steps = sorted({p.dt for p in found if not p.diverged})
-    _draw_slopes(ax, found, steps)
+    steps = sorted({p.dt for p in runs if not p.diverged})
+    _draw_slopes(ax, runs, steps)
     ax.set_xticks(steps, [f"{1000 * dt:g}" for dt in steps])
     ax.set_xticks([], minor=True)
     ax.margins(y=0.1)
 
 
-def _draw_slopes(ax: Any, found: list[Point], steps: list[float]) -> None:
+def _draw_slopes(ax: Any, runs: list[Point], steps: list[float]) -> None:
     """Draw thin lines of order 1, 2 and 4, slightly below the integrator that should have that order."""
     for name, order in (("semi-implicit-euler", 1), ("velocity-verlet", 2), ("rk4", 4)):
-        mine = order_points(found, name)
-        if len(mine) < 2 or not steps:
+        curve = order_points(runs, name)
+        if len(curve) < 2 or not steps:
             continue
-        anchor = max(mine, key=lambda p: p.dt)
+        anchor = max(curve, key=lambda p: p.dt)
         ax.plot(
             steps, [0.6 * anchor.error * (dt / anchor.dt) ** order for dt in steps], color=GREY, linewidth=0.7, zorder=1
         )

@@ -19,7 +19,7 @@ from softlab.plots.core.style import Curve, Drawing, draw_band, legend_below, lo
 TITLE = "Side by side with what could be used instead"
 SHEETS_TITLE = "Cloth side by side with what could be used instead"
 PRECISION = "float32"
-LOOKS = (
+STYLES = (
     (BLUE, "o"), (ORANGE, "s"), (GREEN, "D"), (VERMILLION, "^"), (PURPLE, "v"), (SKY, "P"), (BLUE, "X"), (ORANGE, "*"),
     (GREEN, "p"),
 )  # fmt: skip
@@ -42,16 +42,16 @@ def draw(results: Results) -> Drawing | str:
     A panel per backend, each of the first machine that has its data, own ones first.
     """
     chosen = on_backends(results, square_ratios)
-    panels = [(_title(backend, source, found), source, found) for backend, source, found in chosen]
+    panels = [(_title(backend, source, compared), source, compared) for backend, source, compared in chosen]
     return _draw(panels, TITLE, ("grid",), "square grids")
 
 
 def draw_sheets(results: Results) -> Drawing | str:
     """Return the figure of cloth of springs and cloth by XPBD, like `draw`."""
     panels = [
-        (f"{text}\n{name_of(backend, source)}", source, found)
+        (f"{text}\n{name_of(backend, source)}", source, compared)
         for scene, text in SHEETS.items()
-        for backend, source, found in on_backends(results, partial(square_ratios, scene=scene))
+        for backend, source, compared in on_backends(results, partial(square_ratios, scene=scene))
     ]
     return _draw(panels, SHEETS_TITLE, tuple(SHEETS), "square sheets")
 
@@ -60,14 +60,14 @@ def _draw(panels: Sequence[Panel], title: str, scenes: Sequence[str], squares: s
     if not panels:
         return "nothing was timed beside peers (softlab sweep --peers)"
     shown = [peer for peer in PEERS if set(scenes) & set(peer.scenes)]
-    looks = dict(zip(dict.fromkeys(peer.label for peer in shown), cycle(LOOKS), strict=False))  # one line per name
-    curves = {peer.name: Curve(peer.label, *looks[peer.label]) for peer in shown}
-    figure, axes = new_figure(len(panels), 2.3, share_y=False)
+    styles = dict(zip(dict.fromkeys(peer.label for peer in shown), cycle(STYLES), strict=False))  # one line per name
+    curves = {peer.name: Curve(peer.label, *styles[peer.label]) for peer in shown}
+    figure, axes = new_figure(len(panels), 2.3, sharey=False)
     marks: set[str] = set()
-    for ax, (words, _, found) in zip(axes, panels, strict=True):
-        for name in dict.fromkeys(r.peer for r in found):
+    for ax, (words, _, compared) in zip(axes, panels, strict=True):
+        for name in dict.fromkeys(r.peer for r in compared):
             marks |= _draw_peer(
-                ax, [r for r in found if r.peer == name], curves.get(name) or Curve(label(name), GREY, ".")
+                ax, [r for r in compared if r.peer == name], curves.get(name) or Curve(label(name), GREY, ".")
             )
         ax.axhline(1, color=BLACK, linewidth=1, zorder=1, label="the lab")
         log_axes(ax)
@@ -83,14 +83,14 @@ def _draw(panels: Sequence[Panel], title: str, scenes: Sequence[str], squares: s
     return Drawing(figure, title, caption, tuple(dict.fromkeys(source for _, source, _ in panels)))
 
 
-def _title(backend: str, source: Source, found: list[Ratio]) -> str:
-    threads = max(r.threads or 1 for r in found)
+def _title(backend: str, source: Source, compared: list[Ratio]) -> str:
+    threads = max(r.threads or 1 for r in compared)
     return name_of(backend, source) + ("" if backend == "gpu" else f"\n{threads} threads where a peer has threads")
 
 
-def _draw_peer(ax: Any, found: list[Ratio], curve: Curve) -> set[str]:
+def _draw_peer(ax: Any, compared: list[Ratio], curve: Curve) -> set[str]:
     """Draw one line; return the marks that it needed, of `suspect` and `wrong answer`."""
-    sound, wrong = [r for r in found if not r.wrong], [r for r in found if r.wrong]
+    sound, wrong = [r for r in compared if not r.wrong], [r for r in compared if r.wrong]
     x, y, *ends = (np.array([getattr(r, name) for r in sound]) for name in ("particles", "ratio", "low", "high"))
     points = x, y, np.stack(ends, axis=1)
     suspect = [bool(r.suspect) for r in sound]

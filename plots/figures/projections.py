@@ -11,7 +11,7 @@ from softlab.plots.core.data import Results
 from softlab.plots.core.style import Drawing, legend_below, log_axes, new_figure
 
 TITLE = "Projections a second"
-LOOKS = {
+STYLES = {
     ("gauss-seidel", 4): ("Gauss-Seidel, 4 neighbours", BLUE, "o"),
     ("gauss-seidel", 12): ("Gauss-Seidel, 12 neighbours", GREEN, "D"),
     ("jacobi", 4): ("Jacobi, 4 neighbours", ORANGE, "s"),
@@ -21,7 +21,7 @@ SUBSTEPS = 10
 LINES = {10: "-", 1: "--"}  # by iterations per substep
 
 
-panels = partial(on_backends, found=timed(points))  # (backend, source, points) of the backends that were timed
+panels = partial(on_backends, select=timed(points))  # (backend, source, points) of the backends that were timed
 
 
 def draw(results: Results) -> Drawing | str:
@@ -29,10 +29,10 @@ def draw(results: Results) -> Drawing | str:
     chosen = panels(results)
     if not chosen:
         return "projections were not timed (softlab projections)"
-    figure, axes = new_figure(len(chosen), 3.0, share_y=False)
-    for ax, (backend, source, found) in zip(axes, chosen, strict=True):
-        squares = [p for p in found if p.rows == p.columns and p.substeps == SUBSTEPS]
-        draw_rates(ax, squares, LOOKS, LINES, lambda p: ((p.ordering, p.neighbours), p.iterations))
+    figure, axes = new_figure(len(chosen), 3.0, sharey=False)
+    for ax, (backend, source, measured) in zip(axes, chosen, strict=True):
+        squares = [p for p in measured if p.rows == p.columns and p.substeps == SUBSTEPS]
+        draw_rates(ax, squares, STYLES, LINES, lambda p: ((p.ordering, p.neighbours), p.iterations))
         log_axes(ax)
         ax.set_title(name_of(backend, source), fontsize=8)
     axes[0].set_ylabel("projections a second")

@@ -27,13 +27,15 @@ def sizes(source: Source) -> dict[int, list[Point]]:
     at.
     """
     labels = {SIZES[label][1] ** 2 if label in SIZES else SIDE**2: label for label in (SCENE, *SIZES)}
-    found = {masses: [p for p in points(source, labels[masses]) if p.seconds is not None] for masses in sorted(labels)}
-    return {masses: mine for masses, mine in found.items() if {p.backend for p in mine} == set(PROCESSORS)}
+    by_size = {
+        masses: [p for p in points(source, labels[masses]) if p.seconds is not None] for masses in sorted(labels)
+    }
+    return {masses: runs for masses, runs in by_size.items() if {p.backend for p in runs} == set(PROCESSORS)}
 
 
-def targets(found: Sequence[Point]) -> list[float]:
+def targets(runs: Sequence[Point]) -> list[float]:
     """Return the decades of error [spacings] from 0.1 down to the last that a run reached, at most MOST."""
-    least = min((p.error for p in found if p.error > 0), default=1.0)
+    least = min((p.error for p in runs if p.error > 0), default=1.0)
     return [10.0**-n for n in range(1, 1 + min(MOST, math.floor(-math.log10(least))))]
 
 
@@ -44,11 +46,11 @@ def draw(results: Results) -> Drawing | str:
     source = results.first(lambda s: len(sizes(s)) > 1)
     if source is None:
         return "no machine in the data has timed a GPU and a CPU at equal error and several sizes"
-    figure, (left, right) = new_figure(2, HEIGHT, share_y=False)
+    figure, (left, right) = new_figure(2, HEIGHT, sharey=False)
     figure.axes[0].get_gridspec().set_width_ratios((5, 2))
-    found = sizes(source)
-    _map(left, found)
-    _ratios(right, found)
+    by_size = sizes(source)
+    _map(left, by_size)
+    _ratios(right, by_size)
     caption = (
         "Left: the method, step size and processor that reach an error fastest in the lab curtain (S1), by its number of "
         "masses. In brackets: the time of the other processor's fastest over this one. Grey: a lead under "
@@ -58,25 +60,25 @@ def draw(results: Results) -> Drawing | str:
     return Drawing(figure, TITLE, caption, (source,))
 
 
-def _map(ax: Any, found: dict[int, list[Point]]) -> None:
-    wanted = targets([p for mine in found.values() for p in mine])
-    for row, mine in enumerate(found.values()):
-        for column, way in enumerate(equal_error(mine, wanted)):
-            best = way.best
+def _map(ax: Any, by_size: dict[int, list[Point]]) -> None:
+    wanted = targets([p for runs in by_size.values() for p in runs])
+    for row, runs in enumerate(by_size.values()):
+        for column, fastest in enumerate(equal_error(runs, wanted)):
+            best = fastest.best
             if best is None:
                 continue
-            lead = max(way.speed_up, 1 / way.speed_up) if way.speed_up else None
+            lead = max(fastest.speed_up, 1 / fastest.speed_up) if fastest.speed_up else None
             even = lead is not None and lead < SCATTER
             name, colour = PROCESSORS[best.backend]
             ax.add_patch(_cell(column, row, GREY if even else colour))
-            told = [SHORT.get(best.integrator, best.integrator), f"{1000 * best.dt:g} ms", best.precision]
-            told.append("GPU = CPU" if even else f"{name} ({lead:.2g}x)" if lead else f"{name} alone")
-            told[-1] += "?" * any(one is not None and one.suspect for one in (way.cpu, way.gpu))
-            ax.text(column, row, "\n".join(told), ha="center", va="center", fontsize=7)
+            lines = [SHORT.get(best.integrator, best.integrator), f"{1000 * best.dt:g} ms", best.precision]
+            lines.append("GPU = CPU" if even else f"{name} ({lead:.2g}x)" if lead else f"{name} alone")
+            lines[-1] += "?" * any(one is not None and one.suspect for one in (fastest.cpu, fastest.gpu))
+            ax.text(column, row, "\n".join(lines), ha="center", va="center", fontsize=7)
     ax.set_xlim(-0.5, len(wanted) - 0.5)
-    ax.set_ylim(-0.5, len(found) - 0.5)
+    ax.set_ylim(-0.5, len(by_size) - 0.5)
     ax.set_xticks(range(len(wanted)), [f"{target:g}" for target in wanted])
-    ax.set_yticks(range(len(found)), [str(masses) for masses in found])
+    ax.set_yticks(range(len(by_size)), [str(masses) for masses in by_size])
     ax.set_xlabel("error / grid spacing h")
     ax.set_ylabel("masses")
     ax.grid(visible=False)
@@ -88,18 +90,18 @@ def _cell(column: int, row: int, colour: str) -> Any:
     return Rectangle((column - 0.48, row - 0.47), 0.96, 0.94, color=colour, alpha=0.3, linewidth=0)
 
 
-def _ratios(ax: Any, found: dict[int, list[Point]], target: float = 1e-2) -> None:
+def _ratios(ax: Any, by_size: dict[int, list[Point]], target: float = 1e-2) -> None:
     for name, (colour, marker) in INTEGRATORS.items():
         ratios = {}
-        for masses, mine in found.items():
-            (way,) = equal_error([p for p in mine if p.integrator == name], [target])
-            if way.speed_up:
-                ratios[masses] = way.speed_up
+        for masses, runs in by_size.items():
+            (fastest,) = equal_error([p for p in runs if p.integrator == name], [target])
+            if fastest.speed_up:
+                ratios[masses] = fastest.speed_up
         if len(ratios) > 1:
             ax.plot(list(ratios), list(ratios.values()), marker=marker, color=colour, label=name)
     ax.axhline(1, color=GREY, linewidth=1, zorder=1)
     log_axes(ax, "CPU time / GPU time")
-    ax.set_xticks(list(found), [str(masses) for masses in found])
+    ax.set_xticks(list(by_size), [str(masses) for masses in by_size])
     ax.minorticks_off()
     plain_ticks(ax.yaxis)
     ax.legend(fontsize=7)

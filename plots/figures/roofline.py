@@ -48,11 +48,11 @@ class Ceilings:
         return self.operations / self.rate if self.rate else None
 
     @property
-    def arithmetic_share(self) -> float | None:
+    def arithmetic_fraction(self) -> float | None:
         """Arithmetic roof as a fraction of the one-step-per-pass roof."""
         return self.pass_seconds / self.arithmetic_seconds if self.arithmetic_seconds else None
 
-    def share(self, timing: Timing, seconds: float | None = None) -> float:
+    def fraction(self, timing: Timing, seconds: float | None = None) -> float:
         """Return the fraction of the one-step-per-pass roof that a timing reaches."""
         return self.pass_seconds * timing.particles / (timing.median if seconds is None else seconds)
 
@@ -83,26 +83,26 @@ def draw(results: Results) -> Drawing | str:
     times: list[Timing] = []
     words = []
     for ax, backend, source in chosen:
-        found = ceilings(source, backend)
-        assert found is not None
-        for kernel, mine in in_order(source.ladder(backend)):
-            draw_times(ax, mine, rung(kernel), _percent(found))
-            times += mine
+        roofs = ceilings(source, backend)
+        assert roofs is not None
+        for kernel, timings in in_order(source.ladder(backend)):
+            draw_times(ax, timings, rung(kernel), _percent(roofs))
+            times += timings
         ax.axhline(100, color=GREY, linewidth=1.2, zorder=1, label="one step per pass")
         doubt = ", beside other programs" if disturbed(source) else ""
-        if found.arithmetic_share and found.rate:
+        if roofs.arithmetic_fraction and roofs.rate:
             ax.axhline(
-                100 * found.arithmetic_share, color=BLACK, linestyle="--", linewidth=1, zorder=1, label="arithmetic"
+                100 * roofs.arithmetic_fraction, color=BLACK, linestyle="--", linewidth=1, zorder=1, label="arithmetic"
             )
             words.append(
-                f"{backend.upper()} {found.bandwidth / 1e9:.0f} GB/s and {found.rate / 1e9:.0f} G operations/s{doubt}"
+                f"{backend.upper()} {roofs.bandwidth / 1e9:.0f} GB/s and {roofs.rate / 1e9:.0f} G operations/s{doubt}"
             )
         else:
             words.append(
-                f"{backend.upper()} {found.bandwidth / 1e9:.0f} GB/s{doubt} (its arithmetic rate was not measured)"
+                f"{backend.upper()} {roofs.bandwidth / 1e9:.0f} GB/s{doubt} (its arithmetic rate was not measured)"
             )
         log_axes(ax)
-        operations, moved = found.operations, found.bytes
+        operations, moved = roofs.operations, roofs.bytes
     plain_ticks(chosen[0][0].yaxis)
     chosen[0][0].set_ylabel("share of one step per pass / %")
     legend_below(figure, [ax for ax, *_ in chosen], times)
@@ -115,5 +115,5 @@ def draw(results: Results) -> Drawing | str:
     return Drawing(figure, TITLE, caption, sources_of(chosen))
 
 
-def _percent(found: Ceilings) -> Callable[[Timing, float], float]:
-    return lambda timing, seconds: 100 * found.share(timing, seconds)
+def _percent(roofs: Ceilings) -> Callable[[Timing, float], float]:
+    return lambda timing, seconds: 100 * roofs.fraction(timing, seconds)

@@ -43,8 +43,8 @@ def draw_damping(results: Results) -> Drawing | str:
 @lru_cache(maxsize=4)  # every claim and table calls it
 def stability_runs(results: Results) -> tuple[list[MapPoint], list[Edge], tuple[Source, ...]]:
     """Return the map, the edges and their sources: featured ones first, those of each backend from one machine."""
-    found, sources = judgements(results, lambda measure: measure.name in NAMES)
-    return *stability_of(found), sources
+    selected, sources = judgements(results, lambda measure: measure.name in NAMES)
+    return *stability_of(selected), sources
 
 
 def shown(points: Sequence[MapPoint]) -> tuple[str, str] | None:
@@ -65,19 +65,20 @@ def _draw(results: Results, axis: str) -> Drawing | str:
     if not sources:
         return "no stability runs were made"
     pair = shown(points)
-    mine = [p for p in row_points(points, axis) if (p.place.backend, p.place.precision) == pair]
-    if pair is None or len({p.place.dt for p in mine}) < 2:
+    map_points = [p for p in row_points(points, axis) if (p.place.backend, p.place.precision) == pair]
+    if pair is None or len({p.place.dt for p in map_points}) < 2:
         return "the stability runs hold no map"
     figure = new_sheet(HEIGHT)
     axes = figure.subplots(2, 3, sharex=True, sharey=True)
-    found = [e for e in edges if not e.place.chain and (e.place.backend, e.place.precision) == pair]
+    sheet_edges = [e for e in edges if not e.place.chain and (e.place.backend, e.place.precision) == pair]
     marks = [
-        e for e in found if (e.place.damping == DAMPING if axis == "stiffness" else e.place.stiffness == STIFFNESS)
+        e
+        for e in sheet_edges
+        if (e.place.damping == DAMPING if axis == "stiffness" else e.place.stiffness == STIFFNESS)
     ]
     for ax, name in zip(axes.flat, INTEGRATORS, strict=True):
-        _draw_panel(
-            ax, [p for p in mine if p.place.integrator == name], [e for e in marks if e.place.integrator == name], axis
-        )
+        cells = [p for p in map_points if p.place.integrator == name]
+        _draw_panel(ax, cells, [e for e in marks if e.place.integrator == name], axis)
         ax.set_title(name, fontsize=8)
     for ax in axes.flat:
         ax.set_xlabel("step size / s" if ax in axes[-1] else " ")
@@ -140,9 +141,9 @@ def _legend(figure: Any) -> None:
 
 def _caption(pair: tuple[str, str], axis: str) -> str:
     backend, precision = pair
-    held = f"damping {DAMPING:g} N s/m" if axis == "stiffness" else f"stiffness {STIFFNESS:g} N/m"
+    fixed = f"damping {DAMPING:g} N s/m" if axis == "stiffness" else f"stiffness {STIFFNESS:g} N/m"
     return (
-        f"Outcome after {END:g} s (longer for what grows) of an 8 x 8 curtain ({held}; {backend.upper()}, {precision}). "
+        f"Outcome after {END:g} s (longer for what grows) of an 8 x 8 curtain ({fixed}; {backend.upper()}, {precision}). "
         "Line: the analytic limit for any state of the grid; none where there is no stable step size. Diamonds: the edge "
         "found by bisection on the same grid without rest lengths, where the equation is linear. Springs near their rest "
         "length are stable beyond it."

@@ -13,7 +13,7 @@ from softlab.plots.core.data import Results, Source
 from softlab.plots.core.style import Drawing, legend_below, new_grid, plain_ticks
 
 TITLE = "Does E mean E?"
-LOOKS = {
+STYLES = {
     "substeps": ("position-based, one sweep a substep", METHODS["xpbd"], "o"),
     "iterations": ("position-based, several sweeps a substep", METHODS["xpbd"], "s"),
     BLOCKS: ("position-based, the shape as one block", METHODS["xpbd"], "P"),
@@ -36,11 +36,11 @@ def kind_of(bar: Bar) -> str:
     return "substeps" if bar.iterations == 1 else "iterations"
 
 
-def middle(found: Sequence[Bar]) -> list[Bar]:
+def middle(measured: Sequence[Bar]) -> list[Bar]:
     """Return the bars of the mesh with most settings, the smaller one of several."""
-    sizes = [bar.elements for bar in found]
+    sizes = [bar.elements for bar in measured]
     chosen = max(set(sizes), key=lambda size: (sizes.count(size), -size), default=0)
-    return [bar for bar in found if bar.elements == chosen]
+    return [bar for bar in measured if bar.elements == chosen]
 
 
 def on(source: Source, backend: str) -> list[Bar]:
@@ -56,25 +56,25 @@ def draw(results: Results) -> Drawing | str:
     chosen = on_backends(results, on)
     if not chosen:
         return "no bars of tetrahedra were measured (softlab tetrahedra)"
-    backend, source, found = max(chosen, key=lambda one: (len({bar.young for bar in one[2]}), one[0] == "gpu"))
-    moduli = sorted({bar.young for bar in found})
+    backend, source, measured = max(chosen, key=lambda one: (len({bar.young for bar in one[2]}), one[0] == "gpu"))
+    moduli = sorted({bar.young for bar in measured})
     figure, rows = new_grid(len(ERRORS), len(moduli), 3.9)
     for axes, (name, error) in zip(rows, ERRORS.items(), strict=True):
         for ax, young in zip(axes, moduli, strict=True):
-            _panel(ax, [bar for bar in found if bar.young == young], error)
+            _panel(ax, [bar for bar in measured if bar.young == young], error)
         axes[0].set_ylabel(name)
     for ax, young in zip(rows[0], moduli, strict=True):
         ax.set_title(f"E = {young:.0e} Pa, {backend.upper()}".replace("e+0", "e"), fontsize=8)
     for ax in rows[-1]:
         ax.set_xlabel("time of a frame / ms")
-    clipped = any(abs(error(bar)) < LEAST for bar in found for error in ERRORS.values())
-    there = {kind_of(bar) for bar in found}
-    for label, colour, marker in (look for kind, look in LOOKS.items() if kind in there):
+    clipped = any(abs(error(bar)) < LEAST for bar in measured for error in ERRORS.values())
+    there = {kind_of(bar) for bar in measured}
+    for label, colour, marker in (style for kind, style in STYLES.items() if kind in there):
         rows[0][0].plot([], [], color=colour, marker=marker, label=label)
     rows[0][0].plot([], [], "--", color=GREY, label="error of the mesh")
     legend_below(figure, rows[0], columns=2)
     caption = (
-        f"A clamped bar of {found[0].elements} tetrahedra under its own weight, which grows with Young's modulus, so that "
+        f"A clamped bar of {measured[0].elements} tetrahedra under its own weight, which grows with Young's modulus, so that "
         "all bars should sag alike, against the time of a frame of 1/60 s. Above: how far it hangs at rest from its exact "
         "rest on the same mesh, over its sag. Below: the way that its tip has made half a vibration after it was let go, "
         "from the exact one. Solid: float64, dotted: float32. Dashed: how far that exact rest is from the continuum's."
@@ -83,15 +83,17 @@ def draw(results: Results) -> Drawing | str:
     return Drawing(figure, TITLE, caption, (source,))
 
 
-def _panel(ax: Any, found: Sequence[Bar], error: Callable[[Bar], float]) -> None:
+def _panel(ax: Any, measured: Sequence[Bar], error: Callable[[Bar], float]) -> None:
     for precision, line in PRECISIONS.items():
-        for look, (_, colour, marker) in LOOKS.items():
-            mine = sorted((b for b in found if (kind_of(b), b.precision) == (look, precision)), key=lambda b: b.seconds)
-            if mine:
-                x, y = [1e3 * b.seconds for b in mine], [max(abs(error(b)), LEAST) for b in mine]
+        for kind, (_, colour, marker) in STYLES.items():
+            curve = sorted(
+                (b for b in measured if (kind_of(b), b.precision) == (kind, precision)), key=lambda b: b.seconds
+            )
+            if curve:
+                x, y = [1e3 * b.seconds for b in curve], [max(abs(error(b)), LEAST) for b in curve]
                 ax.plot(x, y, line, color=colour, marker=marker, markersize=3.5)
-    if found:
-        ax.axhline(abs(found[0].mesh_error), linestyle="--", color=GREY, linewidth=1)
+    if measured:
+        ax.axhline(abs(measured[0].mesh_error), linestyle="--", color=GREY, linewidth=1)
     ax.set_xscale("log")
     ax.set_yscale("log")
     plain_ticks(ax.xaxis)

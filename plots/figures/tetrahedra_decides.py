@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
@@ -16,7 +16,7 @@ from softlab.plots.core.data import Results, Source
 from softlab.plots.core.style import Drawing, legend_below, new_grid, plain_ticks
 
 TITLE = "The error of the tip against the time of a frame"
-LOOKS = {
+STYLES = {
     "xpbd": ("position-based", METHODS["xpbd"], "o"),
     "vbd": ("vertex block descent", METHODS["vertex block descent"], "^"),
     "newton": ("newton", METHODS["newton"], "D"),
@@ -38,13 +38,13 @@ def kind_of(bar: Bar) -> str:
     return "xpbd" if positional(bar) else bar.solver
 
 
-def frontier(found: Sequence[Bar]) -> list[Bar]:
+def frontier(measured: Sequence[Bar], error: Callable[[Bar], float] = lambda bar: abs(bar.motion_error)) -> list[Bar]:
     """Return the bars that no other beats in both time and error, fastest first."""
-    kept: list[Bar] = []
-    for bar in sorted(found, key=lambda b: b.seconds):
-        if not kept or abs(bar.motion_error) < abs(kept[-1].motion_error):
-            kept.append(bar)
-    return kept
+    front: list[Bar] = []
+    for bar in sorted(measured, key=lambda b: b.seconds):
+        if not front or error(bar) < error(front[-1]):
+            front.append(bar)
+    return front
 
 
 def draw(results: Results) -> Drawing | str:
@@ -53,20 +53,20 @@ def draw(results: Results) -> Drawing | str:
     A panel per size and Young's modulus, ACROSS per row, both backends.
     """
     chosen = on_backends(results, on)
-    found = [bar for _, _, mine in chosen for bar in mine]
-    if not found:
+    measured = [bar for _, _, of_panel in chosen for bar in of_panel]
+    if not measured:
         return "no bars of tetrahedra were measured (softlab tetrahedra)"
-    panels = sorted({(b.elements, b.young) for b in found})
+    panels = sorted({(b.elements, b.young) for b in measured})
     count = -(-len(panels) // ACROSS)
     figure, rows = new_grid(count, min(ACROSS, len(panels)), 1.0 + 1.15 * count)
     every = [ax for axes in rows for ax in axes]
-    usual = {b.version for _, _, mine in chosen for b in of_one_version(mine)}
+    usual = {b.version for _, _, of_panel in chosen for b in of_one_version(of_panel)}
     other = False
     for ax, (size, young) in zip(every, panels, strict=False):
-        mine = [b for b in found if (b.elements, b.young) == (size, young)]
-        mark = "*" if any(b.version not in usual for b in mine) else ""
+        of_panel = [b for b in measured if (b.elements, b.young) == (size, young)]
+        mark = "*" if any(b.version not in usual for b in of_panel) else ""
         other = other or bool(mark)
-        _panel(ax, mine)
+        _panel(ax, of_panel)
         ax.set_title(f"{size} tetrahedra, E = {young:.0e} Pa{mark}".replace("e+0", "e"), fontsize=8)
     for ax in every[len(panels) :]:
         ax.set_axis_off()
@@ -75,8 +75,8 @@ def draw(results: Results) -> Drawing | str:
     for ax in every[max(0, len(panels) - ACROSS) : len(panels)]:  # the lowest of each column
         ax.set_xlabel("time of a frame / ms")
     plot = partial(rows[0][0].plot, [], [])
-    for solver, (label, colour, marker) in LOOKS.items():
-        if any(kind_of(b) == solver for b in found):
+    for solver, (label, colour, marker) in STYLES.items():
+        if any(kind_of(b) == solver for b in measured):
             plot(color=colour, marker=marker, label=label)
     for backend, source, _ in chosen:
         plot(LINES[backend], color=GREY, label=name_of(backend, source))
@@ -85,18 +85,18 @@ def draw(results: Results) -> Drawing | str:
         "The clamped bar let go from its unloaded shape: how far the way of its tip after half a vibration is off the modes "
         "of the same mesh, against the time of a frame of 1/60 s; of each solver the settings that no other of it is both "
         f"quicker and nearer than, in either precision. Black: {WITHIN:.0%}."
-        f"{f' Errors under {LEAST:g} are drawn there.' if any(abs(b.motion_error) < LEAST for b in found) else ''}"
+        f"{f' Errors under {LEAST:g} are drawn there.' if any(abs(b.motion_error) < LEAST for b in measured) else ''}"
         f"{' *: with times of another version of the kernels than the other panels.' if other else ''}"
     )
     return Drawing(figure, TITLE, caption, sources_of(chosen))
 
 
-def _panel(ax: Any, found: Sequence[Bar]) -> None:
-    for solver, (_, colour, marker) in LOOKS.items():
+def _panel(ax: Any, measured: Sequence[Bar]) -> None:
+    for solver, (_, colour, marker) in STYLES.items():
         for backend, line in LINES.items():
-            mine = frontier([b for b in found if (kind_of(b), b.backend) == (solver, backend)])
-            x, y = [1e3 * b.seconds for b in mine], [max(abs(b.motion_error), LEAST) for b in mine]
-            if mine:
+            front = frontier([b for b in measured if (kind_of(b), b.backend) == (solver, backend)])
+            x, y = [1e3 * b.seconds for b in front], [max(abs(b.motion_error), LEAST) for b in front]
+            if front:
                 ax.plot(x, y, line, color=colour, marker=marker, markersize=3.5)
     ax.axhline(WITHIN, color=BLACK, linewidth=0.7, zorder=1)
     ax.set_xscale("log")

@@ -23,12 +23,12 @@ SOLVERS = {
 
 def draw(results: Results) -> Drawing | str:
     """Return the figure with meshes on the left and steps on the right, or the reason why there is none."""
-    found, sources = judgements(results, lambda measure: measure.description.get("finding") in (MESH, STEP))
-    made, stepped = meshes(found), steps(found)
-    if not made and not stepped:
+    selected, sources = judgements(results, lambda measure: measure.description.get("finding") in (MESH, STEP))
+    meshed, stepped = meshes(selected), steps(selected)
+    if not meshed and not stepped:
         return "meshes of tetrahedra were not measured (softlab tetrahedra)"
-    figure, (left, right) = new_figure(2, 2.9, share_y=False)
-    _meshes(left, made)
+    figure, (left, right) = new_figure(2, 2.9, sharey=False)
+    _meshes(left, meshed)
     _steps(right, [step for step in stepped if step.backend == stepped[0].backend])
     legend_below(figure, [left, right], columns=3)
     caption = (
@@ -40,40 +40,42 @@ def draw(results: Results) -> Drawing | str:
     return Drawing(figure, TITLE, caption, sources)
 
 
-def _meshes(ax: Any, made: list[Mesh]) -> None:
+def _meshes(ax: Any, all_meshes: list[Mesh]) -> None:
     for cut, (marker, line) in MARKERS.items():
         for ratio, colour in RATIOS.items():
-            mine = [mesh for mesh in made if (mesh.cut, mesh.poisson) == (cut, ratio)]
-            if mine:
+            curve = [mesh for mesh in all_meshes if (mesh.cut, mesh.poisson) == (cut, ratio)]
+            if curve:
                 how = {"color": colour, "marker": marker, "linestyle": line, "markersize": 4}
                 ax.plot(
-                    [m.across for m in mine], [m.part for m in mine], label=f"{cut} a voxel, ratio {ratio:g}", **how
+                    [m.across for m in curve], [m.part for m in curve], label=f"{cut} a voxel, ratio {ratio:g}", **how
                 )
     ax.axhline(1, color=GREY, linewidth=0.7, zorder=1)
     ax.set_xscale("log")
-    ticks = sorted({mesh.across for mesh in made})
+    ticks = sorted({mesh.across for mesh in all_meshes})
     ax.set_xticks(ticks, [str(tick) for tick in ticks])
     ax.set_xticks([], minor=True)
     ax.set_xlabel("voxels across the bar")
     ax.set_ylabel("sag / the continuum's")
 
 
-def _steps(ax: Any, found: list[Step]) -> None:
+def _steps(ax: Any, all_steps: list[Step]) -> None:
     for solver, (label, colour, marker) in SOLVERS.items():
-        mine = [step for step in found if step.solver == solver and step.decay > 0]
-        if mine:
+        curve = [step for step in all_steps if step.solver == solver and step.decay > 0]
+        if curve:
             ax.plot(
-                [1e3 * s.h for s in mine],
-                [s.decay for s in mine],
+                [1e3 * s.h for s in curve],
+                [s.decay for s in curve],
                 color=colour,
                 marker=marker,
                 markersize=4,
                 label=label,
             )
-    laws = [sorted({(1e3 * s.h, s.law) for s in found if (s.solver == SECOND) == second}) for second in (False, True)]
-    for number, told in enumerate(law for law in laws if law):
+    laws = [
+        sorted({(1e3 * s.h, s.law) for s in all_steps if (s.solver == SECOND) == second}) for second in (False, True)
+    ]
+    for number, points in enumerate(law for law in laws if law):
         named = {} if number else {"label": "what its scheme should lose"}
-        ax.plot(*zip(*told, strict=True), "--", color=BLACK, linewidth=1, **named)
+        ax.plot(*zip(*points, strict=True), "--", color=BLACK, linewidth=1, **named)
     ax.set_xscale("log")
     ax.set_yscale("log")
     plain_ticks(ax.xaxis)

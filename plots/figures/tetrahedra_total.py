@@ -11,7 +11,7 @@ from softlab.plots.core.backends import name_of, on_backends, sources_of
 from softlab.plots.core.colours import BLUE, GREEN, ORANGE, PURPLE
 from softlab.plots.core.data import Results, Source
 from softlab.plots.core.style import Drawing, legend_below, new_grid, plain_ticks
-from softlab.plots.figures.tetrahedra_decides import LOOKS, kind_of
+from softlab.plots.figures.tetrahedra_decides import STYLES, frontier, kind_of
 
 TITLE = "Total error of a bar of tetrahedra against the time of a frame"
 MESHES = {50: ORANGE, 400: PURPLE, 3200: BLUE, 25600: GREEN}  # tetrahedra -> colour
@@ -20,30 +20,21 @@ MOST = 10.0  # larger errors are drawn there
 
 def on(source: Source, backend: str) -> list[Bar]:
     """Return the bars of a backend with an error at rest, of one version of the kernels."""
-    mine = of_one_version([b for b in bars(source.measures) if b.backend == backend])
-    return [b for b in mine if isfinite(b.solver_error) and moves(b) and not b.wrong]
-
-
-def frontier(found: list[Bar]) -> list[Bar]:
-    """Return the bars that no other beats in both time and total error, fastest first."""
-    kept: list[Bar] = []
-    for bar in sorted(found, key=lambda b: b.seconds):
-        if not kept or bar.total_error < kept[-1].total_error:
-            kept.append(bar)
-    return kept
+    measured = of_one_version([b for b in bars(source.measures) if b.backend == backend])
+    return [b for b in measured if isfinite(b.solver_error) and moves(b) and not b.wrong]
 
 
 def draw(results: Results) -> Drawing | str:
     """Return the figure, a row per backend and a column per Young's modulus, or the reason why there is none."""
     chosen = on_backends(results, on)
-    moduli = sorted({bar.young for _, _, found in chosen for bar in found})
+    moduli = sorted({bar.young for _, _, measured in chosen for bar in measured})
     if not moduli:
         return "no bars of tetrahedra were measured (softlab tetrahedra)"
     figure, rows = new_grid(len(chosen), len(moduli), 1.0 + 1.5 * len(chosen))
     drawn: list[Bar] = []
-    for axes, (backend, _, found) in zip(rows, chosen, strict=True):
+    for axes, (backend, _, measured) in zip(rows, chosen, strict=True):
         for ax, young in zip(axes, moduli, strict=True):
-            drawn += _panel(ax, [bar for bar in found if bar.young == young])
+            drawn += _panel(ax, [bar for bar in measured if bar.young == young])
             ax.set_title(f"E = {young:.0e} Pa, {backend.upper()}".replace("e+0", "e"), fontsize=8)
         axes[0].set_ylabel("mesh + solver")
     for ax in rows[-1]:
@@ -52,7 +43,7 @@ def draw(results: Results) -> Drawing | str:
     for elements, colour in MESHES.items():
         if any(bar.elements == elements for bar in drawn):
             first.plot([], [], color=colour, label=f"{elements} tetrahedra")
-    for solver, (label, _, marker) in LOOKS.items():
+    for solver, (label, _, marker) in STYLES.items():
         if any(kind_of(bar) == solver for bar in drawn):
             first.plot([], [], marker, color="#555555", label=label)
     legend_below(figure, rows[0], columns=3)
@@ -67,15 +58,16 @@ def draw(results: Results) -> Drawing | str:
     return Drawing(figure, TITLE, caption, sources_of(chosen))
 
 
-def _panel(ax: Any, found: list[Bar]) -> list[Bar]:
+def _panel(ax: Any, measured: list[Bar]) -> list[Bar]:
     """Draw the frontiers of a panel, and return their bars."""
     drawn = []
     for elements, colour in MESHES.items():
-        mine = frontier([bar for bar in found if bar.elements == elements])
-        drawn += mine
-        ax.plot([1e3 * b.seconds for b in mine], [min(b.total_error, MOST) for b in mine], color=colour, linewidth=0.9)
-        for bar in mine:
-            marker = LOOKS[kind_of(bar)][2]
+        front = frontier([bar for bar in measured if bar.elements == elements], lambda bar: bar.total_error)
+        drawn += front
+        x, y = [1e3 * b.seconds for b in front], [min(b.total_error, MOST) for b in front]
+        ax.plot(x, y, color=colour, linewidth=0.9)
+        for bar in front:
+            marker = STYLES[kind_of(bar)][2]
             ax.plot(1e3 * bar.seconds, min(bar.total_error, MOST), marker, color=colour, markersize=3.5)
     ax.set_xscale("log")
     ax.set_yscale("log")

@@ -11,7 +11,7 @@ from softlab.plots.core.data import Results
 from softlab.plots.core.style import Drawing, legend_below, log_axes, new_figure
 
 TITLE = "Particles of bodies a second"
-LOOKS = {
+STYLES = {
     "rigid": ("rigid bodies: one cluster", BLUE, "o"),
     "soft": ("soft bodies: overlapping clusters", GREEN, "D"),
     "heap": ("soft bodies in a heap, with contacts", VERMILLION, "^"),
@@ -21,7 +21,7 @@ LOOKS = {
 LINES = {0: "-", 1: "-", 2: "--", 4: ":"}  # by the half-width of a grid's or a cube's clusters
 
 
-panels = partial(on_backends, found=timed(points))  # (backend, source, points) of the backends that were timed
+panels = partial(on_backends, select=timed(points))  # (backend, source, points) of the backends that were timed
 
 
 def draw(results: Results) -> Drawing | str:
@@ -29,9 +29,9 @@ def draw(results: Results) -> Drawing | str:
     chosen = panels(results)
     if not chosen:
         return "bodies were not timed (softlab throughput)"
-    figure, axes = new_figure(len(chosen), 3.0, share_y=False)
-    for ax, (backend, source, found) in zip(axes, chosen, strict=True):
-        draw_rates(ax, found, LOOKS, LINES, lambda p: (p.kind, p.region))
+    figure, axes = new_figure(len(chosen), 3.0, sharey=False)
+    for ax, (backend, source, measured) in zip(axes, chosen, strict=True):
+        draw_rates(ax, measured, STYLES, LINES, lambda p: (p.kind, p.region))
         log_axes(ax, x_label="particles")
         ax.set_title(name_of(backend, source), fontsize=8)
     axes[0].set_ylabel("particles x substeps / s")

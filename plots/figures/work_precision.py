@@ -28,7 +28,7 @@ PREFERRED = (
     "S6-still",
 )  # smooth, stiff, with contacts, a stiff rope: MOST of those that were timed
 MOST = 4
-SHARE = 0.6  # of the methods of the machine that timed most
+MIN_FRACTION = 0.6  # of the methods of the machine that timed most
 INTEGRATORS = {  # colour, marker
     name: (METHODS[name], marker)
     for name, marker in {
@@ -104,18 +104,18 @@ def answering(results: Results, label: str) -> Source | None:
     """
     methods = [(source, {p.integrator for p in points(source, label) if p.seconds}) for source in results.everyone]
     most = max((len(timed) for _, timed in methods), default=0)
-    return next((source for source, timed in methods if timed and len(timed) >= SHARE * most), None)
+    return next((source for source, timed in methods if timed and len(timed) >= MIN_FRACTION * most), None)
 
 
-def _draw_panel(ax: Any, found: list[Point], title: str) -> None:
-    edge = EDGE * max((p.error for p in found if not _lost(p) and p.error > 0), default=1.0)
-    for name, iterations, colour, marker in _curves(found):
+def _draw_panel(ax: Any, runs: list[Point], title: str) -> None:
+    edge = EDGE * max((p.error for p in runs if not _lost(p) and p.error > 0), default=1.0)
+    for name, iterations, colour, marker in _curves(runs):
         for backend, line in LINES.items():
-            mine = [p for p in found if (p.integrator, p.iterations, p.backend) == (name, iterations, backend)]
-            sound = [p for p in mine if not _lost(p) and p.error > 0]
+            curve = [p for p in runs if (p.integrator, p.iterations, p.backend) == (name, iterations, backend)]
+            sound = [p for p in curve if not _lost(p) and p.error > 0]
             ax.plot([p.error for p in sound], [p.seconds for p in sound], line, color=colour, linewidth=0.9, zorder=2,
                     alpha=PALE if any(p.suspect for p in sound) else 1.0)  # fmt: skip
-            for p in mine:
+            for p in curve:
                 x = edge if _lost(p) else p.error
                 face = colour if p.resolved or _lost(p) else "white"
                 alpha = PALE if p.suspect else 1.0
@@ -124,12 +124,12 @@ def _draw_panel(ax: Any, found: list[Point], title: str) -> None:
                 how: dict[str, Any] = {"marker": marker, "linestyle": "", "color": colour, "markerfacecolor": face}
                 how |= DIGIT if iterations is not None else {"markersize": 3.5}
                 ax.plot([x], [p.seconds], **how, zorder=3, clip_on=False, alpha=alpha)
-        if iterations in (None, min((p.iterations or 0 for p in found if p.integrator == name), default=None)):
+        if iterations in (None, min((p.iterations or 0 for p in runs if p.integrator == name), default=None)):
             ax.plot([], [], marker if iterations is None else "-", color=colour, label=name)
-    _draw_front(ax, pareto_front(found))
+    _draw_front(ax, pareto_front(runs))
     ax.set_xscale("log")
     ax.set_yscale("log")
-    if any(_lost(p) for p in found):
+    if any(_lost(p) for p in runs):
         ax.axvline(edge, color=GREY, linestyle=":", linewidth=1)
         ax.annotate("diverged", (edge, 1), (-3, -2), xycoords=("data", "axes fraction"), textcoords="offset points",
                     fontsize=7, color="#555555", va="top", ha="right", rotation=90)  # fmt: skip
@@ -142,9 +142,9 @@ def _draw_front(ax: Any, front: list[Point]) -> None:
     ax.plot([p.error for p in front], [p.seconds for p in front], "-", color=BLACK, linewidth=3.2, alpha=0.25, zorder=1)
     if front:
         ax.plot([], [], "-", color=BLACK, linewidth=3.2, alpha=0.25, label="Pareto front")
-    told = [p for before, p in zip([None, *front], front, strict=False) if before is None or before.dt != p.dt]
+    labelled = [p for before, p in zip([None, *front], front, strict=False) if before is None or before.dt != p.dt]
     under: list[Point] = []  # points with a label below their left; those near one of them have it above their right
-    for p in told:
+    for p in labelled:
         above = any(_near(p, other) for other in under)
         under += [] if above else [p]
         ax.annotate(f"{1000 * p.dt:.3g}", (p.error, p.seconds), (3, 3) if above else (-2, -8), textcoords="offset points",
@@ -161,20 +161,22 @@ def _lost(p: Point) -> bool:
     return p.diverged or p.error > LOST
 
 
-def _curves(found: list[Point]) -> list[tuple[str, int | None, str, str]]:
+def _curves(runs: list[Point]) -> list[tuple[str, int | None, str, str]]:
     """Return (method, iterations, colour, marker) of each curve of a panel; integrators have no iterations."""
-    held = {p.integrator for p in found}
+    integrators = {p.integrator for p in runs}
     curves: list[tuple[str, int | None, str, str]] = [
-        (name, None, colour, marker) for name, (colour, marker) in (INTEGRATORS | IMPLICIT).items() if name in held
+        (name, None, colour, marker)
+        for name, (colour, marker) in (INTEGRATORS | IMPLICIT).items()
+        if name in integrators
     ]
     for name in DRAWN_XPBD:
-        counts = sorted({p.iterations for p in found if p.integrator == name and p.iterations})
+        counts = sorted({p.iterations for p in runs if p.integrator == name and p.iterations})
         curves += [(name, n, XPBD[name][0], f"${n}$") for n in counts]
     return curves
 
 
-def _add_line_keys(ax: Any, found: list[Point]) -> None:
+def _add_line_keys(ax: Any, runs: list[Point]) -> None:
     """Add the line styles to the legend."""
     for backend, line in LINES.items():
-        if any(p.backend == backend for p in found):
+        if any(p.backend == backend for p in runs):
             ax.plot([], [], line, color="#555555", linewidth=0.9, label=backend.upper())

@@ -12,7 +12,7 @@ from softlab.plots.core.style import Drawing, legend_below, log_axes, new_figure
 from softlab.plots.findings.points import Cost, costs
 
 TITLE = "What determinism costs"
-WAYS = {  # backend, variant -> label, colour, marker
+STYLES = {  # backend, variant -> label, colour, marker
     ("cpu", "colours"): ("CPU, scatter in colours", BLUE, "o"),
     ("cpu", "twice"): ("CPU, gather, each spring twice", ORANGE, "^"),
     ("gpu", "atomics"): ("GPU, scatter with atomics", VERMILLION, "X"),
@@ -27,9 +27,9 @@ def draw(results: Results) -> Drawing | str:
     chosen = on_backends(results, lambda source, backend: costs(source, DETERMINISM, backend))
     if not chosen:
         return "gather and scatter were not timed side by side"
-    figure, axes = new_figure(len(chosen), 3.0, share_y=False)
-    for ax, (backend, _, found) in zip(axes, chosen, strict=True):
-        _panel(ax, backend, found)
+    figure, axes = new_figure(len(chosen), 3.0, sharey=False)
+    for ax, (backend, _, measured) in zip(axes, chosen, strict=True):
+        _panel(ax, backend, measured)
     axes[0].set_ylabel("time / time of the lab's gather")
     legend_below(figure, axes, columns=2)
     caption = (
@@ -40,17 +40,17 @@ def draw(results: Results) -> Drawing | str:
     return Drawing(figure, TITLE, caption, sources_of(chosen))
 
 
-def _panel(ax: Any, backend: str, found: list[Cost]) -> None:
-    for (its, way), (label, colour, marker) in WAYS.items():
+def _panel(ax: Any, backend: str, measured: list[Cost]) -> None:
+    for (its, variant), (label, colour, marker) in STYLES.items():
         for precision, line in LINES.items():
-            mine = [c for c in found if (c.backend, c.way, c.precision) == (its, way, precision)]
-            if not mine:
+            curve = [c for c in measured if (c.backend, c.variant, c.precision) == (its, variant, precision)]
+            if not curve:
                 continue
             ax.plot(
-                [c.particles for c in mine], [c.ratio for c in mine], line, marker=marker, color=colour,
+                [c.particles for c in curve], [c.ratio for c in curve], line, marker=marker, color=colour,
                 label=f"{label}, {precision}",
             )  # fmt: skip
-            for c in mine:
+            for c in curve:
                 ax.plot([c.particles] * 2, [c.least, c.most], color=colour, linewidth=0.8)
     ax.axhline(1, color=GREY, linewidth=1, zorder=1)
     log_axes(ax)

@@ -23,7 +23,7 @@ def draw(results: Results) -> Drawing | str:
     if source is None:
         return "the floor of float32 was not measured"
     _, away = of_finding(results, AWAY)
-    figure, axes = new_figure(2, 2.2, share_y=False)
+    figure, axes = new_figure(2, 2.2, sharey=False)
     _draw_floor(axes[0], [row for row in floor if 0 < row.value < math.inf])
     _draw_away(axes[1], away)
     legend_below(figure, axes, columns=3)
@@ -35,28 +35,28 @@ def draw(results: Results) -> Drawing | str:
     return Drawing(figure, TITLE, caption, (source,))
 
 
-def _draw_floor(ax: Any, found: list[Row]) -> None:
-    for scheme, precision in dict.fromkeys((row.scheme, row.precision) for row in found):
+def _draw_floor(ax: Any, measured: list[Row]) -> None:
+    for scheme, precision in dict.fromkeys((row.scheme, row.precision) for row in measured):
         colour, marker = INTEGRATORS[scheme]
-        mine = [row for row in found if (row.scheme, row.precision) == (scheme, precision)]
-        ax.plot([r.dt for r in mine], [r.value for r in mine], LINES[precision], marker=marker, color=colour,
+        curve = [row for row in measured if (row.scheme, row.precision) == (scheme, precision)]
+        ax.plot([r.dt for r in curve], [r.value for r in curve], LINES[precision], marker=marker, color=colour,
                 label=f"{scheme}, {precision}")  # fmt: skip
     log_axes(ax, "error / grid spacing h", "step size / ms")
-    steps = sorted({row.dt for row in found})[::2]
+    steps = sorted({row.dt for row in measured})[::2]
     ax.set_xticks(steps, [f"{1000 * dt:.2g}" for dt in steps])
     ax.set_xticks([], minor=True)
     ax.set_title("at ever smaller steps")
 
 
-def _draw_away(ax: Any, found: list[Row]) -> None:
-    for scheme in dict.fromkeys(row.scheme for row in found):
+def _draw_away(ax: Any, measured: list[Row]) -> None:
+    for scheme in dict.fromkeys(row.scheme for row in measured):
         colour, marker = INTEGRATORS[scheme]
-        mine = [row for row in found if row.scheme == scheme and row.value > 0]
+        curve = [row for row in measured if row.scheme == scheme and row.value > 0]
         ax.plot(
-            [r.offset for r in mine], [r.value for r in mine], marker=marker, color=colour, label=f"{scheme}, float32"
+            [r.offset for r in curve], [r.value for r in curve], marker=marker, color=colour, label=f"{scheme}, float32"
         )
     ax.set_xscale("symlog", linthresh=1e3)
-    offsets = sorted({row.offset for row in found})
+    offsets = sorted({row.offset for row in measured})
     ax.set_xticks(offsets, [f"{offset:.0e}".replace("e+0", "e") if offset else "0" for offset in offsets])
     ax.set_xticks([], minor=True)
     ax.set_yscale("log")

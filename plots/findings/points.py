@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from softlab.bench.experiments.findings.costs import INTERVAL, LOOKS, SHARE
+from softlab.bench.experiments.findings.costs import CHECK_FRACTION, CHECKS, INTERVAL
 from softlab.bench.experiments.findings.determinism import DIFFERENT, GATHER
 from softlab.bench.experiments.findings.experiment import ERROR, RATE
 from softlab.bench.measure.costs_timing import LEAST, MOST, RATIO
@@ -31,9 +31,9 @@ class Row:
 
 def rows(source: Source, finding: str) -> list[Row]:
     """Return all measures of one finding, largest step first."""
-    found = [_row(m) for m in source.measures if m.name in (ERROR, RATE) and m.description.get("finding") == finding]
+    entries = [_row(m) for m in source.measures if m.name in (ERROR, RATE) and m.description.get("finding") == finding]
     return sorted(
-        (row for row in found if row), key=lambda row: (row.backend, row.scheme, row.precision, row.offset, -row.dt)
+        (row for row in entries if row), key=lambda row: (row.backend, row.scheme, row.precision, row.offset, -row.dt)
     )
 
 
@@ -55,15 +55,17 @@ def _row(measure: Measure) -> Row | None:
 def of_finding(results: Results, finding: str) -> tuple[Source | None, list[Row]]:
     """Return the first source that has a finding, and its rows of the first backend that has them."""
     source = results.first(lambda s: rows(s, finding))
-    found = rows(source, finding) if source else []
-    return source, [row for row in found if row.backend == found[0].backend]
+    of_source = rows(source, finding) if source else []
+    return source, [row for row in of_source if row.backend == of_source[0].backend]
 
 
 def exact_pairs(source: Source, backend: str, precision: str = "float32") -> list[tuple[Timing, Timing]]:
     """Return (fast, exact) timings of one size, smallest first."""
-    held = {(t.particles, t.math): t for t in source.findings if (t.backend, t.precision) == (backend, precision)}
-    sizes = sorted({particles for particles, _ in held})
-    return [(held[n, "fast"], held[n, "exact"]) for n in sizes if (n, "fast") in held and (n, "exact") in held]
+    by_size = {(t.particles, t.math): t for t in source.findings if (t.backend, t.precision) == (backend, precision)}
+    sizes = sorted({particles for particles, _ in by_size})
+    return [
+        (by_size[n, "fast"], by_size[n, "exact"]) for n in sizes if (n, "fast") in by_size and (n, "exact") in by_size
+    ]
 
 
 # ---------------------------------------------------------------------- costs
@@ -73,19 +75,19 @@ def exact_pairs(source: Source, backend: str, precision: str = "float32") -> lis
 class Cost:
     """Cost of one variant of the same steps.
 
-    `way`: value of the field `sums`, empty for checks; `ratio`, `least`, `most`: time of a step over that of the first
-    variant; `share`, `interval`: of checks; `different`: runs whose end state differs in bits; `suspect`: a sample is
-    doubtful (other programs ran, it was short).
+    `variant`: value of the field `sums`, empty for checks; `ratio`, `least`, `most`: time of a step over that of the first
+    variant; `check_fraction`, `interval`: of checks; `different`: runs whose end state differs in bits; `suspect`: a
+    sample is doubtful (other programs ran, it was short).
     """
 
     backend: str
     precision: str
-    way: str
+    variant: str
     particles: int
     ratio: float
     least: float
     most: float
-    share: float | None
+    check_fraction: float | None
     interval: int
     different: int | None
     suspect: bool
@@ -93,19 +95,19 @@ class Cost:
 
 def costs(source: Source, finding: str, backend: str | None = None) -> list[Cost]:
     """Return the costs of a finding (of one backend), small grids first, without the first variant of each comparison."""
-    held = by_configuration(
+    groups = by_configuration(
         m for m in source.measures if m.description.get("finding") == finding and backend in (None, m.backend)
     )
-    found = [cost for numbers in held if (cost := _cost(numbers))]
-    return sorted(found, key=lambda cost: (cost.backend, cost.precision, cost.way, cost.particles))
+    entries = [cost for numbers in groups if (cost := _cost(numbers))]
+    return sorted(entries, key=lambda cost: (cost.backend, cost.precision, cost.variant, cost.particles))
 
 
 def _cost(numbers: dict[str, Measure]) -> Cost | None:
     if RATIO not in numbers or numbers[RATIO].value is None:
         return None
     description = numbers[RATIO].description
-    way = description.get("sums", "")
-    if way == GATHER or description.get("looks") is False:
+    variant = description.get("sums", "")
+    if variant == GATHER or description.get("looks") is False:
         return None
     grid = next(table for table in tables_by_kind(description["scene"]).values() if "rows" in table)
     value = {name: measure.value for name, measure in numbers.items() if measure.value is not None}
@@ -113,18 +115,18 @@ def _cost(numbers: dict[str, Measure]) -> Cost | None:
     return Cost(
         backend=description["backend"],
         precision=description["precision"],
-        way=way,
+        variant=variant,
         particles=grid["rows"] * grid["columns"],
         ratio=value[RATIO],
         least=value[LEAST],
         most=value[MOST],
-        share=value.get(SHARE),
+        check_fraction=value.get(CHECK_FRACTION),
         interval=int(value.get(INTERVAL, 0)),
         different=None if different is None else int(different),
         suspect="; " in (numbers[RATIO].reason or ""),
     )
 
 
-def look_costs(source: Source, backend: str | None = None) -> list[Cost]:
+def check_costs(source: Source, backend: str | None = None) -> list[Cost]:
     """Return the costs of the check for a diverged state."""
-    return [cost for cost in costs(source, LOOKS, backend) if cost.share is not None]
+    return [cost for cost in costs(source, CHECKS, backend) if cost.check_fraction is not None]

@@ -10,7 +10,7 @@ import pytest
 from synthetic_store import CPU_RECORD, Maker
 
 from softlab.bench.store.database import Store
-from softlab.plots.core import kept
+from softlab.plots.core import figure_cache
 from softlab.plots.core.data import Results
 from softlab.plots.core.files import lay_out, plain_power, save, without_footer
 from softlab.plots.core.read import load
@@ -132,23 +132,23 @@ CHANGES: dict[str, Callable[[Any], object]] = {
 
 def test_what_differs_on_a_figure_makes_another_key() -> None:
     with settings():
-        plain = [kept.key_of(drawing().figure) for _ in range(2)]
-        changed = {name: kept.key_of(drawing(change).figure) for name, change in CHANGES.items()}
-        assert kept.key_of(drawing().figure, "footer") not in {*plain, *changed.values()}
+        plain = [figure_cache.key_of(drawing().figure) for _ in range(2)]
+        changed = {name: figure_cache.key_of(drawing(change).figure) for name, change in CHANGES.items()}
+        assert figure_cache.key_of(drawing().figure, "footer") not in {*plain, *changed.values()}
     assert plain[0] == plain[1]
     assert len({plain[0], *changed.values()}) == 1 + len(CHANGES)
 
 
 def test_other_code_draws_anew(monkeypatch: pytest.MonkeyPatch) -> None:
-    before = kept.key_of(drawing().figure)
-    monkeypatch.setattr(kept, "_code", lambda: "another version")
-    assert kept.key_of(drawing().figure) != before
+    before = figure_cache.key_of(drawing().figure)
+    monkeypatch.setattr(figure_cache, "_code", lambda: "another version")
+    assert figure_cache.key_of(drawing().figure) != before
 
 
 def test_a_cache_that_cannot_be_written_costs_time_alone(
     own_cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(kept, "user_cache", lambda name: None)
+    monkeypatch.setattr(figure_cache, "user_cache", lambda name: None)
     with settings():
         (path,) = save(drawing(), tmp_path, "figure", suffixes=("svg",))
     assert path.stat().st_size > 1000 and not own_cache.exists()
@@ -157,16 +157,16 @@ def test_a_cache_that_cannot_be_written_costs_time_alone(
 def test_the_longest_unused_go_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     import os
 
-    monkeypatch.setattr(kept, "MAX_FILES", 2)
+    monkeypatch.setattr(figure_cache, "MAX_FILES", 2)
     for age, key in enumerate(("c", "b", "a")):  # a is the oldest
         (tmp_path / key).write_text(key)
-        kept.keep(key, "svg", tmp_path / key)
+        figure_cache.store(key, "svg", tmp_path / key)
         for file in (tmp_path / "cache").rglob(f"{key}.svg"):
             os.utime(file, (1000 - age, 1000 - age))
-    assert kept.fetch("c", "svg", tmp_path / "out") and (tmp_path / "out").read_text() == "c"
+    assert figure_cache.fetch("c", "svg", tmp_path / "out") and (tmp_path / "out").read_text() == "c"
     (tmp_path / "d").write_text("d")
-    kept.keep("d", "svg", tmp_path / "d")
-    assert {key for key in "abcd" if kept.fetch(key, "svg", tmp_path / "out")} == {"c", "d"}
+    figure_cache.store("d", "svg", tmp_path / "d")
+    assert {key for key in "abcd" if figure_cache.fetch(key, "svg", tmp_path / "out")} == {"c", "d"}
 
 
 # ---------------------------------------------------------------------- a second process
@@ -178,7 +178,7 @@ def test_a_helper_draws_the_same(tmp_path: Path) -> None:
     found = {}
     for helped in (True, False):
         (tmp_path / str(helped)).mkdir()
-        found[helped] = draw_figures(results, tmp_path / str(helped), helped=helped, tell=told.append)
+        found[helped] = draw_figures(results, tmp_path / str(helped), helped=helped, report=told.append)
     assert sorted(told) == sorted(2 * list(FIGURES))
     for mine, theirs in zip(found[True], found[False], strict=True):
         assert (mine.name, mine.caption, mine.reason, mine.footer) == (

@@ -14,7 +14,7 @@ from softlab.bench.experiments.bar import FINEST, TETRAHEDRA, experiments, run_b
 from softlab.bench.experiments.bar_body import (
     CLUSTERS,
     LENGTH,
-    REACH,
+    LEVER_ARM,
     SPEED,
     bar,
     measured_tetrahedra,
@@ -38,24 +38,24 @@ from softlab.bench.experiments.bar_strip import (
     hang,
     implicit_frequency,
     method_of,
+    returns_measures,
     rod_frequency,
     rod_sag,
     strip,
     swing,
     swing_of,
-    told,
     verlet_frequency,
 )
 from softlab.bench.experiments.body_laws import (
+    ANGULAR_MOMENTUM,
     DROP,
     ENERGY,
     FLIGHT,
-    KEPT,
     MOMENTUM,
     SPIN,
     STILL,
-    hold,
     law_scene,
+    measure_law,
     spin_left,
 )
 from softlab.bench.store.database import Store
@@ -138,7 +138,7 @@ def test_a_jelly_bar_swings_as_its_clusters_say(backend: str) -> None:
     # one material: drawn out evenly it stores M c^2 e^2 / 2, less what askew clusters spare by turning
     stored = clusters.energy(at * [1 + 1e-3, 1, 1]) / (0.5 * clusters.mass.sum() * SPEED**2 * 1e-6)
     assert 0.99 < stored < 1 + 1e-6
-    assert value(found, REACH) * np.sqrt(clusters.stiffness[0]) == pytest.approx(SPEED)
+    assert value(found, LEVER_ARM) * np.sqrt(clusters.stiffness[0]) == pytest.approx(SPEED)
     assert value(found, CLUSTERS) == len(clusters.indices) / len(at)
 
 
@@ -164,7 +164,7 @@ def test_what_is_refused_or_diverges_has_a_reason() -> None:
     def diverging():
         raise Diverged(3, 1, 0.01, 0.02)
 
-    assert value(told(SAG)(diverging)(), SAG) == inf
+    assert value(returns_measures(SAG)(diverging)(), SAG) == inf
 
 
 # ---------------------------------------------------------------------- laws
@@ -173,16 +173,16 @@ def test_what_is_refused_or_diverges_has_a_reason() -> None:
 def test_bodies_keep_their_laws(backend: str) -> None:
     """Spin by its law to the roundings of 480 substeps, each of which changes the later ones; momentum of 480 x 256
     particles' sums; rest."""
-    spun = hold(SPIN, law_scene(SPIN, 4), backend)
-    assert value(spun, KEPT) == pytest.approx(spin_left(4), abs=480**2 * 1e-15)
-    assert value(spun, KEPT) == pytest.approx(
+    spun = measure_law(SPIN, law_scene(SPIN, 4), backend)
+    assert value(spun, ANGULAR_MOMENTUM) == pytest.approx(spin_left(4), abs=480**2 * 1e-15)
+    assert value(spun, ANGULAR_MOMENTUM) == pytest.approx(
         1 / np.sqrt(1 + (2 * pi) ** 2 * FRAME / 4 * 2), rel=0.01
     )  # the law of rigid.py
-    thrown = hold(FLIGHT, law_scene(FLIGHT, 4), backend)
+    thrown = measure_law(FLIGHT, law_scene(FLIGHT, 4), backend)
     assert value(thrown, MOMENTUM) < 480 * 256 * 2.0**-53
-    assert 0.5 < value(thrown, KEPT) < 1
+    assert 0.5 < value(thrown, ANGULAR_MOMENTUM) < 1
     for precision in ("float64", "float32"):
-        assert value(hold(DROP, law_scene(DROP, 4), backend, precision), ENERGY) < STILL
+        assert value(measure_law(DROP, law_scene(DROP, 4), backend, precision), ENERGY) < STILL
 
 
 @pytest.mark.parametrize("name", TETRAHEDRA)
@@ -210,7 +210,7 @@ def test_quick_is_a_part_of_the_whole() -> None:
 
 
 def test_nothing_is_measured_twice(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(job, "LAWS", {SPIN: KEPT})
+    monkeypatch.setattr(job, "LAWS", {SPIN: ANGULAR_MOMENTUM})
     monkeypatch.setattr(job, "SOLVERS", {"mass-spring": ("mass-spring", 1)})
     monkeypatch.setattr(job, "settings", lambda quick: [("mass-spring", FEW, FINEST, 1), ("mass-spring", FEW, 1, 1)])
     monkeypatch.setattr(job, "bodies", lambda quick: [])
@@ -218,8 +218,8 @@ def test_nothing_is_measured_twice(monkeypatch: pytest.MonkeyPatch) -> None:
     with Store(":memory:") as store:
         first = run_bar(store, quick=True, backends=["cpu"], progress=False)
         again = run_bar(store, quick=True, backends=["cpu"], progress=False)
-        assert (first.measured, first.held) == (4 + 3, 0)
-        assert (again.measured, again.held, again.run) == (0, 7, "")
+        assert (first.measured, first.stored) == (4 + 3, 0)
+        assert (again.measured, again.stored, again.run) == (0, 7, "")
         refused = [m for m in measures(store, SAG) if m.value is None]
         assert len(refused) == 1 and refused[0].reason is not None and "stability limit" in refused[0].reason
         console = Console(width=80, record=True, file=io.StringIO())

@@ -10,7 +10,7 @@ from softlab.bench.experiments.bar import ELEMENTS, LAW, STRIP, experiments
 from softlab.bench.experiments.bar_body import (
     CLUSTERS,
     LENGTH,
-    REACH,
+    LEVER_ARM,
     rod_swing,
     standing_sag,
 )
@@ -34,9 +34,9 @@ from softlab.bench.experiments.bar_strip import (
     verlet_frequency,
 )
 from softlab.bench.experiments.body_laws import (
+    ANGULAR_MOMENTUM,
     DROP,
     ENERGY,
-    KEPT,
     MOMENTUM,
     SPIN,
     SPIN_LAW,
@@ -72,7 +72,7 @@ def made_up(record=CPU_RECORD, softer: float = 0.3, gpu_off: float = 0.0) -> Res
                 law = told_["law"]
                 add(
                     told_,
-                    KEPT if law != DROP else ENERGY,
+                    ANGULAR_MOMENTUM if law != DROP else ENERGY,
                     spin_left(substeps) * off if law != DROP else 1e-5 / 10**substeps,
                 )
                 if law != DROP:
@@ -112,7 +112,7 @@ def made_up(record=CPU_RECORD, softer: float = 0.3, gpu_off: float = 0.0) -> Res
                 for name, number in (
                     (FREQUENCY, rod_swing() / soft),
                     (DECAY, 0.2),
-                    (REACH, 0.05 * told_["overlap"]),
+                    (LEVER_ARM, 0.05 * told_["overlap"]),
                     (CLUSTERS, 3),
                 ):
                     add(told_, name, number * off)

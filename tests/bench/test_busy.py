@@ -84,7 +84,7 @@ def test_the_program_runs_while_samples_are_taken(monkeypatch, tmp_path):
         for threads, steps, _ in seen:
             assert threads[0] == 1 < threads[1] and len(steps) == 1
         again = busy.run_busy(store, quick=True, scenes=["lab-grid"], progress=False)
-        assert (again.measured, again.held) == (0, 6)
+        assert (again.measured, again.stored) == (0, 6)
         assert len(points(measures(store))) == 6
 
 

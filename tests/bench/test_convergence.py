@@ -80,7 +80,7 @@ def measured(tmp_path_factory):
 
 def test_nothing_is_measured_twice(measured):
     _, (first, second) = measured
-    assert (first.measured, second.measured, second.held) == (3, 0, 3)
+    assert (first.measured, second.measured, second.stored) == (3, 0, 3)
     assert str(first).startswith("convergence: 3 measured")
 
 

@@ -8,7 +8,7 @@ import pytest
 from softlab.app.driver import open_simulation
 from softlab.bench.experiments.discretisation import (
     BIAS,
-    WAYS,
+    DIAGONALS,
     bias,
     exact_ratio,
     experiments,
@@ -20,7 +20,7 @@ from softlab.model.core.build import rest_positions
 
 
 @pytest.mark.parametrize("side", [5, 6, 25])
-@pytest.mark.parametrize("diagonals", WAYS)
+@pytest.mark.parametrize("diagonals", DIAGONALS)
 def test_the_stretch_ratio_is_that_of_its_edges(diagonals: str, side: int) -> None:
     """To the first order in the strain of 1e-4, which a ratio of 5 carries: 1e-3."""
     np.testing.assert_allclose(stretch_ratio(sheet(diagonals, side)), exact_ratio(diagonals, side), rtol=1e-3)
@@ -42,7 +42,7 @@ def test_the_mirror_image_of_the_mirror_image_is_the_sheet() -> None:
 def test_one_diagonal_is_further_from_its_mirror_image() -> None:
     """A sheet of 7 x 7 for a quarter of a second: what is left of the alternating one's is the order of its colours."""
     found = {}
-    for diagonals in WAYS:
+    for diagonals in DIAGONALS:
         with open_simulation(sheet(diagonals, 7), "cpu", precision="float64", math="exact", threads=1) as simulation:
             simulation.advance(15)
             found[diagonals] = bias(simulation.state().position, 7)
@@ -51,6 +51,6 @@ def test_one_diagonal_is_further_from_its_mirror_image() -> None:
 
 def test_experiments_are_one_for_each_way() -> None:
     made = experiments("cpu")
-    assert [experiment.description["diagonals"] for experiment in made] == list(WAYS)
+    assert [experiment.description["diagonals"] for experiment in made] == list(DIAGONALS)
     assert {experiment.name for experiment in made} == {BIAS}
     assert len({experiment.description["scene"]["mesh"]["diagonals"] for experiment in made}) == 2

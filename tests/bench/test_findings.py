@@ -57,8 +57,8 @@ def results(measured):
 def test_nothing_is_measured_twice(measured):
     _, first, second = measured
     assert first.measured > 40
-    assert first.held == 0
-    assert (second.measured, second.held, second.run) == (0, first.measured, "")
+    assert first.stored == 0
+    assert (second.measured, second.stored, second.run) == (0, first.measured, "")
 
 
 def test_dissipation_is_that_of_the_eigenvalues(measured):

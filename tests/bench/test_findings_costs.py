@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 from softlab.bench.experiments.checks import LIMITS, displaced
 from softlab.bench.experiments.findings import costs as findings_costs
 from softlab.bench.experiments.findings import determinism as findings_determinism
-from softlab.bench.experiments.findings.costs import INTERVAL, LOOKS, SHARE, looks, run_costs
+from softlab.bench.experiments.findings.costs import CHECK_FRACTION, CHECKS, INTERVAL, check_groups, run_costs
 from softlab.bench.experiments.findings.determinism import (
     DETERMINISM,
     DIFFERENT,
@@ -23,7 +23,7 @@ from softlab.bench.experiments.findings.determinism import (
     OTHERS,
     determinism,
     different_runs,
-    open_way,
+    open_variant,
 )
 from softlab.bench.measure import experiment
 from softlab.bench.measure.costs_timing import LEAST, MOST, RATIO, STAGE, Effort, Record, in_turn
@@ -41,7 +41,7 @@ from softlab.plots.core.data import Results
 from softlab.plots.core.read import load
 from softlab.plots.core.style import Drawing, settings
 from softlab.plots.findings import determinism as determinism_figure
-from softlab.plots.findings.points import costs, look_costs
+from softlab.plots.findings.points import check_costs, costs
 
 STEPS = 20
 TINY = Effort(2, 1e-4, 1e-3)
@@ -63,7 +63,7 @@ def measured(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(experiment, "source_hash", cache(experiment.source_hash))  # sources may be edited meanwhile
         patch.setattr(findings_costs, "QUICK", TINY)
-        patch.setattr(findings_costs, "LOOK_SIZES", {"cpu": (8, 600)})  # the second is too wide for `quick`
+        patch.setattr(findings_costs, "CHECK_SIZES", {"cpu": (8, 600)})  # the second is too wide for `quick`
         patch.setattr(findings_determinism, "SIZES", {"cpu": (8, 600)})
         patch.setattr(findings_costs, "PRECISIONS", ("float32",))
         patch.setattr(findings_determinism, "PRECISIONS", ("float32",))
@@ -80,8 +80,8 @@ def results(measured):
 def test_nothing_is_measured_twice(measured):
     """Four groups: checks at one size, the steady cost, runs by length at the small sheet, the sums of determinism."""
     _, first, second = measured
-    assert (first.measured, first.held) == (4, 0)
-    assert (second.measured, second.held, second.run) == (0, 4, "")
+    assert (first.measured, first.stored) == (4, 0)
+    assert (second.measured, second.stored, second.run) == (0, 4, "")
 
 
 def test_a_sample_with_looks_is_whole_intervals(measured):
@@ -95,14 +95,14 @@ def test_a_sample_with_looks_is_whole_intervals(measured):
     )
     assert {looking for _, looking in steps} == {0, 1}
     assert all(number > 0 and number % interval == 0 for number, _ in steps)
-    (found,) = [m for m in measures(store, INTERVAL) if m.description["finding"] == LOOKS]
+    (found,) = [m for m in measures(store, INTERVAL) if m.description["finding"] == CHECKS]
     assert found.value == interval
 
 
 def test_a_sample_has_as_many_looks_as_intervals(monkeypatch):
     """With looks one every interval, without none inside the timed steps."""
     seen: list[tuple[int, int, int]] = []  # interval, steps, looks
-    original = findings_costs._Looking.run
+    original = findings_costs._Checking.run
 
     def run(subject, steps):
         begin = len(calls)
@@ -110,19 +110,19 @@ def test_a_sample_has_as_many_looks_as_intervals(monkeypatch):
         seen.append((subject.interval, steps, len(calls) - begin))
         return seconds
 
-    (group,) = [g for g in looks("cpu", TINY) if g.name == f"{LOOKS} 8 x 8 float32 cpu"]
+    (group,) = [g for g in check_groups("cpu", TINY) if g.name == f"{CHECKS} 8 x 8 float32 cpu"]
     calls: list[int] = []
     from softlab.cpu_backend.mass_spring.grid.solver import MassSpring
 
     look = MassSpring._first_diverged
     monkeypatch.setattr(MassSpring, "_first_diverged", lambda self: calls.append(1) or look(self))
-    monkeypatch.setattr(findings_costs._Looking, "run", run)
+    monkeypatch.setattr(findings_costs._Checking, "run", run)
     with Store(":memory:") as store:
         found = group.measure(Record(store, store.start_run(enter_machine(store), "test"), group.sources))
     assert {interval for interval, _, _ in seen} == {findings_costs.NEVER, check_interval(64, "cpu")}
     assert all(looked == steps // interval for interval, steps, looked in seen)
     assert max(looked for _, _, looked in seen) >= 1
-    assert SHARE in found[1] and SHARE not in found[0]
+    assert CHECK_FRACTION in found[1] and CHECK_FRACTION not in found[0]
 
 
 def test_ratios_are_of_neighbouring_samples(monkeypatch):
@@ -146,7 +146,7 @@ def test_each_way_does_the_same_step(how, precision, shape):
     scene = load_scene("lab-grid").replace(changes)
     ends = []
     for way in (GATHER, how):
-        with open_way(scene, "cpu", precision, way) as simulation:
+        with open_variant(scene, "cpu", precision, way) as simulation:
             start = displaced(simulation)
             simulation.load(start)
             simulation.advance(STEPS - 3)
@@ -181,14 +181,14 @@ def test_runs_of_other_bits_are_counted():
 def test_a_wrong_answer_gets_no_ratio(monkeypatch):
     monkeypatch.setattr(findings_determinism, "SIZES", {"cpu": (8,)})
     monkeypatch.setattr(findings_determinism, "PRECISIONS", ("float64",))
-    original = findings_determinism.open_way
+    original = findings_determinism.open_variant
 
     def open_wrong(scene, backend, precision, how):
         if how == "twice":
             scene = scene.replace({"springs.stiffness": 2 * scene.springs.stiffness})
         return original(scene, backend, precision, how)
 
-    monkeypatch.setattr(findings_determinism, "open_way", open_wrong)
+    monkeypatch.setattr(findings_determinism, "open_variant", open_wrong)
     (group,) = determinism("cpu", TINY)
     with Store(":memory:") as store:
         found = group.measure(Record(store, store.start_run(enter_machine(store), "test"), group.sources))
@@ -201,11 +201,11 @@ def test_a_wrong_answer_gets_no_ratio(monkeypatch):
 
 def test_the_rows_are_those_of_the_store(results):
     source = results.sources[0]
-    assert [c.way for c in costs(source, DETERMINISM)] == sorted(OTHERS["cpu"])
+    assert [c.variant for c in costs(source, DETERMINISM)] == sorted(OTHERS["cpu"])
     assert all(c.particles == 64 and c.least <= c.ratio <= c.most for c in costs(source, DETERMINISM))
-    (look,) = look_costs(source, "cpu")
+    (look,) = check_costs(source, "cpu")
     assert look.interval == check_interval(64, "cpu")
-    assert look_costs(source, "gpu") == []
+    assert check_costs(source, "gpu") == []
 
 
 @pytest.mark.parametrize("name", list(CLAIMS))
@@ -260,8 +260,8 @@ def test_what_the_claims_say_of_a_gpu():
     assert "7 of 9 repeated runs gave other bits" in told.sentence
     assert "within measurement noise" in told.sentence
     for share, cheap in ((0.004, True), (0.02, False)):
-        look = ratios(1.0, **{SHARE: share, INTERVAL: 1024})
-        told = CLAIMS["looks-cost"](made_up((LOOKS, "looks", True, "float32", look)))
+        look = ratios(1.0, **{CHECK_FRACTION: share, INTERVAL: 1024})
+        told = CLAIMS["looks-cost"](made_up((CHECKS, "looks", True, "float32", look)))
         assert told.supported is cheap
         assert ("not under" in told.sentence) is not cheap
 

@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 
 from softlab.bench.measure import experiment
-from softlab.bench.measure.experiment import Summary, Tell, ending_cleanly, group_name, keep, resume
+from softlab.bench.measure.experiment import Report, Summary, ending_cleanly, group_name, resume, store_measures
 from softlab.bench.measure.items import Experiment, Items
-from softlab.bench.measure.share import Alone, sharing
+from softlab.bench.measure.partition import Alone, use_partition
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import measures
 
@@ -39,12 +39,12 @@ def measured(
     def held(case: str) -> bool:
         return store.has_measure(description(case), "m", "s", "done")
 
-    def measure(group: Sequence[str], tell: Tell) -> None:
+    def measure(group: Sequence[str], tell: Report) -> None:
         done.append(list(group))
         for case in group:
             if case == stop:
                 raise KeyboardInterrupt
-            keep(store, summary.run, description(case), "s", {"done": (1.0, "", None)})
+            store_measures(store, summary.run, description(case), "s", {"done": (1.0, "", None)})
             summary.measured += 1
             tell(case, 1)
 
@@ -53,18 +53,18 @@ def measured(
 
 def test_what_the_store_holds_is_not_measured_again(store: Store) -> None:
     first, done = measured(store, [["a", "b"], ["c"]])
-    assert done == [["a", "b"], ["c"]] and (first.measured, first.held) == (3, 0) and first.run
+    assert done == [["a", "b"], ["c"]] and (first.measured, first.stored) == (3, 0) and first.run
     again, done = measured(store, [["a", "b"], ["c"]])
-    assert done == [] and (again.measured, again.held, again.run) == (0, 3, "")
+    assert done == [] and (again.measured, again.stored, again.run) == (0, 3, "")
     more, done = measured(store, [["a", "d"], ["c", "e"]])
-    assert done == [["d"], ["e"]] and (more.measured, more.held) == (2, 2)
+    assert done == [["d"], ["e"]] and (more.measured, more.stored) == (2, 2)
     assert str(more).startswith("made up: 2 measured, 2 held in the store, ")
 
 
 def test_of_a_whole_group_all_is_measured_where_anything_lacks(store: Store) -> None:
     measured(store, [["a", "c"]])
     summary, done = measured(store, [["a", "b"], ["c"]], whole=True)
-    assert done == [["a", "b"]] and (summary.measured, summary.held) == (2, 1)
+    assert done == [["a", "b"]] and (summary.measured, summary.stored) == (2, 1)
 
 
 def test_of_several_workers_one_measures_what_it_takes_and_others_have_not_measured(store: Store) -> None:
@@ -78,15 +78,15 @@ def test_of_several_workers_one_measures_what_it_takes_and_others_have_not_measu
         @contextmanager
         def take(self, name: str) -> Iterator[bool]:
             run = store.start_run("m", "another's")
-            keep(store, run, description("b"), "s", {"done": (1.0, "", None)})
+            store_measures(store, run, description("b"), "s", {"done": (1.0, "", None)})
             yield not name.startswith("1-")
 
-    with sharing(Other()):
+    with use_partition(Other()):
         summary, done = measured(store, [["a", "b"], ["c"]])
     assert done == [["a"]] and summary.measured == 1
     assert list(planned.values()) == [(2, "a"), (1, "c")]
     assert len({group_name(0, ["a", "b"]), group_name(1, ["a", "b"]), group_name(0, ["a", "c"])}) == 3
-    with sharing(Other()):
+    with use_partition(Other()):
         _, done = measured(store, [["d"], ["c"], ["a"]])
     assert done == [["d"]]
 
@@ -96,7 +96,7 @@ def test_ctrl_c_keeps_what_was_had_and_the_same_command_resumes(store: Store) ->
     assert stopped.interrupted and stopped.measured == 1 and done == [["a", "b"]]
     assert str(stopped).endswith("; interrupted: the same command resumes")
     rest, done = measured(store, [["a", "b"], ["c"]])
-    assert done == [["b"], ["c"]] and (rest.measured, rest.held, rest.interrupted) == (2, 1, False)
+    assert done == [["b"], ["c"]] and (rest.measured, rest.stored, rest.interrupted) == (2, 1, False)
 
 
 def test_what_breaks_is_not_hidden_and_ctrl_c_within_ctrl_c_is_one(store: Store) -> None:
@@ -121,7 +121,7 @@ def test_items_are_one_experiment(store: Store) -> None:
     run = Items("single", items, "softlab single")
     assert run(store, quick=True, backends=["cpu"], progress=False).measured == 1
     whole = run(store, backends=["cpu"], progress=False)
-    assert (whole.measured, whole.held) == (1, 1)
+    assert (whole.measured, whole.stored) == (1, 1)
     assert {(m.description["finding"], m.value, m.unit) for m in measures(store)} == {
         ("a cpu", 2.0, "m"),
         ("b cpu", 2.0, "m"),

@@ -12,7 +12,7 @@ from softlab.bench.experiments.accuracy import judge
 from softlab.bench.experiments.accuracy import judgement as j
 from softlab.bench.experiments.accuracy.equal_error import TARGETS, equal_error, fastest
 from softlab.bench.experiments.accuracy.points import AccuracyPoint, AccuracySummary, point
-from softlab.bench.experiments.growth import LOOKS, Growth, disturbance, growth_words, measure_growth
+from softlab.bench.experiments.growth import CHECKPOINTS, Growth, disturbance, growth_words, measure_growth
 from softlab.bench.reference.cache import Converged
 from softlab.bench.reference.mass_spring import start
 from softlab.bench.store.results import Measure, configuration
@@ -28,7 +28,7 @@ def scene(changes=None) -> Scene:
 
 
 def of_factor(factor: float) -> Growth:
-    return Growth(np.linspace(0.1, 2.4, LOOKS), np.geomspace(1, factor, LOOKS))
+    return Growth(np.linspace(0.1, 2.4, CHECKPOINTS), np.geomspace(1, factor, CHECKPOINTS))
 
 
 CALM, WILD = of_factor(0.1), of_factor(1e6)
@@ -143,7 +143,7 @@ def test_growth_of_a_free_fall_and_of_chaos():
     """Masses without springs fall side by side: a disturbance stays as it is, to rounding (1e-16 of 20 m over 1e-9).
     Undamped, 10 x 10 hung by two corners is chaotic by 4 s (docs/method/cases.md, fact 5), and damped it is not."""
     falling = Scene({"grid": {"rows": 3, "columns": 3}, "gravity": {}})
-    assert measure_growth(falling, 1.0).factors == pytest.approx(np.ones(LOOKS), abs=1e-4)
+    assert measure_growth(falling, 1.0).factors == pytest.approx(np.ones(CHECKPOINTS), abs=1e-4)
     hammock = load_scene("lab-grid").replace({"grid.rows": 10, "grid.columns": 10})
     wild = measure_growth(hammock.replace({"damping.coefficient": 0.0}), 4.0)
     assert wild.chaotic

@@ -58,7 +58,7 @@ def test_every_kernel_is_a_configuration_of_its_name_and_checked_and_resumed() -
         assert differences["fused"].value is None, "the plainest is what the others are held against"
         assert differences["stages"].value is not None and differences["stages"].value < 1e-3
         again = run_kernel_sweep(store, sizes=[8, 12], **SMALL)
-        assert again.samples == 0 and again.held == 4 and again.run == ""
+        assert again.samples == 0 and again.stored == 4 and again.run == ""
 
 
 def test_forced_and_chosen_kernels_do_not_mix() -> None:
@@ -66,7 +66,7 @@ def test_forced_and_chosen_kernels_do_not_mix() -> None:
         run_kernel_sweep(store, sizes=[8], **SMALL)
         ordinary = {name: SMALL[name] for name in ("backends", "precisions", "repeats", "min_seconds", "progress")}
         summary = run_sweep(store, sizes=[8], threads=("1x",), graphics=False, **ordinary)
-        assert summary.measured == 1 and summary.held == 0
+        assert summary.measured == 1 and summary.stored == 0
         assert [t.chosen for t in timings(store)].count(True) == 1
         console = Console(record=True, width=100)
         print_fastest(console, store, "m1")

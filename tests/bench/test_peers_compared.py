@@ -8,8 +8,8 @@ import pytest
 
 from softlab.bench.experiments.checks import LIMITS
 from softlab.bench.peers.base import Peer
+from softlab.bench.peers.lab_xpbd import APPROACHES, LabXpbd
 from softlab.bench.peers.numpy_grid import NumpyGrid
-from softlab.bench.peers.own_xpbd import APPROACHES, OwnXpbd
 from softlab.bench.peers.results import print_peers, ratios
 from softlab.bench.peers.sweep import run_peers
 from softlab.bench.store.database import Store
@@ -75,14 +75,14 @@ def test_a_comparison_is_stored_and_not_measured_twice(tmp_path: Path):
         assert by_name["wrong"].wrong and by_name["wrong"].difference > 1e-2
         assert all(t.peer for t in timings(store))  # nothing that ordinary figures would take for theirs
         again = compared(store, [NumpyGrid()])
-        assert again.held == 2 and again.samples == 0 and not again.run
+        assert again.stored == 2 and again.samples == 0 and not again.run
 
 
 def test_what_approaches_a_method_is_told_with_its_error(tmp_path: Path):
     from rich.console import Console
 
     with Store(tmp_path / "results.sqlite") as store:
-        summary = compared(store, [OwnXpbd("cpu", 2), NumpyGrid()], scenes=["implicit-16"], sizes=[6])
+        summary = compared(store, [LabXpbd("cpu", 2), NumpyGrid()], scenes=["implicit-16"], sizes=[6])
         assert summary.measured == 2 and not summary.skipped  # NumPy knows the grid alone and is not asked
         (ratio,) = ratios(store, summary.machine)
         assert ratio.scene == "implicit-16" and 0 < ratio.difference < APPROACHES and not ratio.wrong

@@ -10,9 +10,9 @@ import pytest
 from softlab.app.driver import open_simulation
 from softlab.bench.experiments.checks import displaced
 from softlab.bench.peers.base import Peer
+from softlab.bench.peers.lab_xpbd import LabXpbd
 from softlab.bench.peers.newton_rigid import NewtonRigid, _quaternions, _rotations
 from softlab.bench.peers.newton_sheet import NewtonSemiImplicit, NewtonVbd, NewtonXpbd, _lattice_colours
-from softlab.bench.peers.own_xpbd import OwnXpbd
 from softlab.bench.peers.scenes import SCENES, peer_scenes, shape_of, word_of
 from softlab.bench.peers.warp_cloth import WarpCloth
 from softlab.bench.peers.warp_xpbd import WarpXpbd
@@ -89,7 +89,7 @@ def test_newton_s_semi_implicit_euler_takes_the_lab_s_step(word: str) -> None:
         ("implicit-16", NewtonXpbd("cpu", 10), 1e-3),
         ("implicit-16", NewtonVbd("cpu", 10), 1e-3),
         ("implicit-4", NewtonVbd("cpu", 10), 1e-3),
-        ("implicit-16", OwnXpbd("cpu", 10), 1e-3),
+        ("implicit-16", LabXpbd("cpu", 10), 1e-3),
     ],
     ids=lambda part: getattr(part, "name", str(part)),
 )
@@ -165,7 +165,7 @@ def test_scenes_are_told_apart_as_the_store_describes_them() -> None:
 
 def test_what_a_peer_does_not_know_is_refused() -> None:
     flag = load_scene("cloth-flag")
-    for peer in (WarpCloth("cpu"), WarpXpbd("cpu"), NewtonSemiImplicit("cpu"), NewtonVbd("cpu", 10), OwnXpbd("cpu", 2)):
+    for peer in (WarpCloth("cpu"), WarpXpbd("cpu"), NewtonSemiImplicit("cpu"), NewtonVbd("cpu", 10), LabXpbd("cpu", 2)):
         assert peer.refusal(flag)
     assert "dampers" in str(NewtonVbd("cpu", 10).refusal(sized("implicit-4", 4, 4, **{"shear.damping": 0.1})))
     assert "rigid" in str(NewtonRigid("cpu", "XPBD").refusal(flag))

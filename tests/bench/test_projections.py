@@ -74,9 +74,9 @@ def store(tmp_path_factory) -> Store:
         patch.setattr("softlab.bench.experiments.projections.QUICK_BUDGETS", ((10, 2), (10, 1)))
         patch.setattr("softlab.bench.measure.case_timing.SAMPLE_SECONDS", 0.002)
         summary = run_projections(opened, quick=True, backends=["cpu"], sizes=[4], progress=False)
-        assert (summary.measured, summary.held, summary.skipped) == (4, 0, [])
+        assert (summary.measured, summary.stored, summary.skipped) == (4, 0, [])
         again = run_projections(opened, quick=True, backends=["cpu"], sizes=[4], progress=False)
-        assert (again.measured, again.held) == (0, 4)
+        assert (again.measured, again.stored) == (0, 4)
         yield opened
 
 

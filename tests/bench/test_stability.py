@@ -130,9 +130,9 @@ def test_a_run_is_stored_and_resumed(small, monkeypatch, tmp_path):
         assert broken.interrupted and "resumes" in str(broken)
         assert 0 < broken.measured < len(cases(SMALL, ["cpu"])) == 12
         rest = run_stability(store, quick=True, backends=["cpu"], progress=False)
-        assert (rest.held, rest.measured, rest.interrupted) == (broken.measured, 12 - broken.measured, False)
+        assert (rest.stored, rest.measured, rest.interrupted) == (broken.measured, 12 - broken.measured, False)
         third = run_stability(store, quick=True, backends=["cpu"], progress=False)
-        assert (third.held, third.measured, third.run) == (12, 0, "")
+        assert (third.stored, third.measured, third.run) == (12, 0, "")
         assert (third.points, third.edges) == (rest.points, rest.edges)
         stored = measures(store)
     assert len(rest.points) == 8 and len(rest.edges) == 4

@@ -88,7 +88,7 @@ def test_every_time_has_an_error_and_a_second_sweep_measures_nothing() -> None:
         assert all(m.reason for m in measures(store, "difference"))
         before = samples_of(store)
         again = run_sweep(store, sizes=[8, (5, 7)], **options)
-        assert again.samples == 0 and again.held == 8 and again.run == ""
+        assert again.samples == 0 and again.stored == 8 and again.run == ""
         assert samples_of(store) == before
         more = run_sweep(store, sizes=[8, (5, 7)], **(options | {"repeats": 3}))
         assert more.samples == 8 and all(t.count == 3 for t in timings(store))

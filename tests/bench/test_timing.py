@@ -154,7 +154,7 @@ def test_what_others_use_is_what_all_use_but_for_this_program(later: tuple[float
 
 
 def test_a_look_too_soon_keeps_what_the_last_one_said() -> None:
-    watch = Watched(START, (101.0, 52.0, 21.0), (101.0 + 0.9 * timing.LOOK_SECONDS, 99.0, 21.0))
+    watch = Watched(START, (101.0, 52.0, 21.0), (101.0 + 0.9 * timing.WATCH_SECONDS, 99.0, 21.0))
     assert watch.cores() == watch.cores() == pytest.approx(1.0)
 
 

@@ -19,7 +19,7 @@ from typing import Any
 from softlab.bench.cluster.pools import Where, exit_words
 from softlab.bench.cluster.start import on_cluster
 from softlab.bench.cluster.worker import code_digests, main
-from softlab.bench.measure.experiment import Summary, Tell, backends_here, resume
+from softlab.bench.measure.experiment import Report, Summary, backends_here, resume
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import configuration
 from softlab.model.base.errors import SceneError
@@ -67,7 +67,7 @@ def run_fake(
         def missing(size: int) -> int:
             return REPEATS - store.sample_count(description(size), summary.machine, SOURCES)
 
-        def measure(group: Sequence[int], tell: Tell) -> None:
+        def measure(group: Sequence[int], tell: Report) -> None:
             begin = time.monotonic()
             for size in group:
                 if size == dies_once and not (Path(log) / "died").exists():

@@ -40,7 +40,7 @@ def measured(tmp_path: Path, where: Where, losses: Sequence[str] = (), **how: An
     how |= {"groups": GROUPS, "log": str(tmp_path / "log")}
     with Store(tmp_path / "results.sqlite") as store:
         summary = on_cluster(store, run_fake, where, timed=False, command="fake", progress=False, beat=0.1, **how)
-        assert summary.measured == len(GROUPS) and not summary.given_up, summary
+        assert summary.measured == len(GROUPS) and not summary.abandoned, summary
         assert len(summary.losses) == len(losses), summary
         assert all(why in told for why, told in zip(losses, summary.losses, strict=True)), summary
         assert len(sampled(store)) == REPEATS * len(GROUPS)

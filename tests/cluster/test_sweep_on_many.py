@@ -90,16 +90,16 @@ def test_workers_share_the_groups_and_a_second_sweep_measures_nothing(bench: Ben
     bench.check_complete()
     assert summary.samples == REPEATS * 2 * len(GROUPS) and summary.measured == 2 * len(GROUPS)
     assert len(logged(bench.log, "group")) == len(GROUPS), "each group was one worker's"
-    assert summary.machines == ["m0"] and not summary.losses and not summary.given_up
+    assert summary.machines == ["m0"] and not summary.losses and not summary.abandoned
     again = bench.run()
-    assert (again.samples, again.measured, again.held) == (0, 0, 2 * len(GROUPS))
+    assert (again.samples, again.measured, again.stored) == (0, 0, 2 * len(GROUPS))
     bench.check_complete()
 
 
 def test_more_groups_are_measured_beside_those_that_the_store_holds(bench: Bench) -> None:
     bench.run(groups=GROUPS[:3])
     summary = bench.run()
-    assert summary.measured == 2 * (len(GROUPS) - 3) and summary.held == 6
+    assert summary.measured == 2 * (len(GROUPS) - 3) and summary.stored == 6
     bench.check_complete()
 
 
@@ -148,7 +148,7 @@ def test_of_workers_that_reach_for_a_group_at_once_one_has_it(tmp_path: Path) ->
 def test_what_kills_its_workers_is_given_up_and_the_rest_is_measured(bench: Bench) -> None:
     summary = bench.run(poison=GROUPS[3][1:])
     assert len(summary.losses) == sweep.DEATHS
-    (told,) = summary.given_up
+    (told,) = summary.abandoned
     assert str(GROUPS[3][0]) in told and "died 3 times" in told and "killed by signal 9" in told
     held = Counter(key for _, key, _ in bench.samples())
     assert len(held) == 2 * len(GROUPS) - 1 and set(held.values()) == {REPEATS}, "what it measured before is kept, once"
@@ -245,8 +245,8 @@ def test_a_machine_whose_only_worker_is_gone_is_told_of(bench: Bench) -> None:
     """Its groups stay, and no other kind of machine takes them."""
     summary = bench.run(slots=1, moves_at=GROUPS[2][0])
     assert sorted(summary.machines) == ["m0", "m1"] and len(summary.losses) == 1
-    assert any("no such machine" in told for told in summary.given_up)
-    assert any(f"{len(GROUPS) - 2} groups, which no worker took" in told for told in summary.given_up)
+    assert any("no such machine" in told for told in summary.abandoned)
+    assert any(f"{len(GROUPS) - 2} groups, which no worker took" in told for told in summary.abandoned)
     counts = Counter(machine for machine, *_ in bench.samples())
     assert counts == {"m0": REPEATS * 2 * len(GROUPS), "m1": REPEATS * 2 * 2}
 
@@ -271,7 +271,7 @@ def test_a_worker_that_does_not_stop_is_ended_by_force(bench: Bench, monkeypatch
 def test_jobs_that_still_wait_when_all_is_done_are_let_go(bench: Bench) -> None:
     pool = ForkPool(2, "sleeps_but_the_first", queues=True)
     summary = bench.run(pool=pool)
-    assert len(pool.jobs) == 2 and not summary.losses and not summary.given_up
+    assert len(pool.jobs) == 2 and not summary.losses and not summary.abandoned
     bench.check_complete()
 
 
@@ -281,5 +281,5 @@ def test_what_cannot_be_merged_is_kept_and_told(bench: Bench) -> None:
     folder.store_of("1.1").write_text("this was a store once")
     summary = bench.run()
     assert summary.measured == 2 * len(GROUPS)
-    (told,) = summary.kept
+    (told,) = summary.unmerged
     assert "neither a store" in told and folder.store_of("1.1").exists()

@@ -54,7 +54,7 @@ def test_a_lock_is_shared_only_by_those_who_all_share_it(
 
 
 def test_who_waits_looks_up_and_gets_it_when_the_other_is_gone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(turns, "LOOK_SECONDS", 0.01)
+    monkeypatch.setattr(turns, "CHECK_SECONDS", 0.01)
     process, _ = holder(tmp_path / "lock", "alone")
     looks: list[int] = []
 
@@ -73,7 +73,7 @@ def test_gpus_take_turns_each_by_itself_and_none_beside_cpu_threads(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    monkeypatch.setattr(turns, "LOOK_SECONDS", 0.0)
+    monkeypatch.setattr(turns, "CHECK_SECONDS", 0.0)
 
     class Busy(Exception):
         pass

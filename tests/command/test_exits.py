@@ -73,7 +73,7 @@ MEASURING = {  # command -> what does its work
 }
 EVERY = MEASURING | {
     "hard": "softlab.bench.stress.experiment.run_hard",
-    "advise lab-grid --error 1e-3": "softlab.bench.experiments.advise.answer.answer",
+    "advise lab-grid --error 1e-3": "softlab.bench.experiments.advise.answer.measure_advice",
     "run lab-grid --no-judge": "softlab.app.command.run.run_scene",
     "run lab-grid": "softlab.bench.experiments.accuracy.judge.judge_run",
     "demo": "softlab.app.window.viewer.run_demo",
@@ -133,7 +133,7 @@ def test_the_status_tells_how_it_ended(
                  "softlab.bench.peers.results.print_peers",
                  "softlab.bench.experiments.throughput.print_throughput", "softlab.bench.experiments.fluids.print_fluids",
                  "softlab.bench.experiments.advise.ablation_results.print_ablation",
-                 "softlab.bench.stress.told.print_hard"):  # fmt: skip
+                 "softlab.bench.stress.report.print_hard"):  # fmt: skip
         monkeypatch.setattr(path, lambda *_: None)
     if work != EVERY["run lab-grid --no-judge"]:
         monkeypatch.setattr("softlab.app.command.run.run_scene", lambda *_: ran())

@@ -12,7 +12,7 @@ import pytest
 from rich.console import Console
 
 from softlab.bench.measure import progress
-from softlab.bench.measure.progress import Whole, keep_seconds, last_seconds, progress_bar
+from softlab.bench.measure.progress import Whole, last_seconds, progress_bar, store_seconds
 from softlab.labbook import jobs
 from softlab.model.base import kernel_cache
 from softlab.model.base.errors import BackendUnavailable, InputError
@@ -55,7 +55,7 @@ def everything_is_made_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> It
         monkeypatch.setattr(path, run(name))
     for path in (
         "softlab.bench.measure.tables.print_sweep",
-        "softlab.bench.stress.told.print_hard",
+        "softlab.bench.stress.report.print_hard",
         "softlab.bench.experiments.advise.ablation_results.print_ablation",
     ):
         monkeypatch.setattr(path, lambda *_: None)
@@ -89,7 +89,7 @@ def test_the_whole_lab_leaves_nothing_out(tmp_path: Path) -> None:
 
 def test_it_says_how_long_it_took_last_time(tmp_path: Path) -> None:
     assert "last time" not in lab(tmp_path)
-    keep_seconds("lab --quick", {"sweep: time per step": 12.34, "accuracy: speed against error": 30.0})
+    store_seconds("lab --quick", {"sweep: time per step": 12.34, "accuracy: speed against error": 30.0})
     assert "last time this took 42 s" in lab(tmp_path)
     assert "last time" not in lab(tmp_path, quick=False)  # which takes another time
     assert set(last_seconds("lab --quick")) == {  # of the second one now
@@ -151,9 +151,9 @@ def test_the_bar_tells_the_whole_and_what_is_compiled() -> None:
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", '{"lab": 3}', '{"lab": {"sweep": "long"}}', "\0"])
 def test_times_that_cannot_be_read_are_not_known(text: str, tmp_path: Path) -> None:
-    keep_seconds("other", {"sweep": 1.0})
+    store_seconds("other", {"sweep": 1.0})
     (file,) = (tmp_path / "cache").rglob(progress.SECONDS)
     file.write_text(text)
     assert last_seconds("lab") == {}
-    keep_seconds("lab", {"sweep": 2.0})
+    store_seconds("lab", {"sweep": 2.0})
     assert json.loads(file.read_text())["lab"] == last_seconds("lab") == {"sweep": 2.0}

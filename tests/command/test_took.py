@@ -9,7 +9,7 @@ import typer
 
 from softlab.app.command.command_line import StorePath
 from softlab.bench.measure import took
-from softlab.bench.measure.took import Timed, keep_time, look
+from softlab.bench.measure.took import Timed, last_duration, store_duration
 from softlab.bench.store.database import Store
 from softlab.model.base.errors import InputError
 
@@ -20,7 +20,7 @@ def this_machine(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def told(path: Path, command: str) -> str:
-    return look(path, command)[0]
+    return last_duration(path, command)[0]
 
 
 def measured(path: Path, cases: int, machine: str = "mine") -> None:
@@ -41,9 +41,9 @@ def test_the_first_time_nothing_is_told_nor_made(tmp_path: Path) -> None:
 def test_seconds_and_configurations_of_the_last_time_are_told(tmp_path: Path) -> None:
     path = tmp_path / "store.sqlite"
     measured(path, 7)
-    keep_time(path, "hard", 100.0, 0)
+    store_duration(path, "hard", 100.0, 0)
     measured(path, 3)
-    keep_time(path, "hard", 41.6, 1)
+    store_duration(path, "hard", 41.6, 1)
     assert told(path, "hard") == "took 42 s last time here, for 3 configurations measured"
     assert told(path, "hard quick") == ""
 
@@ -53,9 +53,9 @@ def test_what_measured_nothing_and_another_machine_tell_nothing(
 ) -> None:
     path = tmp_path / "store.sqlite"
     measured(path, 2)
-    keep_time(path, "hard", 3.0, 1)
+    store_duration(path, "hard", 3.0, 1)
     assert told(path, "hard") == ""
-    keep_time(path, "hard", 3.0, 0)
+    store_duration(path, "hard", 3.0, 0)
     monkeypatch.setattr(took, "_machine", lambda: "another")
     assert told(path, "hard") == ""
 
@@ -64,7 +64,7 @@ def test_a_store_that_is_none_is_left_to_the_command(tmp_path: Path) -> None:
     path = tmp_path / "store.sqlite"
     path.write_text("no store")
     assert told(path, "hard") == ""
-    keep_time(path, "hard", 3.0, 0)
+    store_duration(path, "hard", 3.0, 0)
     assert path.read_text() == "no store"
 
 

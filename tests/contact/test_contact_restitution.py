@@ -66,7 +66,7 @@ def test_velocities_are_the_references_and_keep_momenta() -> None:
         contacts.bounce(planes[0], found, checked.weight)
         checked.find(place)
         expected, now = (
-            velocity + checked.given(place, old, velocity, np.tile([1.0, 0.0, 0.0], (particles, 1))),
+            velocity + checked.velocity_changes(place, old, velocity, np.tile([1.0, 0.0, 0.0], (particles, 1))),
             found.reshape(3, -1).T,
         )
         assert (np.abs(expected - velocity).max(axis=1) > 0.5).sum() > 5 and contacts.lost == 0

@@ -193,12 +193,12 @@ def test_what_is_found_and_projected_is_the_references(seed: int) -> None:
     contacts, position = contacts_of(scene, before, predicted, weights)
     assert np.array_equal(contacts.found, counts) and counts.sum() > 500
     assert contacts.lost == np.maximum(counts - MAX_CONTACTS, 0).sum() > 0
-    first = found.kept(MAX_CONTACTS)
+    first = found.nearest(MAX_CONTACTS)
     assert np.array_equal(kept(contacts, contacts.triangles), first.triangle)
     values = kept(contacts, contacts.values)
     # normals are quotients of lengths of a few mm and more by differences of coordinates of 0.5 m
     assert np.abs(values[:, 2:5] - first.normal).max() < 0.5 / (0.0625 * 0.09) * 16 * EPS
-    assert np.abs(values[:, 5] - first.held).max() < 64 * EPS
+    assert np.abs(values[:, 5] - first.required).max() < 64 * EPS
     expected = reference.project(part, first, before, predicted, weights)
     assert np.abs(position - expected).max() < 1e-13
     assert np.abs(position - predicted).max() > 0.01

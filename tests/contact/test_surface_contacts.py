@@ -55,7 +55,7 @@ def test_contacts_are_the_references(seed: int) -> None:
     values = contacts.values[held]
     np.testing.assert_allclose(values[:, :2], expected.weights[:, 1:], atol=1e-12)
     np.testing.assert_allclose(values[:, 2:5], expected.normal, atol=1e-12)
-    np.testing.assert_allclose(values[:, 5], expected.held, atol=1e-15)
+    np.testing.assert_allclose(values[:, 5], expected.required, atol=1e-15)
     weights = build(scene).inverse_mass * scene.grid.mass
     assert scene.contact is not None
     after = projected.project(scene.contact, expected, before, predicted, weights, reference)  # type: ignore[arg-type]

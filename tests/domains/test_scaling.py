@@ -7,20 +7,20 @@ from softlab.bench.experiments.scaling.experiment import ScalingPoint, speedups
 from softlab.bench.experiments.scaling.model import (
     MASS_BYTES,
     Cluster,
-    Way,
+    Transfer,
     predicted,
     restart,
     waiting,
     window_seconds,
 )
-from softlab.bench.experiments.scaling.told import counts, print_checked, print_predicted, table
+from softlab.bench.experiments.scaling.report import counts, print_checked, print_predicted, table
 from softlab.model.base.errors import SceneError
 from softlab.model.domains.link import Link
 
 FAST = Link("none", 1e-30, 1e30, "a test")
 NOTHING = {"launches": 0.0, "copying": 1e30, "ends": 0.0, "jitter": 0.0}
 IDEAL = Cluster(inside=FAST, across=FAST, **NOTHING)
-OPEN = Way(hidden=False, host=0.0)
+OPEN = Transfer(hidden=False, host=0.0)
 
 
 def linear(rows, columns):
@@ -54,15 +54,15 @@ def test_what_is_hidden_costs_what_a_pass_does_not_cover():
 def test_a_cycle_is_no_shorter_than_its_host_takes():
     """8 steps of 520 x 100 masses take 416 us of a GPU."""
     for host in (4e-4, 5e-4):
-        found = predicted(1024, 100, 2, IDEAL, 8, linear, Way(False, host))
+        found = predicted(1024, 100, 2, IDEAL, 8, linear, Transfer(False, host))
         assert found.step == pytest.approx(max(416e-6, host) / 8)
 
 
 def test_the_steps_between_exchanges_are_the_quickest():
     """Of a slow link the deepest halo, of an ideal one the shallowest that lasts for a pass."""
     slow = Cluster(inside=Link("slow", 1e-3, 1e12, "a test"), **NOTHING)
-    assert predicted(4096, 100, 2, slow, seconds=linear, way=OPEN).decomposition.steps == 64
-    assert predicted(4096, 100, 2, IDEAL, seconds=linear, way=OPEN).decomposition.steps == 4
+    assert predicted(4096, 100, 2, slow, seconds=linear, transfer=OPEN).decomposition.steps == 64
+    assert predicted(4096, 100, 2, IDEAL, seconds=linear, transfer=OPEN).decomposition.steps == 4
 
 
 def test_hosts_are_linked_by_the_network():

@@ -98,7 +98,7 @@ def test_patches() -> None:
     slope = np.array([[0.10, 0.05, -0.02], [0.03, -0.06, 0.04], [-0.05, 0.02, 0.08]])
     affine = position @ slope.T
     nothing = np.zeros_like(position)
-    small = fem.linear_static(position, tetrahedra, YOUNG, 0.3, edge, nothing, held_at=1e-3 * affine)
+    small = fem.linear_static(position, tetrahedra, YOUNG, 0.3, edge, nothing, fixed_displacement=1e-3 * affine)
     np.testing.assert_allclose(small, 1e-3 * affine, rtol=0, atol=1e-10 * 1e-3 * 0.1)
     for material in materials.MATERIALS:
         start = position + np.where(edge[:, None], affine, 0)

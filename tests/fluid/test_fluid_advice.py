@@ -12,7 +12,7 @@ from fluid_scenes import column_scene
 from rich.console import Console
 
 from softlab.bench.experiments.advise import fluids, fluids_ablation
-from softlab.bench.experiments.advise.answer import answer
+from softlab.bench.experiments.advise.answer import measure_advice
 from softlab.bench.experiments.advise.fluids import LADDER, _Search, advise_fluids
 from softlab.bench.experiments.advise.fluids_ablation import (
     BREAKS,
@@ -101,7 +101,7 @@ def test_efforts_that_do_not_come_to_rest_are_not_recommended(monkeypatch: pytes
 def test_nothing_reaches_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(_Search, "run", run_as(lambda *_: np.inf))
     with Store(":memory:") as store:
-        found = answer(store, column_scene(), 0.01, **HOW)
+        found = measure_advice(store, column_scene(), 0.01, **HOW)
     assert isinstance(found, FluidAdvice) and found.best is None and "no answer" in str(found)
     assert all("diverges" in why for _, why in found.beaten)
 

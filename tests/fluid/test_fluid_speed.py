@@ -57,9 +57,9 @@ def test_what_is_stored_comes_back(tmp_path: Path) -> None:
         store.add_machine("here", "here", {})
         run = store.start_run("here", "softlab fluids")
         alone = {phase_name(phase): (1e-3 * n, "s", "alone") for n, phase in enumerate(PHASES, 1)}
-        experiment.keep(store, run, case.description, case.sources, alone)
+        experiment.store_measures(store, run, case.description, case.sources, alone)
         numbers = RATES.numbers(case.scene, 0.01, "fused")
-        experiment.keep(store, run, case.description, case.sources, numbers)
+        experiment.store_measures(store, run, case.description, case.sources, numbers)
         (point,) = points(measures(store, machine="here"))
         assert point.particles == 1000 and point.rate == pytest.approx(6e5) and point.kernel == "fused"
         assert point.phases == {phase: pytest.approx(1e-3 * n) for n, phase in enumerate(PHASES, 1)}
@@ -70,7 +70,9 @@ def test_what_is_stored_comes_back(tmp_path: Path) -> None:
             f"{fluids.IN_BASIN}_2.0_s": (0.7, "", ""),
             fluids.LEVEL: (1.01, "", ""),
         }
-        experiment.keep(store, run, cup.description, cup.sources, told | RATES.numbers(cup.scene, 0.04, "fused"))
+        experiment.store_measures(
+            store, run, cup.description, cup.sources, told | RATES.numbers(cup.scene, 0.04, "fused")
+        )
         console = Console(width=140, record=True)
         fluids.print_fluids(console, store, "here")
         text = console.export_text()

@@ -145,7 +145,7 @@ def test_the_slope_of_drops_pressures_is_the_surface_tension(axes: int) -> None:
         for radius in (0.2, 0.3, 0.5)
     ]  # fmt: skip
     (found,) = tensions(drops)
-    assert (found.sigma, found.held, found.off) == pytest.approx((3.0, 40.0, 0.0)) and found.drops == 3
+    assert (found.sigma, found.base_pressure, found.off) == pytest.approx((3.0, 40.0, 0.0)) and found.drops == 3
     assert tensions(drops[:2]) == []
 
 
@@ -223,7 +223,7 @@ def test_it_is_really_measured(monkeypatch: pytest.MonkeyPatch) -> None:
     with Store(":memory:") as store:
         for peers, held in ((False, 0), (True, 0), (True, 1)):
             summary = run_truth(store, quick=True, backends=["cpu"], progress=False, peers=peers)
-            assert (summary.measured, summary.held) == (1 - held, held)
+            assert (summary.measured, summary.stored) == (1 - held, held)
         found = {row.who: row for row in rows(measures(store))}
         printed = io.StringIO()
         print_truth(Console(file=printed, width=120), store, summary.machine)

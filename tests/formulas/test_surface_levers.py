@@ -133,7 +133,8 @@ def test_a_contact_is_the_references() -> None:
         ways, _ = after_formula(np.float64, formulas, of)
         contact = self_contacts.Found(
             mass=np.array([0]), triangle=np.array([0]), corners=np.array([[1, 2, 3]]), weights=of.weights[None],
-            normal=of.normal[None], held=np.array([DISTANCE]), distance=np.array([DISTANCE]), around=around([[[1, 2, 3]]]),
+            normal=of.normal[None], required=np.array([DISTANCE]), distance=np.array([DISTANCE]),
+            around=around([[[1, 2, 3]]]),
         )  # fmt: skip
         if number % 3 == 0:  # of a normal that leans the depth is another one
             after = self_contacts.project(
@@ -156,9 +157,9 @@ def test_contacts_that_share_particles_gain_no_energy() -> None:
         mass, triangles = np.repeat([4, 5], 3), np.tile(sides, (2, 1))
         normal = np.tile([0.0, 1.0, 0.0], (6, 1))
         start = points[mass] - np.einsum("nk,nkd->nd", weights, points[triangles])
-        contact = self_contacts.Found(
-            mass=mass, triangle=np.tile([0, 1, 2], 2), corners=triangles, weights=weights, normal=normal, held=start[:, 1],
-            distance=start[:, 1], around=around([triangles[:3]] * 6),
+        contact = self_contacts.VertexContacts(
+            mass=mass, triangle=np.tile([0, 1, 2], 2), corners=triangles, weights=weights, normal=normal,
+            required=start[:, 1], distance=start[:, 1], around=around([triangles[:3]] * 6),
         )  # fmt: skip
         turn = random.normal(0, 1, 3) * 10 ** random.uniform(-2, -0.7)
         ways = np.vstack([np.cross(turn, corners), random.normal(0, 0.003, (2, 3))])

@@ -80,8 +80,8 @@ def test_what_was_measured_counts_while_the_kernels_stay(store: Store, monkeypat
     measured(store, digest_of("cpu"))
     text_changes(monkeypatch)
     again = measured(store, OTHER)
-    assert (again.measured, again.held) == (0, 1)
-    assert measured(store, OTHER).held == 1, "and is not asked for again"
+    assert (again.measured, again.stored) == (0, 1)
+    assert measured(store, OTHER).stored == 1, "and is not asked for again"
     results = load(store)
     assert without_older(results) is results
 

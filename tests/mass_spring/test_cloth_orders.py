@@ -61,10 +61,10 @@ def test_orders(solver, case):
 def test_converged_reference_of_a_cloth_in_wind(tmp_path):
     """Its estimate is met by a solution ten times finer; it is kept; and a run at small steps is judged by it."""
     scene = hung(**DAMPED, damping={"coefficient": 0.01}, wind=WIND, method={"integrator": "rk4", "dt": 0.25 / 512})
-    rough = cache.kept(scene, 0.25, tmp_path, tolerance=1e-6)
-    fine = cache.kept(scene, 0.25, tmp_path, tolerance=1e-8)
+    rough = cache.cached_reference(scene, 0.25, tmp_path, tolerance=1e-6)
+    fine = cache.cached_reference(scene, 0.25, tmp_path, tolerance=1e-8)
     assert np.linalg.norm(rough.position - fine.position, axis=1).max() < rough.estimate < 1e-6 * 0.125
-    assert np.array_equal(cache.kept(scene, 0.25, tmp_path, tolerance=1e-6).position, rough.position)
+    assert np.array_equal(cache.cached_reference(scene, 0.25, tmp_path, tolerance=1e-6).position, rough.position)
     body = build(scene)
     semi = scene.replace({"method.integrator": "semi-implicit-euler"})
     end = State(*reference.simulate(semi, 512), body.inverse_mass, 0.25, 512)

@@ -40,7 +40,7 @@ FIGURES: tuple[Mistake, ...] = (
     ),
     *in_file(
         "plots/figures/scaling/threads.py", "test_figure_axes.py",
-        {"a speed-up upside down": ("return lambda timing, seconds: held[timing.rows, timing.columns].median / seconds", "return lambda timing, seconds: seconds / held[timing.rows, timing.columns].median")},
+        {"a speed-up upside down": ("return lambda timing, seconds: bases[timing.rows, timing.columns].median / seconds", "return lambda timing, seconds: seconds / bases[timing.rows, timing.columns].median")},
     ),
     *in_file(
         "plots/core/style.py", "test_figure_axes.py",
@@ -126,10 +126,10 @@ RESULTS: tuple[Mistake, ...] = (
         "bench/measure/timing.py", "test_timing.py",
         {
             "a busy neighbour is not noticed": ("if busy > spare + BUSY_NEIGHBOUR:", "if busy > cores + BUSY_NEIGHBOUR:"),
-            "one's own time is a neighbour's": ("max(0.0, (used - self._seen[1]) - (own - self._seen[2])) / passed", "max(0.0, used - self._seen[1]) / passed"),
+            "one's own time is a neighbour's": ("max(0.0, (used - self._seen[1]) - (process - self._seen[2])) / passed", "max(0.0, used - self._seen[1]) / passed"),
             "a sample does not wait for the device": ("simulation.advance(steps)\n            simulation.synchronize()\n            return", "simulation.advance(steps)\n            return"),
             "a drawn sample does not wait for the device": ("            self.renderer.show(simulation)\n        simulation.synchronize()", "            self.renderer.show(simulation)"),
-            "restoring is a part of the sample": ("self._kept = simulation.snapshots\n        simulation.synchronize()", "self._kept = simulation.snapshots"),
+            "restoring is a part of the sample": ("self._snapshot = simulation.snapshots\n        simulation.synchronize()", "self._snapshot = simulation.snapshots"),
             "short samples are not marked": ("if seconds < SHORTEST_SAMPLE:", "if seconds < 0 * SHORTEST_SAMPLE:"),
         },
     ),

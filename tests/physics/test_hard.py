@@ -17,9 +17,9 @@ from softlab.bench.store.results import configuration, measures
 from softlab.bench.stress.case import FORCES, HardCase
 from softlab.bench.stress.cases import CASES
 from softlab.bench.stress.numbers import far_away
+from softlab.bench.stress.report import print_hard
 from softlab.bench.stress.results import CODES, IN_FULL, disagreements, rounding_differences, rows_of
 from softlab.bench.stress.shapes import as_text
-from softlab.bench.stress.told import print_hard
 from softlab.bench.stress.trial import Check, SilentNaN, Trial
 from softlab.labbook.claims import hard as hard_claims
 from softlab.labbook.claims.claim import Claim
@@ -66,7 +66,7 @@ def test_step_sizes_hold_or_are_the_point(case):
     """An integrator that the scene's dt is too large for gets one under its limit, except where dt is the point."""
     for name in ("lab", "explicit-euler"):
         scene, note = hard.case_scene(case, name)
-        if case.own_step:
+        if case.limited_step:
             assert scene.method.dt <= stability_limit(scene)
         assert bool(note) == (scene.method.dt != load_scene(case.scene).method.dt)
 
@@ -91,7 +91,7 @@ def test_what_breaks_is_a_verdict(error, verdict, words):
 def test_a_refusal_is_right_only_where_it_is_expected():
     error = SceneError("grid.rows", 0, "must be at least 1")
     assert hard.judge_case(case_with(raising(error), expect="refused"), "lab").verdict == "refused"
-    over = HardCase("B0", "made up", "hard/b14", far_away(1e3, False), own_step=False)
+    over = HardCase("B0", "made up", "hard/b14", far_away(1e3, False), limited_step=False)
     outcome = hard.judge_case(over, "explicit-euler")
     assert outcome.verdict == "refused" and "stability limit" in outcome.diagnosis
 
@@ -121,7 +121,7 @@ def test_a_broken_state_that_nobody_reported_is_found():
             return State(np.full((2, 2), np.nan), np.zeros((2, 2)), np.ones(2), 0.0, 0)
 
     with pytest.raises(SilentNaN, match="a bug of the lab"):
-        Trial(load_scene("hard/b4")).look(Silent())
+        Trial(load_scene("hard/b4")).checked_state(Silent())
 
 
 # ---------------------------------------------------------------------- the store
@@ -160,7 +160,7 @@ def test_what_is_held_is_not_run_again(judged):
         first = run(store, cases=["b5", "B6"], quick=True, precisions=["float64"])
         assert first.measured == len(judged) == 8 and first.run
         again = run(store, cases=["B5"], quick=True, precisions=["float64"])
-        assert (again.measured, again.held, again.run) == (0, 6, "")
+        assert (again.measured, again.stored, again.run) == (0, 6, "")
         assert [row.case for row in again.rows] == ["B5 line"] * 2 + ["B5 disturbed"] * 2 + ["B5 point"] * 2
         for name, value in (("cases", "B99"), ("integrators", "leapfrog"), ("precisions", "float16")):
             with pytest.raises(SceneError, match="must be one of"):
@@ -181,7 +181,7 @@ def test_interrupted_runs_lose_nothing(judged, monkeypatch):
         stopped = run(store, cases=["B7"])
         assert stopped.interrupted and len(stopped.rows) == 3
         monkeypatch.setattr(hard, "judge_case", judge)
-        assert run(store, cases=["B7"]).held == 3
+        assert run(store, cases=["B7"]).stored == 3
 
 
 def other_backend(store: Store, case: str, verdict: str) -> None:

@@ -23,9 +23,9 @@ from softlab.bench.store.results import measures
 from softlab.bench.stress.body_cases import BODY_CASES
 from softlab.bench.stress.cases import CASES
 from softlab.bench.stress.experiment import judge_case, run_hard
-from softlab.bench.stress.results import Told, disagreements, rows_of
+from softlab.bench.stress.report import print_hard
+from softlab.bench.stress.results import StoredCheck, disagreements, rows_of
 from softlab.bench.stress.shapes import bodies_as_text
-from softlab.bench.stress.told import print_hard
 from softlab.bench.stress.trial import Trial
 from softlab.labbook.build import build
 from softlab.labbook.claims import hard as hard_claims
@@ -146,7 +146,7 @@ def test_they_are_listed_filtered_kept_and_drawn(tmp_path: Any, monkeypatch: pyt
         )
         assert first.pictures == 1 or first.no_pictures
         again = run_hard(store, cases=["B17 ball"], pictures=False, **how)
-        assert again.held == 1 and not again.measured
+        assert again.stored == 1 and not again.measured
         assert not run_hard(store, cases=["B20"], quick=True, pictures=False, **how).rows
         assert rows_of(measures(store)) == first.rows
     console = Console(file=io.StringIO(), width=200)
@@ -189,7 +189,7 @@ def test_shares_of_bounds() -> None:
         ("< 2 m", 1.0, 0.5), ("< 2", -1.0, 0.0), ("> 0.8", 1.6, 0.5), ("> 0.8", 0.0, np.inf), ("< 1e-09 N", None, np.inf),
         ("aim <= 1.5", 1.0, None), ("", 3.0, None),
     ):  # fmt: skip
-        assert hard_bodies.share(Told("x", value, "", bound)) == expected
+        assert hard_bodies.bound_ratio(StoredCheck("x", value, "", bound)) == expected
 
 
 def test_sheets_do_not_count_bodies(results: Results) -> None:

@@ -122,10 +122,11 @@ class Moved(Trial):
     ("F2", (0.0, -5.1), 0.0, {fluids.FALL, fluids.BELOW}),
     ("F3", (0.0, 0.0), 20.0, {fluids.APART, fluids.LOST, fluids.FASTEST}),
     ("F3 alone", (0.0, 1e-6), 0.1, {fluids.SPEED, fluids.STIRRED}), ("F4", (0.0, 0.0), 0.0, {fluids.LOWER, fluids.HIGH}),
-    ("F5", (0.0, -2.1), -200.0, {fluids.ENERGY, fluids.BELOW, fluids.FASTEST}), ("F5", (0.0, 0.0), 50.0, {fluids.KEPT}),
+    ("F5", (0.0, -2.1), -200.0, {fluids.ENERGY, fluids.BELOW, fluids.FASTEST}),
+    ("F5", (0.0, 0.0), 50.0, {fluids.ARRIVAL_SPEED}),
     ("F6", (0.01, 0.0), 0.0, {fluids.DRIFT, fluids.STIRRED}), ("F6 drawn", (0.01, 0.0), 0.0, {fluids.DRIFT}),
     ("F7", (0.0, 0.0), 1e-3, {fluids.LOST}), ("F8", (0.0, -1.0), 10.0, {fluids.THROUGH, fluids.FASTEST}),
-    ("F9", (0.0, 0.0), 20.0, {fluids.TOLD, fluids.MISSED, fluids.FASTEST}),
+    ("F9", (0.0, 0.0), 20.0, {fluids.REPORTED, fluids.MISSED, fluids.FASTEST}),
 ])  # fmt: skip
 def test_laws_see_what_they_are_about(name: str, changed: tuple[float, float], more: float, seen: set[str]) -> None:
     scene, _ = case_scene(NAMES[name], FLUIDS[0])
@@ -140,7 +141,7 @@ def test_one_neighbour_that_is_not_told_is_seen() -> None:
 
     def told(lost: int) -> Check:
         trial.lost = lost
-        return next(check for check in NAMES["F9"].law(trial) if check.name == fluids.TOLD)
+        return next(check for check in NAMES["F9"].law(trial) if check.name == fluids.REPORTED)
 
     right = round(told(0).value * 0 + 1 / (1 - told(1).value))
     assert right > 100 and told(right).good and not told(right - 1).good
@@ -149,7 +150,7 @@ def test_one_neighbour_that_is_not_told_is_seen() -> None:
 def test_verdicts_go_into_the_store_and_the_table(capsys: pytest.CaptureFixture[str]) -> None:
     from rich.console import Console
 
-    from softlab.bench.stress.told import print_hard
+    from softlab.bench.stress.report import print_hard
 
     with Store(":memory:") as store:
         how: dict[str, Any] = {"cases": ["F2", "F3 alone"], "integrators": FLUIDS[:1], "precisions": ["float64"]}
@@ -157,7 +158,7 @@ def test_verdicts_go_into_the_store_and_the_table(capsys: pytest.CaptureFixture[
         assert [(row.case, row.verdict, row.integrator, row.kind) for row in summary.rows] == [
             (name, "pass", FLUIDS[0], "fluid") for name in how["cases"]
         ]
-        assert run_hard(store, progress=False, pictures=False, backends=["cpu"], **how).held == 2
+        assert run_hard(store, progress=False, pictures=False, backends=["cpu"], **how).stored == 2
     print_hard(Console(width=200), summary)
     told = capsys.readouterr().out
     assert "F3 alone" in told and "pbf macklin" in told and "2 passed" in told

@@ -12,8 +12,8 @@ from softlab.bench.experiments.accuracy.methods import TETRAHEDRAL
 from softlab.bench.store.database import Store
 from softlab.bench.stress.cases import CASES
 from softlab.bench.stress.experiment import case_scene, judge_case, run_hard
-from softlab.bench.stress.results import HardRow, Told
-from softlab.bench.stress.tetrahedra import MOMENTUM, RATIO, SPIN, STORED, STRETCH, VOLUME, spin_kept
+from softlab.bench.stress.results import HardRow, StoredCheck
+from softlab.bench.stress.tetrahedra import MOMENTUM, RATIO, SPIN, STORED, STRETCH, VOLUME, spin_fraction
 from softlab.bench.stress.tetrahedral_cases import SWEPT, TETRAHEDRAL_CASES
 from softlab.bench.stress.trial import Trial
 from softlab.labbook.claims import hard_tetrahedra
@@ -66,9 +66,9 @@ def test_scenes_are_solved_as_the_method_says(method: str) -> None:
 
 def test_spin_follows_the_law_of_rigid_bodies() -> None:
     """omega(t) = omega_0 / sqrt(1 + 2 omega_0^2 h t), of small turns; of 2 pi rad/s at 1/60 s 0.656777 after 1 s."""
-    assert spin_kept(2 * pi / 60, 60) == pytest.approx(0.656777, abs=2e-3)
+    assert spin_fraction(2 * pi / 60, 60) == pytest.approx(0.656777, abs=2e-3)
     for h in (1e-3, 1e-4):
-        assert spin_kept(2 * pi * h, round(1 / h)) == pytest.approx(1 / sqrt(1 + 8 * pi**2 * h), rel=4 * h)
+        assert spin_fraction(2 * pi * h, round(1 / h)) == pytest.approx(1 / sqrt(1 + 8 * pi**2 * h), rel=4 * h)
 
 
 class Idle(Trial):
@@ -112,7 +112,7 @@ def test_a_solver_that_a_backend_has_not_is_left_out(monkeypatch: pytest.MonkeyP
 def test_verdicts_go_into_the_store_and_the_table(capsys: pytest.CaptureFixture[str]) -> None:
     from rich.console import Console
 
-    from softlab.bench.stress.told import print_hard
+    from softlab.bench.stress.report import print_hard
 
     with Store(":memory:") as store:
         how: dict[str, Any] = {
@@ -121,7 +121,7 @@ def test_verdicts_go_into_the_store_and_the_table(capsys: pytest.CaptureFixture[
         summary = run_hard(store, progress=False, pictures=False, **how)
         assert [(row.verdict, row.integrator, row.kind) for row in summary.rows] == [("pass", "newton", "tetrahedra")]
         again = run_hard(store, progress=False, pictures=False, **how)
-        assert (again.measured, again.held) == (0, 1)
+        assert (again.measured, again.stored) == (0, 1)
     print_hard(Console(width=200), summary)
     told = capsys.readouterr().out
     assert "B23 bar" in told and "newton" in told and "1 passed" in told
@@ -129,7 +129,7 @@ def test_verdicts_go_into_the_store_and_the_table(capsys: pytest.CaptureFixture[
 
 def test_claims_follow_the_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
     def row(case: str, precision: str, verdict: str, **checks: float) -> HardRow:
-        told = tuple(Told(NUMBERS[name], value, "", "") for name, value in checks.items())
+        told = tuple(StoredCheck(NUMBERS[name], value, "", "") for name, value in checks.items())
         return HardRow(case, "vbd", "cpu", precision, 1 / 60, verdict, "", told)
 
     rows = [

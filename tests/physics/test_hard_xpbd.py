@@ -9,8 +9,8 @@ from softlab.bench.experiments.accuracy.methods import FLUIDS, MATCHING, METHODS
 from softlab.bench.store.results import Measure, configuration
 from softlab.bench.stress.case import FORCES, POSITIONS, HardCase
 from softlab.bench.stress.cases import CASES
+from softlab.bench.stress.report import table_of
 from softlab.bench.stress.results import rows_of
-from softlab.bench.stress.told import table_of
 from softlab.model.scene.scene import load_scene
 
 MINE = [case for case in CASES if set(POSITIONS) <= set(case.methods)]

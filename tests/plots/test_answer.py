@@ -103,16 +103,18 @@ def test_the_fastest_of_all_machines_answers() -> None:
     mine = made(CPU_RECORD, ("rk4", 0.01, 0.05, 1e-3, "cpu"))
     all_of_them = ("semi-implicit-euler", "velocity-verlet", "rk4", "lab")
     theirs = made(GPU_RECORD, *((name, 0.01, 0.05, 1e-4 * k, "cpu") for k, name in enumerate(all_of_them, 1)))
-    committed = replace(theirs.sources[0], own=False)
+    committed = replace(theirs.sources[0], by_user=False)
     (table,) = winner_tables(Results((mine.sources[0], committed)))
     assert table["rows"][0][3] == "semi-implicit-euler" and "committed" in table["title"]
-    (table,) = winner_tables(Results((replace(theirs.sources[0], own=True), replace(mine.sources[0], own=False))))
+    (table,) = winner_tables(
+        Results((replace(theirs.sources[0], by_user=True), replace(mine.sources[0], by_user=False)))
+    )
     assert "committed" not in table["title"]
 
 
 def test_a_committed_machine_does_not_share_the_readers_label() -> None:
     results = made(CPU_RECORD, ("rk4", 0.01, 0.05, 1e-3, "cpu"))
-    committed = Results((replace(results.sources[0], own=False),))
+    committed = Results((replace(results.sources[0], by_user=False),))
     (table,) = winner_tables(committed)
     assert table["title"].endswith("CPU Made-up CPU, 2 cores (committed)")
     assert winner_tables(Results(())) == []

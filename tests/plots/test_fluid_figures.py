@@ -8,7 +8,7 @@ from synthetic_store import GPU_RECORD, Maker
 
 from softlab.bench.experiments import fluid_rest
 from softlab.bench.experiments.fluid_truth import laws
-from softlab.bench.experiments.fluid_truth.experiment import PEERS, Way
+from softlab.bench.experiments.fluid_truth.experiment import PEERS, Run
 from softlab.bench.experiments.fluid_truth.laws import start_off
 from softlab.bench.experiments.fluid_truth.scenes import (
     COLUMN,
@@ -85,7 +85,7 @@ def results() -> Results:
         )
         ways = [(None, 1.0), *((peer, 2.0) for peer in peers)]
         for peer, slower in ways:
-            told = Way(one, "cpu", peer).description
+            told = Run(one, "cpu", peer).description
             frame = slower * 1e-3 * method.substeps * method.iterations
             numbers = {**numbers_of(one), SECONDS: frame * method.dt / FRAME}
             for name, value in numbers.items():
@@ -93,7 +93,7 @@ def results() -> Results:
     for one, seconds in fluid_rest.settings(quick=False):
         for peer in (None, peer_of("DFSPH")) if one.beside else (None,):
             for name, value in still_numbers(one, seconds, peer is not None).items():
-                told = Way(one, "cpu", peer, threads=1).description
+                told = Run(one, "cpu", peer, threads=1).description
                 store.add_measure(maker.run, told, "s", name, value, "", "2.19.0" if peer else None)
     scene = pool(1000)
     for backend in ("cpu", "gpu"):

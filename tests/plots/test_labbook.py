@@ -311,7 +311,7 @@ def test_whose_measurements_these_are_is_said(variants: dict[str, Results]) -> N
     assert "committed measurements, made on: Made-up CPU, 16 cores; Made-up GPU" in notice
     assert notices(variants["own gpu"]) == []
     disturbed = variants["own gpu"]
-    source = next(source for source in disturbed.sources if source.own)
+    source = next(source for source in disturbed.sources if source.by_user)
     busy = tuple(
         replace(timing, suspect=("load: other programs ran on the cores in use",)) for timing in source.timings
     )

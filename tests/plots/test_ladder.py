@@ -94,9 +94,9 @@ def test_shares_of_the_ceilings(gpu: Results) -> None:
     assert found.operations == mass_spring_plan(load_scene("lab-grid")).operations
     largest = source.ladder("gpu")["tiles"][-1]
     seconds = kernel_seconds(GPU_RECORD, "gpu", "tiles", largest.particles, "float32")
-    assert found.share(largest) == pytest.approx(32 * largest.particles / 4e12 / seconds)
-    assert found.share(largest) > 1, "several steps per pass"
-    assert found.arithmetic_share == pytest.approx(32 / 4e12 / (found.operations / 6e13))
+    assert found.fraction(largest) == pytest.approx(32 * largest.particles / 4e12 / seconds)
+    assert found.fraction(largest) > 1, "several steps per pass"
+    assert found.arithmetic_fraction == pytest.approx(32 / 4e12 / (found.operations / 6e13))
     double = roofline.ceilings(source, "gpu", "float64")
     assert double is not None and double.bytes == 64 and double.rate == 3e13
 
@@ -182,7 +182,7 @@ def test_the_first_step(gpu: Results) -> None:
 
 
 def test_a_backend_is_shown_by_the_users_own_machine_first(gpu: Results, cpu: Results) -> None:
-    committed = replace(gpu.sources[0], own=False)
+    committed = replace(gpu.sources[0], by_user=False)
     both = Results((*cpu.sources, committed))
     on_cpu, on_gpu = machine_of(both, "cpu"), machine_of(both, "gpu")
     assert on_cpu is cpu.sources[0] and on_gpu is committed

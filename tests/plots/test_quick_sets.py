@@ -101,7 +101,7 @@ def test_what_the_user_measured_stays_even_where_the_committed_say_more(
     both: Results, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def compared(results: Results) -> Claim:
-        own = any(one.own for one in results.sources)
+        own = any(one.by_user for one in results.sources)
         return Claim("Here there is no difference." if own else "There is one.", {"ratio": 1.0}, not own)
 
     monkeypatch.setitem(build.CLAIMS, "compared", compared)

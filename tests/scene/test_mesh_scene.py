@@ -157,7 +157,7 @@ def test_one_diagonal_is_the_clothes_surface() -> None:
     assert {tuple(t) for t in np.sort(mesh.grid.triangles())} == {tuple(t) for t in np.sort(cloth.grid.triangles())}
     position = build(mesh).position
     np.testing.assert_allclose(mesh.grid.normals(position), vertex_normals(position, 5, 4), atol=1e-14)
-    way = sheets.Way
+    way = sheets.Direction
     closed = sheets.sheet(5, 4, {(1, 0): way(0.1, 0.01), (0, 1): way(0.1, 0.01), (1, 1): way(0.1 * np.sqrt(2), 0.01)})
     wanted = {(int(a), int(b)): r for a, b, r in zip(closed.first, closed.second, closed.rest_length, strict=True)}
     (edges,) = (one for one in constraint_sets(mesh) if one.kind == "structural")

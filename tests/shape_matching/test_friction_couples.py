@@ -68,7 +68,9 @@ def test_couples_are_what_keeps_it(kind: str, monkeypatch: pytest.MonkeyPatch) -
     """In the reference, which takes friction as it is, the same impact without them."""
     scene = impact(kind, 0.5)
     kept = change_of(scene, *reference.simulate(scene, STEPS))
-    monkeypatch.setattr(cluster_material, "turned", lambda clusters, position, couples: np.zeros_like(position))
+    monkeypatch.setattr(
+        cluster_material, "couple_displacements", lambda clusters, position, couples: np.zeros_like(position)
+    )
     assert change_of(scene, *reference.simulate(scene, STEPS)) > 0.02 > 4 * kept
 
 
@@ -126,7 +128,7 @@ def test_no_random_contact_adds_energy(kind: str) -> None:
         ways[own] -= [0.0, 10 ** random.uniform(-2.8, -1.8), 0.0]
         contacts.find(start + ways)
         now = contacts.project(start, start + ways)
-        now = now + cluster_material.turned(scene.body_set.loose, now, contacts.couples)
+        now = now + cluster_material.couple_displacements(scene.body_set.loose, now, contacts.couples)
         if contacts.couples.any():
             gains.append(float((mass * (now - start) ** 2).sum() / (mass * ways**2).sum() - 1))
     assert len(gains) > 50 and max(gains) < 1e-12

@@ -15,7 +15,7 @@ from softlab.bench.experiments.findings.determinism import (
     OTHERS,
     determinism,
     different_runs,
-    open_way,
+    open_variant,
 )
 from softlab.bench.measure.costs_timing import RATIO, Effort, Record
 from softlab.bench.measure.machine import enter_machine
@@ -30,7 +30,10 @@ STEPS = 6
 def test_a_scatter_does_what_the_gather_does(how: str, precision: str) -> None:
     """To rounding: the bound of every check of a kernel at such a size."""
     scene = load_scene("lab-grid").replace({"grid.rows": 8, "grid.columns": 8})
-    with open_way(scene, "gpu", precision, GATHER) as right, open_way(scene, "gpu", precision, how) as simulation:
+    with (
+        open_variant(scene, "gpu", precision, GATHER) as right,
+        open_variant(scene, "gpu", precision, how) as simulation,
+    ):
         start = displaced(right)
         ends = []
         for each in (right, simulation):

@@ -19,7 +19,7 @@ def test_outcomes_are_the_cpus(dt, code, monkeypatch):
     """16 steps under the limit, and until it diverges at three times it: step and note are the same."""
     monkeypatch.setattr(stability_runs, "END", 0.016)
     monkeypatch.setattr(stability_runs, "MIN_STEPS", 16)
-    monkeypatch.setattr(stability_runs, "LOOKS", 4)
+    monkeypatch.setattr(stability_runs, "MIN_CHECKS", 4)
     found = []
     for backend in ("cpu", "gpu"):
         options = {"kernel": "stages"} if backend == "cpu" else {}

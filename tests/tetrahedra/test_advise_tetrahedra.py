@@ -11,7 +11,7 @@ import pytest
 from softlab import cli
 from softlab.app.driver import open_simulation
 from softlab.bench.experiments import tetrahedra as experiment
-from softlab.bench.experiments.advise.answer import answer
+from softlab.bench.experiments.advise.answer import measure_advice
 from softlab.bench.experiments.advise.tetrahedra import _beside, advise_tetrahedra, bodies, budgets_by_law
 from softlab.bench.experiments.advise.tetrahedra_advice import Budget, TetrahedraAdvice
 from softlab.bench.experiments.advise.tetrahedra_laws import MOST, Stiff, fewest, gravity_lost, least_substep
@@ -175,7 +175,7 @@ def test_measured_bars_are_told_beside_the_law(store: Store, precision: str, tol
 ])  # fmt: skip
 def test_what_has_no_answer_is_refused(store: Store, options: dict[str, float], field: str) -> None:
     with pytest.raises(SceneError) as refused:
-        answer(store, bar(), **options)  # type: ignore[arg-type]
+        measure_advice(store, bar(), **options)  # type: ignore[arg-type]
     assert refused.value.field == field
 
 

@@ -12,8 +12,8 @@ from rich.console import Console
 from softlab.app.driver import open_simulation
 from softlab.bench.experiments.tetrahedral.cantilever import POISSON
 from softlab.bench.peers.bars.fem import WarpFem
+from softlab.bench.peers.bars.lab import LabTetrahedra
 from softlab.bench.peers.bars.newton import NewtonTetrahedra, squares_stress, stable_substeps
-from softlab.bench.peers.bars.own import OwnTetrahedra
 from softlab.bench.peers.bars.tip import BARS, by_stress, exact_tip, quickest
 from softlab.bench.peers.base import Peer
 from softlab.bench.peers.registry import PEERS
@@ -63,9 +63,9 @@ def test_the_judge_by_stress_comes_to_the_modes_and_xpbd_falls_freely() -> None:
     """A bar of XPBD's law is a mechanism: g t^2 / 2 after t, whatever mu."""
     scene = SCENES[WORD].make(1, 1)
     exact = exact_tip(scene)
-    assert by_stress(1, 1e7, _neo_hookean, "its own").way == pytest.approx(exact.way, rel=3e-3)
+    assert by_stress(1, 1e7, _neo_hookean, "its own").displacement == pytest.approx(exact.displacement, rel=3e-3)
     falling = scene.gravity.acceleration * (exact.frames / 60) ** 2 / 2  # type: ignore[union-attr]
-    assert by_stress(1, 1e7, squares_stress, "its own").way == pytest.approx(falling, rel=1e-6)
+    assert by_stress(1, 1e7, squares_stress, "its own").displacement == pytest.approx(falling, rel=1e-6)
 
 
 def test_the_quickest_vibration_bounds_an_explicit_step() -> None:
@@ -91,7 +91,7 @@ def kept(tmp_path_factory: pytest.TempPathFactory) -> Any:
         summary = run_peers(
             store, scenes=[WORD], sizes=[1], backends=["cpu"], precisions=["float64"], repeats=1, min_seconds=1e-3,
             max_seconds=1e6, total_seconds=1e6,  # of a busy machine, too
-            peers=[OwnTetrahedra("cpu", "xpbd", 128, 1), OwnTetrahedra("cpu", "xpbd", 4, 1)], progress=False,
+            peers=[LabTetrahedra("cpu", "xpbd", 128, 1), LabTetrahedra("cpu", "xpbd", 4, 1)], progress=False,
         )  # fmt: skip
         yield store, summary
 
@@ -113,7 +113,7 @@ def test_an_answer_that_takes_too_long_is_not_waited_for(tmp_path: Any) -> None:
     with Store(tmp_path / "results.sqlite") as store:
         summary = run_peers(
             store, scenes=[WORD], sizes=[1], backends=["cpu"], precisions=["float64"], repeats=1, min_seconds=1e-3,
-            max_seconds=1e-4, peers=[OwnTetrahedra("cpu", "xpbd", 4, 1)], progress=False,
+            max_seconds=1e-4, peers=[LabTetrahedra("cpu", "xpbd", 4, 1)], progress=False,
         )  # fmt: skip
         assert summary.measured == 0 and any("its answer would take" in reason for _, reason in summary.skipped)
         assert not [m for m in measures(store) if m.name == "peer_difference"]
@@ -150,7 +150,7 @@ def test_peers_move_as_the_lab_does(peer: Peer) -> None:
 
 def test_what_they_do_not_know_they_refuse() -> None:
     scene = SCENES[WORD].make(1, 1)
-    for peer in (WarpFem("cpu"), NewtonTetrahedra("cpu", "VBD", 4, 10), OwnTetrahedra("cpu", "vbd", 4, 30)):
+    for peer in (WarpFem("cpu"), NewtonTetrahedra("cpu", "VBD", 4, 10), LabTetrahedra("cpu", "vbd", 4, 30)):
         assert peer.refusal(scene) is None
         assert "damping" in str(peer.refusal(scene.replace({"damping.coefficient": 1.0})))
         assert "material" in str(peer.refusal(scene.replace({"beam.material": "fixed-corotated"})))

@@ -77,7 +77,7 @@ def test_rates_are_kept_and_told(tmp_path: object, monkeypatch: pytest.MonkeyPat
     with Store(tmp_path / "results.sqlite") as store:  # type: ignore[operator]
         summary = run_element_projections(store, quick=True, backends=["cpu"], progress=False)
         assert (summary.measured, summary.skipped) == (2, [])
-        assert run_element_projections(store, quick=True, backends=["cpu"], progress=False).held == 2
+        assert run_element_projections(store, quick=True, backends=["cpu"], progress=False).stored == 2
         found = points(measures(store))
         assert [(p.tetrahedra, p.sweep) for p in found] == [(400, "tetrahedra"), (400, "voxels")]
         assert all(p.rate * p.step == pytest.approx(400) for p in found)

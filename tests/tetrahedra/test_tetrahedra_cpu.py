@@ -43,7 +43,7 @@ def test_states_are_the_references(name: str) -> None:
     position, velocity = reference.simulate(
         body, begin.position, begin.velocity, begin.inverse_mass, rows.sweep, method.dt, method.substeps, method.iterations,
         STEPS, gravity=(0.0, -9.81, 0.0), damping_time=part.damping,
-        way="blocks" if method.rows == "blocks" else "rows",
+        scheme="blocks" if method.rows == "blocks" else "rows",
     )  # fmt: skip
     state = run(scene)
     np.testing.assert_allclose(state.position, position, atol=1e-12)
@@ -125,7 +125,7 @@ def test_cut_voxels_are_the_references_with_a_fraction_of_the_stiffness(volume: 
         members = [np.sort(place[np.flatnonzero(found.patch == found.patch[one])]) for one in first[0]]
         position, _ = voxel_reference.simulate(*common, members, method["dt"], STEPS, 1, **rest)
     else:
-        position, _ = reference.simulate(*common, method["dt"], 1, 1, STEPS, **rest, way="rows")
+        position, _ = reference.simulate(*common, method["dt"], 1, 1, STEPS, **rest, scheme="rows")
     assert 0.01 < found.fraction.min() + 0.01 < found.fraction.max() and (found.fraction < 1).any()
     np.testing.assert_allclose(run(scene).position, position, atol=1e-11)
     assert np.abs(position - begin.position).max() > 1e-3

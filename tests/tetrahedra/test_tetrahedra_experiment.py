@@ -131,7 +131,7 @@ def test_rows_and_references_outlast_an_interruption(tmp_path: Path, monkeypatch
         assert any("exact rest" in text for text in said) and any("vibrations" in text for text in said)
         stored = {measure.name for measure in measures(opened)}
         assert {tetrahedra.MOTION_ERROR, tetrahedra.SOLVER_ERROR, tetrahedra.MESH_ERROR} <= stored
-        assert not group.held(opened, machine)
+        assert not group.is_stored(opened, machine)
     for made in cached:
         made.cache_clear()
 
@@ -242,7 +242,7 @@ def test_the_fastest_is_near_and_moves() -> None:
     assert rest.best and rest.rows and motion.best and motion.rows
     assert (rest.best.solver, rest.best.substeps, rest.rows.substeps) == ("newton", 1, 325)
     assert (motion.best.substeps, motion.rows.substeps) == (20, 325)
-    assert rest.share == pytest.approx(0.05) and motion.share == pytest.approx(0.4)
+    assert rest.time_ratio == pytest.approx(0.05) and motion.time_ratio == pytest.approx(0.4)
     met, missed = targets(found)
     assert met.endswith("is reached") and missed.endswith("is missed") and "1e7 Pa" in met
     assert [b.substeps for b in frontier(found)] == [1, 1, 20, 325, 512]
@@ -259,7 +259,7 @@ def test_what_takes_too_long_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     with Store(":memory:") as opened:
         for held in (0, 1):
             summary = run_tetrahedra(opened, quick=True, backends=["cpu"], precisions=["float64"], progress=False)
-            assert (summary.measured, summary.held) == (1 - held, held)
+            assert (summary.measured, summary.stored) == (1 - held, held)
         reasons = {m.name: m.reason or "" for m in measures(opened)}
         assert "would take" in reasons[MOTION_ERROR] and "would take" in reasons[SOLVER_ERROR]
         assert bars(measures(opened)) == []

@@ -20,7 +20,7 @@ from softlab.bench.reference.finite_elements_newton import implicit_euler, nonli
 
 DENSITY, FRAME = 1000.0, 1 / 60
 ONE = np.array([[0.0, 0.0, 0.0], [0.3, 0.02, 0.0], [0.05, 0.25, 0.01], [0.1, 0.08, 0.2]])
-WAYS = (*rows.WAYS, "blocks")
+WAYS = (*rows.SCHEMES, "blocks")
 
 
 def one(material: str) -> fem.Body:
@@ -58,7 +58,7 @@ def test_a_projection_keeps_momenta(way: str, material: str) -> None:
     """The middle of mass to rounding; by rows (not by blocks) also the angular momentum, one projection about where it is."""
     body, weight = one(material), np.array([1.0, 2.0, 0.5, 3.0])
     here = ONE @ np.diag([1.2, 0.9, 1.1]) + 0.3
-    moved = rows.substep(body, here, np.zeros((4, 3)), weight, [np.array([0])], 0.01, way=way)[0]
+    moved = rows.substep(body, here, np.zeros((4, 3)), weight, [np.array([0])], 0.01, scheme=way)[0]
     impulse = (moved - here) / weight[:, None]
     assert np.abs(impulse).max() > 1e-4
     np.testing.assert_allclose(impulse.sum(axis=0), 0, atol=1e-12)
@@ -74,10 +74,10 @@ def test_nothing_happens_at_rest_and_pins_hold(way: str) -> None:
     weight, still = inverse_masses(made), np.zeros_like(made.position)
     turn = materials.rotation(np.random.default_rng(2).normal(size=(3, 3)))
     turned = made.position @ turn.T
-    p, v = rows.simulate(body, turned, still, weight, made.colours, FRAME, 2, 2, 3, way=way)
+    p, v = rows.simulate(body, turned, still, weight, made.colours, FRAME, 2, 2, 3, scheme=way)
     np.testing.assert_allclose(p, turned, rtol=0, atol=1e-8)
     flat = made.position * [1, -0.5, 0]
-    p, v = rows.simulate(body, flat, still, weight, made.colours, FRAME, 2, 2, 3, (0, -9.81, 0), 0.01, way=way)
+    p, v = rows.simulate(body, flat, still, weight, made.colours, FRAME, 2, 2, 3, (0, -9.81, 0), 0.01, scheme=way)
     assert np.isfinite(p).all() and np.isfinite(v).all()
     np.testing.assert_array_equal(p[made.clamped], flat[made.clamped])
     assert np.abs(p - flat).max() > 0.01
@@ -98,7 +98,7 @@ def test_sweeps_approach_the_exact_step_by_blocks_alone(material: str) -> None:
     left = {}
     for way, sweeps in (("rows", 200), ("rows", 400), ("blocks", 10), ("blocks", 400)):
         p, _ = rows.simulate(
-            body, made.position, v, inverse_masses(made), made.colours, h, 1, sweeps, 1, gravity, way=way
+            body, made.position, v, inverse_masses(made), made.colours, h, 1, sweeps, 1, gravity, scheme=way
         )
         left[way, sweeps] = np.abs(p - exact).max() / far
     assert left["blocks", 400] < 2e-5 < left["blocks", 10]
@@ -117,7 +117,7 @@ def test_damping_by_a_time(way: str) -> None:
     left = []
     for tau in (0.0, 0.02 / w):
         p, v = ONE + 1e-4 * shape, np.zeros_like(ONE)
-        p, v = rows.simulate(body, p, v, 1 / mass, [np.array([0])], 800 * h, 800, 1, 1, (0, 0, 0), tau, way=way)
+        p, v = rows.simulate(body, p, v, 1 / mass, [np.array([0])], 800 * h, 800, 1, 1, (0, 0, 0), tau, scheme=way)
         energy = body.energy(p) + float((mass[:, None] * v**2).sum()) / 2
         left.append(energy)
     assert np.log(left[0] / left[1]) == pytest.approx(0.02 / w * w**2 * 800 * h, rel=0.02)
@@ -144,7 +144,7 @@ def too_far(young: float, substeps: int, iterations: int = 1, way: str = "rows",
     made, exact, gravity = exact_sag(young, poisson)
     body = fem.Body.of(made.position, made.tetrahedra, "fixed-corotated", young, poisson)
     found = rows.at_rest(
-        body, exact, inverse_masses(made), made.colours, FRAME / substeps, iterations, gravity, way=way
+        body, exact, inverse_masses(made), made.colours, FRAME / substeps, iterations, gravity, scheme=way
     )
     return float((found - made.position)[made.tip, 1].mean() / (exact - made.position)[made.tip, 1].mean())
 
@@ -188,7 +188,7 @@ def test_neo_hookean_rows_stay_without_a_load(way: str) -> None:
     made = bar(1, 5, length=0.4)
     body = fem.Body.of(made.position, made.tetrahedra, "neo-hookean", 1e6, 0.3)
     still = np.zeros_like(made.position)
-    p, _ = rows.simulate(body, made.position, still, inverse_masses(made), made.colours, FRAME, 1, 1, 15, way=way)
+    p, _ = rows.simulate(body, made.position, still, inverse_masses(made), made.colours, FRAME, 1, 1, 15, scheme=way)
     np.testing.assert_allclose(p, made.position, rtol=0, atol=1e-14)
 
 

@@ -24,7 +24,7 @@ from softlab.bench.peers.registry import OURS, PEERS
 from softlab.bench.peers.scenes import SCENES
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import configuration
-from softlab.bench.stress.bodies import OFF_LAW, OFF_NEWTON, OUT_OF_SHAPE, PARTING, SPIN_KEPT
+from softlab.bench.stress.bodies import OFF_LAW, OFF_NEWTON, OUT_OF_SHAPE, PARTING, SPIN_FRACTION
 from softlab.bench.stress.body_cases import BODY_CASES
 from softlab.bench.stress.piles import BORNE, DEPTH, LOWERED, RATIO, SINKING
 from softlab.bench.stress.results import CHECK, CODES, SHAPE, VERDICT
@@ -259,7 +259,7 @@ class Maker:
     def hard_bodies(self, failing: str = "") -> None:
         """Every hard case of bodies passes, at a tenth of its bound, but `failing`; a fifth of the spin is lost."""
         names = {
-            "S7": (OFF_LAW, SPIN_KEPT, OFF_NEWTON), "A10": (OUT_OF_SHAPE,), "B17": (PARTING,),
+            "S7": (OFF_LAW, SPIN_FRACTION, OFF_NEWTON), "A10": (OUT_OF_SHAPE,), "B17": (PARTING,),
             "B18": (SINKING, LOWERED, BORNE, DEPTH, RATIO),
         }  # fmt: skip
         position = np.random.default_rng(1).uniform(-1, 1, (10, 3))
@@ -268,7 +268,7 @@ class Maker:
                 told = configuration(case.base(), backend=backend, precision=precision) | {"hard": case.name}
                 entries = []
                 for place, name in enumerate(names.get(case.row, ("made up",))):
-                    value = {SPIN_KEPT: 0.8, OFF_LAW: 0.1 if precision == "float32" else 1e-9}.get(name, 0.01)
+                    value = {SPIN_FRACTION: 0.8, OFF_LAW: 0.1 if precision == "float32" else 1e-9}.get(name, 0.01)
                     entries.append((f"{CHECK}{place:02d} {name}", value, "< 0.1" if place == 0 else ""))
                 if case.row != "B20":
                     entries.append((SHAPE, None, bodies_as_text(position, np.repeat([0, 1], 5))))

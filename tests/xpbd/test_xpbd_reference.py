@@ -15,7 +15,7 @@ DOWN = np.array([0.0, -G])
 
 
 def chain(links: int, length: float, compliance: float) -> xpbd.Constraints:
-    return xpbd.sheet(links + 1, 1, {(1, 0): xpbd.Way(length, compliance)})
+    return xpbd.sheet(links + 1, 1, {(1, 0): xpbd.Direction(length, compliance)})
 
 
 def inverse(masses: np.ndarray) -> np.ndarray:
@@ -170,7 +170,7 @@ def test_a_rigid_dumbbell_loses_spin_by_a_law(h, kept):
 
 @pytest.mark.parametrize(("rows", "columns"), [(1, 1), (1, 4), (4, 1), (2, 2), (7, 9)])
 def test_no_colour_touches_a_mass_twice(rows, columns):
-    ways = {way: xpbd.Way(float(np.hypot(*way)), 0.1) for way in xpbd.WAYS}
+    ways = {way: xpbd.Direction(float(np.hypot(*way)), 0.1) for way in xpbd.COLOURS}
     constraints = xpbd.sheet(rows, columns, ways)
     for which in constraints.colours:
         touched = np.concatenate([constraints.first[which], constraints.second[which]])

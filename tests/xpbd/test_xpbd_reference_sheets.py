@@ -152,7 +152,7 @@ def test_stiffness_of_two_iterations_in_the_limit_of_short_substeps(ordering, re
     Jacobi divided by the valence V does not let it: n iterations give 1 - (1 - 1/V)^n of the force, at any h. In the
     middle of a cloth V = 12: two iterations make springs of a sixth of their stiffness, and substeps do not repair it.
     """
-    ways = {way: xpbd.Way(0.1 * float(np.hypot(*way)), 0.01) for way in xpbd.WAYS}
+    ways = {way: xpbd.Direction(0.1 * float(np.hypot(*way)), 0.01) for way in xpbd.COLOURS}
     constraints = xpbd.sheet(9, 9, ways)
     p = 1.01 * np.stack(np.meshgrid(np.arange(9), np.arange(9)), axis=-1).reshape(-1, 2) * 0.1
     state = xpbd.substep(constraints, p, np.zeros_like(p), 0.0, np.full(81, 100.0), 1e-7, 2, ordering)

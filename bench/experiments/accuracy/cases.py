@@ -75,7 +75,7 @@ def cases(
     Methods that do not support a scene's sheet are left out for that scene, and so are, for cloths in float32, methods
     that converge to something else (`WRONG`).
     """
-    found = []
+    selected = []
     every = methods or (*INTEGRATORS, *OF_CLOTHS, *(XPBD if wide else QUICK_XPBD))
     iterations = ITERATIONS if wide or methods else QUICK_ITERATIONS
     few = tuple(name for name in WIDE if methods is None or name in methods)
@@ -87,7 +87,7 @@ def cases(
             kinds.append((label, base, few, "exact"))
             for name, (_, n) in SIZES.items():
                 kinds.append((name, base.replace({"grid.rows": n, "grid.columns": n}), few, "fast"))
-        found += [
+        selected += [
             make_case(name, sized.replace(change), backend, precision, math)
             for name, sized, used, math in kinds
             for backend in backends
@@ -97,7 +97,7 @@ def cases(
             if wide or methods or precisions or _quick(label, method, precision)
             for change in _variants(label, method, iterations, _stride(wide or methods, method, precision))
         ]
-    return found
+    return selected
 
 
 def _quick(label: str, method: str, precision: str) -> bool:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import Generic, Protocol, TypeVar
 
 TARGETS = (1e-1, 1e-2, 1e-3, 1e-4)  # spacings
@@ -86,10 +87,9 @@ def equal_error(points: Sequence[Candidate], targets: Sequence[float] = TARGETS)
     """Return a row for each target error: the fastest configurations among points of one scene and machine."""
     rows = []
     for target in targets:
-        ways = {
-            (backend, copied): fastest([p for p in points if p.backend == backend], target, copied=copied)
-            for backend in ("cpu", "gpu")
-            for copied in (False, True)
-        }
-        rows.append(Fastest(target, ways["cpu", False], ways["gpu", False], ways["cpu", True], ways["gpu", True]))
+        pairs = product((False, True), ("cpu", "gpu"))  # the order of the fields of Fastest
+        chosen = (
+            fastest([p for p in points if p.backend == backend], target, copied=copied) for copied, backend in pairs
+        )
+        rows.append(Fastest(target, *chosen))
     return rows

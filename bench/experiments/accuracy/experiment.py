@@ -49,7 +49,7 @@ from softlab.bench.experiments.accuracy.points import (
 from softlab.bench.experiments.accuracy.references import converged_for, growth_for, motion_of, references
 from softlab.bench.experiments.accuracy.solver_error import Iterated, solver_numbers
 from softlab.bench.experiments.growth import Growth
-from softlab.bench.measure.experiment import Tell, backends_here, chosen, keep, resume
+from softlab.bench.measure.experiment import Report, backends_here, chosen, resume, store_measures
 from softlab.bench.measure.samples import in_turns
 from softlab.bench.measure.timing import Subject, prepare_runs
 from softlab.bench.reference import cache
@@ -98,17 +98,17 @@ def run_accuracy(
     for case in everything:
         groups.setdefault((case.label, case.backend), []).append(case)
 
-    def held(case: Case) -> bool:
+    def is_stored(case: Case) -> bool:
         key = case.description, summary.machine, case.sources
         wanted = (COST, GROWTH, SOLVER) if case.scene.method.position_based else (COST, GROWTH)
-        told = all(store.has_measure(*key, name) for name in wanted)
-        return told and store.sample_count(*key, STAGE) >= repeats
+        has_measures = all(store.has_measure(*key, name) for name in wanted)
+        return has_measures and store.sample_count(*key, STAGE) >= repeats
 
-    def measure(group: Sequence[Case], tell: Tell) -> None:
-        _Group(store, summary, repeats, seconds, tell).measure(group)
+    def measure(group: Sequence[Case], report: Report) -> None:
+        _Group(store, summary, repeats, seconds, report).measure(group)
 
     how: dict[str, Any] = {"progress": progress, "command": command, "worth": lambda case: 2}
-    resume(store, summary, list(groups.values()), held, measure, **how)
+    resume(store, summary, list(groups.values()), is_stored, measure, **how)
     summary.points = _points(store, summary.machine, everything)
     summary.stop()
     return summary
@@ -119,8 +119,8 @@ class _Group:
     turn.
     """
 
-    def __init__(self, store: Store, summary: AccuracySummary, repeats: int, seconds: float, tell: Tell):
-        self.store, self.summary, self.tell = store, summary, tell
+    def __init__(self, store: Store, summary: AccuracySummary, repeats: int, seconds: float, report: Report):
+        self.store, self.summary, self.report = store, summary, report
         self.repeats, self.seconds = repeats, seconds
         self.folder = references(store)
         self.iterated = Iterated(self.folder)
@@ -128,15 +128,15 @@ class _Group:
     def measure(self, group: Sequence[Case]) -> None:
         label = group[0].label
         scene, end = motion_of(group[0].scene), end_of(label)
-        self.tell(f"{label}: converged reference", 0)
+        self.report(f"{label}: converged reference", 0)
         right, half = converged_for(label, scene, end, self.folder), None
         if not scene.cloth:
-            half = cache.kept(scene, end, self.folder, inertia=HALF_ACCELERATION)
+            half = cache.cached_reference(scene, end, self.folder, inertia=HALF_ACCELERATION)
         growth = growth_for(label, scene, end, self.folder)
         with ExitStack() as stack:
             subjects = []
             for case in group:
-                self.tell(str(case), 1)
+                self.report(str(case), 1)
                 subject = Subject(stack.enter_context(case.open()), case)
                 broken = self._judge(subject, right, half, growth)
                 if broken is None:
@@ -168,7 +168,7 @@ class _Group:
                 numbers[SOLVER] = (math.inf, "spacing", str(broken))
         if copying is not None:
             numbers[COPY] = (copying, "s", f"median of {COPIES}, the whole state")
-        keep(self.store, self.summary.run, case.description, case.sources, numbers)
+        store_measures(self.store, self.summary.run, case.description, case.sources, numbers)
         return broken
 
     def _sample(self, subjects: Sequence[Subject]) -> None:
@@ -177,9 +177,9 @@ class _Group:
             case = subject.name
             median = statistics.median(sample.seconds / (sample.steps * case.scene.method.dt) for sample in samples)
             cost = median, "s/s", f"median of {repeats}"  # stored last, so that a case with a cost is complete
-            keep(store, summary.run, case.description, case.sources, {COST: cost})
+            store_measures(store, summary.run, case.description, case.sources, {COST: cost})
             summary.measured += 1
-            self.tell(f"{case}: timed", 1)
+            self.report(f"{case}: timed", 1)
 
 
 def copy_seconds(simulation: Simulation) -> float:
@@ -194,8 +194,8 @@ def copy_seconds(simulation: Simulation) -> float:
 
 def _points(store: Store, machine: str, everything: Sequence[Case]) -> list[AccuracyPoint]:
     """Return the points of the cases that the store has results of, in the order of the cases."""
-    found = by_configuration(measures_of(store, machine, (case.description for case in everything)))
-    named = {next(iter(one.values())).configuration: one for one in found}
+    stored = by_configuration(measures_of(store, machine, (case.description for case in everything)))
+    named = {next(iter(one.values())).configuration: one for one in stored}
     repeats = {timing.configuration: timing for timing in timings(store, machine, STAGE)}
     keys = [configuration_hash(case.description) for case in everything]
     points = [

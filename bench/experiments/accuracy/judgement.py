@@ -86,8 +86,8 @@ def _statistics(scene: Scene, state: State, right: Converged, free: np.ndarray) 
         float(np.abs(spring_strain(scene, position)).max(initial=0.0)) for position in (state.position, right.position)
     )
     off = {
-        name: np.asarray(mine, np.float64)[free] - theirs[free]
-        for name, mine, theirs in (
+        name: np.asarray(ours, np.float64)[free] - theirs[free]
+        for name, ours, theirs in (
             ("position", state.position, right.position),
             ("velocity", state.velocity, right.velocity),
         )

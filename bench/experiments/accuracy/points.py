@@ -45,18 +45,18 @@ def labels_of(names: Iterable[str]) -> list[str]:
     """Return the labels of scenes that are named by label or by catalogue name, each once. Raises SceneError for
     others.
     """
-    known, found = SCENES | CLOTHS, []
+    known, labels = SCENES | CLOTHS, []
     for name in names:
-        mine = [label for label, scene in known.items() if name.lower() in (label.lower(), scene)]
-        if not mine:
+        matches = [label for label, scene in known.items() if name.lower() in (label.lower(), scene)]
+        if not matches:
             raise SceneError(
                 "--scene", name, "must be a scene with a converged reference: "
                 f"{', '.join(f'{label} ({scene})' for label, scene in known.items())}; for other grids and cloths, softlab "
                 "run and softlab advise report the error; for bodies, softlab bar compares the material with closed forms "
                 "and softlab throughput measures the time"
             )  # fmt: skip
-        found += mine
-    return list(dict.fromkeys(found))
+        labels += matches
+    return list(dict.fromkeys(labels))
 
 
 @dataclass(frozen=True)
@@ -194,9 +194,9 @@ class AccuracySummary(Summary):
     def __str__(self) -> str:
         lines = []
         for label in (*SCENES, *SIZES, *CLOTHS):
-            mine = [p for p in self.points if p.scene == label]
-            if mine:
-                lines += summary_lines(label, mine)
+            points = [p for p in self.points if p.scene == label]
+            if points:
+                lines += summary_lines(label, points)
         if any(p.suspect for p in self.points):
             lines.append(SUSPECT_NOTE)
         return "\n".join([*lines, self.counts() + self.ending()])
@@ -221,13 +221,13 @@ def summary_lines(label: str, points: list[AccuracyPoint]) -> list[str]:
 
 def fastest_line(row: Fastest[AccuracyPoint]) -> str:
     """Return `1e-03 cpu 1.2 ms (1.2) velocity-verlet ...; gpu ...; at equal error the gpu is 2.1 times as fast (2.0)`."""
-    ways = []
-    for way, copied in ((row.cpu, row.cpu_copied), (row.gpu, row.gpu_copied)):
-        if way is not None:
-            cost = f"{1e3 * (way.seconds or 0.0):.3f}{way.mark} ms"
+    texts = []
+    for candidate, copied in ((row.cpu, row.cpu_copied), (row.gpu, row.gpu_copied)):
+        if candidate is not None:
+            cost = f"{1e3 * (candidate.seconds or 0.0):.3f}{candidate.mark} ms"
             cost += f" ({1e3 * copied.copied:.3f})" if copied is not None and copied.copied is not None else ""
-            ways.append(f"{cost}  {way.name}")
-    text = f"{row.target:.0e}  " + ("; ".join(ways) or "none of those measured")
+            texts.append(f"{cost}  {candidate.name}")
+    text = f"{row.target:.0e}  " + ("; ".join(texts) or "none of those measured")
     if row.speed_up is not None:
         text += f"; at equal error the gpu is {row.speed_up:.2g} times as fast"
         text += f" ({row.speed_up_copied:.2g})" if row.speed_up_copied is not None else ""
@@ -236,8 +236,8 @@ def fastest_line(row: Fastest[AccuracyPoint]) -> str:
 
 def _statistics(p: AccuracyPoint) -> str:
     """Return the text of a refused run: the statistics that are compared instead of the trajectory."""
-    told = ((p.energy_off, "J energy"), (p.mean_off, "spacings centre of mass"), (p.strain_off, "worst strain"))
-    parts = [f"{value:+.2e} {what}" for value, what in told if value is not None]
+    statistics = ((p.energy_off, "J energy"), (p.mean_off, "spacings centre of mass"), (p.strain_off, "worst strain"))
+    parts = [f"{value:+.2e} {what}" for value, what in statistics if value is not None]
     return f"off by {', '.join(parts)}  {p.name}" if parts else f"{p.note}  {p.name}"
 
 
@@ -256,14 +256,14 @@ def point(
     values: dict[str, Any] = {name: measure.value for name, measure in named.items()}
     method = tables_by_kind(description["scene"])["method"]
     iterations, substeps = efforts(method)
-    told: dict[str, Any] = {name: description[name] for name in ("precision", "backend", "threads", "math")}
-    told |= {field: values.get(name) for field, name in MEASURED.items()}
+    fields: dict[str, Any] = {name: description[name] for name in ("precision", "backend", "threads", "math")}
+    fields |= {field: values.get(name) for field, name in MEASURED.items()}
     return AccuracyPoint(
         scene=label,
         integrator=name_of(method),
         dt=method["dt"],
         error=error.value,
-        **told | _times(repeats, method["dt"]),
+        **fields | _times(repeats, method["dt"]),
         resolved=not values.get(judgement.UNRESOLVED),
         note=error.reason,
         iterations=iterations,

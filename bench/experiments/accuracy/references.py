@@ -27,7 +27,7 @@ from softlab.app.driver import open_simulation
 from softlab.bench.experiments.accuracy.judge import SECONDS_PER_EVALUATION, evaluation_seconds, fastest_rate
 from softlab.bench.experiments.accuracy.methods import newton, why_unknown
 from softlab.bench.experiments.accuracy.points import AT_REST
-from softlab.bench.experiments.growth import LOOKS, Growth, growth_along, kept_growth
+from softlab.bench.experiments.growth import CHECKPOINTS, Growth, cached_growth, growth_along
 from softlab.bench.measure.experiment import source_hash
 from softlab.bench.reference import cache, rope
 from softlab.bench.reference.mass_spring import simulate, smooth, start
@@ -45,7 +45,7 @@ ROPE_STEPS_PER_RADIAN = 0.4  # RK4 is stable from 0.36 on
 STILL_STEPS_PER_RADIAN = 0.002  # implicit Euler is stable at any step; the rope's end swings at 1.75 rad/s
 LEFT = 1e-8  # m: what is left of the swing at the time of S6-still
 FINER = 512  # steps of the contact reference to one step at the stability limit
-OWN_SECONDS = 6e-9  # s per mass and force evaluation, rounded up
+LAB_SECONDS = 6e-9  # s per mass and force evaluation, rounded up
 MAX_NUMPY_SECONDS = 20.0
 MAX_HALVINGS = 5
 SECONDS_PER_STEP = 1e-3  # s: overhead of the NumPy calls under a random force, rounded up
@@ -70,21 +70,21 @@ def converged_for(label: str, scene: Scene, end: float, folder: Path | None) -> 
         position = rope.hanging(scene)
         return cache.Converged(position, np.zeros_like(position), LEFT)
     if scene.loads:
-        return cache.kept(scene, end, folder, tolerance=ROPE_TOLERANCE, per_radian=ROPE_STEPS_PER_RADIAN)
+        return cache.cached_reference(scene, end, folder, tolerance=ROPE_TOLERANCE, per_radian=ROPE_STEPS_PER_RADIAN)
     if scene.colliders:
         return contact_converged(scene, end, folder)
     if scene.cloth:
-        return cache.kept(scene, end, folder, tolerance=CLOTH_TOLERANCE)
-    return cache.kept(scene, end, folder)
+        return cache.cached_reference(scene, end, folder, tolerance=CLOTH_TOLERANCE)
+    return cache.cached_reference(scene, end, folder)
 
 
 def growth_for(label: str, scene: Scene, end: float, folder: Path | None) -> Growth:
     """Return the growth of a disturbance of that motion up to `end` [s]."""
     if label in AT_REST:
-        return kept_growth(scene, end, folder, "implicit-euler", STILL_STEPS_PER_RADIAN)
+        return cached_growth(scene, end, folder, "implicit-euler", STILL_STEPS_PER_RADIAN)
     if scene.loads:
-        return kept_growth(scene, end, folder, per_radian=ROPE_STEPS_PER_RADIAN)
-    return kept_growth(scene, end, folder)
+        return cached_growth(scene, end, folder, per_radian=ROPE_STEPS_PER_RADIAN)
+    return cached_growth(scene, end, folder)
 
 
 def contact_converged(scene: Scene, time: float, folder: Path | None) -> cache.Converged:
@@ -101,7 +101,7 @@ def contact_converged(scene: Scene, time: float, folder: Path | None) -> cache.C
         return cache.Converged(position, velocity, float(np.linalg.norm(position - coarse, axis=1).max()))
 
     key = f"{cache.key(scene, time, 1.0, 1 / FINER)}-{source_hash('cpu')}"
-    return cache.kept_state(folder / f"contact-{key}.npz" if folder else None, scene, make)
+    return cache.cached_state(folder / f"contact-{key}.npz" if folder else None, scene, make)
 
 
 def _end(scene: Scene, time: float, steps: int) -> tuple[np.ndarray, np.ndarray]:
@@ -127,9 +127,9 @@ def numpy_seconds(scene: Scene, time: float) -> float:
     return _evaluations(scene, time) * evaluation_seconds(scene)
 
 
-def own_seconds(scene: Scene, time: float) -> float:
+def lab_seconds(scene: Scene, time: float) -> float:
     """Rough time [s] of the reference and the disturbed runs of a scene by the RK4 of this lab."""
-    return _evaluations(scene, time) * (scene.grid.particle_count * OWN_SECONDS + 2e-5)
+    return _evaluations(scene, time) * (scene.grid.particle_count * LAB_SECONDS + 2e-5)
 
 
 def by_numpy(scene: Scene, time: float) -> bool:
@@ -139,12 +139,12 @@ def by_numpy(scene: Scene, time: float) -> bool:
 
 def growth_of(scene: Scene, time: float, folder: Path | None) -> Growth:
     """Return the growth of a disturbance, from NumPy (stored in `folder`) if affordable, else by the RK4 of this lab."""
-    return kept_growth(scene, time, folder) if by_numpy(scene, time) else own_growth(scene, time)
+    return cached_growth(scene, time, folder) if by_numpy(scene, time) else lab_growth(scene, time)
 
 
 def converged_of(scene: Scene, time: float, folder: Path | None) -> cache.Converged:
     """Return the converged reference, from NumPy (stored in `folder`) if affordable, else by the RK4 of this lab."""
-    return cache.kept(scene, time, folder) if by_numpy(scene, time) else own_converged(scene, time)
+    return cache.cached_reference(scene, time, folder) if by_numpy(scene, time) else lab_converged(scene, time)
 
 
 def _opened(scene: Scene, dt: float) -> Simulation:
@@ -152,7 +152,7 @@ def _opened(scene: Scene, dt: float) -> Simulation:
     return open_simulation(stepped, "cpu", precision="float64", math="exact", allow_unstable=True)
 
 
-def own_converged(scene: Scene, time: float, tolerance: float = cache.TOLERANCE) -> cache.Converged:
+def lab_converged(scene: Scene, time: float, tolerance: float = cache.TOLERANCE) -> cache.Converged:
     """Return the state by RK4 at h and h/2 with Richardson, as bench.reference.mass_spring.converged. Raises Diverged."""
 
     def solve(count: int) -> tuple[np.ndarray, np.ndarray]:
@@ -166,7 +166,7 @@ def own_converged(scene: Scene, time: float, tolerance: float = cache.TOLERANCE)
     return cache.Converged(*refine(solve, steps, tolerance * scene.grid.spacing, most, smooth(scene)))
 
 
-def own_growth(scene: Scene, time: float) -> Growth:
+def lab_growth(scene: Scene, time: float) -> Growth:
     """Return the growth like bench.experiments.growth.measure_growth, by this lab's own solver."""
     velocity, inverse_mass = start(scene)[1], build(scene).inverse_mass
 
@@ -174,8 +174,8 @@ def own_growth(scene: Scene, time: float) -> Growth:
         with _opened(scene, time / count) as simulation:
             simulation.load(State(position, velocity, inverse_mass, 0.0, 0))
             passed = []
-            for _ in range(LOOKS):
-                simulation.advance(count // LOOKS)
+            for _ in range(CHECKPOINTS):
+                simulation.advance(count // CHECKPOINTS)
                 passed.append(simulation.state().position)
             return passed
 
@@ -190,13 +190,13 @@ def _first_fractions(scene: Scene) -> int:
     return max(1, ceil(4 * scene.method.dt * (frequency_bound(scene) + damping_rate(scene))))
 
 
-def held_seconds(scene: Scene, steps: int) -> float:
+def stepped_force_seconds(scene: Scene, steps: int) -> float:
     """Rough time [s] of the reference, at h, h/2 and h/4."""
     each = 4 * scene.grid.particle_count * SECONDS_PER_EVALUATION + SECONDS_PER_STEP
     return 7 * steps * _first_fractions(scene) * each
 
 
-def held_converged(scene: Scene, steps: int, folder: Path | None) -> cache.Converged:
+def stepped_force_converged(scene: Scene, steps: int, folder: Path | None) -> cache.Converged:
     """Return the converged motion after `steps` steps of `method.dt` under the draws of exactly those steps.
 
     It is by RK4 and Richardson. The result is that of bench.reference.mass_spring.converged, from `folder` if it is
@@ -218,4 +218,4 @@ def held_converged(scene: Scene, steps: int, folder: Path | None) -> cache.Conve
         return cache.Converged(*refine(solve, first, cache.TOLERANCE * scene.grid.spacing, most, smooth=True))
 
     key = cache.key(scene, steps * dt, 1.0, cache.TOLERANCE)
-    return cache.kept_state(folder / f"held-{key}-{steps}.npz" if folder else None, scene, make)
+    return cache.cached_state(folder / f"held-{key}-{steps}.npz" if folder else None, scene, make)

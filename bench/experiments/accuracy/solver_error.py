@@ -2,7 +2,7 @@
 
 The error against Newton's law (bench/experiments/accuracy/judgement.py) is that of the scheme, implicit Euler, plus
 what its iterations leave over. The second part alone is the distance to the same scheme, step size and ordering with so
-many iterations that twice as many change less than `SHARE` of it, in float64 and exact math on the CPU. Orderings
+many iterations that twice as many change less than `CHANGE_FRACTION` of it, in float64 and exact math on the CPU. Orderings
 converge to slightly different states, because a projection goes along the constraint's direction in that iterate
 (Macklin et al., XPBD, 2016, section 4). For the same reason the balance below does not vanish with the iterations.
 """
@@ -24,7 +24,7 @@ from softlab.bench.reference.steps import masses
 from softlab.model.core.simulation import State
 from softlab.model.scene.scene import Scene
 
-SHARE = 1e-3  # fraction of the solver's error that doubling the iterations may still change
+CHANGE_FRACTION = 1e-3  # fraction of the solver's error that doubling the iterations may still change
 FLOOR = 1e-9  # spacings: below the resolution of the references, above the rounding of float64 in thousands of steps
 MAX_ITERATIONS = 5120
 ORDERINGS = {"jacobi": "weighted-jacobi"}  # the name of this ordering in bench/reference/xpbd.py
@@ -41,27 +41,27 @@ class Iterated:
 
     def __init__(self, folder: Path | None):
         self.folder = folder
-        self._held: dict[str, np.ndarray] = {}
+        self._ends: dict[str, np.ndarray] = {}
 
     def end(self, scene: Scene, steps: int) -> np.ndarray:
         """Return the positions after `steps` steps in exact math on the CPU: (particles, dimensions) float64 [m]."""
         text = f"{scene.canonical()} {steps} {source_hash('cpu')}"
         key = hashlib.sha256(text.encode()).hexdigest()[:16]
-        if key not in self._held:
+        if key not in self._ends:
             file = self.folder / f"iterated-{key}.npz" if self.folder else None
             shapes = {"position": (scene.grid.particle_count, scene.dimensions)}
-            self._held[key] = cache.kept_arrays(file, shapes, lambda: {"position": _end(scene, steps)})["position"]
-        return self._held[key]
+            self._ends[key] = cache.cached_arrays(file, shapes, lambda: {"position": _end(scene, steps)})["position"]
+        return self._ends[key]
 
     def converged(self, scene: Scene, steps: int, free: np.ndarray) -> tuple[np.ndarray, float, int]:
         """Return (positions [m] of the scheme with converged iterations, the last change [spacings], iterations)."""
         iterations, spacing = scene.method.iterations, scene.grid.spacing
-        mine = before = self.end(scene, steps)
+        judged = before = self.end(scene, steps)
         while True:
             iterations *= 2
             after = self.end(scene.replace({"method.iterations": iterations}), steps)
-            change, error = (distance(one, after, free, spacing)[0] for one in (before, mine))
-            if change <= max(SHARE * error, FLOOR) or iterations >= MAX_ITERATIONS:
+            change, error = (distance(one, after, free, spacing)[0] for one in (before, judged))
+            if change <= max(CHANGE_FRACTION * error, FLOOR) or iterations >= MAX_ITERATIONS:
                 return after, change, iterations
             before = after
 
@@ -103,5 +103,5 @@ def next_residuals(scene: Scene, state: State) -> tuple[float, float]:
     drag = (scene.damping.coefficient if scene.damping else 0.0) / mass[:, None]
     constraints = xpbd.of_scene(scene)
     ordering = ORDERINGS.get(method.ordering, method.ordering)
-    made = xpbd.substep(constraints, p, v, a, inverse_mass, h, method.iterations, ordering, drag)
-    return xpbd.residuals(constraints, made, p, inverse_mass, h)
+    stepped = xpbd.substep(constraints, p, v, a, inverse_mass, h, method.iterations, ordering, drag)
+    return xpbd.residuals(constraints, stepped, p, inverse_mass, h)

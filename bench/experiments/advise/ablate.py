@@ -28,16 +28,16 @@ from softlab.bench.experiments.accuracy.judgement import judge
 from softlab.bench.experiments.accuracy.methods import newton, sweeps
 from softlab.bench.experiments.accuracy.points import END
 from softlab.bench.experiments.accuracy.references import (
-    OWN_SECONDS,
+    LAB_SECONDS,
     by_numpy,
     converged_of,
     growth_of,
-    held_converged,
-    held_seconds,
+    lab_converged,
+    lab_seconds,
     numpy_seconds,
-    own_converged,
-    own_seconds,
     references,
+    stepped_force_converged,
+    stepped_force_seconds,
 )
 from softlab.bench.experiments.advise.ablation import FULL, Ablation, ablations, random_force
 from softlab.bench.experiments.advise.ablation_results import (
@@ -50,7 +50,7 @@ from softlab.bench.experiments.advise.ablation_results import (
 )
 from softlab.bench.experiments.advise.experiment import REFERENCE_SECONDS
 from softlab.bench.experiments.growth import Growth
-from softlab.bench.measure.experiment import Tell, backends_here, keep, resume
+from softlab.bench.measure.experiment import Report, backends_here, resume, store_measures
 from softlab.bench.measure.samples import in_turns
 from softlab.bench.measure.timing import Subject, prepare_runs
 from softlab.bench.reference import cache
@@ -104,15 +104,15 @@ def ablate(
     work = _Work(store, scene, steps, summary)
     groups = [work.variants(backend) for backend in chosen]
 
-    def held(variant: Variant) -> bool:
+    def is_stored(variant: Variant) -> bool:
         return store.has_measure(variant.case.description, summary.machine, variant.case.sources, SECONDS)
 
-    def measure(group: Sequence[Variant], tell: Tell) -> None:
-        work.measure(group, tell)
+    def measure(group: Sequence[Variant], report: Report) -> None:
+        work.measure(group, report)
 
     how: dict[str, Any] = {"progress": progress, "command": command, "worth": lambda variant: 2}
     # whole: times are comparable only if sampled in turn
-    resume(store, summary, groups, held, measure, whole=True, **how)
+    resume(store, summary, groups, is_stored, measure, whole=True, **how)
     descriptions = [variant.case.description for group in groups for variant in group]
     summary.tables = tables_of(measures_of(store, summary.machine, descriptions))
     summary.notes += _notes(scene, wanted, work.end, summary)
@@ -139,11 +139,11 @@ def _check(scene: Scene, end: float) -> int:
         raise SceneError("--time", end, f"must be at least two steps of method.dt, {2 * dt:g} s")
     method = scene.method
     forces = sweeps(method.name, method.iterations, method.substeps)
-    seconds = 2 * steps * forces * (scene.grid.particle_count * OWN_SECONDS + 1e-6)
+    seconds = 2 * steps * forces * (scene.grid.particle_count * LAB_SECONDS + 1e-6)
     if random_force(scene):
-        judged = held_seconds(motion, steps) + numpy_seconds(motion, end)
+        judged = stepped_force_seconds(motion, steps) + numpy_seconds(motion, end)
     else:
-        judged = min(numpy_seconds(motion, end), own_seconds(motion, end))
+        judged = min(numpy_seconds(motion, end), lab_seconds(motion, end))
     for what, needed, most in (("a run", seconds, RUN_SECONDS), ("its reference", judged, REFERENCE_SECONDS)):
         if needed > most:
             fits = end * most / needed
@@ -179,17 +179,17 @@ class _Work:
     def variants(self, backend: str) -> list[Variant]:
         """Return the full scene and everything that can be left out of it."""
         key = ""
-        found = []
+        all_variants = []
         for ablation in (FULL, *ablations(self.scene)):
             scene = ablation.of(self.scene)
             case = make_case("", scene, backend, ablation.precision, ablation.math)
             key = key or configuration_hash(case.description | {"end": self.end})
-            told = {"full": key, "title": self.scene.title, "name": ablation.name, "kind": ablation.kind,
+            entry = {"full": key, "title": self.scene.title, "name": ablation.name, "kind": ablation.kind,
                     "spares": ablation.spares}  # fmt: skip
-            described = case.description | {"end": self.end, "ablation": told}
+            described = case.description | {"end": self.end, "ablation": entry}
             case = replace(case, description=described, sources=f"{case.sources}-a{VERSION}")
-            found.append(Variant(ablation, case, round(self.end / scene.method.dt)))
-        return found
+            all_variants.append(Variant(ablation, case, round(self.end / scene.method.dt)))
+        return all_variants
 
     @cached_property
     def right(self) -> tuple[Converged, Growth]:
@@ -197,34 +197,34 @@ class _Work:
         folder, motion = references(self.store), newton(self.scene)
         growth = growth_of(motion, self.end, folder)
         if random_force(motion):
-            return held_converged(motion, self.steps, folder), growth
+            return stepped_force_converged(motion, self.steps, folder), growth
         if not growth.chaotic:
             return converged_of(motion, self.end, folder), growth
         if by_numpy(motion, self.end):
-            return cache.kept(motion, self.end, folder, tolerance=FOR_STATISTICS), growth
-        return own_converged(motion, self.end, FOR_STATISTICS), growth
+            return cache.cached_reference(motion, self.end, folder, tolerance=FOR_STATISTICS), growth
+        return lab_converged(motion, self.end, FOR_STATISTICS), growth
 
-    def measure(self, group: Sequence[Variant], tell: Tell) -> None:
+    def measure(self, group: Sequence[Variant], report: Report) -> None:
         """Compute the errors of a group, then sample those that did not diverge in turn. Raises Diverged if the full
         scene does.
         """
-        tell("converged reference", 0)
+        report("converged reference", 0)
         right = self.right
         with ExitStack() as stack:
             subjects = []
             for variant in group:
-                tell(f"{variant.ablation.name}, {variant.case.backend}", 1)
+                report(f"{variant.ablation.name}, {variant.case.backend}", 1)
                 subject = Subject(stack.enter_context(variant.case.open()), variant)
                 if self._judge(subject, right):
                     subjects.append(prepare_runs(subject, variant.steps, SAMPLE_SECONDS))
                 else:
                     self._add(variant, {SECONDS: (None, "s/s", "diverged")})
-                    tell(f"{variant.ablation.name} diverged", 1)
-            self._time(subjects, tell)
+                    report(f"{variant.ablation.name} diverged", 1)
+            self._time(subjects, report)
         self.summary.measured += len(group)
 
     def _add(self, variant: Variant, numbers: Mapping[str, tuple[float | None, str, str | None]]) -> None:
-        keep(self.store, self.summary.run, variant.case.description, variant.case.sources, numbers)
+        store_measures(self.store, self.summary.run, variant.case.description, variant.case.sources, numbers)
 
     def _judge(self, subject: Subject, right: tuple[Converged, Growth]) -> bool:
         """Run to the end and store errors and change; return False if the run diverged."""
@@ -242,7 +242,7 @@ class _Work:
             self._full = outcome
         judged = judge(self.scene, outcome, *right)  # uses the energy of the full scene
         numbers: dict[str, tuple[Any, str, str | None]] = {
-            PREFIX + name.removeprefix("accuracy_"): told for name, told in judged.items()
+            PREFIX + name.removeprefix("accuracy_"): value for name, value in judged.items()
         }
         if isinstance(outcome, Diverged):
             numbers[CHANGE] = (math.inf, "spacing", str(outcome))
@@ -256,7 +256,7 @@ class _Work:
         theirs = self._full.position.astype(np.float64)
         return distance(state.position, theirs, free, self.scene.grid.spacing)[0]
 
-    def _time(self, subjects: Sequence[Subject], tell: Tell) -> None:
+    def _time(self, subjects: Sequence[Subject], report: Report) -> None:
         """Sample in turn, again while the samples are disturbed, and store the minimum of each."""
         taken: dict[int, list[float]] = {id(subject): [] for subject in subjects}
         marks: dict[int, list[str]] = {id(subject): [] for subject in subjects}
@@ -272,6 +272,6 @@ class _Work:
             times, reasons = taken[id(subject)], list(dict.fromkeys(marks[id(subject)]))
             spread = statistics.median(times) / min(times)
             reasons += [f"the median is {spread:.2g} times the least"] if spread > DISTURBED else []
-            told = (min(times), "s/s", f"least of {len(times)}")
-            self._add(subject.name, {SUSPECT: (float(bool(reasons)), "", "; ".join(reasons) or None), SECONDS: told})
-            tell(f"{subject.name.ablation.name}: timed", 1)
+            cost = (min(times), "s/s", f"least of {len(times)}")
+            self._add(subject.name, {SUSPECT: (float(bool(reasons)), "", "; ".join(reasons) or None), SECONDS: cost})
+            report(f"{subject.name.ablation.name}: timed", 1)

@@ -17,7 +17,7 @@ from softlab.model.core.integrators import INTEGRATORS
 from softlab.model.scene.scene import Scene
 
 FULL_PRECISION, FULL_MATH = "float64", "exact"
-KEPT = ("method", "perturbation")  # kinds that are neither force nor constraint: the method and the start
+NOT_LEFT_OUT = ("method", "perturbation")  # kinds that are neither force nor constraint: the method and the start
 PART, INTEGRATOR, ARITHMETIC, COARSER, FINER = (
     "part",
     "integrator",
@@ -56,7 +56,7 @@ FULL = Ablation("full scene", f"{FULL_PRECISION}, {FULL_MATH} math", "full", "no
 
 def _parts(scene: Scene) -> Iterator[Ablation]:
     for name, kind in scene.kinds.items():
-        if kind in KEPT:
+        if kind in NOT_LEFT_OUT:
             continue
         part = Ablation(f"without {name}", "no stage of it", PART, name, drop=name)
         try:

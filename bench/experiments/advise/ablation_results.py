@@ -94,7 +94,7 @@ class Ablated:
         """Return the full scene's time over that of the row; None if it was not timed."""
         return self.full.seconds / row.seconds if self.full.seconds and row.seconds else None
 
-    def told_saving(self, row: AblationRow) -> float | None:
+    def quotable_saving(self, row: AblationRow) -> float | None:
         """Return the saving, or None if one of the two times is suspect and must not be quoted."""
         return None if row.suspect or self.full.suspect else self.saving(row)
 
@@ -109,8 +109,8 @@ class Ablated:
         if self.full.chaotic:
             return UNTOLD
         if row.kind == FINER:
-            told = self.full.error >= self.floor
-            return GAINS if told and row.error <= FLOOR * self.full.error else NOT_NEEDED
+            resolved = self.full.error >= self.floor
+            return GAINS if resolved and row.error <= FLOOR * self.full.error else NOT_NEEDED
         return NEEDED if row.change > self.floor else NOT_NEEDED
 
     def printed_verdict(self, row: AblationRow) -> str:
@@ -131,11 +131,11 @@ class Ablated:
                 f"{self.full.growth:.1e} times (over {MAX_GROWTH:g}); ask for a shorter --time, or compare the statistics"
             )
             return text + (f"; it diverges {_listed(broke)}." if broke else ".")
-        found = {PART: self._parts_words, INTEGRATOR: self._method_words, ARITHMETIC: self._method_words,
+        writers = {PART: self._parts_words, INTEGRATOR: self._method_words, ARITHMETIC: self._method_words,
                  COARSER: self._step_words, FINER: self._step_words}  # fmt: skip
-        told = [found[kind]([row for row in self.rows if row.kind == kind]) for kind in found if self._any(kind)]
-        own = f"{head}, error {self.full.error:.1e} spacings at {self.end:g} s"
-        return f"{own}: {'; '.join(filter(None, told)) or 'nothing was left out'}."
+        phrases = [writers[kind]([row for row in self.rows if row.kind == kind]) for kind in writers if self._any(kind)]
+        opening = f"{head}, error {self.full.error:.1e} spacings at {self.end:g} s"
+        return f"{opening}: {'; '.join(filter(None, phrases)) or 'nothing was left out'}."
 
     def _any(self, kind: str) -> bool:
         return any(row.kind == kind for row in self.rows)
@@ -151,33 +151,33 @@ class Ablated:
 
     def _method_words(self, rows: Sequence[AblationRow]) -> str:
         enough = self._of(rows, NOT_NEEDED)
-        told = [f"{row.name} is enough ({self._price(row)})" for row in enough]
+        phrases = [f"{row.name} is enough ({self._price(row)})" for row in enough]
         spared = {row.spares for row in enough}
-        kept = [
+        needed = [
             f"{what} is needed ({', '.join(f'{row.name} {self._harm(row)}' for row in rows if row.spares == what)})"
             for what in dict.fromkeys(row.spares for row in rows)
             if what not in spared
         ]
-        return "; ".join([*told, *kept])
+        return "; ".join([*phrases, *needed])
 
     def _step_words(self, rows: Sequence[AblationRow]) -> str:
-        told = []
+        phrases = []
         for row in rows:
-            verdict, saving = self.verdict(row), self.told_saving(row)
+            verdict, saving = self.verdict(row), self.quotable_saving(row)
             cost = f" for {1 / saving:.2g} times the time" if saving else ""
             if verdict == GAINS:
-                told.append(f"{row.name} would make the error {self.full.error / row.error:.2g} times smaller{cost}")
+                phrases.append(f"{row.name} would make the error {self.full.error / row.error:.2g} times smaller{cost}")
             elif row.kind == FINER:
-                told.append(f"{row.name} gains nothing{cost}")
+                phrases.append(f"{row.name} gains nothing{cost}")
             elif verdict == NOT_NEEDED:
-                told.append(f"{row.name} is enough ({self._price(row)})")
+                phrases.append(f"{row.name} is enough ({self._price(row)})")
             else:
-                told.append(f"{row.name} is too long ({self._harm(row)})")
-        return "; ".join(told)
+                phrases.append(f"{row.name} is too long ({self._harm(row)})")
+        return "; ".join(phrases)
 
     def _price(self, row: AblationRow) -> str:
         """Return e.g. `changes 3.1e-06, 1.4 times as fast`."""
-        return f"changes {row.change:.1e}{_speed(self.told_saving(row))}"
+        return f"changes {row.change:.1e}{_speed(self.quotable_saving(row))}"
 
     @staticmethod
     def _harm(row: AblationRow) -> str:
@@ -209,10 +209,10 @@ def tables_of(measures: Iterable[Measure]) -> list[Ablated]:
     """Return the ablations among the measures of one machine, one for each full scene and backend, newest last."""
     groups: dict[str, dict[str, dict[str, Measure]]] = {}
     for measure in measures:
-        told = measure.description.get("ablation")
-        if told is not None and measure.name.startswith(PREFIX):
-            of_group = groups.setdefault(told["full"], {})
-            of_group.setdefault(told["name"], {})[measure.name] = measure
+        ablation = measure.description.get("ablation")
+        if ablation is not None and measure.name.startswith(PREFIX):
+            of_group = groups.setdefault(ablation["full"], {})
+            of_group.setdefault(ablation["name"], {})[measure.name] = measure
     tables = [_table(group) for group in groups.values()]
     return [table for table in tables if table is not None]
 
@@ -235,7 +235,7 @@ def _table(group: Mapping[str, Mapping[str, Measure]]) -> Ablated | None:
 
 
 def _row(named: Mapping[str, Measure]) -> AblationRow:
-    told = named[CHANGE].description["ablation"]
+    ablation = named[CHANGE].description["ablation"]
 
     def value(name: str) -> float | None:
         measure = named.get(f"{PREFIX}{name}")
@@ -244,7 +244,7 @@ def _row(named: Mapping[str, Measure]) -> AblationRow:
     error, change, estimate, growth = (value(name) for name in ("error", "change", "reference_estimate", "growth"))
     suspect = named.get(SUSPECT)
     return AblationRow(
-        told["name"], told["kind"], told["spares"], named[CHANGE].reason or "",
+        ablation["name"], ablation["kind"], ablation["spares"], named[CHANGE].reason or "",
         math.inf if error is None else error, math.inf if change is None else change, estimate or 0.0, growth or 0.0,
         value("energy_off"), value("mean_off"), value("seconds"), (suspect.reason or None) if suspect else None,
     )  # fmt: skip
@@ -252,39 +252,41 @@ def _row(named: Mapping[str, Measure]) -> AblationRow:
 
 def print_ablation(console: Console, summary: AblationSummary) -> None:
     """Print a table for each backend, sorted by saving, and its sentence."""
-    for found in summary.tables:
-        growth = f"a perturbation {growth_words(found.full.growth)} by then"
+    for table in summary.tables:
+        growth = f"a perturbation {growth_words(table.full.growth)} by then"
         console.print(
-            f"{found.title}, on the {found.backend}, judged at {found.end:g} s; {growth}", markup=False, soft_wrap=True
+            f"{table.title}, on the {table.backend}, judged at {table.end:g} s; {growth}", markup=False, soft_wrap=True
         )
-        console.print(_printed(found, console.width >= WIDE or not console.is_terminal))
-        for row in found.rows:
+        console.print(_printed(table, console.width >= WIDE or not console.is_terminal))
+        for row in table.rows:
             if row.broke:
                 console.print(f"{row.name}: {row.why}", markup=False, soft_wrap=True)
-        console.print(found.sentence(), markup=False, soft_wrap=True)
+        console.print(table.sentence(), markup=False, soft_wrap=True)
     for note in summary.notes:
         console.print(f"note: {note}", markup=False, soft_wrap=True)
     console.print(summary.counts() + summary.ending())
 
 
-def _printed(found: Ablated, wide: bool) -> Table:
+def _printed(ablated: Ablated, wide: bool) -> Table:
     """Return the table of one backend. A chaotic motion has statistics instead of error and change. `wide`: with
     reasons.
     """
-    chaotic = found.full.chaotic
+    chaotic = ablated.full.chaotic
     heads = ("energy off, J", "centre off, spacings") if chaotic else ("error, spacings", "change, spacings")
     numeric = (Column(head, justify="right") for head in ("times as fast", "ms a simulated s", *heads))
     last = Column("", no_wrap=True)
     table = Table(
         Column("", no_wrap=True), *numeric, Column("verdict", no_wrap=True), *([last] if wide else []), box=None
     )
-    for row in (found.full, *found.rows):
-        numbers = (row.energy_off, row.mean_off) if chaotic else (row.error, None if row is found.full else row.change)
+    for row in (ablated.full, *ablated.rows):
+        numbers = (
+            (row.energy_off, row.mean_off) if chaotic else (row.error, None if row is ablated.full else row.change)
+        )
         shown = [f"{number:.1e}" if number is not None and math.isfinite(number) else "-" for number in numbers]
-        saving = found.saving(row)
+        saving = ablated.saving(row)
         cost = "-" if row.seconds is None else f"{1e3 * row.seconds:.3g}{'?' if row.suspect else ''}"
-        style = "" if row is found.full else STYLES[found.verdict(row)]
+        style = "" if row is ablated.full else STYLES[ablated.verdict(row)]
         cells = [escape(row.name), "-" if saving is None else f"{saving:.2f}", cost, *shown]
-        cells.append(f"[{style}]{found.printed_verdict(row)}[/]" if style else "")
+        cells.append(f"[{style}]{ablated.printed_verdict(row)}[/]" if style else "")
         table.add_row(*cells, *(["diverged" if row.broke else escape(row.why)] if wide else []))
     return table

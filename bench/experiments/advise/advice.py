@@ -41,7 +41,7 @@ class Choice:
     iterations: int | None = None
 
     @property
-    def share(self) -> float:
+    def limit_fraction(self) -> float:
         """Step size as a fraction of the stability limit."""
         return self.dt / self.limit
 
@@ -111,7 +111,8 @@ class Advice:
         return "\n".join(
             [
                 f"Written by softlab advise: fastest with an error of {self.error:g} spacings at {self.time:g} s.",
-                f"Its error is {best.error:.2e} spacings, its dt {best.share:.0%} of the stability limit {best.limit:.6g} s.",
+                f"Its error is {best.error:.2e} spacings, "
+                f"its dt {best.limit_fraction:.0%} of the stability limit {best.limit:.6g} s.",
                 f"Backend {best.backend}, {best.precision}, {1e3 * best.seconds:.3g} ms of wall time per simulated second.",
             ]
         )
@@ -143,11 +144,13 @@ class Advice:
 
     def _settings(self, choice: Choice) -> str:
         """Return the options that change the requested scene to this choice."""
-        held = {f"method.{field}": value for field, value in self.scene.method.model_dump().items()}
+        current = {f"method.{field}": value for field, value in self.scene.method.model_dump().items()}
         # left out where the scene has these values already
         same = ("method.solver", "method.substeps", "method.iterations")
-        told = {path: value for path, value in choice.changes.items() if path not in same or held.get(path, 1) != value}
-        return " ".join(f"--set {path}={value}" for path, value in told.items())
+        changed = {
+            path: value for path, value in choice.changes.items() if path not in same or current.get(path, 1) != value
+        }
+        return " ".join(f"--set {path}={value}" for path, value in changed.items())
 
     def _line(self, choice: Choice) -> str:
         cost, copied = 1e3 * choice.seconds, 1e3 * choice.copied(self.time)
@@ -159,6 +162,6 @@ class Advice:
 
 
 def _margin(choice: Choice) -> str:
-    if choice.share == 0:
+    if choice.limit_fraction == 0:
         return "stable at any dt"
-    return f"dt is {choice.share:.0%} of the stability limit {choice.limit:.4g} s"
+    return f"dt is {choice.limit_fraction:.0%} of the stability limit {choice.limit:.4g} s"

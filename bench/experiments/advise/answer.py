@@ -19,7 +19,7 @@ from softlab.model.base.errors import SceneError
 from softlab.model.scene.scene import Scene
 
 
-def answer(
+def measure_advice(
     store: Store,
     scene: Scene,
     error: float,

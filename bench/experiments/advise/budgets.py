@@ -61,7 +61,7 @@ class BudgetAdvice(Generic[B]):
         assert self.best is not None
         return f"--backend {self.best.backend} --precision {self.best.precision}"
 
-    def _told(self, asked: str, bases: Sequence[str], limits: str) -> str:
+    def _text(self, asked: str, bases: Sequence[str], limits: str) -> str:
         """Return the whole text: the request `asked`, choices, what they are based on, rejections, notes, and the
         `limits`.
         """

@@ -22,8 +22,8 @@ from softlab.bench.experiments.accuracy.references import (
     by_numpy,
     converged_of,
     growth_of,
+    lab_seconds,
     numpy_seconds,
-    own_seconds,
     references,
 )
 from softlab.bench.experiments.advise.advice import Advice
@@ -79,15 +79,15 @@ def advise(
         row = bar.add_task("growth of a perturbation", total=None)
         motion = newton(scene)
         growth = growth_of(motion, end, references(store))
-        found = Advice(scene, error, end, growth.factor, machine=machine)
+        advice = Advice(scene, error, end, growth.factor, machine=machine)
         if growth.chaotic:
-            return replace(found, why=_chaos(growth), seconds=clock.perf_counter() - begin)
+            return replace(advice, why=_chaos(growth), seconds=clock.perf_counter() - begin)
         bar.update(row, description="converged reference")
         right = converged_of(motion, end, references(store))
         if not right.estimate * RESOLVED <= error * scene.grid.spacing:
             off = right.estimate / scene.grid.spacing
             why = f"the reference itself is only accurate to {off:.1e} spacings; ask for a larger --error"
-            return replace(found, why=why, seconds=clock.perf_counter() - begin)
+            return replace(advice, why=why, seconds=clock.perf_counter() - begin)
         run = store.start_run(machine, command, revision)
         search = Search(store, Task(scene, error, end, growth, right, machine, run, begin + total_seconds))
         kinds = [
@@ -108,7 +108,7 @@ def advise(
     if not by_numpy(motion, end):
         notes.append("the reference was computed by the lab's own rk4 in float64, since NumPy would have taken minutes")
     return replace(
-        found, choices=tuple(choices), beaten=tuple(search.beaten), why=None if choices else search.failure(),
+        advice, choices=tuple(choices), beaten=tuple(search.beaten), why=None if choices else search.failure(),
         notes=tuple(notes), seconds=clock.perf_counter() - begin,
     )  # fmt: skip
 
@@ -139,7 +139,7 @@ def _check(scene: Scene, error: float, end: float, total_seconds: float) -> None
         raise SceneError(
             "grid.pinned", scene.grid.pinned, "every mass is pinned, so nothing moves; leave some masses free"
         )
-    needed = min(numpy_seconds(motion, end), own_seconds(motion, end))
+    needed = min(numpy_seconds(motion, end), lab_seconds(motion, end))
     if needed > REFERENCE_SECONDS:
         fits = end * REFERENCE_SECONDS / needed
         raise SceneError(

@@ -1,7 +1,7 @@
 """`softlab advise` of fluids: the scheme, substeps and iterations that keep the density of a scene fastest.
 
 A fluid's motion has no converged reference. The requested error is one of density: the mean of the relative excess over
-the rest density, in the last `LOOKS` steps before a time. Every scheme is run on the scene itself with rising effort
+the rest density, in the last `CHECKED_STEPS` steps before a time. Every scheme is run on the scene itself with rising effort
 until it reaches the error, or until a step takes several times as long as that of the best so far. Those that reach it
 are then timed in turn. Other results of the store on fluids (`softlab fluids --truth`: fronts, spacings) are reported
 as notes.
@@ -24,7 +24,7 @@ from softlab.bench.experiments.fluid_truth import laws
 from softlab.bench.experiments.fluid_truth.rows import Judged, rows
 from softlab.bench.experiments.fluid_truth.scenes import DAM, SCHEMES, WIDTH
 from softlab.bench.measure.costs_timing import QUICK, SECONDS, Record, in_turn
-from softlab.bench.measure.experiment import backends_here, described, keep
+from softlab.bench.measure.experiment import backends_here, described, store_measures
 from softlab.bench.measure.items import cost_sources
 from softlab.bench.measure.machine import enter_machine
 from softlab.bench.measure.progress import progress_bar
@@ -41,7 +41,7 @@ from softlab.model.scene.scene import Scene
 FINDING, DENSITY = "advise fluids", "advise_density"  # value of `finding`; name of the measure
 LADDER = ((1, 2), (1, 4), (2, 3), (2, 6), (4, 5), (4, 10), (8, 5), (8, 10), (16, 10), (32, 10))  # substeps, iterations
 UNTIL = 1.0  # s, default of the end time
-LOOKS = 10
+CHECKED_STEPS = 10
 LEAST, LARGEST = 1e-5, 0.2  # range of errors that can be requested
 SLOWER = 4.0  # times the best: a scheme that takes longer is not tried with more effort
 FRONT = 0.05  # error of the front of a dam below which a row of the store is reported
@@ -74,26 +74,26 @@ class _Search:
     def run(self, budget: FluidBudget) -> FluidBudget:
         """Return the budget with its density error and the time of a step, measured until `end`."""
         scene = self.scene.replace(budget.changes)
-        steps = max(LOOKS, round(self.end / scene.method.dt))
+        steps = max(CHECKED_STEPS, round(self.end / scene.method.dt))
         with open_simulation(scene, budget.backend, precision=budget.precision) as simulation:
             simulation.advance(1)  # compiles the kernels
             simulation.reset()
             simulation.synchronize()
             begin = clock.perf_counter()
             try:
-                simulation.advance(steps - LOOKS)
+                simulation.advance(steps - CHECKED_STEPS)
                 simulation.check()
                 simulation.synchronize()
-                seconds = (clock.perf_counter() - begin) / max(1, steps - LOOKS)
-                found = []
-                for _ in range(LOOKS):
+                seconds = (clock.perf_counter() - begin) / max(1, steps - CHECKED_STEPS)
+                densities = []
+                for _ in range(CHECKED_STEPS):
                     simulation.advance(1)
-                    found.append(compression(scene, simulation.read("position"))[0])
+                    densities.append(compression(scene, simulation.read("position"))[0])
             except Diverged:
                 return budget.with_(inf, inf)
             if incomplete(simulation):
                 return budget.with_(inf, inf)
-        return budget.with_(float(np.mean(found)), seconds)
+        return budget.with_(float(np.mean(densities)), seconds)
 
 
 def advise_fluids(
@@ -134,7 +134,7 @@ def advise_fluids(
             bar.update(row, completed=(number + 1) * len(LADDER))
     able = [one for one in tried if one.density <= error]
     run = store.start_run(machine, command, revision)
-    _kept(store, run, scene, tried)
+    _store_errors(store, run, scene, tried)
     timed = sorted(_timed(store, run, scene, able), key=lambda one: one.seconds)
     beaten = [_nearest(tried, backend, scheme, error) for backend in chosen for scheme in SCHEMES]
     return FluidAdvice(
@@ -143,12 +143,13 @@ def advise_fluids(
     )  # fmt: skip
 
 
-def _kept(store: Store, run: str, scene: Scene, tried: Sequence[FluidBudget]) -> None:
+def _store_errors(store: Store, run: str, scene: Scene, tried: Sequence[FluidBudget]) -> None:
     """Store the density errors of the budgets that were tried."""
     for one in tried:
-        told = described(scene.replace(one.changes), one.backend, FINDING, precision=one.precision)
+        description = described(scene.replace(one.changes), one.backend, FINDING, precision=one.precision)
         value = one.density if isfinite(one.density) else None
-        keep(store, run, told, _sources(one.backend), {DENSITY: (value, "", None if value is not None else "diverged")})
+        density = value, "", None if value is not None else "diverged"
+        store_measures(store, run, description, _sources(one.backend), {DENSITY: density})
 
 
 def _sources(backend: str) -> str:
@@ -157,16 +158,16 @@ def _sources(backend: str) -> str:
 
 def _nearest(tried: Sequence[FluidBudget], backend: str, scheme: str, error: float) -> tuple[str, str] | None:
     """Return (words, reason) of a scheme that did not reach the error, else None."""
-    mine = [one for one in tried if (one.backend, one.scheme) == (backend, scheme)]
-    if not mine or min(one.density for one in mine) <= error:
+    of_scheme = [one for one in tried if (one.backend, one.scheme) == (backend, scheme)]
+    if not of_scheme or min(one.density for one in of_scheme) <= error:
         return None
-    nearest = min(mine, key=lambda one: one.density)
-    told = (
+    nearest = min(of_scheme, key=lambda one: one.density)
+    message = (
         f"reaches {nearest.density:.2g} with {nearest.effort} (substeps x iterations)"
         if isfinite(nearest.density)
         else "diverges"
     )
-    return f"{scheme}, {backend}", f"{told}; more were not tried because they take too long"
+    return f"{scheme}, {backend}", f"{message}; more were not tried because they take too long"
 
 
 def _timed(store: Store, run: str, scene: Scene, able: Sequence[FluidBudget]) -> Iterator[FluidBudget]:
@@ -175,17 +176,17 @@ def _timed(store: Store, run: str, scene: Scene, able: Sequence[FluidBudget]) ->
         subjects = []
         for one in able:
             asked = scene.replace(one.changes)
-            told = described(asked, one.backend, FINDING, precision=one.precision)
+            description = described(asked, one.backend, FINDING, precision=one.precision)
             try:
                 simulation = stack.enter_context(open_simulation(asked, one.backend, precision=one.precision))
-                subjects.append((one, prepare(Subject(simulation, told), QUICK.seconds, QUICK.most)))
+                subjects.append((one, prepare(Subject(simulation, description), QUICK.seconds, QUICK.most)))
             except SoftlabError:  # it ran before; that time stays
                 yield one
         if subjects:
             record = Record(store, run, cost_sources(subjects[0][0].backend, str(Path(__file__))))
             numbers = in_turn(record, [subject for _, subject in subjects], QUICK.repeats)
-            for (one, _), found in zip(subjects, numbers, strict=True):
-                yield one.with_(one.density, found[SECONDS][0] or one.seconds)
+            for (one, _), costs in zip(subjects, numbers, strict=True):
+                yield one.with_(one.density, costs[SECONDS][0] or one.seconds)
 
 
 def _beside(store: Store, machine: str, scene: Scene) -> Iterator[str]:

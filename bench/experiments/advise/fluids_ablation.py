@@ -21,7 +21,7 @@ from softlab.app.driver import open_simulation
 from softlab.bench.experiments.advise.ablation import ARITHMETIC, FINER, FULL, PART, Ablation, ablations
 from softlab.bench.experiments.advise.fluids import UNTIL
 from softlab.bench.measure.costs_timing import QUICK, SECONDS, Measures, Record, in_turn
-from softlab.bench.measure.experiment import Summary, backends_here, described, ending_cleanly, keep
+from softlab.bench.measure.experiment import Summary, backends_here, described, ending_cleanly, store_measures
 from softlab.bench.measure.items import cost_sources
 from softlab.bench.measure.progress import progress_bar
 from softlab.bench.measure.tables import columns, print_table
@@ -140,11 +140,11 @@ class _Work:
     summary: FluidAblation
     scene: Scene
     backend: str
-    tell: Any
+    report: Any
 
     def measured(self, usual: Sequence[Ablation]) -> tuple[Left, Left, list[Left]]:
         """Return (full scene, disturbed run, the runs without one thing). Raises Diverged if the full scene does."""
-        found: list[Left] = []
+        results: list[Left] = []
         with ExitStack() as stack:
             subjects: list[tuple[int, Subject]] = []
             centre = None
@@ -152,31 +152,32 @@ class _Work:
                 scene = one.of(self.scene)
                 how: dict[str, Any] = {"precision": one.precision, "math": one.math}
                 simulation = stack.enter_context(open_simulation(scene, self.backend, **how))
-                self.tell(one.name)
+                self.report(one.name)
                 left, place = self._run(simulation, one, centre)
                 if number == 0:
                     if place is None:
                         simulation.check()
                     centre = place
                     twin, _ = self._run(simulation, replace(one, name="a disturbed twin"), centre, DISTURBED)
-                    self.tell("a disturbed twin")
+                    self.report("a disturbed twin")
                     simulation.reset()
                 if place is not None:
-                    told = described(scene, self.backend, FINDING, **how, spares=one.spares)
-                    subjects.append((len(found), prepare(Subject(simulation, told), QUICK.seconds, QUICK.most)))
-                found.append(left)
+                    description = described(scene, self.backend, FINDING, **how, spares=one.spares)
+                    subject = prepare(Subject(simulation, description), QUICK.seconds, QUICK.most)
+                    subjects.append((len(results), subject))
+                results.append(left)
             record = Record(self.store, self.summary.run, cost_sources(self.backend, __file__))
             timed = in_turn(record, [subject for _, subject in subjects], QUICK.repeats)
         for (number, subject), numbers in zip(subjects, timed, strict=True):
             seconds = numbers[SECONDS][0]
             dt = subject.simulation.scene.method.dt
-            found[number] = left = replace(found[number], seconds=None if seconds is None else seconds / dt)
+            results[number] = left = replace(results[number], seconds=None if seconds is None else seconds / dt)
             said: Measures = {
                 DENSITY: (left.density, "", left.name), CENTRE: (left.centre, "spacing", left.name),
                 HEIGHT: (left.height, "m", left.name),
             }  # fmt: skip
-            keep(self.store, self.summary.run, subject.name, record.sources, said | numbers)
-        return found[0], twin, found[1:]
+            store_measures(self.store, self.summary.run, subject.name, record.sources, said | numbers)
+        return results[0], twin, results[1:]
 
     def _run(
         self, simulation: Simulation, one: Ablation, centre: np.ndarray | None, disturbed: float = 0.0
@@ -198,8 +199,8 @@ class _Work:
         simulation.reset()
         middle = place.mean(axis=0)
         away = 0.0 if centre is None else float(np.linalg.norm(middle - centre) / scene.grid.spacing)
-        told = compression(scene, place)[0], away, height(scene, place)
-        return Left(one.name, one.kind, self.backend, *told), middle
+        values = compression(scene, place)[0], away, height(scene, place)
+        return Left(one.name, one.kind, self.backend, *values), middle
 
 
 def print_fluid_ablation(console: Console, summary: FluidAblation) -> None:

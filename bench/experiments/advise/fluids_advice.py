@@ -65,7 +65,7 @@ class FluidAdvice(BudgetAdvice[FluidBudget]):
         limits = (
             "a small density error is no accurate motion; softlab fluids --truth measures fronts, heights and levels"
         )
-        return self._told(asked, (), limits)
+        return self._text(asked, (), limits)
 
     def _errors(self, one: FluidBudget) -> str:
         return f"density error {one.density:.2g}"

@@ -20,7 +20,7 @@ from softlab.bench.experiments.advise.advice import Choice
 from softlab.bench.experiments.advise.bracket import TIGHT, Tried, next_steps
 from softlab.bench.experiments.growth import Growth
 from softlab.bench.measure.case_timing import ready
-from softlab.bench.measure.experiment import keep
+from softlab.bench.measure.experiment import store_measures
 from softlab.bench.measure.samples import in_turns
 from softlab.bench.reference.cache import Converged
 from softlab.bench.reference.mass_spring import start
@@ -107,15 +107,15 @@ class Search:
         self.beaten: list[tuple[str, str]] = []
         self._closest: tuple[float, str] = (inf, "")
         self._seconds: dict[Kind, float] = {}  # per step, from the runs so far
-        self._held = {
+        self._errors = {
             (m.configuration, m.sources): m.value for m in measures(store, ERROR, task.machine) if m.value is not None
         }
 
     def case(self, kind: Kind, steps: int) -> Case:
         """Return the configuration, whose description includes the time of judgement, which is not part of the scene."""
         scene = self.task.scene.replace(kind.changes(self.task.end / steps))
-        made = make_case("", scene, kind.backend, kind.precision)
-        return replace(made, description=made.description | {"end": self.task.end})
+        base = make_case("", scene, kind.backend, kind.precision)
+        return replace(base, description=base.description | {"end": self.task.end})
 
     def limit(self, kind: Kind) -> float:
         return stability_limit(self.task.scene.replace(kind.changes(self.task.end)))
@@ -179,12 +179,12 @@ class Search:
         """Return the error [spacings] at the end, from the store if it is there; infinite if the run diverged."""
         case = self.case(kind, steps)
         key = self._key(case)
-        if key not in self._held:
-            self._held[key] = self._run(kind, case, steps)
-        held = self._held[key]
-        if held < self._closest[0]:
-            self._closest = held, f"{kind}, dt {self.task.end / steps:.4g} s"
-        return held
+        if key not in self._errors:
+            self._errors[key] = self._run(kind, case, steps)
+        rms = self._errors[key]
+        if rms < self._closest[0]:
+            self._closest = rms, f"{kind}, dt {self.task.end / steps:.4g} s"
+        return rms
 
     def _run(self, kind: Kind, case: Case, steps: int) -> float:
         expected, left = steps * self._seconds.get(kind, 0.0), self.task.deadline - clock.perf_counter()
@@ -207,7 +207,7 @@ class Search:
             numbers = judge(case.scene, outcome, self.task.newton, self.task.growth)
             if not isinstance(outcome, Diverged):
                 numbers[COPY] = (copy_seconds(simulation), "s", "the whole state")
-        keep(self.store, self.task.run, case.description, case.sources, numbers)
+        store_measures(self.store, self.task.run, case.description, case.sources, numbers)
         return numbers[ERROR][0]
 
     # ------------------------------------------------------------------ times
@@ -223,17 +223,17 @@ class Search:
         of all samples counts, so more samples can only improve it.
         """
         cases = [self.case(kind, steps) for kind, steps, _ in wanted]
-        found = self._timings()
+        known = self._timings()
         for _ in range(MAX_ROUNDS):
-            if all(self._sound(found.get(self._key(case))) for case in cases):
+            if all(self._sound(known.get(self._key(case))) for case in cases):
                 break
             self._sample(cases)
-            found = self._timings()
+            known = self._timings()
         copies = {m.configuration: m.value for m in measures(self.store, COPY, self.task.machine)}
         choices = []
         for (kind, steps, error), case in zip(wanted, cases, strict=True):
             key = self._key(case)
-            timing, dt = found[key], case.scene.method.dt
+            timing, dt = known[key], case.scene.method.dt
             choices.append(
                 Choice(
                     kind.integrator, dt, kind.precision, kind.backend, case.math, timing.kernel, timing.threads, steps,
@@ -273,10 +273,10 @@ class Search:
         return f"no configuration reaches {self.task.error:g} spacings: {closest}; ask for a larger --error"
 
     def notes(self) -> list[str]:
-        """Return remarks on the answer."""
+        """Return remarks on the result."""
         task = self.task
-        way = np.linalg.norm(task.newton.position - start(task.scene)[0], axis=1)
-        moved = way.max() / task.scene.grid.spacing
+        displacement = np.linalg.norm(task.newton.position - start(task.scene)[0], axis=1)
+        moved = displacement.max() / task.scene.grid.spacing
         if moved < task.error:
             return [f"nothing moves by more than {moved:.1e} spacings until then, so every method reaches the error"]
         return []

@@ -78,8 +78,10 @@ def advise_tetrahedra(
             "--error", error, f"must be a relative error from {LEAST:g} to {LARGEST:g} for tetrahedral bodies"
         )
     if scene.mesh:
-        told = "there is no error law for a cloth beside tetrahedral bodies; leave it out to get advice for the bodies"
-        raise SceneError(scene.name_of("mesh"), "a cloth", told)
+        message = (
+            "there is no error law for a cloth beside tetrahedral bodies; leave it out to get advice for the bodies"
+        )
+        raise SceneError(scene.name_of("mesh"), "a cloth", message)
     chosen = backends_here(backends)
     stiff, basis = bodies(scene)
     budgets, beaten = [], []
@@ -105,28 +107,30 @@ def advise_tetrahedra(
 
 def bodies(scene: Scene) -> tuple[list[Stiff], str]:
     """Return (the scene's bodies as input of the laws, a sentence on how their frequencies were computed)."""
-    found = scene.tetrahedra_set
-    fixed = np.zeros(found.particle_count, bool)
-    fixed[found.pinned_vertices] = True
-    surface = np.zeros(found.particle_count, bool)
-    surface[found.surface.ravel()] = True
-    ends = [*found.first_particle[1:], found.particle_count]
+    tetrahedra_set = scene.tetrahedra_set
+    fixed = np.zeros(tetrahedra_set.particle_count, bool)
+    fixed[tetrahedra_set.pinned_vertices] = True
+    surface = np.zeros(tetrahedra_set.particle_count, bool)
+    surface[tetrahedra_set.surface.ravel()] = True
+    ends = [*tetrahedra_set.first_particle[1:], tetrahedra_set.particle_count]
     result, coarser = [], 0
-    for number, (part, first, last) in enumerate(zip(found.parts, found.first_particle, ends, strict=True)):
-        own = found.body == number
-        mesh = found.position[first:last], found.tetrahedra[own] - first
-        inside = found.fraction[own]
+    for number, (part, first, last) in enumerate(
+        zip(tetrahedra_set.parts, tetrahedra_set.first_particle, ends, strict=True)
+    ):
+        members = tetrahedra_set.body == number
+        mesh = tetrahedra_set.position[first:last], tetrahedra_set.tetrahedra[members] - first
+        inside = tetrahedra_set.fraction[members]
         # 1/s: rate of waves from end to end
         waves = sqrt(part.young_modulus / part.density) / float(np.ptp(mesh[0], axis=0).max())
         frequency = pi * waves
-        if own.sum() <= FACTORED:
+        if members.sum() <= FACTORED:
             some = mode_shapes(
                 *mesh, part.young_modulus * inside, part.poisson_ratio, part.density * inside, fixed[first:last], 7
             )[0]
             frequency = 2 * pi * next((f for f in some if f > RIGID * waves), waves / 2)
         else:
             coarser += 1
-        edge = float(np.cbrt(PER_VOXEL * found.whole_volume[own].mean()))
+        edge = float(np.cbrt(PER_VOXEL * tetrahedra_set.whole_volume[members].mean()))
         stiff = Stiff(
             part.young_modulus, part.poisson_ratio, part.density, edge, part.damping, float(frequency),
             bool(surface[first:last].all()),
@@ -175,8 +179,8 @@ def budgets_by_law(scene: Scene, stiff: Sequence[Stiff], error: float) -> Iterat
             continue
         worst = max(stiff, key=lambda one: one.excess(dt / rows, sweeps))
         law = "the excess of rows, as (h^2 E / (rho a^2))" + ("" if sweeps == 1 else "^2 and less")
-        told = f"{law}, here {worst.stiffness(dt / rows):.3g}" + ", more by the damper" * (worst.damping > 0)
-        yield Budget("xpbd", rows, sweeps, excess(rows), max(damped(rows), excess(rows)), told)
+        basis = f"{law}, here {worst.stiffness(dt / rows):.3g}" + ", more by the damper" * (worst.damping > 0)
+        yield Budget("xpbd", rows, sweeps, excess(rows), max(damped(rows), excess(rows)), basis)
 
 
 def _second(scene: Scene, error: float, damped: Any, wave: str) -> Budget | tuple[str, str]:
@@ -243,12 +247,12 @@ def _timed(
     with ExitStack() as stack:
         for budget in budgets:
             asked = scene.replace(budget.changes)
-            told = described(asked, budget.backend, FINDING, precision=budget.precision)
+            description = described(asked, budget.backend, FINDING, precision=budget.precision)
             try:
                 simulation = stack.enter_context(
                     open_simulation(asked, budget.backend, precision=budget.precision, allow_unstable=True)
                 )
-                subject = Subject(simulation, told, start=simulation.state())
+                subject = Subject(simulation, description, start=simulation.state())
                 ready.append((budget, prepare(subject, QUICK.seconds, QUICK.most)))
             except SoftlabError as problem:
                 failed.append((str(budget), str(problem)))
@@ -257,8 +261,8 @@ def _timed(
         record = Record(store, run, cost_sources(ready[0][0].backend, __file__, str(Path(__file__).parent)))
         numbers = in_turn(record, [subject for _, subject in ready], QUICK.repeats)
     able = []
-    for (one, _), found in zip(ready, numbers, strict=True):
-        seconds, _, marks = found[SECONDS]
+    for (one, _), costs in zip(ready, numbers, strict=True):
+        seconds, _, marks = costs[SECONDS]
         if is_wrong(marks):
             failed.append((str(one), marks or ""))
         else:
@@ -276,14 +280,14 @@ def _law_of(bar: Bar) -> float:
 def _beside(store: Store, machine: str) -> Iterator[str]:
     """Yield a sentence on the store's own bars: the one whose error exceeds the law of rows most."""
     rows = [b for b in bars(measures(store, machine=machine)) if b.solver == "xpbd" and b.iterations in SWEEPS]
-    held = [(bar.solver_error, _law_of(bar), bar) for bar in rows if bar.precision == "float64"]
-    held = [one for one in held if one[1] <= LARGEST and isfinite(one[0])]
-    if held:
-        found, law, bar = max(held, key=lambda one: one[0] / one[1])
-        many = "1 bar" if len(held) == 1 else f"{len(held)} bars"
+    compared = [(bar.solver_error, _law_of(bar), bar) for bar in rows if bar.precision == "float64"]
+    compared = [one for one in compared if one[1] <= LARGEST and isfinite(one[0])]
+    if compared:
+        error, law, bar = max(compared, key=lambda one: one[0] / one[1])
+        many = "1 bar" if len(compared) == 1 else f"{len(compared)} bars"
         yield (
-            f"{many} measured here (softlab tetrahedra) against the law of rows: at most {found / law:.2f} of its error "
-            f"({bar.substeps} x {bar.iterations} at {bar.young:.0e} Pa: {found:.2%}, the law {law:.2%})"
+            f"{many} measured here (softlab tetrahedra) against the law of rows: at most {error / law:.2f} of its error "
+            f"({bar.substeps} x {bar.iterations} at {bar.young:.0e} Pa: {error:.2%}, the law {law:.2%})"
         )
     elif any(bar.precision != "float64" for bar in rows):
         yield (

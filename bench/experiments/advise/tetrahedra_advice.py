@@ -88,12 +88,12 @@ class TetrahedraAdvice(BudgetAdvice[Budget]):
         )
         bases = list(dict.fromkeys(f"{one.name} of {one.iterations}: {one.basis}" for one in self.choices))
         limits = "the error of the mesh is not included; softlab tetrahedra measures how stiffly linear tetrahedra bend"
-        return self._told(asked, bases, limits)
+        return self._text(asked, bases, limits)
 
     def _fields(self, one: Budget) -> dict[str, Any]:
         """Return the fields that differ from the requested scene."""
-        held = {f"method.{field}": value for field, value in self.scene.method.model_dump().items()}
-        return {path: value for path, value in one.changes.items() if held.get(path) != value}
+        current = {f"method.{field}": value for field, value in self.scene.method.model_dump().items()}
+        return {path: value for path, value in one.changes.items() if current.get(path) != value}
 
     def _errors(self, one: Budget) -> str:
         return f"{one.at_rest:.2g} at rest, {one.in_motion:.2g} in motion"

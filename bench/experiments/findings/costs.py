@@ -24,13 +24,13 @@ from softlab.model.core import stepping
 from softlab.model.core.simulation import PRECISIONS, Simulation
 from softlab.model.scene.scene import Scene, load_scene
 
-LOOKS = "looks"  # value of `finding`
-SHARE = "cost_share"  # of LOOKS: time of a check over that of the steps between two
+CHECKS = "looks"  # value of `finding`
+CHECK_FRACTION = "cost_share"  # of CHECKS: time of a check over that of the steps between two
 INTERVAL = "cost_interval"  # steps between two checks
-LOOK_SCENE = "lab-grid"
-LOOK_SIZES = {"cpu": (8, 32, 128, 512, 1024), "gpu": (16, 32, 128, 512, 1024, 2048, 4096)}
+CHECK_SCENE = "lab-grid"
+CHECK_SIZES = {"cpu": (8, 32, 128, 512, 1024), "gpu": (16, 32, 128, 512, 1024, 2048, 4096)}
 QUICK_MOST = 512  # largest number of masses per side that `quick` measures
-LOOK_REPEATS = 15  # repeats of a single check; their median counts
+CHECK_REPEATS = 15  # repeats of a single check; their median counts
 NEVER = 2**62  # steps
 
 
@@ -41,9 +41,11 @@ def groups(store: Store, backends: Sequence[str], quick: bool) -> list[Group]:
     from softlab.bench.measure.vertex_timing import vertex_groups  # imported late, because it loads the drawing code
 
     effort, most = (QUICK, QUICK_MOST) if quick else (FULL, None)
-    found = [g for backend in backends for g in (*looks(backend, effort, most), *determinism(backend, effort, most))]
-    found += [group for backend in backends for group in steady_groups(backend, effort, quick)]
-    return found + (vertex_groups(effort, most) if "gpu" in backends else [])
+    all_groups = [
+        g for backend in backends for g in (*check_groups(backend, effort, most), *determinism(backend, effort, most))
+    ]
+    all_groups += [group for backend in backends for group in steady_groups(backend, effort, quick)]
+    return all_groups + (vertex_groups(effort, most) if "gpu" in backends else [])
 
 
 run_costs = Items("costs", groups, "softlab accuracy", "costs: ")
@@ -52,7 +54,7 @@ run_costs = Items("costs", groups, "softlab accuracy", "costs: ")
 # ---------------------------------------------------------------------- cost of the check for a diverged state
 
 
-class _Looking(Subject):
+class _Checking(Subject):
     """Subject that is stepped with a check every `interval` steps."""
 
     interval: int = NEVER
@@ -62,59 +64,59 @@ class _Looking(Subject):
         return super().run(steps)
 
 
-def looks(backend: str, effort: Effort, most: int | None = None) -> list[Group]:
+def check_groups(backend: str, effort: Effort, most: int | None = None) -> list[Group]:
     """Return groups for the lab's grid at several sizes, both precisions, default kernel: (without checks, with
     checks).
     """
     sources = cost_sources(backend, str(stepping.__file__))
-    found = []
-    for n in LOOK_SIZES[backend]:
+    all_groups = []
+    for n in CHECK_SIZES[backend]:
         if most and n > most:
             continue
-        scene = load_scene(LOOK_SCENE).replace({"grid.rows": n, "grid.columns": n})
+        scene = load_scene(CHECK_SCENE).replace({"grid.rows": n, "grid.columns": n})
         for precision in PRECISIONS:
-            ways = tuple(
-                described(scene, backend, LOOKS, precision=precision, looks=looking) for looking in (False, True)
+            descriptions = tuple(
+                described(scene, backend, CHECKS, precision=precision, looks=checking) for checking in (False, True)
             )
-            measure = partial(_measure, scene, ways, effort)
-            found.append(Group(f"{LOOKS} {n} x {n} {precision} {backend}", ways, sources, measure))
-    return found
+            measure = partial(_measure, scene, descriptions, effort)
+            all_groups.append(Group(f"{CHECKS} {n} x {n} {precision} {backend}", descriptions, sources, measure))
+    return all_groups
 
 
-def _measure(scene: Scene, ways: Sequence[dict[str, Any]], effort: Effort, record: Record) -> list[Measures]:
-    with open_simulation(scene, ways[0]["backend"], precision=ways[0]["precision"]) as simulation:
-        return _look_costs(record, simulation, ways, effort)
+def _measure(scene: Scene, descriptions: Sequence[dict[str, Any]], effort: Effort, record: Record) -> list[Measures]:
+    with open_simulation(scene, descriptions[0]["backend"], precision=descriptions[0]["precision"]) as simulation:
+        return _check_costs(record, simulation, descriptions, effort)
 
 
-def _look_costs(
-    record: Record, simulation: Simulation, ways: Sequence[dict[str, Any]], effort: Effort
+def _check_costs(
+    record: Record, simulation: Simulation, descriptions: Sequence[dict[str, Any]], effort: Effort
 ) -> list[Measures]:
     """Measure the same steps without and with checks. A sample is a whole number of intervals, so that each has its
     check.
     """
     interval = simulation.check_interval
-    without, looking = (_Looking(simulation, way) for way in ways)
+    without, looking = (_Checking(simulation, description) for description in descriptions)
     looking.interval = interval
     prepare(without, effort.seconds, effort.most)
     for subject in (without, looking):
         subject.steps = max(1, -(-without.steps // interval)) * interval
         subject.wanted_seconds = without.wanted_seconds
     plain, looked = in_turn(record, (without, looking), effort.repeats)
-    look = _one_look(simulation)
+    check = _one_check(simulation)
     # not the median: other programs that slow the steps down would make checks seem cheap
     step, _, reason = plain[QUICKEST]
     assert step is not None
-    share = look / (interval * step)
-    told = f"a look of {look * 1e6:.3g} us every {interval} steps; {reason}"
-    looked = {INTERVAL: (interval, "", None), SHARE: (share, "", told)} | looked
+    fraction = check / (interval * step)
+    note = f"a look of {check * 1e6:.3g} us every {interval} steps; {reason}"
+    looked = {INTERVAL: (interval, "", None), CHECK_FRACTION: (fraction, "", note)} | looked
     return [plain, looked]
 
 
-def _one_look(simulation: Simulation) -> float:
+def _one_check(simulation: Simulation) -> float:
     """Return the median time [s] of a single check, including the copy of the state that it makes."""
     simulation.check_interval = NEVER
     taken = []
-    for _ in range(LOOK_REPEATS):
+    for _ in range(CHECK_REPEATS):
         simulation.advance(2)
         simulation.synchronize()
         begin = time.perf_counter()

@@ -52,25 +52,25 @@ def determinism(backend: str, effort: Effort, most: int | None = None) -> list[G
 
         files = [checks.__file__, scatter_gpu.__file__]
     sources = cost_sources(backend, *map(str, files), __file__)
-    found = []
+    all_groups = []
     for n in SIZES[backend]:
         if most and n > most:
             continue
         scene = load_scene(SCENE).replace({"grid.rows": n, "grid.columns": n})
         for precision in PRECISIONS:
-            ways = tuple(
+            descriptions = tuple(
                 described(scene, backend, DETERMINISM, precision=precision, sums=how)
                 for how in (GATHER, *OTHERS[backend])
             )
-            measure = partial(_costs, scene, ways, effort)
-            found.append(Group(f"{DETERMINISM} {n} x {n} {precision} {backend}", ways, sources, measure))
-    return found
+            measure = partial(_costs, scene, descriptions, effort)
+            all_groups.append(Group(f"{DETERMINISM} {n} x {n} {precision} {backend}", descriptions, sources, measure))
+    return all_groups
 
 
-def open_way(scene: Scene, backend: str, precision: str, how: str) -> Simulation:
+def open_variant(scene: Scene, backend: str, precision: str, how: str) -> Simulation:
     """Open the scene with the summation `how`: GATHER, or one of OTHERS."""
     if how == GATHER:
-        return open_simulation(scene, backend, precision=precision, kernel=_own_kernel(backend))
+        return open_simulation(scene, backend, precision=precision, kernel=_lab_kernel(backend))
     if backend == "gpu":
         from softlab.bench.experiments.findings.scatter_gpu import ScatterGrid
 
@@ -79,7 +79,7 @@ def open_way(scene: Scene, backend: str, precision: str, how: str) -> Simulation
     return make(scene, precision)
 
 
-def _own_kernel(backend: str) -> str:
+def _lab_kernel(backend: str) -> str:
     """Return the lab's kernel with one pass per step."""
     if backend == "cpu":
         return "fused"
@@ -88,14 +88,16 @@ def _own_kernel(backend: str) -> str:
     return "graph" if can_capture() else "launch"
 
 
-def _costs(scene: Scene, ways: tuple[dict[str, Any], ...], effort: Effort, record: Record) -> list[Measures]:
+def _costs(scene: Scene, descriptions: tuple[dict[str, Any], ...], effort: Effort, record: Record) -> list[Measures]:
     many = scene.grid.rows * scene.grid.columns <= MANY_STEPS_UP_TO
     steps = RUN_STEPS if many else FEW_STEPS
     start, expected = _expected(scene, steps)
     with ExitStack() as stack:
         subjects, checked, good = [], [], []
-        for way in ways:
-            simulation = stack.enter_context(open_way(scene, way["backend"], way["precision"], way["sums"]))
+        for description in descriptions:
+            simulation = stack.enter_context(
+                open_variant(scene, description["backend"], description["precision"], description["sums"])
+            )
             simulation.load(start)
             simulation.advance(steps)
             check = compare(simulation, expected, f"{steps} steps, against the lab's CPU in float64, exact")
@@ -107,7 +109,7 @@ def _costs(scene: Scene, ways: tuple[dict[str, Any], ...], effort: Effort, recor
                 }
             )
             good.append(check.good)
-            subjects.append(prepare(Subject(simulation, way), effort.seconds, effort.most))
+            subjects.append(prepare(Subject(simulation, description), effort.seconds, effort.most))
         timed = in_turn(record, subjects, effort.repeats)
     wrong: Measures = {RATIO: (None, "", "wrong answer")}
     return [before | (numbers if fine else wrong) for before, numbers, fine in zip(checked, timed, good, strict=True)]

@@ -55,8 +55,8 @@ EXACT_METHOD = "velocity-verlet"
 
 def items(store: Store, backends: Sequence[str], quick: bool) -> list[Item]:
     """Return all experiments; `quick`: `exact` math is not timed at the largest size, and with fewer repeats."""
-    found: list[Item] = [*_damping(store), *(e for backend in backends for e in _experiments(store, backend))]
-    return found + [StepTimes(EXACT, pair, quick) for backend in backends for pair in exact_pairs(backend, quick)]
+    all_items: list[Item] = [*_damping(store), *(e for backend in backends for e in _experiments(store, backend))]
+    return all_items + [StepTimes(EXACT, pair, quick) for backend in backends for pair in exact_pairs(backend, quick)]
 
 
 run_findings = Items("findings", items, "softlab accuracy", "finding: ")
@@ -85,16 +85,16 @@ def _damping(store: Store) -> list[Experiment]:
     """Return runs of S2 in NumPy: velocity Verlet with the damper implicit in the second half kick, and with it
     explicit.
     """
-    base, found = load_scene(SCENES["S2"]), []
+    base, experiments = load_scene(SCENES["S2"]), []
     for method, dt in product(DAMPERS, STEP_SIZES[::2]):
         scene = base.replace({"method.integrator": "velocity-verlet", "method.dt": dt})
         measure = partial(_damped_error, store, scene, method)
-        found.append(_finding(ERROR, DAMPING, scene, None, measure, precision="float64", scheme=method))
-    return found
+        experiments.append(_finding(ERROR, DAMPING, scene, None, measure, precision="float64", scheme=method))
+    return experiments
 
 
 def _damped_error(store: Store, scene: Scene, method: str) -> Measures:
-    right = cache.kept(scene, END, references(store))
+    right = cache.cached_reference(scene, END, references(store))
     position, _ = reference.simulate(scene, round(END / scene.method.dt), integrator=method)
     return {ERROR: (_error(scene, position, right.position), "spacing", "NumPy reference")}
 
@@ -109,16 +109,16 @@ def _error(scene: Scene, position: np.ndarray, right: np.ndarray) -> float:
 
 def _floor(store: Store, backend: str) -> list[Experiment]:
     """Return runs of S1 at ever smaller steps, in both precisions."""
-    base, found = load_scene(SCENES["S1"]), []
+    base, experiments = load_scene(SCENES["S1"]), []
     for precision, method, dt in product(PRECISIONS, FLOOR_METHODS, FLOOR_STEPS):
         scene = base.replace({"method.integrator": method, "method.dt": dt})
         measure = partial(_floor_error, store, scene, backend, precision)
-        found.append(_finding(ERROR, FLOOR, scene, backend, measure, precision=precision))
-    return found
+        experiments.append(_finding(ERROR, FLOOR, scene, backend, measure, precision=precision))
+    return experiments
 
 
 def _floor_error(store: Store, scene: Scene, backend: str, precision: str) -> Measures:
-    right = cache.kept(scene, END, references(store))
+    right = cache.cached_reference(scene, END, references(store))
     state = _end(scene, backend, round(END / scene.method.dt), allow_unstable=True, precision=precision)
     error = np.inf if state is None else _error(scene, state.position, right.position)
     return {ERROR: (error, "spacing", None if state else "diverged")}
@@ -139,11 +139,12 @@ def _far_away(backend: str) -> list[Experiment]:
     float64.
     """
     base = load_scene("lab-grid").replace({"grid.rows": 11, "grid.columns": 1, "grid.pinned": "top"})
-    found = []
+    experiments = []
     for method, offset in product(AWAY_METHODS, OFFSETS):
         scene = base.replace({"method.integrator": method, "method.dt": AWAY_DT})
-        found.append(_finding(ERROR, AWAY, scene, backend, partial(_away_error, scene, backend, offset), offset=offset))
-    return found
+        measure = partial(_away_error, scene, backend, offset)
+        experiments.append(_finding(ERROR, AWAY, scene, backend, measure, offset=offset))
+    return experiments
 
 
 def _away_error(scene: Scene, backend: str, offset: float) -> Measures:
@@ -211,9 +212,9 @@ def exact_pairs(backend: str, quick: bool) -> list[list[Case]]:
     base, pairs = load_scene(SCENES["S1"]).replace({"method.integrator": EXACT_METHOD}), []
     for n in EXACT_SIZES[:-1] if quick else EXACT_SIZES:
         scene = base.replace({"grid.rows": n, "grid.columns": n})
-        ways = [
+        descriptions = [
             described(scene, backend, EXACT, precision=precision, math=math)
             for precision, math in product(PRECISIONS, ("fast", "exact"))
         ]
-        pairs.append([Case(scene, backend, way, _sources(backend), EXACT) for way in ways])
+        pairs.append([Case(scene, backend, description, _sources(backend), EXACT) for description in descriptions])
     return pairs

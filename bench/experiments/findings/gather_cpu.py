@@ -112,25 +112,25 @@ def make_gather(real: Any, math: str, parts: frozenset[str]) -> Any:
 class GatherGrid(MassSpring):
     """Simulation (model/core/simulation.py) for scenes of the lab's grid (bench/peers/base.py: grid_refusal).
 
-    `way`: the kernel's name; `make`: the function that makes it.
+    `kernel_name`: the kernel's name; `make`: the function that makes it.
     """
 
-    way, make = TWICE, staticmethod(make_gather)
+    kernel_name, make = TWICE, staticmethod(make_gather)
 
     def __init__(self, scene: Scene, precision: str, math: str = "fast", threads: str | int = "1x"):
         super().__init__(scene, Options(precision, math, "stages"), threads)  # `stages`: rows without padding
 
     def _make_executor(self) -> Executor:
-        self.kernel = self.way
+        self.kernel = self.kernel_name
         self._kernel = self.make(self.real, self.options.math, self.plan.parts)
         self._beside = self._arrays()
-        return Executor(self.plan, {}, self._advance_own)
+        return Executor(self.plan, {}, self._advance_steps)
 
     def _arrays(self) -> tuple[np.ndarray, ...]:
         """Return further arrays of the kernel."""
         return ()
 
-    def _advance_own(self, step: int, steps: int) -> None:
+    def _advance_steps(self, step: int, steps: int) -> None:
         body = self.body
         self._kernel(
             steps, self._states, self._current, body.rows, body.columns, self.record, self._pin_start, self._pin_column,

@@ -136,7 +136,7 @@ def make_coloured(real: Any, math: str, parts: frozenset[str]) -> Any:
 class ColouredGrid(GatherGrid):
     """The same simulation by scattering in colours."""
 
-    way, make = COLOURS, staticmethod(make_coloured)
+    kernel_name, make = COLOURS, staticmethod(make_coloured)
 
     def _arrays(self) -> tuple[np.ndarray, ...]:
         return (np.zeros(2 * self.body.rows * self.body.columns, self.real),)

@@ -49,37 +49,40 @@ def steady_groups(backend: str, effort: Effort, quick: bool) -> list[Group]:
     base = load_scene(SCENES["S1"]).replace({"method.integrator": METHOD})
     sources = cost_sources(backend, __file__)
     sizes, sides, lengths = (STEP_SIZES[:4:2], SIDES[:1], LENGTHS[:3]) if quick else (STEP_SIZES[::2], SIDES, LENGTHS)
-    ways = [(base.replace({"method.dt": dt}), state) for dt in sizes for state in ("start", "rest")]
-    told = tuple(described(scene, backend, STEADY, precision=PRECISION, state=state) for scene, state in ways)
-    found = [Group(f"{STEADY}, {backend}", told, sources, partial(_steady, ways, told, effort))]
+    variants = [(base.replace({"method.dt": dt}), state) for dt in sizes for state in ("start", "rest")]
+    descriptions = tuple(
+        described(scene, backend, STEADY, precision=PRECISION, state=state) for scene, state in variants
+    )
+    run = partial(_steady, variants, descriptions, effort)
+    all_groups = [Group(f"{STEADY}, {backend}", descriptions, sources, run)]
     for side in sides:
         scene = base.replace({"grid.rows": side, "grid.columns": side, "method.dt": LENGTH_DT})
         runs = tuple(described(scene, backend, LENGTH, precision=PRECISION, steps=steps) for steps in lengths)
-        found.append(
+        all_groups.append(
             Group(f"{LENGTH}, {side} x {side}, {backend}", runs, sources, partial(_lengths, scene, runs, effort))
         )
-    return found
+    return all_groups
 
 
 def _steady(
-    ways: Sequence[tuple[Scene, str]], told: Sequence[dict[str, Any]], effort: Effort, record: Record
+    variants: Sequence[tuple[Scene, str]], descriptions: Sequence[dict[str, Any]], effort: Effort, record: Record
 ) -> list[Measures]:
     with ExitStack() as stack:
         subjects = []
-        for (scene, state), one in zip(ways, told, strict=True):
+        for (scene, state), one in zip(variants, descriptions, strict=True):
             simulation = stack.enter_context(open_simulation(scene, one["backend"], precision=PRECISION))
             if state == "rest":
-                record.tell(f"to rest, {scene.method.dt:g} s a step")
+                record.report(f"to rest, {scene.method.dt:g} s a step")
                 simulation.advance(round(REST / scene.method.dt))
             start = simulation.state() if state == "rest" else None
             subjects.append(prepare_runs(Subject(simulation, one, start=start), STEPS, effort.seconds))
         return in_turn(record, subjects, effort.repeats)
 
 
-def _lengths(scene: Scene, told: Sequence[dict[str, Any]], effort: Effort, record: Record) -> list[Measures]:
+def _lengths(scene: Scene, descriptions: Sequence[dict[str, Any]], effort: Effort, record: Record) -> list[Measures]:
     with ExitStack() as stack:
         subjects = []
-        for one in told:
+        for one in descriptions:
             simulation = stack.enter_context(open_simulation(scene, one["backend"], precision=PRECISION))
             subjects.append(prepare_runs(Delivered(simulation, one), one["steps"], effort.seconds))
         return in_turn(record, subjects, effort.repeats)

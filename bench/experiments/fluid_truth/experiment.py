@@ -36,7 +36,7 @@ PEERS = {TANK: ("DFSPH",), DAM: ("DFSPH", "PBF")}  # its methods by kind; its PB
 
 
 @dataclass(frozen=True)
-class Way:
+class Run:
     """A setting, run by the lab (`peer` None) or by another program, on so many CPU `threads`."""
 
     setting: Setting
@@ -47,65 +47,68 @@ class Way:
     @property
     def description(self) -> dict[str, Any]:
         name = None if self.peer is None else self.peer.name
-        told = configuration(self.setting.scene, backend=self.backend, peer=name, **host_of(self.backend, self.threads))
-        return told | {"finding": FINDING + self.setting.kind}
+        host = host_of(self.backend, self.threads)
+        fields = configuration(self.setting.scene, backend=self.backend, peer=name, **host)
+        return fields | {"finding": FINDING + self.setting.kind}
 
 
 def groups(store: Store, backends: Sequence[str], quick: bool, peers: bool = False) -> list[Group]:
     """Return the groups: a kind of scene on a backend, whose errors are computed and whose times are sampled in turn."""
-    found = []
+    all_groups = []
     some = list(settings(quick))
     for backend in backends:
         for kind in dict.fromkeys(one.kind for one in some):
-            mine = [one for one in some if one.kind == kind]
-            ways = [Way(one, backend) for one in mine]
-            beside = [one for one in mine if one.beside]
+            of_kind = [one for one in some if one.kind == kind]
+            runs = [Run(one, backend) for one in of_kind]
+            beside = [one for one in of_kind if one.beside]
             if peers and beside:
                 others = [component(f"{BESIDE}:peer_of", "--peers")(method) for method in PEERS.get(kind, ())]
-                ways += [Way(beside[0], backend, peer) for peer in others if peer.backend == backend]
+                runs += [Run(beside[0], backend, peer) for peer in others if peer.backend == backend]
             process = Path(__file__).parents[2].glob("peers/fluids/splishsplash_process.py")
             sources = cost_sources(backend, *map(str, (*sorted(Path(__file__).parent.glob("*.py")), *process)))
-            told = tuple(way.description for way in ways)
-            measure = partial(_measured, ways, told, QUICK if quick else FULL)
-            found.append(Group(f"{kind}, {backend}", told, sources, measure, len(ways)))
-    return found
+            descriptions = tuple(run.description for run in runs)
+            measure = partial(_measured, runs, descriptions, QUICK if quick else FULL)
+            all_groups.append(Group(f"{kind}, {backend}", descriptions, sources, measure, len(runs)))
+    return all_groups
 
 
 run_truth = Items("fluids: truth", groups, "softlab fluids --truth", "judging and timing: ")
 
 
-def _measured(ways: Sequence[Way], told: Sequence[dict[str, Any]], effort: Effort, record: Record) -> list[Measures]:
-    found: list[Measures] = [{} for _ in ways]
+def _measured(
+    runs: Sequence[Run], descriptions: Sequence[dict[str, Any]], effort: Effort, record: Record
+) -> list[Measures]:
+    measures: list[Measures] = [{} for _ in runs]
     with ExitStack() as stack:
         ready: list[tuple[int, Subject]] = []
-        for number, (way, one) in enumerate(zip(ways, told, strict=True)):
-            scene = way.setting.scene
+        for number, (run, one) in enumerate(zip(runs, descriptions, strict=True)):
+            scene = run.setting.scene
             try:
-                simulation = stack.enter_context(opened(way, stack))
-                found[number] |= judged(simulation, scene, way.setting.kind)
+                simulation = stack.enter_context(opened(run, stack))
+                measures[number] |= judged(simulation, scene, run.setting.kind)
                 subject = Subject(simulation, one, start=_state(simulation, scene))
                 ready.append((number, prepare(subject, effort.seconds, effort.most)))
             except SoftlabError as reason:  # diverged, not installed, or refused
-                found[number] |= {name: (None, "", str(reason)) for name in (SECONDS, RATIO)}
+                measures[number] |= {name: (None, "", str(reason)) for name in (SECONDS, RATIO)}
         timed = in_turn(record, [subject for _, subject in ready], effort.repeats) if ready else []
     for (number, _), numbers in zip(ready, timed, strict=True):
-        found[number] |= numbers
-    return found
+        measures[number] |= numbers
+    return measures
 
 
-def opened(way: Way, stack: ExitStack) -> Any:
+def opened(run: Run, stack: ExitStack) -> Any:
     """Open a setting as a context manager. Raises SoftlabError."""
-    scene = way.setting.scene
-    if way.peer is None:
-        return open_simulation(scene, way.backend, threads=way.threads)
-    threads = host_of("cpu", way.threads)["threads"]
-    return component(f"{BESIDE}:opened_peer", "--peers")(way.peer, scene, threads, stack)
+    scene = run.setting.scene
+    if run.peer is None:
+        return open_simulation(scene, run.backend, threads=run.threads)
+    threads = host_of("cpu", run.threads)["threads"]
+    return component(f"{BESIDE}:opened_peer", "--peers")(run.peer, scene, threads, stack)
 
 
 def _state(simulation: Any, scene: Scene) -> State:
     """Return the state to sample from."""
     if hasattr(simulation, "state"):
-        found: State = simulation.state()
-        return found
+        state: State = simulation.state()
+        return state
     body = build(scene)
     return State(simulation.read("position"), simulation.read("velocity"), body.inverse_mass, 0.0, 0)

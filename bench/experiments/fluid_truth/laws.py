@@ -37,7 +37,7 @@ FRONT, FRONT_LATER, FRONT_MEAN, SHIFT = "fluid_front", "fluid_front_later", "flu
 VISCOSITY = "fluid_numerical_viscosity"
 ASPECT, DRIFT, MOMENTUM, INSIDE = "fluid_drop_aspect", "fluid_drop_drift", "fluid_momentum", "fluid_drop_pressure"
 LEVEL, MIXED = "fluid_level_off", "fluid_mixed"
-REST, LOOKS = 3.0, 30  # s until a scene is at rest; steps over which the measures are averaged
+REST, CHECKED_STEPS = 3.0, 30  # s until a scene is at rest; steps over which the measures are averaged
 DAM_SECONDS, VORTEX_SECONDS, DROP_SECONDS, TWO_SECONDS = 0.21, 0.5, 4.0, 6.0
 SETTLED = 0.05  # s, after which the initial lattice of the vortices is gone
 MOYCE = np.array(
@@ -46,42 +46,42 @@ MOYCE = np.array(
         (2.32, 2.78), (2.51, 3.00), (2.65, 3.22), (2.83, 3.44), (2.98, 3.67), (3.11, 3.89), (3.33, 4.11),
     ]
 )  # fmt: skip  # t sqrt(2 g / a), front / a
-Tell = Callable[[float], None]  # argument: the fraction of a run that is done
+Progress = Callable[[float], None]  # argument: the fraction of a run that is done
 
 
-def judged(simulation: Any, scene: Scene, kind: str, tell: Tell = lambda part: None) -> Measures:
+def judged(simulation: Any, scene: Scene, kind: str, progress: Progress = lambda part: None) -> Measures:
     """Return the errors of a simulation, at its start, against the law of its `kind`; it is left at the end.
 
     `simulation`: has advance(steps) and read(name), the lab's or a peer's.
     """
     laws = {COLUMN: _at_rest, TANK: _at_rest, DAM: _front, VORTICES: _slowed, DROP: _drop, TENSION: _drop, TWO: _levels}
-    return laws[kind](simulation, scene, tell)
+    return laws[kind](simulation, scene, progress)
 
 
 def _steps(scene: Scene, seconds: float) -> int:
     return round(seconds / scene.method.dt)
 
 
-def _on(simulation: Any, steps: int, tell: Tell, total: int, done: int = 0) -> None:
+def _on(simulation: Any, steps: int, progress: Progress, total: int, done: int = 0) -> None:
     """Advance that many steps, a sixteenth of `total` at a time."""
     part = max(1, total // 16)
     for begin in range(0, steps, part):
         simulation.advance(min(part, steps - begin))
-        tell((done + min(begin + part, steps)) / total)
+        progress((done + min(begin + part, steps)) / total)
 
 
 def _places(simulation: Any) -> np.ndarray:
     return np.asarray(simulation.read("position"), np.float64)
 
 
-def _at_rest(simulation: Any, scene: Scene, tell: Tell) -> Measures:
+def _at_rest(simulation: Any, scene: Scene, progress: Progress) -> Measures:
     assert scene.gravity is not None
-    found, steps = scene.fluid_set, _steps(scene, REST)
-    depth, g = float(np.ptp(found.position[:, 1])) + found.spacing, scene.gravity.acceleration
-    rho, pressures = found.parts[0].density, []
-    _on(simulation, steps - LOOKS, tell, steps)
+    fluid_set, steps = scene.fluid_set, _steps(scene, REST)
+    depth, g = float(np.ptp(fluid_set.position[:, 1])) + fluid_set.spacing, scene.gravity.acceleration
+    rho, pressures = fluid_set.parts[0].density, []
+    _on(simulation, steps - CHECKED_STEPS, progress, steps)
     heights, means, most, speeds = [], [], [], []
-    for look in range(LOOKS):
+    for check in range(CHECKED_STEPS):
         simulation.advance(1)
         place = _places(simulation)
         mean, largest = compression(scene, place)
@@ -89,12 +89,14 @@ def _at_rest(simulation: Any, scene: Scene, tell: Tell) -> Measures:
         means.append(mean)
         most.append(largest)
         speeds.append(np.linalg.norm(np.asarray(simulation.read("velocity"), np.float64), axis=1).max())
-        told = _pressure(simulation)
-        if told is not None:
+        pressure = _pressure(simulation)
+        if pressure is not None:
             pressures.append(
-                _pressure_off(place[:, 1] - found.position[:, 1].min() + found.spacing / 2, told, depth, rho * g)
+                _pressure_off(
+                    place[:, 1] - fluid_set.position[:, 1].min() + fluid_set.spacing / 2, pressure, depth, rho * g
+                )
             )
-        tell((steps - LOOKS + look + 1) / steps)
+        progress((steps - CHECKED_STEPS + check + 1) / steps)
     return {
         HEIGHT: (float(np.mean(heights)) / depth - 1, "", None),
         MEAN: (float(np.mean(means)), "", None),
@@ -126,7 +128,7 @@ def start_off() -> float:
     return float(x1 / (1 + (np.sqrt(x2 - 1) - root * (t2 - t1)) ** 2) - 1)
 
 
-def _front(simulation: Any, scene: Scene, tell: Tell) -> Measures:
+def _front(simulation: Any, scene: Scene, progress: Progress) -> Measures:
     assert scene.gravity is not None
     steps, spacing = _steps(scene, DAM_SECONDS), scene.fluid_set.spacing
     time, front = [0.0], [1.0]
@@ -134,7 +136,7 @@ def _front(simulation: Any, scene: Scene, tell: Tell) -> Measures:
         simulation.advance(1)
         time.append(step * scene.method.dt * float(np.sqrt(2 * scene.gravity.acceleration / WIDTH)))
         front.append((float(_places(simulation)[:, 0].max()) + spacing / 2) / WIDTH)
-        tell(step / steps)
+        progress(step / steps)
     shifts = np.linspace(-0.3, 0.3, 121)
     errors = np.array([np.abs(np.interp(MOYCE[:, 0] - shift, time, front) / MOYCE[:, 1] - 1) for shift in shifts])
     best, later = int(np.argmin(errors.max(axis=1))), float(errors[:, 1:].max(axis=1).min())
@@ -146,7 +148,7 @@ def _front(simulation: Any, scene: Scene, tell: Tell) -> Measures:
     }
 
 
-def _slowed(simulation: Any, scene: Scene, tell: Tell) -> Measures:
+def _slowed(simulation: Any, scene: Scene, progress: Progress) -> Measures:
     assert scene.domain is not None
     steps, times, energy = _steps(scene, VORTEX_SECONDS), [], []
     for step in range(steps):
@@ -154,7 +156,7 @@ def _slowed(simulation: Any, scene: Scene, tell: Tell) -> Measures:
         energy.append(float((np.asarray(simulation.read("velocity")) * wave).sum() / (wave * wave).sum()) ** 2)
         times.append(step * scene.method.dt)
         simulation.advance(1)
-        tell((step + 1) / steps)
+        progress((step + 1) / steps)
     begin, side = sum(time < SETTLED for time in times), scene.domain.size[0]
     slope = np.polyfit(times[begin:], np.log(energy[begin:]), 1)[0]
     return {VISCOSITY: (float(-slope * side**2 / (16 * np.pi**2)), "m^2/s", None)}
@@ -162,29 +164,29 @@ def _slowed(simulation: Any, scene: Scene, tell: Tell) -> Measures:
 
 def radius_of(scene: Scene) -> float:
     """Return the radius [m] of a ball, or a disc, with the volume of all fluids of a scene at rest."""
-    found = scene.fluid_set
+    fluid_set = scene.fluid_set
     if scene.dimensions == 2:
-        return float(np.sqrt(found.particle_count / np.pi)) * found.spacing
-    return float(np.cbrt(3 * found.particle_count / (4 * np.pi))) * found.spacing
+        return float(np.sqrt(fluid_set.particle_count / np.pi)) * fluid_set.spacing
+    return float(np.cbrt(3 * fluid_set.particle_count / (4 * np.pi))) * fluid_set.spacing
 
 
-def _drop(simulation: Any, scene: Scene, tell: Tell) -> Measures:
-    found, steps = scene.fluid_set, _steps(scene, DROP_SECONDS)
-    start = found.position.mean(axis=0)
+def _drop(simulation: Any, scene: Scene, progress: Progress) -> Measures:
+    fluid_set, steps = scene.fluid_set, _steps(scene, DROP_SECONDS)
+    start = fluid_set.position.mean(axis=0)
     radius = radius_of(scene)
-    _on(simulation, steps - LOOKS, tell, steps)
+    _on(simulation, steps - CHECKED_STEPS, progress, steps)
     inside, fastest = [], 0.0
-    for _ in range(LOOKS):
+    for _ in range(CHECKED_STEPS):
         simulation.advance(1)
-        place, told = _places(simulation), _pressure(simulation)
+        place, pressure = _places(simulation), _pressure(simulation)
         fastest = max(fastest, float(np.linalg.norm(simulation.read("velocity"), axis=1).max()))
-        if told is not None:
-            inside.append(told[np.linalg.norm(place - place.mean(axis=0), axis=1) < radius / 2].mean())
+        if pressure is not None:
+            inside.append(pressure[np.linalg.norm(place - place.mean(axis=0), axis=1) < radius / 2].mean())
     sizes = np.linalg.eigvalsh(np.cov((place - place.mean(axis=0)).T))
     momentum = np.linalg.norm(np.asarray(simulation.read("velocity"), np.float64).mean(axis=0))
     return {
         ASPECT: (float(np.sqrt(sizes[-1] / sizes[0])), "", None),
-        DRIFT: (float(np.linalg.norm(place.mean(axis=0) - start) / found.spacing), "", "of a rest distance"),
+        DRIFT: (float(np.linalg.norm(place.mean(axis=0) - start) / fluid_set.spacing), "", "of a rest distance"),
         MOMENTUM: (float(momentum / fastest) if fastest > 0 else 0.0, "", "of all at the largest speed"),
         INSIDE: (float(np.mean(inside)), "Pa", f"of a radius of {radius:.4g} m")
         if inside
@@ -193,15 +195,15 @@ def _drop(simulation: Any, scene: Scene, tell: Tell) -> Measures:
     }
 
 
-def _levels(simulation: Any, scene: Scene, tell: Tell) -> Measures:
-    found, steps = scene.fluid_set, _steps(scene, TWO_SECONDS)
-    _on(simulation, steps, tell, steps)
+def _levels(simulation: Any, scene: Scene, progress: Progress) -> Measures:
+    fluid_set, steps = scene.fluid_set, _steps(scene, TWO_SECONDS)
+    _on(simulation, steps, progress, steps)
     place = _places(simulation)
-    above = place[:, 1] - found.position[:, 1].min() + found.spacing / 2
-    depth = float(np.ptp(found.position[:, 1])) + found.spacing
-    heavy = np.argsort([part.density for part in found.parts])[-1] == found.fluid
+    above = place[:, 1] - fluid_set.position[:, 1].min() + fluid_set.spacing / 2
+    depth = float(np.ptp(fluid_set.position[:, 1])) + fluid_set.spacing
+    heavy = np.argsort([part.density for part in fluid_set.parts])[-1] == fluid_set.fluid
     level = depth * heavy.mean()  # the interface
-    wrong = np.where(heavy, above > level + found.spacing / 2, above < level - found.spacing / 2)
+    wrong = np.where(heavy, above > level + fluid_set.spacing / 2, above < level - fluid_set.spacing / 2)
     off = max(abs(above[heavy].mean() - level / 2), abs(above[~heavy].mean() - (level + depth) / 2)) / depth
     return {
         LEVEL: (float(off), "", "of the depth, of either's middle"),

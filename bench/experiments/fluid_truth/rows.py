@@ -76,27 +76,27 @@ class Judged:
         return "its own" if self.peer else f"{self.substeps} x {self.iterations}"
 
 
-def rows(found: Iterable[Measure]) -> list[Judged]:
+def rows(stored: Iterable[Measure]) -> list[Judged]:
     """Return a row for every setting that was measured: kinds in the order of NUMBERS, schemes, then spacings and
     efforts.
     """
     result = []
-    mine = (m for m in found if str(m.description.get("finding", "")).startswith(FINDING))
-    for numbers in by_configuration(mine):
+    judged = (m for m in stored if str(m.description.get("finding", "")).startswith(FINDING))
+    for numbers in by_configuration(judged):
         some = next(iter(numbers.values()))
-        told, kind = some.description, some.description["finding"].removeprefix(FINDING)
+        fields, kind = some.description, some.description["finding"].removeprefix(FINDING)
         if kind not in NUMBERS:
             continue
-        scene, peer = Scene.stored(told["scene"]), told.get("peer")
+        scene, peer = Scene.stored(fields["scene"]), fields.get("peer")
         seconds = numbers.get(SECONDS)
         taken = None if seconds is None or seconds.value is None else seconds.value * FRAME / scene.method.dt
-        held = {name: m.value for name, m in numbers.items() if name in NUMBERS[kind] and m.value is not None}
-        why = None if held else seconds.reason if seconds is not None else "not judged"
+        values = {name: m.value for name, m in numbers.items() if name in NUMBERS[kind] and m.value is not None}
+        why = None if values else seconds.reason if seconds is not None else "not judged"
         result.append(Judged(
-            kind, some.machine, told["backend"], LABELS.get(peer, peer) if peer else scene.method.scheme, bool(peer),
+            kind, some.machine, fields["backend"], LABELS.get(peer, peer) if peer else scene.method.scheme, bool(peer),
             scene.method.substeps, scene.method.iterations, scene.fluid_set.spacing, scene.fluid_set.particle_count,
-            scene.dimensions, laws.radius_of(scene), max(part.surface_tension for part in scene.fluids.values()), held, taken,
-            bool(seconds and "; " in (seconds.reason or "")), why,
+            scene.dimensions, laws.radius_of(scene), max(part.surface_tension for part in scene.fluids.values()), values,
+            taken, bool(seconds and "; " in (seconds.reason or "")), why,
         ))  # fmt: skip
     order = list(NUMBERS)
     return sorted(
@@ -111,7 +111,7 @@ def rows(found: Iterable[Measure]) -> list[Judged]:
 class Tension:
     """Surface tension from the drops of one scheme, with cohesion and surface tension of one coefficient [N/m].
 
-    `sigma` [N/m]: of Laplace's law, pressure = `held` + (dimensions - 1) sigma / radius; `off`: the largest relative
+    `sigma` [N/m]: of Laplace's law, pressure = `base_pressure` + (dimensions - 1) sigma / radius; `off`: the largest relative
     deviation of the pressure of one of the `drops` from that line.
     """
 
@@ -120,49 +120,49 @@ class Tension:
     dimensions: int
     coefficient: float
     sigma: float
-    held: float
+    base_pressure: float
     off: float
     drops: int
 
 
-def tensions(found: Iterable[Judged]) -> list[Tension]:
+def tensions(judged: Iterable[Judged]) -> list[Tension]:
     """Return a row for each scheme with at least three drops; two always lie on a line."""
     drops: dict[tuple[str, str, int, float], list[Judged]] = {}
-    for row in found:
+    for row in judged:
         if row.kind == TENSION and laws.INSIDE in row.numbers:
             drops.setdefault((row.backend, row.who, row.dimensions, row.coefficient), []).append(row)
     result = []
-    for key, mine in drops.items():
-        if len(mine) > 2:
-            curvature = np.array([(row.dimensions - 1) / row.radius for row in mine])
-            inside = np.array([row.numbers[laws.INSIDE] for row in mine])
-            sigma, held = np.polyfit(curvature, inside, 1)
-            off = float(np.abs((sigma * curvature + held) / inside - 1).max())
-            result.append(Tension(*key, float(sigma), float(held), off, len(mine)))
+    for key, group in drops.items():
+        if len(group) > 2:
+            curvature = np.array([(row.dimensions - 1) / row.radius for row in group])
+            inside = np.array([row.numbers[laws.INSIDE] for row in group])
+            sigma, base_pressure = np.polyfit(curvature, inside, 1)
+            off = float(np.abs((sigma * curvature + base_pressure) / inside - 1).max())
+            result.append(Tension(*key, float(sigma), float(base_pressure), off, len(group)))
     return result
 
 
 def print_truth(console: Console, store: Store, machine: str) -> None:
     """Print a table for each kind of scene that was measured on a machine."""
-    held = rows(measures(store, machine=machine))
+    judged = rows(measures(store, machine=machine))
     for kind, names in NUMBERS.items():
-        mine = [row for row in held if row.kind == kind]
-        if not mine:
+        group = [row for row in judged if row.kind == kind]
+        if not group:
             continue
         lines = []
-        for row in mine:
+        for row in group:
             cells = [_cell(row.numbers.get(name), text) for name, text in names.items()]
             frame = "-" if row.frame is None else f"{1e3 * row.frame:.3g}{'?' * row.suspect}"
             lines.append((row.who, row.backend, row.effort, str(row.particles), *cells, frame))
         heads = columns(("by", "on", "effort"), ("particles", *names.values(), "frame / ms"))
         print_table(console, heads, lines, "effort: substeps x iterations; ?: suspect", title=TITLES[kind])
-        for line in tensions(mine):
+        for line in tensions(group):
             console.print(
                 f"{line.who}, {line.backend}, in {line.dimensions} dimensions: {line.sigma:.3g} N/m by Laplace's law, "
                 f"{line.sigma / line.coefficient:.2g} of the coefficient; the worst pressure is {100 * line.off:.2g} % off",
                 highlight=False, soft_wrap=True,
             )  # fmt: skip
-        for row in mine:
+        for row in group:
             if row.reason:
                 console.print(f"{row.who}: {row.reason}", highlight=False, soft_wrap=True)
 

@@ -15,11 +15,11 @@ from rich.console import Console
 
 from softlab.app.driver import open_simulation
 from softlab.app.shared import check_sharing
-from softlab.bench.experiments.scaling.model import WAYS, Cluster, predicted
+from softlab.bench.experiments.scaling.model import TRANSFERS, Cluster, predicted
 from softlab.bench.measure.case_timing import Case, RatePoint, Rates, Summary
 from softlab.bench.measure.costs_timing import Measures
 from softlab.bench.measure.energy import joules_of_all, nvml_counter
-from softlab.bench.measure.experiment import keep, source_hash
+from softlab.bench.measure.experiment import source_hash, store_measures
 from softlab.bench.measure.gpu import gpu_simulated
 from softlab.bench.measure.tables import print_table
 from softlab.bench.measure.timing import Subject
@@ -107,7 +107,7 @@ def groups(
     for link in links:
         check_sharing("gpu", max(gpus), 1, link)
     component(DEVICES, "--gpus")(max(gpus))
-    found = []
+    all_groups = []
     for size in sizes or (QUICK_SIZES if quick else SIZES):
         for precision in precisions:
             cases: list[Case] = []
@@ -115,8 +115,8 @@ def groups(
                 sheet = sheet_of(scene, size * n if weak else size, size)
                 for link in links if n > 1 else links[:1]:
                     cases.append(shared_case(sheet, precision, n, link, exchange_every))
-            found.append(cases)
-    return found
+            all_groups.append(cases)
+    return all_groups
 
 
 def sheet_of(scene: str, rows: int, columns: int) -> Scene:
@@ -148,22 +148,22 @@ class SharedRates(Rates):
                 continue
             if case.scene not in ends:
                 ends[case.scene] = _end_of(replace(case, gpus=1))
-            wanted, found = ends[case.scene], _end_of(case)
+            wanted, end = ends[case.scene], _end_of(case)
             numbers: Measures = {DIFFERENCE: (None, "m", f"over {CHECKED} masses no states are compared")}
-            if found is not None and wanted is not None:
-                off = float(np.abs(np.subtract(found, wanted, dtype=np.float64)).max())
+            if end is not None and wanted is not None:
+                off = float(np.abs(np.subtract(end, wanted, dtype=np.float64)).max())
                 steps = _check_steps(case.scene)
                 numbers = {DIFFERENCE: (off, "m", f"largest, from one GPU, after {steps} steps in exact math")}
-            keep(store, summary.run, case.description, case.sources, numbers)
+            store_measures(store, summary.run, case.description, case.sources, numbers)
         super()._time(store, summary, group, repeats)
 
     def besides(self, subject: Subject) -> Measures:
         if gpu_simulated():
             return {}
         count = subject.name.gpus
-        found = joules_of_all(subject, [nvml_counter(k) for k in range(count)])
-        why = f"of {count} GPUs, by NVML" if found else "no counter, or it moves too rarely"
-        return {JOULES: (found, "J", why)}
+        joules = joules_of_all(subject, [nvml_counter(k) for k in range(count)])
+        why = f"of {count} GPUs, by NVML" if joules else "no counter, or it moves too rarely"
+        return {JOULES: (joules, "J", why)}
 
 
 def _end_of(case: SharedCase) -> np.ndarray | None:
@@ -200,25 +200,25 @@ class ScalingPoint(RatePoint):
     joules: float | None
 
 
-def points(held: Iterable[Measure]) -> list[ScalingPoint]:
+def points(stored: Iterable[Measure]) -> list[ScalingPoint]:
     """Return the points from the measures, smallest first, without those of links that were removed."""
-    held = list(held)
+    stored = list(stored)
     off, joules = (
-        {(m.machine, m.configuration): m.value for m in held if m.name == name} for name in (DIFFERENCE, JOULES)
+        {(m.machine, m.configuration): m.value for m in stored if m.name == name} for name in (DIFFERENCE, JOULES)
     )
-    found = []
-    for told, scene, point in RATES.told(held):
-        rate, grid = told[RATE], scene.grid
+    scaling_points = []
+    for by_name, scene, point in RATES.results(stored):
+        rate, grid = by_name[RATE], scene.grid
         what: dict[str, Any] = rate.description
         key, link = (rate.machine, rate.configuration), what.get("link", "")
-        if link and link.removesuffix(BY_TURNS) not in WAYS:
+        if link and link.removesuffix(BY_TURNS) not in TRANSFERS:
             continue
-        found.append(ScalingPoint(
+        scaling_points.append(ScalingPoint(
             **vars(point), scene=word_of(scene), rows=grid.rows, columns=grid.columns, gpus=what["gpus"],
             link=link, exchange_every=what.get("exchange_every"), difference=off.get(key),
             joules=joules.get(key),
         ))  # fmt: skip
-    return sorted(found, key=lambda p: (p.scene, p.precision, p.rows, p.columns, p.gpus, p.link))
+    return sorted(scaling_points, key=lambda p: (p.scene, p.precision, p.rows, p.columns, p.gpus, p.link))
 
 
 def _every(p: ScalingPoint) -> int:
@@ -231,35 +231,36 @@ def _sheet(p: ScalingPoint) -> tuple[Any, ...]:
     return p.machine, p.scene, p.precision, p.columns
 
 
-def speedups(found: Sequence[ScalingPoint]) -> list[tuple[ScalingPoint, float, float | None]]:
+def speedups(timed: Sequence[ScalingPoint]) -> list[tuple[ScalingPoint, float, float | None]]:
     """Return (point, speed-up over one GPU, speed-up by the model or None) of points of more than one GPU.
 
     Only points whose sheet was measured on one GPU too, without windows that took turns.
     """
-    alone = {(*_sheet(p), p.rows): p for p in found if p.gpus == 1}
+    alone = {(*_sheet(p), p.rows): p for p in timed if p.gpus == 1}
     result = []
-    for p in found:
+    for p in timed:
         one = alone.get((*_sheet(p), p.rows))
         if p.gpus == 1 or one is None or p.link.endswith(BY_TURNS):
             continue
         model = None
         if p.precision == "float32" and p.scene == "grid":
             one_by, many = (
-                predicted(p.rows, p.columns, n, Cluster(), steps=_every(p), way=WAYS[p.link]) for n in (1, p.gpus)
+                predicted(p.rows, p.columns, n, Cluster(), steps=_every(p), transfer=TRANSFERS[p.link])
+                for n in (1, p.gpus)
             )
             model = one_by.step / many.step
         result.append((p, one.step / p.step, model))
     return result
 
 
-def shares(found: Sequence[ScalingPoint]) -> dict[int, float]:
+def weak_efficiencies(timed: Sequence[ScalingPoint]) -> dict[int, float]:
     """Return {id of a point: rate per GPU over that of one GPU with such a partition alone} (weak scaling).
 
     Only points whose partition was measured on one GPU; rates in masses/s.
     """
-    alone = {(*_sheet(p), p.rows): p for p in found if p.gpus == 1}
+    alone = {(*_sheet(p), p.rows): p for p in timed if p.gpus == 1}
     result = {}
-    for p in found:
+    for p in timed:
         one = alone.get((*_sheet(p), p.rows // p.gpus))
         if p.gpus > 1 and p.rows % p.gpus == 0 and one is not None and not p.link.endswith(BY_TURNS):
             result[id(p)] = p.rate / (p.gpus * one.rate)
@@ -268,11 +269,11 @@ def shares(found: Sequence[ScalingPoint]) -> dict[int, float]:
 
 def print_scaling(console: Console, store: Store, machine: str) -> None:
     """Print a table of what was timed on a machine, with the model's speed-up."""
-    found = points(measures(store, machine=machine))
-    told, weak = {id(p): (faster, model) for p, faster, model in speedups(found)}, shares(found)
+    timed = points(measures(store, machine=machine))
+    by_point, weak = {id(p): (faster, model) for p, faster, model in speedups(timed)}, weak_efficiencies(timed)
     rows = []
-    for p in found:
-        faster, model = told.get(id(p), (None, None))
+    for p in timed:
+        faster, model = by_point.get(id(p), (None, None))
         same = "" if p.gpus == 1 else "not compared" if p.difference is None else f"{p.difference:.2g}"
         double = " float64" if p.precision == "float64" else ""
         rows.append((

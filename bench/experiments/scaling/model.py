@@ -25,7 +25,7 @@ Seconds = Callable[[int, int], float]
 
 
 @dataclass(frozen=True)
-class Way:
+class Transfer:
     """Variant of the exchange between windows.
 
     `hidden`: overlapped with a pass over the inner rows. `host` [s]: shortest duration of a cycle, since Python
@@ -37,7 +37,7 @@ class Way:
     host: float
 
 
-WAYS = {"flags": Way(True, 0.0), "nccl": Way(False, 1.7e-4)}
+TRANSFERS = {"flags": Transfer(True, 0.0), "nccl": Transfer(False, 1.7e-4)}
 
 
 @dataclass(frozen=True)
@@ -110,7 +110,7 @@ def predicted(
     cluster: Cluster,
     steps: int | None = None,
     seconds: Seconds = window_seconds,
-    way: Way = WAYS["flags"],
+    transfer: Transfer = TRANSFERS["flags"],
 ) -> Predicted:
     """Return the times of a step of a grid on `count` GPUs that exchange every `steps` steps.
 
@@ -120,16 +120,16 @@ def predicted(
     if count > 1 and steps is None:
         able = [n for n in EVERY if n == 1 or Stencil().halo(n) <= rows // count]
         able = [n for n in able if n >= PASS] or able[-1:]
-        found = [predicted(rows, columns, count, cluster, n, seconds, way) for n in able]
-        return min(found, key=lambda one: one.step)
+        candidates = [predicted(rows, columns, count, cluster, n, seconds, transfer) for n in able]
+        return min(candidates, key=lambda one: one.step)
     cut = decompose(rows, columns, count, Stencil(), steps)
     compute = seconds(max(domain.window_rows for domain in cut.domains), columns)
     if count == 1:
         return Predicted(cut, compute, 0.0, 0.0)
     exchange = cluster.exchange(count, cut.bytes_sent(MASS_BYTES))
     cycle = compute * cut.steps
-    exchange = max(0.0, exchange - min(PASS, cut.steps) * compute) if way.hidden else exchange + cluster.ends
-    exchange = max(exchange, way.host - cycle)
+    exchange = max(0.0, exchange - min(PASS, cut.steps) * compute) if transfer.hidden else exchange + cluster.ends
+    exchange = max(exchange, transfer.host - cycle)
     late = waiting(count, cycle, exchange, cluster.jitter) - cycle * (1 + cluster.jitter) - exchange
     return Predicted(cut, compute, exchange / cut.steps, late / cut.steps)
 

@@ -31,7 +31,7 @@ from softlab.bench.experiments.stability.points import (
 )
 from softlab.bench.experiments.stability.runs import DIVERGED, LIVE, linear, measured_edge, outcome
 from softlab.bench.measure import case_timing
-from softlab.bench.measure.experiment import Tell, backends_here, chosen, keep, resume, source_hash
+from softlab.bench.measure.experiment import Report, backends_here, chosen, resume, source_hash, store_measures
 from softlab.bench.measure.gpu import gpu_simulated
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import configuration, measures_of
@@ -124,7 +124,7 @@ def cases(extent: Extent, backends: Sequence[str], integrators: Sequence[str] | 
     curtain = load_scene("lab-curtain").replace({"grid.rows": ROWS, "grid.columns": COLUMNS})
     rows = [(k, DAMPING) for k in extent.stiffnesses] + [(STIFFNESS, c) for c in extent.dampings if c != DAMPING]
     edges = [(k, DAMPING) for k in extent.edge_stiffnesses] + [(STIFFNESS, c) for c in extent.edge_dampings]
-    found = []
+    selected = []
     for backend in backends:
         sources = f"{source_hash(backend)}-stability{MEANING}"
         for precision in PRECISIONS:
@@ -144,8 +144,8 @@ def cases(extent: Extent, backends: Sequence[str], integrators: Sequence[str] | 
                 for scene, edge in scenes:
                     threads = 1 if backend == "cpu" else None
                     description = configuration(scene, backend=backend, threads=threads, precision=precision)
-                    found.append(Case(scene, backend, description, sources, name, edge))
-    return found
+                    selected.append(Case(scene, backend, description, sources, name, edge))
+    return selected
 
 
 def analytic(scene: Scene) -> float:
@@ -179,14 +179,14 @@ def run_stability(
     for case in everything:
         groups.setdefault(case.simulation_kind, []).append(case)
 
-    def held(case: Case) -> bool:
+    def is_stored(case: Case) -> bool:
         return store.has_measure(case.description, summary.machine, case.sources, case.done)
 
-    def measure(group: Sequence[Case], tell: Tell) -> None:
-        _measure(store, summary, group, tell)
+    def measure(group: Sequence[Case], report: Report) -> None:
+        _measure(store, summary, group, report)
 
     how: dict[str, Any] = {"progress": progress, "command": command, "worth": lambda case: case.worth}
-    resume(store, summary, list(groups.values()), held, measure, **how)
+    resume(store, summary, list(groups.values()), is_stored, measure, **how)
     summary.points, summary.edges = stability_of(
         measures_of(store, summary.machine, (one.description for one in everything))
     )
@@ -194,17 +194,17 @@ def run_stability(
     return summary
 
 
-def _measure(store: Store, summary: StabilitySummary, group: Sequence[Case], tell: Tell) -> None:
+def _measure(store: Store, summary: StabilitySummary, group: Sequence[Case], report: Report) -> None:
     """Run the cases of one opened simulation, each stored when it is done."""
     with ExitStack() as stack:
-        tell(f"{group[0]}: opening", 0)
+        report(f"{group[0]}: opening", 0)
         simulation = stack.enter_context(group[0].open())
         for case in group:
-            tell(str(case), 0)
+            report(str(case), 0)
             numbers = _edge_numbers(simulation, case) if case.edge else _map_numbers(simulation, case)
-            keep(store, summary.run, case.description, case.sources, numbers)
+            store_measures(store, summary.run, case.description, case.sources, numbers)
             summary.measured += 1
-            tell(str(case), case.worth)
+            report(str(case), case.worth)
 
 
 Numbers = dict[str, tuple[float, str, str | None]]
@@ -213,12 +213,12 @@ Numbers = dict[str, tuple[float, str, str | None]]
 def _map_numbers(simulation: Simulation, case: Case) -> Numbers:
     springs, damping = case.scene.springs, case.scene.damping
     assert springs is not None and damping is not None
-    found = outcome(simulation, case.scene.method.dt, springs.stiffness, damping.coefficient)
+    result = outcome(simulation, case.scene.method.dt, springs.stiffness, damping.coefficient)
     numbers: Numbers = {}
-    if found.code == DIVERGED and found.step is not None:
-        numbers[STEP] = (found.step, "", None)
+    if result.code == DIVERGED and result.step is not None:
+        numbers[STEP] = (result.step, "", None)
     # stored last, so that a case with an outcome is complete
-    numbers[OUTCOME] = (found.code, "", _marked(case, found.note))
+    numbers[OUTCOME] = (result.code, "", _marked(case, result.note))
     return numbers
 
 

@@ -107,10 +107,10 @@ def _place(scene_text: str, backend: str, precision: str) -> Place:
     )
 
 
-def stability_of(found: Iterable[Measure]) -> tuple[list[MapPoint], list[Edge]]:
+def stability_of(all_measures: Iterable[Measure]) -> tuple[list[MapPoint], list[Edge]]:
     """Return the map's points and the edges among measures of one machine, in a fixed order."""
     points, edges = [], []
-    for measures in by_configuration(measure for measure in found if measure.name in NAMES):
+    for measures in by_configuration(measure for measure in all_measures if measure.name in NAMES):
         place = place_of(next(iter(measures.values())).description)
         outcome, step, edge, limit = (measures.get(name) for name in NAMES)
         if outcome and outcome.value is not None:
@@ -151,15 +151,15 @@ class StabilitySummary(Summary):
 
     def rows(self) -> list[list[str]]:
         """Return a line of cells for each integrator, backend and precision; HEAD has the titles."""
-        found = []
+        lines = []
         for who in dict.fromkeys([*(p.place.who for p in self.points), *(e.place.who for e in self.edges)]):
-            mine = [p for p in self.points if p.place.who == who]
-            counts = [str(sum(p.code == code for p in mine)) for code in range(len(OUTCOMES))]
-            under = str(sum(p.diverged and not p.over for p in mine))
+            points = [p for p in self.points if p.place.who == who]
+            counts = [str(sum(p.code == code for p in points)) for code in range(len(OUTCOMES))]
+            under = str(sum(p.diverged and not p.over for p in points))
             chain = {e.place.damping > 0: e for e in self.edges if e.place.who == who and e.place.chain}
             cells = [_edge_cell(chain.get(damped)) for damped in (False, True)]
-            found.append([*who, *counts, under, *cells])
-        return found
+            lines.append([*who, *counts, under, *cells])
+        return lines
 
     def __str__(self) -> str:
         rows = [list(HEAD), *self.rows()]

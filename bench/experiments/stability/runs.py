@@ -37,8 +37,8 @@ MIN_STEPS = 400  # smallest number of steps of a point, so that there is time to
 LONGER = 16  # a run with rising speeds continues for up to this many times as long
 RISING, RISEN = 1.1, 1.5  # largest speed in the second half of the steps over the first's: continue above, grown above
 SETTLED = 0.05
-LOOK, LOOKS = 256, 32  # the most steps between two checks, and the fewest checks
-QUIET_LOOKS = 8  # consecutive checks at a speed below a hundredth of SETTLED that end a run early
+CHECK_STEPS, MIN_CHECKS = 256, 32  # the most steps between two checks, and the fewest checks
+QUIET_CHECKS = 8  # consecutive checks at a speed below a hundredth of SETTLED that end a run early
 
 TOLERANCE = 1e-3  # relative width of the interval in which an edge is found
 GROWN, DECAYED = 1e4, 1e-3  # ratio to the initial amplitude at which growth or decay is decided
@@ -78,12 +78,12 @@ def outcome(simulation: Simulation, dt: float, stiffness: float, damping: float)
     simulation.set("springs.stiffness", stiffness)
     simulation.set("damping.coefficient", damping)
     asked = steps = steps_of(dt)
-    look = simulation.check_interval = min(LOOK, steps // LOOKS)
+    interval = simulation.check_interval = min(CHECK_STEPS, steps // MIN_CHECKS)
     speeds: list[tuple[int, float]] = []
     greatest, quiet = 0.0, 0
     try:
-        while simulation.step < steps and quiet < QUIET_LOOKS:
-            simulation.advance(min(look, steps - simulation.step))
+        while simulation.step < steps and quiet < QUIET_CHECKS:
+            simulation.advance(min(interval, steps - simulation.step))
             simulation.check()
             velocity = simulation.read("velocity").astype(np.float64)
             speed = float(np.sqrt(np.mean(velocity * velocity)))
@@ -95,10 +95,10 @@ def outcome(simulation: Simulation, dt: float, stiffness: float, damping: float)
     except Diverged as diverged:
         note = f"diverged at step {diverged.step}, particle {diverged.particle}"
         return Outcome(DIVERGED, diverged.step, steps, None, note)
-    share = speeds[-1][1] / greatest if greatest > 0 else 0.0
-    code = SETTLES if share < SETTLED else GROWS if _rise(speeds) > RISEN else MOVING
-    note = f"after {simulation.step} steps its speed is {share:.2g} of the greatest it had"
-    return Outcome(code, None, steps, share, note)
+    fraction = speeds[-1][1] / greatest if greatest > 0 else 0.0
+    code = SETTLES if fraction < SETTLED else GROWS if _rise(speeds) > RISEN else MOVING
+    note = f"after {simulation.step} steps its speed is {fraction:.2g} of the greatest it had"
+    return Outcome(code, None, steps, fraction, note)
 
 
 def linear(scene: Scene) -> Scene:
@@ -114,15 +114,15 @@ def edge_start(scene: Scene) -> tuple[np.ndarray, float]:
     The positions are the fastest mode plus STRAY of everything else, with the pins at the origin. Raises SceneError for
     a grid too large to compute its fastest mode.
     """
-    found = scene_frequency(scene)
-    if found.mode is None:
+    fastest = scene_frequency(scene)
+    if fastest.mode is None:
         count = scene.grid.particle_count
         raise SceneError("grid.rows x grid.columns", count, f"at most {MAX_MASSES} masses, if not hung by its top row")
     free = np.ones(scene.grid.particle_count, bool)
     free[pinned_indices(scene.grid)] = False
-    shape = np.stack([found.mode, -found.mode], axis=1)
+    shape = np.stack([fastest.mode, -fastest.mode], axis=1)
     shape[free] += wave(scene.grid, STRAY)[free]
-    return shape, found.estimate
+    return shape, fastest.estimate
 
 
 def measured_edge(simulation: Simulation, tolerance: float = TOLERANCE) -> float:
@@ -163,7 +163,7 @@ def grows(simulation: Simulation, start: State, dt: float, w: float, gamma: floa
     cross = gamma if gamma < 1.8 * w else 0.0  # an overdamped mode, for which the form would not be positive
     first = _amplitude(simulation, w, cross)
     most = DAMPED_STEPS if gamma > 0 else UNDAMPED_STEPS
-    looks: list[tuple[int, float]] = []
+    amplitudes: list[tuple[int, float]] = []
     while simulation.step < most:
         # few steps at first: far above the edge a step multiplies by thousands, and float32 ends at 3e38
         batch = max(4, min(simulation.step // 8, most // 64))
@@ -173,19 +173,19 @@ def grows(simulation: Simulation, start: State, dt: float, w: float, gamma: floa
             return True
         if amplitude < DECAYED * first:
             return False
-        looks.append((simulation.step, amplitude))
-        if gamma > 0 and simulation.step > FALL_STEPS and _rise(looks) < FALL:
+        amplitudes.append((simulation.step, amplitude))
+        if gamma > 0 and simulation.step > FALL_STEPS and _rise(amplitudes) < FALL:
             return False
-    return _rise(looks) > (RISE if gamma > 0 else RISE_UNDAMPED)
+    return _rise(amplitudes) > (RISE if gamma > 0 else RISE_UNDAMPED)
 
 
-def _rise(looks: list[tuple[int, float]]) -> float:
+def _rise(amplitudes: list[tuple[int, float]]) -> float:
     """Return the largest amplitude of the second half of (step, amplitude) over that of the first; 0 if it is
     undefined.
     """
-    half = looks[-1][0] / 2
-    early = max((amplitude for step, amplitude in looks if step <= half), default=0.0)
-    return max(amplitude for step, amplitude in looks if step > half) / early if early > 0 else 0.0
+    half = amplitudes[-1][0] / 2
+    early = max((amplitude for step, amplitude in amplitudes if step <= half), default=0.0)
+    return max(amplitude for step, amplitude in amplitudes if step > half) / early if early > 0 else 0.0
 
 
 def _amplitude(simulation: Simulation, w: float, cross: float) -> float:

@@ -50,17 +50,17 @@ class Bar:
         return abs(self.mesh_error) + (1 + self.mesh_error) * abs(self.solver_error)
 
 
-def bars(held: Sequence[Measure]) -> list[Bar]:
+def bars(stored: Sequence[Measure]) -> list[Bar]:
     """Return the bars from the measures, coarse meshes and soft bars first."""
-    found = []
-    for numbers in by_configuration(m for m in held if m.description.get("finding") == TETRAHEDRA):
+    all_bars = []
+    for numbers in by_configuration(m for m in stored if m.description.get("finding") == TETRAHEDRA):
         value = {name: one.value for name, one in numbers.items() if one.value is not None}
         if not value.keys() >= {MOTION_ERROR, MESH_ERROR, SECONDS, ELEMENTS}:
             continue
         description = numbers[MOTION_ERROR].description
         tables = tables_by_kind(description["scene"])
         method = tables["method"]
-        found.append(
+        all_bars.append(
             Bar(
                 round(value[ELEMENTS]), tables["tetrahedral_body"]["young_modulus"],
                 setting_of(method), method["substeps"], method["iterations"], description["backend"],
@@ -71,13 +71,15 @@ def bars(held: Sequence[Measure]) -> list[Bar]:
             )
         )  # fmt: skip
     return sorted(
-        found, key=lambda b: (b.backend, b.precision, b.elements, b.young, b.solver, b.substeps * b.iterations)
+        all_bars, key=lambda b: (b.backend, b.precision, b.elements, b.young, b.solver, b.substeps * b.iterations)
     )
 
 
-def of_one_version(found: Sequence[Bar]) -> list[Bar]:
+def of_one_version(measured: Sequence[Bar]) -> list[Bar]:
     """Return the bars of one version of the kernels, whose times compare: the one with most meshes, then most bars."""
     versions: dict[str, list[Bar]] = {}
-    for bar in found:
+    for bar in measured:
         versions.setdefault(bar.version, []).append(bar)
-    return max(versions.values(), key=lambda mine: (len({bar.elements for bar in mine}), len(mine)), default=[])
+    return max(
+        versions.values(), key=lambda version: (len({bar.elements for bar in version}), len(version)), default=[]
+    )

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from softlab.bench.reference.cache import kept_arrays, sources
+from softlab.bench.reference.cache import cached_arrays, sources
 from softlab.bench.reference.finite_elements import mode_shapes
 from softlab.bench.reference.finite_elements_newton import nonlinear_static
 from softlab.model.base.disk_cache import cache_folder, write_arrays
@@ -90,10 +90,10 @@ def _bar(across: int) -> tuple[Scene, np.ndarray]:
 
 def _file(what: str, across: int) -> Path:
     """Return the file of a reference of a mesh in the user's cache."""
-    found = _bar(across)[0].tetrahedra_set
-    mesh = found.position.tobytes() + found.tetrahedra.tobytes() + found.masses.tobytes()
-    told = f"{what} {across} {WEIGHT} {POISSON} {DENSITY} {REFERENCE} {MODES} ".encode()
-    key = hashlib.sha256(told + mesh + sources()).hexdigest()[:16]
+    tetrahedra_set = _bar(across)[0].tetrahedra_set
+    mesh = tetrahedra_set.position.tobytes() + tetrahedra_set.tetrahedra.tobytes() + tetrahedra_set.masses.tobytes()
+    parameters = f"{what} {across} {WEIGHT} {POISSON} {DENSITY} {REFERENCE} {MODES} ".encode()
+    key = hashlib.sha256(parameters + mesh + sources()).hexdigest()[:16]
     return cache_folder("references") / f"cantilever-{key}.npz"
 
 
@@ -106,37 +106,37 @@ def lacking(across: int) -> list[str]:
 def exact_rest(across: int) -> np.ndarray:
     """Return the rest state of the bar on its own mesh, for any solver and Young's modulus: (particles, 3) [m]."""
     scene, fixed = _bar(across)
-    found = scene.tetrahedra_set
+    mesh = scene.tetrahedra_set
 
-    shapes = {"position": found.position.shape}
+    shapes = {"position": mesh.position.shape}
     begun = _file("rest begun", across)
 
     def make() -> dict[str, np.ndarray]:
         gravity = 0.0, -WEIGHT * REFERENCE, 0.0
-        start = kept_arrays(begun, shapes, lambda: {"position": found.position})["position"]
+        start = cached_arrays(begun, shapes, lambda: {"position": mesh.position})["position"]
         position = nonlinear_static(
-            found.position, found.tetrahedra, REFERENCE, POISSON, fixed, "fixed-corotated", gravity=gravity, density=DENSITY,
+            mesh.position, mesh.tetrahedra, REFERENCE, POISSON, fixed, "fixed-corotated", gravity=gravity, density=DENSITY,
             start=start, watch=lambda x: write_arrays(begun, position=x),
         )  # fmt: skip
         begun.unlink(missing_ok=True)
         return {"position": position}
 
-    return kept_arrays(_file("rest", across), shapes, make)["position"]
+    return cached_arrays(_file("rest", across), shapes, make)["position"]
 
 
 @cache
 def _modes(across: int) -> tuple[np.ndarray, np.ndarray]:
     """Return (frequency (m,) [Hz], shapes (m, particles, 3)) of the MODES lowest modes."""
     scene, fixed = _bar(across)
-    found = scene.tetrahedra_set
+    mesh = scene.tetrahedra_set
 
     def make() -> dict[str, np.ndarray]:
-        modes = mode_shapes(found.position, found.tetrahedra, REFERENCE, POISSON, DENSITY, fixed, MODES)
+        modes = mode_shapes(mesh.position, mesh.tetrahedra, REFERENCE, POISSON, DENSITY, fixed, MODES)
         return dict(zip(("frequency", "shapes"), modes, strict=True))
 
-    shapes = {"frequency": (MODES,), "shapes": (MODES, *found.position.shape)}
-    kept = kept_arrays(_file("modes", across), shapes, make)
-    return kept["frequency"], kept["shapes"]
+    shapes = {"frequency": (MODES,), "shapes": (MODES, *mesh.position.shape)}
+    arrays = cached_arrays(_file("modes", across), shapes, make)
+    return arrays["frequency"], arrays["shapes"]
 
 
 @cache
@@ -146,11 +146,11 @@ def exact_drop(across: int, young: float) -> tuple[int, float]:
     The displacement is the sum over the modes of phi (phi' M g) / (phi' M phi w^2) (1 - cos w t).
     """
     scene, _ = _bar(across)
-    found = scene.tetrahedra_set
+    mesh = scene.tetrahedra_set
     frequency, shapes = _modes(across)
     frequency = frequency * sqrt(young / REFERENCE)
     frames = max(1, round(0.5 / frequency[0] / FRAME))
-    mass, w = found.masses, 2 * pi * frequency
+    mass, w = mesh.masses, 2 * pi * frequency
     push = -WEIGHT * young * (shapes[:, :, 1] @ mass) / (np.einsum("mpk,p->m", shapes**2, mass) * w**2)
     moved = np.einsum("m,mpk->pk", push * (1 - np.cos(w * frames * FRAME)), shapes)
-    return frames, sag(scene, found.position + moved)
+    return frames, sag(scene, mesh.position + moved)

@@ -58,18 +58,18 @@ class Decision:
     rows: Bar | None
 
     @property
-    def share(self) -> float | None:
+    def time_ratio(self) -> float | None:
         """Time of the best setting over that of the cheapest position-based one."""
         return self.best.seconds / self.rows.seconds if self.best and self.rows else None
 
 
-def decisions(found: Sequence[Bar]) -> list[Decision]:
+def decisions(measured: Sequence[Bar]) -> list[Decision]:
     """Return the decisions of all meshes, at rest and in motion, from times that are not suspect if there are any."""
     result = []
-    for backend, elements, young in sorted({(b.backend, b.elements, b.young) for b in found}):
-        mine = [b for b in found if (b.backend, b.elements, b.young) == (backend, elements, young)]
+    for backend, elements, young in sorted({(b.backend, b.elements, b.young) for b in measured}):
+        of_mesh = [b for b in measured if (b.backend, b.elements, b.young) == (backend, elements, young)]
         for where in (AT_REST, IN_MOTION):
-            able = [b for b in mine if within(b, where) and not b.wrong]
+            able = [b for b in of_mesh if within(b, where) and not b.wrong]
             able = sorted([b for b in able if not b.suspect] or able, key=lambda b: b.seconds)
             rows = next((b for b in able if positional(b)), None)
             result.append(Decision(elements, young, backend, where, able[0] if able else None, rows))
@@ -80,37 +80,38 @@ def setting(bar: Bar | None) -> str:
     """Return e.g. `newton 4 x 1, float64: 2.1 ms`."""
     if bar is None:
         return "none measured"
-    told = f"{bar.solver} {bar.substeps} x {bar.iterations}, {bar.precision}"
-    return f"{told}: {1e3 * bar.seconds:.3g} ms{'?' * bar.suspect}"
+    text = f"{bar.solver} {bar.substeps} x {bar.iterations}, {bar.precision}"
+    return f"{text}: {1e3 * bar.seconds:.3g} ms{'?' * bar.suspect}"
 
 
-def targets(found: Sequence[Bar]) -> list[str]:
+def targets(measured: Sequence[Bar]) -> list[str]:
     """Return a sentence for each mesh of the stiffest bars: whether the target is reached, at rest and in motion."""
-    told = []
-    for one in decisions(found):
+    sentences = []
+    for one in decisions(measured):
         if one.young != STIFF or one.best is None:
             continue
         start = (
             f"At E {STIFF:.0e} Pa, {one.elements} tetrahedra, {one.backend.upper()}, {one.where}: "
             f"{setting(one.best)}"
         ).replace("e+0", "e")  # fmt: skip
-        if one.share is None:
-            told.append(
+        if one.time_ratio is None:
+            sentences.append(
                 f"{start}; no position-based setting that was measured gets within {WITHIN:.0%} to compare it with"
             )
         else:
-            verdict = "reached" if one.share <= TARGET else "missed"
-            told.append(
-                f"{start}, {one.share:.2g} of the time of {setting(one.rows)}: the target, {TARGET:g} or less, is {verdict}"
+            verdict = "reached" if one.time_ratio <= TARGET else "missed"
+            sentences.append(
+                f"{start}, {one.time_ratio:.2g} of the time of {setting(one.rows)}: "
+                f"the target, {TARGET:g} or less, is {verdict}"
             )
-    return told
+    return sentences
 
 
-def print_decisions(console: Console, found: Sequence[Bar]) -> None:
+def print_decisions(console: Console, measured: Sequence[Bar]) -> None:
     """Print the fastest setting of each mesh on a line, and the target."""
     lines = []
     by_mesh: dict[tuple[str, int, float], dict[str, Decision]] = {}
-    for one in decisions(found):
+    for one in decisions(measured):
         by_mesh.setdefault((one.backend, one.elements, one.young), {})[one.where] = one
     for (backend, elements, young), both in by_mesh.items():
         cells = [setting(part) for where in (AT_REST, IN_MOTION) for part in (both[where].best, both[where].rows)]
@@ -126,20 +127,20 @@ def print_decisions(console: Console, found: Sequence[Bar]) -> None:
             "position-based",
         )
         print_table(console, heads, lines, f"fastest within {WITHIN:.0%} of the mesh's own answer, a frame of 1/60 s")
-        for sentence in targets(found):
+        for sentence in targets(measured):
             console.print(sentence, highlight=False, soft_wrap=True)
 
 
 def print_tetrahedra(console: Console, store: Store, machine: str) -> None:
     """Print a table of what was measured on a machine."""
-    found = bars(measures(store, machine=machine))
+    measured = bars(measures(store, machine=machine))
     rows = [
         (
             str(b.elements), f"{b.young:.0e}", b.solver, f"{b.substeps} x {b.iterations}", b.backend, b.precision,
             f"{1e3 * b.seconds:.3g}{'?' * b.suspect}", "-" if isnan(b.solver_error) else f"{100 * b.solver_error:+.2f}",
             f"{100 * b.motion_error:+.2f}", f"{100 * b.mesh_error:+.1f}",
         )
-        for b in found
+        for b in measured
     ]  # fmt: skip
     heads = (
         "tetrahedra",
@@ -158,4 +159,4 @@ def print_tetrahedra(console: Console, store: Store, machine: str) -> None:
         "made half a vibration after it was let go, over the exact one; mesh: the exact sag over the continuum's"
     )
     print_table(console, heads, rows, note)
-    print_decisions(console, found)
+    print_decisions(console, measured)

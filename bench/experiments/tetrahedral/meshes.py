@@ -24,7 +24,7 @@ import numpy as np
 from rich.console import Console
 
 from softlab.app.driver import open_simulation
-from softlab.bench.experiments.bar_strip import follow, swing_of, told
+from softlab.bench.experiments.bar_strip import follow, returns_measures, swing_of
 from softlab.bench.experiments.tetrahedra import FREE, SECTIONS
 from softlab.bench.experiments.tetrahedral.cantilever import DENSITY, SECOND, cantilever, setting_of
 from softlab.bench.measure.costs_timing import Measures
@@ -56,23 +56,23 @@ SWING, FRAMES = 1e-3, 96  # m, of the tip; frames that are followed
 
 def mesh_items(store: Store, backends: Sequence[str], quick: bool) -> list[Experiment]:
     """Return the experiments on meshes, once, and those on steps for each backend; `quick`: few of both."""
-    own = source_digest(Path(__file__), Path(str(finite_elements.__file__)))
-    found = []
+    digest = source_digest(Path(__file__), Path(str(finite_elements.__file__)))
+    items = []
     for cut in CUTS:
         for across in SECTIONS[: 2 if quick else 3]:
             for poisson in CONTINUUM:
                 scene = bar(across, cut, poisson)
-                made = described(scene, "cpu", MESH, precision="float64")
-                found.append(Experiment(PART, made, f"{own}-m1", partial(mesh_part, scene)))
+                description = described(scene, "cpu", MESH, precision="float64")
+                items.append(Experiment(PART, description, f"{digest}-m1", partial(mesh_part, scene)))
     for backend in backends:
-        sources = f"{cost_sources(backend, __file__)}-{own}"
+        sources = f"{cost_sources(backend, __file__)}-{digest}"
         for solver, iterations in SOLVERS.items():
             usual = (SUBSTEPS[0], SUBSTEPS[2]) if quick else SUBSTEPS
             for substeps in OF_SECOND if solver == SECOND else usual:
                 scene = swinging(solver, substeps, iterations)
-                made = described(scene, backend, STEP, precision="float64")
-                found.append(Experiment(DECAY, made, sources, partial(decay, scene, backend)))
-    return found
+                description = described(scene, backend, STEP, precision="float64")
+                items.append(Experiment(DECAY, description, sources, partial(decay, scene, backend)))
+    return items
 
 
 run_meshes = Items("meshes of tetrahedra", mesh_items, "softlab tetrahedra")
@@ -80,39 +80,39 @@ run_meshes = Items("meshes of tetrahedra", mesh_items, "softlab tetrahedra")
 
 def bar(across: int, cut: int, poisson: float) -> Scene:
     """Return the cantilever with that many tetrahedra per voxel and that Poisson's ratio."""
-    made = cantilever(across, YOUNG, "xpbd", 1, 1)
-    return made.replace({"beam.tetrahedra": cut, "beam.poisson_ratio": poisson})
+    scene = cantilever(across, YOUNG, "xpbd", 1, 1)
+    return scene.replace({"beam.tetrahedra": cut, "beam.poisson_ratio": poisson})
 
 
 def mesh_part(scene: Scene) -> Measures:
     """Measure PART: the exact sag of a scene's mesh under LOAD, spread evenly over its end, over the continuum's."""
-    found, part = scene.tetrahedra_set, scene.tetrahedra_set.parts[0]
-    fixed = np.zeros(found.particle_count, bool)
-    fixed[found.pinned_vertices] = True
-    end = found.position[:, 0] > found.position[:, 0].max() - 1e-9
-    force = spread_evenly(found.position, found.tetrahedra, end, (0.0, -LOAD, 0.0))
-    moved = linear_static(found.position, found.tetrahedra, part.young_modulus, part.poisson_ratio, fixed, force)
+    mesh, part = scene.tetrahedra_set, scene.tetrahedra_set.parts[0]
+    fixed = np.zeros(mesh.particle_count, bool)
+    fixed[mesh.pinned_vertices] = True
+    end = mesh.position[:, 0] > mesh.position[:, 0].max() - 1e-9
+    force = spread_evenly(mesh.position, mesh.tetrahedra, end, (0.0, -LOAD, 0.0))
+    moved = linear_static(mesh.position, mesh.tetrahedra, part.young_modulus, part.poisson_ratio, fixed, force)
     work = float((force * moved).sum()) / LOAD  # the sag, weighted like the load
     return {
-        TETRAHEDRA: (float(len(found.tetrahedra)), "", None),
+        TETRAHEDRA: (float(len(mesh.tetrahedra)), "", None),
         PART: (work / CONTINUUM[part.poisson_ratio], "", "of 27-node hexahedra's sag"),
     }
 
 
 def swinging(solver: str, substeps: int, iterations: int) -> Scene:
     """Return the coarsest bar without a load and practically without a brake."""
-    made = cantilever(1, YOUNG, solver, substeps, iterations)
-    return made.replace({"gravity.enabled": False, "damping.coefficient": FREE * made.damping.coefficient})  # type: ignore[union-attr]
+    scene = cantilever(1, YOUNG, solver, substeps, iterations)
+    return scene.replace({"gravity.enabled": False, "damping.coefficient": FREE * scene.damping.coefficient})  # type: ignore[union-attr]
 
 
 def first_mode(scene: Scene) -> tuple[float, np.ndarray]:
     """Return (frequency [Hz], shape (particles, 3), 1 at the tip) of its slowest bending vibration, masses lumped."""
-    found = scene.tetrahedra_set
-    fixed = np.zeros(found.particle_count, bool)
-    fixed[found.pinned_vertices] = True
-    part = found.parts[0]
+    mesh = scene.tetrahedra_set
+    fixed = np.zeros(mesh.particle_count, bool)
+    fixed[mesh.pinned_vertices] = True
+    part = mesh.parts[0]
     some, shapes = mode_shapes(
-        found.position, found.tetrahedra, part.young_modulus, part.poisson_ratio, DENSITY, fixed, 2
+        mesh.position, mesh.tetrahedra, part.young_modulus, part.poisson_ratio, DENSITY, fixed, 2
     )  # fmt: skip
     shape = shapes[0] / np.abs(shapes[0]).max()  # a square section has two equal modes, in any plane
     return float(some[0]), shape
@@ -130,7 +130,7 @@ def law(frequency: float, h: float, order: int = 1) -> float:
     return log1p((STAGE * z) ** 4 / (1 + ((1 - 2 * STAGE) * z) ** 2)) / (2 * h)
 
 
-@told(LAW, FREQUENCY, DECAY)
+@returns_measures(LAW, FREQUENCY, DECAY)
 def decay(scene: Scene, backend: str) -> Measures:
     """Measure DECAY of the first mode, with the LAW's value, and its FREQUENCY."""
     frequency, shape = first_mode(scene)
@@ -172,51 +172,52 @@ class Step:
     frequency: float
 
 
-def _told(held: Iterable[Measure], finding: str) -> Iterator[tuple[dict[str, Any], dict[str, float]]]:
-    for numbers in by_configuration(m for m in held if m.description.get("finding") == finding):
+def _by_finding(stored: Iterable[Measure], finding: str) -> Iterator[tuple[dict[str, Any], dict[str, float]]]:
+    for numbers in by_configuration(m for m in stored if m.description.get("finding") == finding):
         description = next(iter(numbers.values())).description
         yield description, {name: one.value for name, one in numbers.items() if one.value is not None}
 
 
-def meshes(held: Iterable[Measure]) -> list[Mesh]:
+def meshes(stored: Iterable[Measure]) -> list[Mesh]:
     """Return the meshes from the measures: by cut, Poisson's ratio and voxels."""
-    found = []
-    for description, value in _told(held, MESH):
+    all_meshes = []
+    for description, value in _by_finding(stored, MESH):
         body = tables_by_kind(description["scene"])["tetrahedral_body"]
         if PART in value and TETRAHEDRA in value:
             across = round(body["shape"]["sides"][1] / body["edge"])
             cut = body.get("tetrahedra", CUTS[0])
-            found.append(Mesh(cut, across, body["poisson_ratio"], round(value[TETRAHEDRA]), value[PART]))
-    return sorted(found, key=lambda m: (m.cut, m.poisson, m.across))
+            all_meshes.append(Mesh(cut, across, body["poisson_ratio"], round(value[TETRAHEDRA]), value[PART]))
+    return sorted(all_meshes, key=lambda m: (m.cut, m.poisson, m.across))
 
 
-def steps(held: Iterable[Measure]) -> list[Step]:
+def steps(stored: Iterable[Measure]) -> list[Step]:
     """Return the steps from the measures, long ones last."""
-    found = []
-    for description, value in _told(held, STEP):
+    all_steps = []
+    for description, value in _by_finding(stored, STEP):
         method = tables_by_kind(description["scene"])["method"]
         if value.keys() >= {DECAY, LAW, FREQUENCY}:
             solver = setting_of(method)
             h = method["dt"] / method["substeps"]
-            found.append(Step(description["backend"], solver, h, value[DECAY], value[LAW], value[FREQUENCY]))
-    return sorted(found, key=lambda s: (s.backend, s.solver, s.h))
+            all_steps.append(Step(description["backend"], solver, h, value[DECAY], value[LAW], value[FREQUENCY]))
+    return sorted(all_steps, key=lambda s: (s.backend, s.solver, s.h))
 
 
 def print_meshes(console: Console, store: Store, machine: str) -> None:
     """Print two tables of what was measured on a machine: meshes, a line per cut and Poisson's ratio; and steps."""
-    held = list(measures(store, machine=machine))
-    found = meshes(held)
-    sizes = sorted({mesh.across for mesh in found})
+    stored = list(measures(store, machine=machine))
+    all_meshes = meshes(stored)
+    sizes = sorted({mesh.across for mesh in all_meshes})
     lines = []
-    for cut, poisson in dict.fromkeys((mesh.cut, mesh.poisson) for mesh in found):
-        mine = {m.across: m for m in found if (m.cut, m.poisson) == (cut, poisson)}
-        parts = [f"{mine[n].part:.3f} ({mine[n].count})" if n in mine else "-" for n in sizes]
+    for cut, poisson in dict.fromkeys((mesh.cut, mesh.poisson) for mesh in all_meshes):
+        by_size = {m.across: m for m in all_meshes if (m.cut, m.poisson) == (cut, poisson)}
+        parts = [f"{by_size[n].part:.3f} ({by_size[n].count})" if n in by_size else "-" for n in sizes]
         lines.append((str(cut), f"{poisson:g}", *parts))
     if lines:
         heads = ("cut", "nu", *(f"{n} across" for n in sizes))
         print_table(console, heads, lines, "sag under a tip load, solved to the end, over the continuum's (tetrahedra)")
     lines = [
-        (s.solver, s.backend, f"{1e3 * s.h:.3g}", f"{s.decay:.3g}", f"{s.law:.3g}", f"{s.frequency:.4g}") for s in steps(held)
+        (s.solver, s.backend, f"{1e3 * s.h:.3g}", f"{s.decay:.3g}", f"{s.law:.3g}", f"{s.frequency:.4g}")
+        for s in steps(stored)
     ]  # fmt: skip
     if lines:
         heads = ("solver", "backend", "substep / ms", "lost a second", "by its law", "swings / Hz")

@@ -19,15 +19,15 @@ def promised(stiff: Stiff, dt: float, error: float = WITHIN) -> list[tuple[str, 
     Rows of one sweep, also with SAFE as many substeps, and of two sweeps, vertex block descent, and Newton's method of
     both orders; none that the laws exclude.
     """
-    found: list[tuple[str, int, int]] = []
+    settings: list[tuple[str, int, int]] = []
     for sweeps in (1, 2):
         substeps = fewest(lambda n, sweeps=sweeps: max(stiff.excess(dt / n, sweeps), stiff.damped(dt / n)) <= error)  # type: ignore[misc]
         if substeps:
-            found += [("xpbd", n, sweeps) for n in sorted({round(SAFE * substeps), substeps}) if n]
+            settings += [("xpbd", n, sweeps) for n in sorted({round(SAFE * substeps), substeps}) if n]
     descent = least_descent([stiff], dt, error)
     if descent:
-        found.append(("vbd", *descent))
+        settings.append(("vbd", *descent))
     for order, solver in ((1, "newton"), (2, SECOND)):
         steps = fewest(lambda n, order=order: stiff.damped(dt / n, order) <= error)  # type: ignore[misc]
-        found += [(solver, steps, 1)] if steps else []
-    return found
+        settings += [(solver, steps, 1)] if steps else []
+    return settings

@@ -60,8 +60,8 @@ def _make_forms() -> tuple[Any, Any]:
         change = fem.grad(u, s)
         swell = (lam + mu) * (wp.determinant(gradient) - 1.0) - mu
         along = cofactor(gradient)
-        turned = cofactor(gradient + change) - along - cofactor(change)  # cofactors are quadratic
-        stress = mu * change + (lam + mu) * wp.ddot(along, change) * along + swell * turned
+        cofactor_change = cofactor(gradient + change) - along - cofactor(change)  # cofactors are quadratic
+        stress = mu * change + (lam + mu) * wp.ddot(along, change) * along + swell * cofactor_change
         return wp.ddot(fem.grad(v, s), stress)
 
     return force, stiffness
@@ -122,28 +122,28 @@ class _Body(Opened):
         fem, sparse, _ = _load()
         self.threads = 1 if backend == "cpu" else None
         self._device = wp.get_device("cpu" if backend == "cpu" else "cuda:0")
-        found, body = scene.tetrahedra_set, build(scene)
-        self._rest, self._count = found.position.astype(np.float32), found.particle_count
+        tetrahedra_set, body = scene.tetrahedra_set, build(scene)
+        self._rest, self._count = tetrahedra_set.position.astype(np.float32), tetrahedra_set.particle_count
         self._substeps, self._h = scene.method.substeps, scene.method.dt / scene.method.substeps
         down = scene.gravity.acceleration if scene.gravity is not None and scene.gravity.enabled else 0.0
         self._gravity = wp.vec3(0.0, -down, 0.0)
         self._lame = dict(zip(("mu", "lam"), lame_of(scene), strict=True))
-        weight = found.masses / self._h**2
-        held = np.zeros(self._count)
-        held[found.pinned_vertices] = 1.0
+        weight = tetrahedra_set.masses / self._h**2
+        fixed = np.zeros(self._count)
+        fixed[tetrahedra_set.pinned_vertices] = 1.0
         with wp.ScopedDevice(self._device):
             mesh = fem.Tetmesh(
-                wp.array(found.tetrahedra.astype(np.int32), dtype=int), wp.array(self._rest, dtype=wp.vec3)
+                wp.array(tetrahedra_set.tetrahedra.astype(np.int32), dtype=int), wp.array(self._rest, dtype=wp.vec3)
             )
             space = fem.make_polynomial_space(mesh, degree=1, dtype=wp.vec3)  # its nodes are the vertices of the mesh
             domain = fem.Cells(mesh)
             self._field = space.make_field()
             self._test = fem.make_test(space=space, domain=domain)
             self._trial = fem.make_trial(space=space, domain=domain)
-            self._weight, self._free = wp.array(weight, dtype=float), wp.array(1.0 - held, dtype=float)
-            self._inertia, self._held = (
+            self._weight, self._free = wp.array(weight, dtype=float), wp.array(1.0 - fixed, dtype=float)
+            self._inertia, self._fixed = (
                 sparse.bsr_diag(wp.array(values[:, None, None] * np.eye(3), dtype=wp.mat33))
-                for values in (weight, held)
+                for values in (weight, fixed)
             )
             self._velocity, self._aim = wp.zeros(self._count, dtype=wp.vec3), wp.zeros(self._count, dtype=wp.vec3)
         self.load(body.position, body.velocity)
@@ -165,7 +165,7 @@ class _Body(Opened):
         force = fem.integrate(force_form, fields=fields, values=self._lame, output_dtype=wp.vec3)
         sparse.bsr_axpy(self._inertia, matrix)
         wp.launch(add_inertia, dim=n, inputs=[now, self._aim, self._weight], outputs=[force])
-        fem.project_linear_system(matrix, force, self._held, None, normalize_projector=False)
+        fem.project_linear_system(matrix, force, self._fixed, None, normalize_projector=False)
         step = wp.zeros(n, dtype=wp.vec3)
         linear.cg(matrix, force, step, tol=TOLERANCE, M=linear.preconditioner(matrix, "diag"))
         before = wp.clone(now)

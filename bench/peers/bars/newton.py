@@ -117,17 +117,17 @@ class _Body(Replayed):
         self.load(body.position, body.velocity)
 
     def _build(self, newton: Any, scene: Scene, position: np.ndarray, solver: str) -> Any:
-        found, (mu, lam) = scene.tetrahedra_set, lame_of(scene)
+        mesh, (mu, lam) = scene.tetrahedra_set, lame_of(scene)
         if solver == "SolverSemiImplicit":
             mu, lam = 4 / 3 * mu, lam + 5 / 6 * mu
         down = scene.gravity.acceleration if scene.gravity is not None and scene.gravity.enabled else 0.0
         builder = newton.ModelBuilder(up_axis=newton.Axis.Y, gravity=(0.0, -down, 0.0))
-        mass = found.masses.copy()
-        mass[found.pinned_vertices] = 0.0
+        mass = mesh.masses.copy()
+        mass[mesh.pinned_vertices] = 0.0
         builder.add_particles(
             pos=position.tolist(), vel=np.zeros_like(position).tolist(), mass=mass.tolist(), radius=[0.0] * len(mass)
         )
-        for corners in found.tetrahedra.tolist():
+        for corners in mesh.tetrahedra.tolist():
             builder.add_tetrahedron(*corners, mu, lam, 0.0)
         builder.color()
         model = builder.finalize(device=self._device)

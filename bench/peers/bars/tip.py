@@ -58,16 +58,16 @@ def across_of(scene: Scene) -> int:
 
 @dataclass(frozen=True)
 class Tip:
-    """Exact result: after `frames` the tip has the displacement `way` [m] downwards; `law`: where it is from."""
+    """Exact result: after `frames` the tip has the `displacement` [m] downwards; `law`: where it is from."""
 
     frames: int
-    way: float
+    displacement: float
     law: str = "the modes of its mesh"
 
     def error(self, scene: Scene, position: np.ndarray) -> float:
         """Return the relative error of a state (particles, 3) [m]; infinite if it is not finite."""
-        found = sag(scene, np.asarray(position, np.float64)) / self.way - 1
-        return abs(found) if np.isfinite(found) else float("inf")
+        deviation = sag(scene, np.asarray(position, np.float64)) / self.displacement - 1
+        return abs(deviation) if np.isfinite(deviation) else float("inf")
 
 
 def exact_tip(scene: Scene) -> Tip:
@@ -76,9 +76,9 @@ def exact_tip(scene: Scene) -> Tip:
 
 
 def _free(scene: Scene) -> np.ndarray:
-    found = scene.tetrahedra_set
-    free = np.ones(found.particle_count, bool)
-    free[found.pinned_vertices] = False
+    mesh = scene.tetrahedra_set
+    free = np.ones(mesh.particle_count, bool)
+    free[mesh.pinned_vertices] = False
     return free
 
 
@@ -92,9 +92,9 @@ def lame_of(scene: Scene) -> tuple[float, float]:
 def quickest(across: int, young: float) -> float:
     """Angular frequency [1/s] of the mesh's fastest vibration, masses lumped."""
     scene = cantilever(across, young, "xpbd", 1, 1)
-    found, free = scene.tetrahedra_set, free_coordinates(~_free(scene))
-    body = Body.of(found.position, found.tetrahedra, "corotated", young, POISSON)
-    root = diags(1 / np.sqrt(np.repeat(found.masses, 3)[free]))
+    mesh, free = scene.tetrahedra_set, free_coordinates(~_free(scene))
+    body = Body.of(mesh.position, mesh.tetrahedra, "corotated", young, POISSON)
+    root = diags(1 / np.sqrt(np.repeat(mesh.masses, 3)[free]))
     matrix = root @ body.stiffness()[free][:, free] @ root
     start = np.random.default_rng(0).normal(size=len(free))
     return float(np.sqrt(eigsh(matrix, k=1, which="LM", v0=start, tol=1e-3)[0][0]))
@@ -107,9 +107,9 @@ def by_stress(across: int, young: float, stress: Stress, law: str) -> Tip:
     The mesh's motion by velocity Verlet in float64, with FINE times as many steps as are stable.
     """
     scene = bar_of(young, 1)(across, across)
-    frames, found = exact_drop(across, young)[0], scene.tetrahedra_set
-    mu, lam = (np.full(len(found.tetrahedra), value) for value in lame_of(scene))
-    body = Body.of(found.position, found.tetrahedra, "neo-hookean", young, POISSON)
+    frames, mesh = exact_drop(across, young)[0], scene.tetrahedra_set
+    mu, lam = (np.full(len(mesh.tetrahedra), value) for value in lame_of(scene))
+    body = Body.of(mesh.position, mesh.tetrahedra, "neo-hookean", young, POISSON)
     where, free = body.tetrahedra.ravel(), _free(scene)
     end = frames * scene.method.dt
     steps = ceil(FINE * end * quickest(across, young) / 2)
@@ -119,9 +119,9 @@ def by_stress(across: int, young: float, stress: Stress, law: str) -> Tip:
         force = np.einsum("m,mij,maj->mai", body.volume, stress(body.deformation(at), mu, lam), body.gradient)
         each = force.reshape(-1, 3)
         total = np.stack([np.bincount(where, each[:, axis], minlength=len(at)) for axis in range(3)], axis=1)
-        found_pull = -total / found.masses[:, None]
-        found_pull[:, 1] -= WEIGHT * young
-        return found_pull * free[:, None]
+        acceleration = -total / mesh.masses[:, None]
+        acceleration[:, 1] -= WEIGHT * young
+        return acceleration * free[:, None]
 
     push = pull(x)
     for _ in range(steps):

@@ -90,10 +90,12 @@ class _Process(Opened):
             stderr=self._said, text=True, env=self._environment(threads),
         )  # fmt: skip
         try:
-            told, found = self._answer(), scene.fluid_set
-            if told["particles"] != found.particle_count:
-                raise PeerError(f"it filled the block by {told['particles']} particles, not {found.particle_count}")
-            part = told["volume"] / (2 * RADIUS) ** self._axes
+            reply, fluid_set = self._reply(), scene.fluid_set
+            if reply["particles"] != fluid_set.particle_count:
+                raise PeerError(
+                    f"it filled the block by {reply['particles']} particles, not {fluid_set.particle_count}"
+                )
+            part = reply["volume"] / (2 * RADIUS) ** self._axes
             if abs(part - 1) > 1e-3:
                 raise PeerError(f"its particles fill {part:.3g} of the lab's")
             body = build(scene)
@@ -114,7 +116,7 @@ class _Process(Opened):
         paths = [str(links), *filter(None, [os.environ.get("LD_LIBRARY_PATH")])]
         return os.environ | {"LD_LIBRARY_PATH": os.pathsep.join(paths), "OMP_NUM_THREADS": str(threads)}
 
-    def _answer(self) -> dict[str, Any]:
+    def _reply(self) -> dict[str, Any]:
         assert self._process.stdout is not None
         line = self._process.stdout.readline()
         if not line:
@@ -122,14 +124,14 @@ class _Process(Opened):
             self._said.seek(0)
             last = self._said.read().strip().splitlines()[-1:] or ["it said nothing"]
             raise PeerError(f"its process ended with status {status}: {last[0]}")
-        found: dict[str, Any] = json.loads(line)
-        return found
+        reply: dict[str, Any] = json.loads(line)
+        return reply
 
     def _ask(self, words: str) -> dict[str, Any]:
         assert self._process.stdin is not None
         self._process.stdin.write(words + "\n")
         self._process.stdin.flush()
-        return self._answer()
+        return self._reply()
 
     def advance(self, steps: int) -> None:
         self._ask(f"advance {steps * self._dt * self._larger**0.5!r}")
@@ -146,8 +148,8 @@ class _Process(Opened):
 
     def read(self) -> tuple[np.ndarray, np.ndarray]:
         self._ask("read")
-        with np.load(self._path / "read.npz") as found:
-            position, velocity = (found[name][:, : self._axes] for name in ("position", "velocity"))
+        with np.load(self._path / "read.npz") as arrays:
+            position, velocity = (arrays[name][:, : self._axes] for name in ("position", "velocity"))
         return position / np.float32(self._larger), velocity / np.float32(self._larger**0.5)
 
     def close(self) -> None:
@@ -212,15 +214,15 @@ def _planes(scene: Scene) -> list[Plane]:
 
 def _walls(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     """Return the corners of its box, (3,) and (3,) [m]: OUTSIDE the lab's planes, and far away where there is none."""
-    found, axes = scene.fluid_set, scene.dimensions
-    lowest, highest = found.position.min(axis=0), found.position.max(axis=0)
+    fluid_set, axes = scene.fluid_set, scene.dimensions
+    lowest, highest = fluid_set.position.min(axis=0), fluid_set.position.max(axis=0)
     low, high = np.full(3, -0.5), np.full(3, 0.5)  # in the plane any depth is possible
-    low[:axes] = lowest - found.spacing - MARGIN * (highest - lowest)
-    high[:axes] = highest + found.spacing + MARGIN * (highest - lowest)
+    low[:axes] = lowest - fluid_set.spacing - MARGIN * (highest - lowest)
+    high[:axes] = highest + fluid_set.spacing + MARGIN * (highest - lowest)
     for plane in _planes(scene):
         axis = int(np.argmax(np.abs(plane.normal)))
         inward = float(np.sign(plane.normal[axis]))
-        place = plane.point[axis] + inward * (plane.thickness - OUTSIDE * found.spacing)
+        place = plane.point[axis] + inward * (plane.thickness - OUTSIDE * fluid_set.spacing)
         (low if inward > 0 else high)[axis] = place
     return low, high
 

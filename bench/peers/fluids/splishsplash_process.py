@@ -42,41 +42,41 @@ def main() -> None:
     def array(name: str) -> np.ndarray:
         return np.asarray(fluid.getFieldBuffer(name))[:count]
 
-    def answer(**what: object) -> None:
+    def reply(**what: object) -> None:
         answers.write(json.dumps(what) + "\n")
         answers.flush()
 
     first_step, end = clock.getTimeStepSize(), clock.getTime()
-    answer(particles=count, volume=fluid.getVolume(0))
+    reply(particles=count, volume=fluid.getVolume(0))
     for line in sys.stdin:
         words = line.split()
         if words[0] == "load":
-            given, order = np.load(os.path.join(folder, "load.npz")), array("id").ravel()
+            start, order = np.load(os.path.join(folder, "load.npz")), array("id").ravel()
             for name in {field.name for field in fluid.getFields()} & WARM:
                 array(name)[...] = 0.0
-            array("position")[...] = given["position"][order]
-            array("velocity")[...] = given["velocity"][order]
+            array("position")[...] = start["position"][order]
+            array("velocity")[...] = start["velocity"][order]
             clock.setTime(0.0)
             end = 0.0
             clock.setTimeStepSize(first_step)
-            answer()
+            reply()
         elif words[0] == "advance":
             begin, asked, steps = time.perf_counter(), float(words[1]), 0
             end += asked
             while (left := end - clock.getTime()) > LEAST * asked:
-                own = clock.getTimeStepSize()
-                clock.setTimeStepSize(min(own, left))
+                cfl_step = clock.getTimeStepSize()
+                clock.setTimeStepSize(min(cfl_step, left))
                 simulation.getTimeStep().step()
                 steps += 1
-                if own > left:  # a shortened step does not determine the next one
-                    clock.setTimeStepSize(own)
-            answer(seconds=time.perf_counter() - begin, steps=steps)
+                if cfl_step > left:  # a shortened step does not determine the next one
+                    clock.setTimeStepSize(cfl_step)
+            reply(seconds=time.perf_counter() - begin, steps=steps)
         elif words[0] == "read":
             back = np.argsort(array("id").ravel())
             np.savez(
                 os.path.join(folder, "read.npz"), position=array("position")[back], velocity=array("velocity")[back]
             )
-            answer()
+            reply()
 
 
 if __name__ == "__main__":

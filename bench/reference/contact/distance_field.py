@@ -77,11 +77,11 @@ def collide(
     near = ((np.minimum(old, new) <= high) & (np.maximum(old, new) >= low)).all(axis=1)
     for k in np.flatnonzero(near):
         back = old[k] - new[k]
-        x, v, reach = entered(field, old[k], new[k]), velocity[k] @ now, body.thickness
-        met, cut = False, bool((x != new[k]).any())
+        x, v, distance_limit = entered(field, old[k], new[k]), velocity[k] @ now, body.thickness
+        has_contact, cut = False, bool((x != new[k]).any())
         for _ in range(ROUNDS):
             distance, normal = sample(field, x)
-            if distance >= reach:
+            if distance >= distance_limit:
                 break
             if np.linalg.norm(normal) <= FLAT:
                 normal = back if back.any() else np.array([0.0, 1.0, 0.0])
@@ -90,7 +90,7 @@ def collide(
             answered = touched(v, normal, drift @ now + np.cross(spin, x))
             if in_place and not cut:
                 x = x + (end - begin) * (answered - v - ((answered - v) @ normal) * normal)
-            v, met, reach = answered, True, SETTLED * body.thickness
-        if met:
+            v, has_contact, distance_limit = answered, True, SETTLED * body.thickness
+        if has_contact:
             position[k], velocity[k] = now @ x + body.origin + drift * end, now @ v
     return position, velocity

@@ -56,8 +56,8 @@ def nearest_point(corners: np.ndarray, q: np.ndarray) -> np.ndarray:
         part = ((q - corners[:, start]) * edge).sum(axis=1) / (edge**2).sum(axis=1)
         places.append(corners[:, start] + np.clip(part, 0, 1)[:, None] * edge)
     all_places = np.concatenate(places)
-    found: np.ndarray = all_places[((all_places - q) ** 2).sum(axis=1).argmin()]
-    return found
+    nearest: np.ndarray = all_places[((all_places - q) ** 2).sum(axis=1).argmin()]
+    return nearest
 
 
 def collide(
@@ -76,13 +76,13 @@ def collide(
     low, high = corners.min(axis=(0, 1)) - mesh.thickness, corners.max(axis=(0, 1)) + mesh.thickness
     near = ((np.minimum(old, new) <= high) & (np.maximum(old, new) >= low)).all(axis=1)
     for k in np.flatnonzero(near):
-        x, v, met = new[k], velocity[k] @ now, False
+        x, v, has_contact = new[k], velocity[k] @ now, False
         for attempt in range(ROUNDS + 1):
-            reach = mesh.thickness * (SETTLED if attempt else 1)
+            limit = mesh.thickness * (SETTLED if attempt else 1)
             crossed, last = first_crossing(corners, old[k], x), attempt == ROUNDS
             if crossed and last:
                 x = old[k]
-                v, met = drift @ now + np.cross(spin, x), True
+                v, has_contact = drift @ now + np.cross(spin, x), True
                 break
             if crossed:
                 part, normal = crossed
@@ -90,14 +90,14 @@ def collide(
             else:
                 nearest = nearest_point(corners, x)
                 distance = np.linalg.norm(x - nearest)
-                if last or not 0 < distance < reach:
+                if last or not 0 < distance < limit:
                     break
                 normal = (x - nearest) / distance
                 x = nearest + mesh.thickness * normal
             answered = touched(v, normal, drift @ now + np.cross(spin, x))
             if in_place and not crossed:
                 x = x + (end - begin) * (answered - v - ((answered - v) @ normal) * normal)
-            v, met = answered, True
-        if met:
+            v, has_contact = answered, True
+        if has_contact:
             position[k], velocity[k] = now @ x + mesh.origin + drift * end, now @ v
     return position, velocity

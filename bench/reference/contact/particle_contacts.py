@@ -25,16 +25,18 @@ class Contacts:
         bodies = [scene.bodies[copy.name] for copy in body_set.copies]
         radius = np.array([body.contact_radius for body in bodies])[body_set.body]
         sticky = np.array([body.adhesion for body in bodies])[body_set.body]
-        mine = body_set.body[:, None] == body_set.body
+        same_body = body_set.body[:, None] == body_set.body
         self.distance = radius[:, None] + radius
-        meets = np.array([[a.group not in b.avoids and b.group not in a.avoids for a in bodies] for b in bodies])
-        self.meets = meets[np.ix_(body_set.body, body_set.body)] & ~mine
+        groups_collide = np.array(
+            [[a.group not in b.avoids and b.group not in a.avoids for a in bodies] for b in bodies]
+        )
+        self.colliding = groups_collide[np.ix_(body_set.body, body_set.body)] & ~same_body
         itself = np.array([body.self_colliding for body in bodies])[body_set.body]
         rest = np.linalg.norm(body_set.position[:, None] - body_set.position, axis=2)
-        self.meets |= mine & itself[:, None] & (rest >= REST * self.distance)
-        np.fill_diagonal(self.meets, False)
+        self.colliding |= same_body & itself[:, None] & (rest >= REST * self.distance)
+        np.fill_diagonal(self.colliding, False)
         projections = scene.method.iterations * part.sweeps
-        self.pull = np.where(mine, 0.0, np.maximum(sticky[:, None], sticky)) * self.h**2 / projections
+        self.pull = np.where(same_body, 0.0, np.maximum(sticky[:, None], sticky)) * self.h**2 / projections
         self.active = self.distance * (1 + part.adhesion_reach * (self.pull > 0))
         self.gravity = scene.gravity.acceleration if scene.gravity and scene.gravity.enabled else 0.0
         self.pairs = np.zeros((0, 2), np.int64)
@@ -47,7 +49,7 @@ class Contacts:
         between = np.linalg.norm(predicted[:, None] - predicted, axis=2)
         self.couples[:] = 0.0
         self.pressed = np.zeros((len(predicted), len(predicted)))
-        one, other = np.nonzero(np.triu(self.meets & (between < self.active * (1 + MARGIN))))
+        one, other = np.nonzero(np.triu(self.colliding & (between < self.active * (1 + MARGIN))))
         self.pairs = np.stack([one, other], axis=1)
 
     def sweep(self, before: np.ndarray, now: np.ndarray) -> np.ndarray:
@@ -70,24 +72,24 @@ class Contacts:
         stiffness = self.weight[i] * contacts[i] + self.weight[j] * contacts[j]
         normal = d / length[:, None]
         distance, pull, b = self.distance[i, j], self.pull[i, j], before[i] - before[j]
-        kept = np.minimum(distance, np.linalg.norm(b, axis=1) + self.part.separation_speed * self.h)
-        depth = np.where(length < kept, kept - length, np.clip(distance - length, -pull, 0.0))
+        required = np.minimum(distance, np.linalg.norm(b, axis=1) + self.part.separation_speed * self.h)
+        depth = np.where(length < required, required - length, np.clip(distance - length, -pull, 0.0))
         slip = (d - b) - ((d - b) * normal).sum(axis=1)[:, None] * normal
         sliding, pressed = np.linalg.norm(slip, axis=1), np.maximum(depth, 0.0) + pull
-        held = sliding <= self.part.static_friction * pressed
-        grip = np.where(held, 1.0, self.part.dynamic_friction * pressed / np.where(sliding > 0, sliding, 1.0))
+        sticking = sliding <= self.part.static_friction * pressed
+        grip = np.where(sticking, 1.0, self.part.dynamic_friction * pressed / np.where(sliding > 0, sliding, 1.0))
         softness = np.where(stiffness > 0, stiffness, np.inf)
         self.pressed[i, j] += depth / softness
-        way = (depth[:, None] * normal - grip[:, None] * slip) / softness[:, None]
+        push = (depth[:, None] * normal - grip[:, None] * slip) / softness[:, None]
         moved = now.copy()
-        np.add.at(moved, i, self.weight[i][:, None] * way)
-        np.add.at(moved, j, -self.weight[j][:, None] * way)
-        couple = -np.cross(d / 2, way)  # moves an impulse from a particle's centre to the midpoint between both
+        np.add.at(moved, i, self.weight[i][:, None] * push)
+        np.add.at(moved, j, -self.weight[j][:, None] * push)
+        couple = -np.cross(d / 2, push)  # moves an impulse from a particle's centre to the midpoint between both
         np.add.at(self.couples, i, self.weight[i][:, None] * couple)
         np.add.at(self.couples, j, self.weight[j][:, None] * couple)
         return moved
 
-    def given(
+    def velocity_changes(
         self, now: np.ndarray, old: np.ndarray, velocity: np.ndarray, scale: np.ndarray, rigid: np.ndarray | None = None
     ) -> np.ndarray:
         """Return the changes of velocity [m/s] after which particles in contact at `now` separate by the restitution.
@@ -105,25 +107,25 @@ class Contacts:
         both = np.zeros(len(i), bool) if rigid is None else rigid[i] & rigid[j]
         comes = -((velocity[i] - velocity[j]) * normal).sum(axis=1)
         came = np.where(both, np.maximum(came, comes), came)
-        meets, e = came > settling, self.part.restitution
-        lack = np.where(meets, e * came, np.maximum(-came, 0.0)) + comes
+        approaching, e = came > settling, self.part.restitution
+        lack = np.where(approaching, e * came, np.maximum(-came, 0.0)) + comes
         pressed = self.pressed[i, j]
-        needs = meets & (lack > 0) & (both | (e > 0))
+        needs = approaching & (lack > 0) & (both | (e > 0))
         acting = needs | (both & (pressed > 0) & (-lack > LEFT * settling))
         acting &= length < BESIDE * self.distance[i, j]
         i, j, normal, lack, pressed = i[acting], j[acting], normal[acting], lack[acting], pressed[acting]
         number = np.bincount(np.concatenate([i, j]), minlength=len(now))
-        share = self.factor(scale[i], scale[j]) * lack / (self.weight[i] * number[i] + self.weight[j] * number[j])
-        share = np.maximum(share, np.minimum(-pressed / self.h, 0.0))
-        found, self.asked = np.zeros_like(velocity), np.zeros(len(now))
+        impulse = self.factor(scale[i], scale[j]) * lack / (self.weight[i] * number[i] + self.weight[j] * number[j])
+        impulse = np.maximum(impulse, np.minimum(-pressed / self.h, 0.0))
+        changes, self.asked = np.zeros_like(velocity), np.zeros(len(now))
         for k in (i, j):  # for each particle, over its mass: the impulses that its contacts require by themselves
-            np.add.at(self.asked, k, self.weight[k] ** 2 * number[k] * share**2)
-        np.add.at(found, i, (self.weight[i] * share)[:, None] * normal)
-        np.add.at(found, j, -(self.weight[j] * share)[:, None] * normal)
-        return found
+            np.add.at(self.asked, k, self.weight[k] ** 2 * number[k] * impulse**2)
+        np.add.at(changes, i, (self.weight[i] * impulse)[:, None] * normal)
+        np.add.at(changes, j, -(self.weight[j] * impulse)[:, None] * normal)
+        return changes
 
     def factor(self, one: np.ndarray, other: np.ndarray) -> np.ndarray:
-        """Return the factor (n,) of the impulses of pairs, from the `scale` (n, 3) of either particle (see `given`)."""
+        """Return the factor (n,) of the impulses of pairs, by the `scale` (n, 3) of either particle in `velocity_changes`."""
         least, worth = np.minimum(one[:, 0], other[:, 0]), one[:, 2] + other[:, 2]
         two = (one[:, 2] > 0) & (other[:, 2] > 0)
         worth = np.where(two, worth, 1.0)
@@ -133,10 +135,10 @@ class Contacts:
 
     def ended(self, before: np.ndarray, now: np.ndarray) -> np.ndarray:
         """Return the positions [m] at the end of the substep, with limited speed and with slow particles at rest."""
-        way = now - before
-        length = np.linalg.norm(way, axis=1)[:, None]
+        displacement = now - before
+        length = np.linalg.norm(displacement, axis=1)[:, None]
         if self.part.maximum_speed is not None:
             fastest = self.part.maximum_speed * self.h
-            now = np.where(length > fastest, before + way * (fastest / np.maximum(length, fastest)), now)
+            now = np.where(length > fastest, before + displacement * (fastest / np.maximum(length, fastest)), now)
         asleep = length < self.part.sleeping_speed * self.h
         return np.where(asleep, before, now)

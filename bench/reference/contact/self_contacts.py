@@ -25,12 +25,12 @@ from softlab.model.tables.self_collision import SelfCollision
 # of the thickness: margin of the contact search beyond the predicted motion; distance below which the triangle's normal
 # replaces the vector from the nearest point; height over the plane below which a mass is on neither side
 MARGIN, FLAT, COINCIDENT = 0.1, 0.0625, 1e-3
-UPRIGHT = 0.99999  # cosine of a contact's normal with the triangle's, above which it is the triangle's
+PARALLEL = 0.99999  # cosine of a contact's normal with the triangle's, above which it is the triangle's
 PAST = 2.0**-10  # of a triangle: margin beyond its edges within which a path through its plane is one through it
 
 
 @dataclass(frozen=True)
-class Found:
+class VertexContacts:
     """Contacts, (n,) each, by mass, then by distance, then by triangle; `corners` and `weights` (n, 3), `normal` (n,
     3).
     """
@@ -40,18 +40,18 @@ class Found:
     corners: np.ndarray
     weights: np.ndarray
     normal: np.ndarray
-    held: np.ndarray  # m, the required distance
+    required: np.ndarray  # m, the required distance
     distance: np.ndarray  # m, at the beginning of the substep
     around: np.ndarray  # object, (m, 3) int each: corners of the triangles with one of the triangle's corners
 
-    def kept(self, most: int) -> Found:
+    def nearest(self, most: int) -> VertexContacts:
         """Return the `most` nearest contacts of every mass."""
         rank = np.arange(len(self.mass)) - np.searchsorted(self.mass, self.mass)
         return self.where(rank < most)
 
-    def where(self, chosen: np.ndarray) -> Found:
+    def where(self, chosen: np.ndarray) -> VertexContacts:
         """Return the contacts whose entry in `chosen` (n,) is true."""
-        return Found(*(getattr(self, name)[chosen] for name in self.__dataclass_fields__))
+        return VertexContacts(*(getattr(self, name)[chosen] for name in self.__dataclass_fields__))
 
 
 def triangles(rows: int, columns: int) -> np.ndarray:
@@ -87,24 +87,22 @@ def nearest_weights(p: np.ndarray, q: np.ndarray) -> np.ndarray:
     return best
 
 
-def _answers(rows: int, columns: int, corners: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """Return a mask (n,) of triangles that are the first of all with the corners of non-zero weight."""
-    every = triangles(rows, columns)
+def first_with_feature(every: np.ndarray, corners: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Return a mask (n,) of triangles that are the first of all with their corners of non-zero weight."""
     holders: dict[int, set[int]] = {}
-    for number, own in enumerate(every.tolist()):
-        for mass in own:
-            holders.setdefault(mass, set()).add(number)
+    for number, triangle in enumerate(every.tolist()):
+        for vertex in triangle:
+            holders.setdefault(vertex, set()).add(number)
     result = np.zeros(len(corners), bool)
-    for n, (own, weight) in enumerate(zip(corners.tolist(), weights, strict=True)):
-        feature = [mass for mass, w in zip(own, weight, strict=True) if w > 0]
-        numbers = set.intersection(*(holders[mass] for mass in feature))
-        result[n] = every[min(numbers)].tolist() == own
+    for n, (triangle, weight) in enumerate(zip(corners.tolist(), weights, strict=True)):
+        feature = [vertex for vertex, w in zip(triangle, weight, strict=True) if w > 0]
+        result[n] = every[min(set.intersection(*(holders[vertex] for vertex in feature)))].tolist() == triangle
     return result
 
 
 def find(
     part: SelfCollision, rows: int, columns: int, spacing: float, before: np.ndarray, predicted: np.ndarray, h: float
-) -> Found:
+) -> VertexContacts:
     """Return the contacts that are possible in a substep of `h` [s] from `before` to `predicted` (particles, 3) [m].
 
     A contact is a mass and a triangle without it as a corner, whose nearest point is nearer than the thickness, a
@@ -122,19 +120,19 @@ def find(
     move = predicted - before
     motion = np.linalg.norm(move[mass][:, None] - move[corners], axis=2).max(axis=1)
     near = distance < part.thickness * (1 + MARGIN) + motion
-    near[near] = _answers(rows, columns, corners[near], weights[near])
+    near[near] = first_with_feature(triangles(rows, columns), corners[near], weights[near])
     mass, triangle, corners, weights = mass[near], triangle[near], corners[near], weights[near]
     r, distance = r[near], distance[near]
     normal = _normals(part.thickness, before, mass, corners, r, distance)
     place = np.stack(np.divmod(np.arange(rows * columns), columns), -1) * spacing
     rest = np.linalg.norm(place[mass] - np.einsum("nk,nkd->nd", weights, place[corners]), axis=1)
     gap = np.einsum("nk,nk->n", normal, r)
-    held = np.minimum(np.minimum(part.thickness, rest), gap + part.separation_speed * h)
+    required = np.minimum(np.minimum(part.thickness, rest), gap + part.separation_speed * h)
     order = np.lexsort((triangle, distance, mass))
     mass, triangle, corners = mass[order], triangle[order], corners[order]
     around = triangles_around(every, mass, corners)
-    weights, normal, held, distance = (a[order] for a in (weights, normal, held, distance))
-    return Found(mass, triangle, corners, weights, normal, held, distance, around)
+    weights, normal, required, distance = (a[order] for a in (weights, normal, required, distance))
+    return VertexContacts(mass, triangle, corners, weights, normal, required, distance, around)
 
 
 def triangles_around(every: np.ndarray, mass: np.ndarray, corners: np.ndarray) -> np.ndarray:
@@ -178,8 +176,8 @@ def _heights(p: np.ndarray, q: np.ndarray) -> np.ndarray:
     normal = normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
     height = (normal * r).sum(axis=1)
     edges = np.stack([u, v], axis=2)
-    found = np.einsum("nij,nj->ni", np.linalg.pinv(edges), r) if len(r) else np.zeros((0, 2))
-    return np.column_stack([1 - found.sum(axis=1), found, height])
+    coordinates = np.einsum("nij,nj->ni", np.linalg.pinv(edges), r) if len(r) else np.zeros((0, 2))
+    return np.column_stack([1 - coordinates.sum(axis=1), coordinates, height])
 
 
 def _passed(early: np.ndarray, late: np.ndarray, old: np.ndarray, new: np.ndarray) -> np.ndarray:
@@ -191,33 +189,35 @@ def _passed(early: np.ndarray, late: np.ndarray, old: np.ndarray, new: np.ndarra
     return ((first[:, 3] >= 0) != (last[:, 3] >= 0)) & (at >= -PAST).all(axis=1)
 
 
-def limited(found: Found, r: np.ndarray, before: np.ndarray, now: np.ndarray, deep: np.ndarray) -> np.ndarray:
+def limited(
+    contacts: VertexContacts, r: np.ndarray, before: np.ndarray, now: np.ndarray, deep: np.ndarray
+) -> np.ndarray:
     """Return the remaining part of the planes' depth `deep` with the triangles at `now`: (n,) [m].
 
     It is at most what the vertex lacks of the distance from its triangle, unless the vertex began inside (`r`, at the
     beginning of the substep, against the normal), or came through one of the triangles around. Beside a triangle whose
     own normal is the contact's, the distance is that from the nearest one around.
     """
-    old, new = before[found.corners], now[found.corners]
+    old, new = before[contacts.corners], now[contacts.corners]
     normal = np.cross(old[:, 1] - old[:, 0], old[:, 2] - old[:, 0])
-    own = np.abs((found.normal * normal).sum(axis=1)) >= UPRIGHT * np.linalg.norm(normal, axis=1)
-    beside = own & (_heights(now[found.mass], new)[:, :3] < 0).any(axis=1)
+    own = np.abs((contacts.normal * normal).sum(axis=1)) >= PARALLEL * np.linalg.norm(normal, axis=1)
+    beside = own & (_heights(now[contacts.mass], new)[:, :3] < 0).any(axis=1)
     result = deep.copy()
-    for n in np.flatnonzero((deep > 0) & ((found.normal * r).sum(axis=1) > 0)):
-        vertex, near = found.mass[n], found.around[n]
-        if beside[n] or deep[n] > found.held[n]:
+    for n in np.flatnonzero((deep > 0) & ((contacts.normal * r).sum(axis=1) > 0)):
+        vertex, near = contacts.mass[n], contacts.around[n]
+        if beside[n] or deep[n] > contacts.required[n]:
             if _passed(before[vertex], now[vertex], before[near], now[near]).any():
                 continue
         triangles = now[near] if beside[n] else new[n : n + 1]
         p = np.broadcast_to(now[vertex], (len(triangles), 3))
         feet = np.einsum("nk,nkd->nd", nearest_weights(p, triangles), triangles)
-        result[n] = min(deep[n], found.held[n] - np.linalg.norm(p - feet, axis=1).min())
+        result[n] = min(deep[n], contacts.required[n] - np.linalg.norm(p - feet, axis=1).min())
     return result
 
 
 def project(
     part: SelfCollision,
-    found: Found,
+    contacts: VertexContacts,
     before: np.ndarray,
     position: np.ndarray,
     weight: np.ndarray,
@@ -230,31 +230,31 @@ def project(
     """
 
     def offset(p: np.ndarray) -> np.ndarray:
-        return p[found.mass] - np.einsum("nk,nkd->nd", found.weights, p[found.corners])
+        return p[contacts.mass] - np.einsum("nk,nkd->nd", contacts.weights, p[contacts.corners])
 
     now = offset(position)
-    depth = found.held - np.einsum("nk,nk->n", found.normal, now)
-    depth = limited(found, offset(before), before, position, depth)
+    depth = contacts.required - np.einsum("nk,nk->n", contacts.normal, now)
+    depth = limited(contacts, offset(before), before, position, depth)
     on = depth > 0
     load = np.zeros(len(position))
-    np.add.at(load, found.mass[on], 1.0)
-    np.add.at(load, found.corners[on], found.weights[on])
-    bound = weight[found.mass] * load[found.mass]
-    bound = bound + (found.weights * (weight * load)[found.corners]).sum(axis=1)
+    np.add.at(load, contacts.mass[on], 1.0)
+    np.add.at(load, contacts.corners[on], contacts.weights[on])
+    bound = weight[contacts.mass] * load[contacts.mass]
+    bound = bound + (contacts.weights * (weight * load)[contacts.corners]).sum(axis=1)
     on &= bound > 0
     slid = now - offset(before)
-    slid -= np.einsum("nk,nk->n", found.normal, slid)[:, None] * found.normal
+    slid -= np.einsum("nk,nk->n", contacts.normal, slid)[:, None] * contacts.normal
     size = np.linalg.norm(slid, axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
         stopped = np.where(size <= part.static_friction * depth, 1.0, part.dynamic_friction * depth / size)
         stopped *= surfaces is None  # friction of surfaces comes after all pushes
-        push = (depth[:, None] * found.normal - stopped[:, None] * slid) / bound[:, None]
+        push = (depth[:, None] * contacts.normal - stopped[:, None] * slid) / bound[:, None]
     moved = np.zeros_like(position)
-    np.add.at(moved, found.mass[on], push[on])
-    np.subtract.at(moved, found.corners[on], found.weights[on][:, :, None] * push[on][:, None])
+    np.add.at(moved, contacts.mass[on], push[on])
+    np.subtract.at(moved, contacts.corners[on], contacts.weights[on][:, :, None] * push[on][:, None])
     position = position + weight[:, None] * moved
     if surfaces is not None and part.static_friction > 0:
-        moved = surfaces.rub(part, found.where(on), before, position, weight, depth[on] / bound[on])
+        moved = surfaces.rub(part, contacts.where(on), before, position, weight, depth[on] / bound[on])
         position = position + weight[:, None] * moved
     return position
 
@@ -282,11 +282,11 @@ def simulate(
         before = p
         v = np.where(free, v * (1 - h * drag) + h * gravity, 0.0)
         p, multipliers = before + h * v, np.zeros(len(constraints.first))
-        found = find(part, grid.rows, grid.columns, grid.spacing, before, p, h).kept(most)
+        contacts = find(part, grid.rows, grid.columns, grid.spacing, before, p, h).nearest(most)
         for _ in range(method.iterations):
             p, multipliers = xpbd.iterate(constraints, p, multipliers, before, inverse_mass, h, ordering)
             for _ in range(part.sweeps):
-                p = project(part, found, before, p, inverse_mass * grid.mass)
+                p = project(part, contacts, before, p, inverse_mass * grid.mass)
         v = (p - before) / h
         if scene.colliders:
             moved = cloth.collide(fine, before.reshape(shape), p.reshape(shape), v.reshape(shape), number)

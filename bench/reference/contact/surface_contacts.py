@@ -14,12 +14,21 @@ from typing import Any
 
 import numpy as np
 
-from softlab.bench.reference.contact.self_contacts import FLAT, MARGIN, Found, nearest_weights, triangles_around
+from softlab.bench.reference.contact.self_contacts import (
+    FLAT,
+    MARGIN,
+    VertexContacts,
+    first_with_feature,
+    nearest_weights,
+    triangles_around,
+)
 from softlab.model.contact.attachments import attachment_sets
 from softlab.model.scene.scene import Scene
 
 BEHIND = 0.25
-SHARE = 0.25  # added to a corner's weight when its particle's mass is split, so that levers act where the weight is 0
+EXTRA_WEIGHT = (
+    0.25  # added to a corner's weight when its particle's mass is split, so that levers act where the weight is 0
+)
 
 
 def force_matrices(corners: np.ndarray, weights: np.ndarray, r: np.ndarray) -> np.ndarray:
@@ -46,24 +55,24 @@ def force_matrices(corners: np.ndarray, weights: np.ndarray, r: np.ndarray) -> n
 
 
 def rub(
-    part: Any, found: Found, before: np.ndarray, position: np.ndarray, weight: np.ndarray, press: np.ndarray
+    part: Any, contacts: VertexContacts, before: np.ndarray, position: np.ndarray, weight: np.ndarray, press: np.ndarray
 ) -> np.ndarray:
-    """Return particles' displacements (particles, 3) by friction of the contacts `found`, for a weight of 1.
+    """Return particles' displacements (particles, 3) by friction of the `contacts`, for a weight of 1.
 
     `position`: after the normal impulses `press` (n,) of all contacts. A particle's mass is split among its contacts.
     Friction acts against the slip at the vertex, as much as stops it, or as Coulomb's law allows.
     """
-    parts = found.weights + SHARE
+    parts = contacts.weights + EXTRA_WEIGHT
     load = np.zeros(len(position))
-    np.add.at(load, found.mass, 1.0)
-    np.add.at(load, found.corners, parts)
+    np.add.at(load, contacts.mass, 1.0)
+    np.add.at(load, contacts.corners, parts)
     moved, split = np.zeros_like(position), weight * load
     matrices = force_matrices(
-        position[found.corners], found.weights,
-        position[found.mass] - np.einsum("nk,nkd->nd", found.weights, position[found.corners]),
+        position[contacts.corners], contacts.weights,
+        position[contacts.mass] - np.einsum("nk,nkd->nd", contacts.weights, position[contacts.corners]),
     )  # fmt: skip
-    for n, (vertex, corners) in enumerate(zip(found.mass, found.corners, strict=True)):
-        masses, normal = split[corners] / parts[n], found.normal[n]
+    for n, (vertex, corners) in enumerate(zip(contacts.mass, contacts.corners, strict=True)):
+        masses, normal = split[corners] / parts[n], contacts.normal[n]
         slip = position[vertex] - before[vertex]
         slip = slip - np.einsum("kdc,kd->c", matrices[n], position[corners] - before[corners])
         slip = slip - (slip @ normal) * normal
@@ -76,19 +85,6 @@ def rub(
         moved[vertex] -= stops * slip
         moved[corners] += stops * each
     return moved
-
-
-def _answers(every: np.ndarray, corners: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """Return a mask (n,) of triangles that are the first of all with their corners of non-zero weight."""
-    holders: dict[int, set[int]] = {}
-    for number, own in enumerate(every.tolist()):
-        for vertex in own:
-            holders.setdefault(vertex, set()).add(number)
-    result = np.zeros(len(corners), bool)
-    for n, (own, weight) in enumerate(zip(corners.tolist(), weights, strict=True)):
-        feature = [vertex for vertex, w in zip(own, weight, strict=True) if w > 0]
-        result[n] = every[min(set.intersection(*(holders[vertex] for vertex in feature)))].tolist() == own
-    return result
 
 
 def _outward(
@@ -107,7 +103,7 @@ def _outward(
     return inside, normal
 
 
-def find(scene: Scene, distance: float, before: np.ndarray, predicted: np.ndarray) -> Found:
+def find(scene: Scene, distance: float, before: np.ndarray, predicted: np.ndarray) -> VertexContacts:
     """Return the possible contacts within a substep from `before` to `predicted` (particles, 3) [m].
 
     Bodies have no contact with themselves. A contact is a triangle of another body whose nearest point is nearer than
@@ -123,17 +119,17 @@ def find(scene: Scene, distance: float, before: np.ndarray, predicted: np.ndarra
     vertex, triangle = (a.ravel() for a in np.meshgrid(np.unique(every), np.arange(len(every)), indexing="ij"))
     apart = body[vertex] != body[every[triangle, 0]]
     closed = np.arange(len(bodies.names)) < len(bodies.parts)
-    kept = np.full(len(body), distance)
+    selected = np.full(len(body), distance)
     h = scene.method.dt / scene.method.substeps
     return among(
-        every, vertex[apart], triangle[apart], body, closed, kept, part.separation_speed * h, before, predicted
+        every, vertex[apart], triangle[apart], body, closed, selected, part.separation_speed * h, before, predicted
     )
 
 
 def among(
     every: np.ndarray, vertex: np.ndarray, triangle: np.ndarray, body: np.ndarray, is_closed: np.ndarray,
     distance: np.ndarray, push: float, before: np.ndarray, predicted: np.ndarray,
-) -> Found:  # fmt: skip
+) -> VertexContacts:  # fmt: skip
     """Return the contacts like `find`, for pairs of a `vertex` (n,) and a `triangle` (n,) of `every` (triangles, 3).
 
     `body` (particles,); `is_closed` (bodies,): whether the body has an inside; `distance` (particles,) [m]: required of
@@ -145,17 +141,19 @@ def among(
     length, move = np.linalg.norm(r, axis=1), predicted - before
     motion = np.linalg.norm(move[vertex][:, None] - move[corners], axis=2).max(axis=1)
     near = length < distance[vertex] * (1 + MARGIN) + motion
-    near[near] = _answers(every, corners[near], weights[near])
+    near[near] = first_with_feature(every, corners[near], weights[near])
     vertex, triangle, corners, weights = vertex[near], triangle[near], corners[near], weights[near]
     r, length = r[near], length[near]
     inside, normal = _outward(distance[vertex], before[corners], r, length, is_closed[body[corners[:, 0]]])
-    held = np.minimum(distance[vertex], np.einsum("nk,nk->n", normal, r) + push)
+    required = np.minimum(distance[vertex], np.einsum("nk,nk->n", normal, r) + push)
     order = np.lexsort((triangle, length, vertex))
-    kept: list[int] = []
+    selected: list[int] = []
     leads: dict[tuple[int, int], int] = {}
     for n in order.tolist():
         pair = int(vertex[n]), int(body[corners[n, 0]])
         if leads.setdefault(pair, n) == n or not (inside[leads[pair]] or inside[n]):
-            kept.append(n)
-    around = triangles_around(every, vertex[kept], corners[kept])
-    return Found(*[*(a[kept] for a in (vertex, triangle, corners, weights, normal, held, length)), around])
+            selected.append(n)
+    around = triangles_around(every, vertex[selected], corners[selected])
+    return VertexContacts(
+        *[*(a[selected] for a in (vertex, triangle, corners, weights, normal, required, length)), around]
+    )

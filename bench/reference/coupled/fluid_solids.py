@@ -54,10 +54,10 @@ class FluidAmongSolids:
 
     def _among_itself(self) -> _Pairs:
         """Return the pairs of two fluid particles among the neighbours at the beginning of the substep."""
-        found = _Pairs(self.world, self.p)
-        found.pairs = self.pairs.pairs[(self.pairs.pairs < self.count).all(axis=1)]
-        found.i, found.j = found.pairs.T
-        return found
+        fluid_pairs = _Pairs(self.world, self.p)
+        fluid_pairs.pairs = self.pairs.pairs[(self.pairs.pairs < self.count).all(axis=1)]
+        fluid_pairs.i, fluid_pairs.j = fluid_pairs.pairs.T
+        return fluid_pairs
 
     @property
     def _end(self) -> float:
@@ -70,11 +70,11 @@ class FluidAmongSolids:
         g = -pairs.s[:, None] * pairs.d
         square = (g**2).sum(axis=1)
         gives = weight * self.volume**2
-        own = pairs.sum(gives[j] * square, gives[i] * square)[: self.count]
+        from_others = pairs.sum(gives[j] * square, gives[i] * square)[: self.count]
         across = pairs.sum(self.volume[j, None] * g, -self.volume[i, None] * g)[: self.count]
         _, wall = world.walls(joined[: self.count], self._end)
         weight = weight[: self.count]
-        below = weight * ((across + wall) ** 2).sum(axis=1) + own
+        below = weight * ((across + wall) ** 2).sum(axis=1) + from_others
         self.factor = method.relaxation_factor / (below + method.softness / world.kernels.h**2)
 
     def correct(self, position: np.ndarray) -> np.ndarray:
@@ -84,9 +84,9 @@ class FluidAmongSolids:
         joined = np.concatenate([self.p, self.samples.points(position)])
         pairs.at(joined, np.arange(len(joined)))
         kernel = world.kernels.density(pairs.bare)
-        share, wall = world.walls(self.p, self._end)
+        contribution, wall = world.walls(self.p, self._end)
         total = pairs.sum(self.volume[j] * kernel, self.volume[i] * kernel)[:count]
-        self.c = total - world.kernels.rest + share
+        self.c = total - world.kernels.rest + contribution
         delta = np.minimum(self.multiplier - self.factor * self.c, 0) - self.multiplier
         self.multiplier = self.multiplier + delta
         changes = np.append(delta, np.zeros(self.samples.count))
@@ -95,21 +95,21 @@ class FluidAmongSolids:
             h, at = world.kernels.h, method.tensile_distance
             ratio = np.maximum(1 - (pairs.r / h) ** 2, 0) ** 3 / (1 - at**2) ** 3
             both = both - method.tensile_correction * h**2 * ratio**4 * ((self.solid[i] == 0) & (self.solid[j] == 0))
-        way = -(both * pairs.s)[:, None] * pairs.d
+        displacement = -(both * pairs.s)[:, None] * pairs.d
         moved = joined - self.start
         rub = (self.viscosity[i] + self.viscosity[j]) * 2 / np.maximum(self.weight[i] + self.weight[j], 1e-6)
         rub = rub * (self.solid[i] + self.solid[j]) * ((self.solid[i] > 0) != (self.solid[j] > 0)) / method.iterations
-        way = way + (rub * world.kernels.kernel(pairs.r))[:, None] * (moved[j] - moved[i])
-        total = pairs.sum(way, -way)
+        displacement = displacement + (rub * world.kernels.kernel(pairs.r))[:, None] * (moved[j] - moved[i])
+        total = pairs.sum(displacement, -displacement)
         total[:count] += delta[:, None] * wall
         pushed = self.p + world.weight[:, None] * total[:count]
         self.p, _ = world.collide(self.number, self.x, pushed, np.zeros_like(self.p))
-        found = position.copy()
+        corrected = position.copy()
         for corner in range(self.samples.corners.shape[1]):
-            carrier, share = self.samples.corners[:, corner], self.samples.weights[:, corner]
-            weighed = (share * self.samples.lightness[carrier])[:, None]
-            np.add.at(found, carrier, weighed * total[count:])
-        return found
+            carrier, weights = self.samples.corners[:, corner], self.samples.weights[:, corner]
+            weighed = (weights * self.samples.lightness[carrier])[:, None]
+            np.add.at(corrected, carrier, weighed * total[count:])
+        return corrected
 
     def end(self) -> tuple[np.ndarray, np.ndarray]:
         """Return (position, velocity) of the fluid after the substep."""

@@ -20,8 +20,8 @@ HALF = 0.5  # of the measured arithmetic rate, which sums of products and roots 
 
 def on(source: Source, backend: str) -> list[FluidPoint]:
     """Return the pools whose stages were timed, of the scheme whose stages these are, smallest first."""
-    held = timed(points)(source, backend)
-    return [p for p in held if p.phases and p.scheme == SCHEMES[0] and p.precision == "float32"]
+    pools = timed(points)(source, backend)
+    return [p for p in pools if p.phases and p.scheme == SCHEMES[0] and p.precision == "float32"]
 
 
 def rates(source: Source, backend: str) -> tuple[float, float] | None:
@@ -42,10 +42,10 @@ def least(point: FluidPoint, phase: str, limits: tuple[float, float]) -> tuple[f
 
 def draw(results: Results) -> Drawing | str:
     """Return the figure with a panel per backend, of its largest pool, or the reason why there is none."""
-    chosen = [(b, s, found[-1]) for b, s, found in on_backends(results, on) if rates(s, b)]
+    chosen = [(b, s, pools[-1]) for b, s, pools in on_backends(results, on) if rates(s, b)]
     if not chosen:
         return UNKNOWN if on_backends(results, on) else MISSING
-    figure, axes = new_figure(len(chosen), 2.6, share_y=True)
+    figure, axes = new_figure(len(chosen), 2.6, sharey=True)
     for ax, (backend, source, point) in zip(axes, chosen, strict=True):
         limits = rates(source, backend)
         assert limits is not None

@@ -51,13 +51,13 @@ def draw(results: Results) -> Drawing | str:
     chosen = on_backends(results, on)[:1]
     if not chosen:
         return MISSING
-    (_, _, found), *_ = chosen
+    (_, _, still), *_ = chosen
     figure, axes = new_grid(3, len(SCHEMES), 4.4)
     for column, scheme in enumerate(SCHEMES):
         speed, energy, box = (row[column] for row in axes)
         speed.set_title(scheme)
-        mine = [row for row in found if row.peer or row.who == scheme]
-        for row in mine:
+        of_scheme = [row for row in still if row.peer or row.who == scheme]
+        for row in of_scheme:
             colour = BLACK if row.peer else COLOURS[row.substeps]
             if row.kind == TANK:
                 _line(speed, row.speed.items(), colour)

@@ -38,28 +38,28 @@ def on(source: Source, backend: str) -> list[Judged]:
     return [row for row in rows(source.measures) if row.backend == backend and row.numbers]
 
 
-def looks(found: list[Judged]) -> dict[str, tuple[str, str]]:
+def styles_of(judged: list[Judged]) -> dict[str, tuple[str, str]]:
     """Return scheme or peer -> colour, marker."""
-    schemes = list(dict.fromkeys(row.who for row in found if not row.peer))
-    peers = list(dict.fromkeys(row.who for row in found if row.peer))
+    schemes = list(dict.fromkeys(row.who for row in judged if not row.peer))
+    peers = list(dict.fromkeys(row.who for row in judged if row.peer))
     others = iter(OTHERS)
     taken = {who: COLOURS[who] if who in COLOURS else next(others, (GREY, "x")) for who in schemes}
     return taken | {who: (BLACK, PEERS[n % len(PEERS)]) for n, who in enumerate(peers)}
 
 
-def _points(found: list[Judged], panel: int, who: str, name: str = laws.FRONT) -> list[tuple[float, float]]:
+def _points(judged: list[Judged], panel: int, who: str, name: str = laws.FRONT) -> list[tuple[float, float]]:
     """Return (x, y) of one line: the tank over its efforts, the dam (its error `name`) and the vortices over their
     spacings.
     """
-    mine = [row for row in found if row.who == who]
+    of_program = [row for row in judged if row.who == who]
     if panel == 2:
-        held = [row for row in mine if row.kind == VORTICES]
-        return sorted((row.spacing, row.numbers[laws.VISCOSITY]) for row in held)
+        selected = [row for row in of_program if row.kind == VORTICES]
+        return sorted((row.spacing, row.numbers[laws.VISCOSITY]) for row in selected)
     kind, shown = ((TANK, laws.MEAN), (DAM, name))[panel]
-    held = [row for row in mine if row.kind == kind and row.frame is not None and shown in row.numbers]
+    selected = [row for row in of_program if row.kind == kind and row.frame is not None and shown in row.numbers]
     if kind == DAM:
-        held = [row for row in held if row.peer or (row.substeps, row.iterations) == DAM_EFFORTS[-1]]
-    return sorted((1e3 * (row.frame or 0.0), row.numbers[shown]) for row in held)
+        selected = [row for row in selected if row.peer or (row.substeps, row.iterations) == DAM_EFFORTS[-1]]
+    return sorted((1e3 * (row.frame or 0.0), row.numbers[shown]) for row in selected)
 
 
 def draw(results: Results) -> Drawing | str:
@@ -67,16 +67,16 @@ def draw(results: Results) -> Drawing | str:
     chosen = on_backends(results, on)
     if not chosen:
         return MISSING
-    figure, axes = new_figure(3, 2.9, share_y=False)
-    everything = [row for _, _, found in chosen for row in found]
-    look = looks(everything)
+    figure, axes = new_figure(3, 2.9, sharey=False)
+    everything = [row for _, _, judged in chosen for row in judged]
+    styles = styles_of(everything)
     for panel, (ax, (x_label, y_label)) in enumerate(zip(axes, LABELS, strict=True)):
-        for backend, _, found in chosen:
-            for who, (colour, marker) in look.items():
+        for backend, _, judged in chosen:
+            for who, (colour, marker) in styles.items():
                 line = "" if colour == BLACK else LINES[backend]
-                _line(ax, _points(found, panel, who), line, colour, marker, colour)
+                _line(ax, _points(judged, panel, who), line, colour, marker, colour)
                 if panel == 1:
-                    _line(ax, _points(found, panel, who, laws.FRONT_LATER), line, colour, marker, "white")
+                    _line(ax, _points(judged, panel, who, laws.FRONT_LATER), line, colour, marker, "white")
         ax.set_xscale("log")
         plain_ticks(ax.xaxis)
         if panel != 1:
@@ -87,7 +87,7 @@ def draw(results: Results) -> Drawing | str:
     axes[1].set_ylim(bottom=0.0)
     for ax, wanted in zip(axes, WANTED.values(), strict=False):
         ax.axhline(wanted, color=BLACK, linewidth=0.7, zorder=1)
-    for who, (colour, marker) in look.items():
+    for who, (colour, marker) in styles.items():
         axes[0].plot([], [], marker, color=colour, markersize=5, label=who)
     for backend, source, _ in chosen:
         axes[0].plot([], [], LINES[backend], color=GREY, label=name_of(backend, source))
@@ -97,5 +97,5 @@ def draw(results: Results) -> Drawing | str:
 
 def _line(ax: Any, points: list[tuple[float, float]], line: str, colour: str, marker: str, inside: str) -> None:
     if points:
-        look = {"marker": marker, "markersize": 5, "markerfacecolor": inside}
-        ax.plot(*zip(*points, strict=True), linestyle=line or "none", color=colour, **look)
+        style = {"marker": marker, "markersize": 5, "markerfacecolor": inside}
+        ax.plot(*zip(*points, strict=True), linestyle=line or "none", color=colour, **style)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from softlab.bench.experiments.scaling.experiment import BY_TURNS, ScalingPoint, points, shares, speedups
+from softlab.bench.experiments.scaling.experiment import BY_TURNS, ScalingPoint, points, speedups, weak_efficiencies
 from softlab.bench.store.results import Measure
 from softlab.plots.core.backends import on_backends, sources_of, timed
 from softlab.plots.core.colours import BLUE, GREY, ORANGE, PURPLE, VERMILLION
@@ -17,13 +17,13 @@ LINKS = {"flags": (BLUE, "o"), "nccl": (ORANGE, "s")}
 PER_MILLION = 1e9  # mJ per million mass-steps over J per mass-step
 
 
-def shared(held: Iterable[Measure]) -> list[ScalingPoint]:
+def shared(measures: Iterable[Measure]) -> list[ScalingPoint]:
     """Return the points of sheets on several GPUs, and of one GPU with them; empty if there are no several GPUs."""
-    found = points(held)
-    return found if any(p.gpus > 1 and not p.link.endswith(BY_TURNS) for p in found) else []
+    scaled = points(measures)
+    return scaled if any(p.gpus > 1 and not p.link.endswith(BY_TURNS) for p in scaled) else []
 
 
-found_by = timed(shared)
+timed_shared = timed(shared)
 
 
 def masses(p: ScalingPoint) -> int:
@@ -33,16 +33,16 @@ def masses(p: ScalingPoint) -> int:
 
 def draw(results: Results) -> Drawing | str:
     """Return the figure, or the reason why there is none."""
-    chosen = on_backends(results, found_by)
+    chosen = on_backends(results, timed_shared)
     if not chosen:
         return "no sheet was timed on several GPUs (softlab sweep --gpus 2)"
-    found: Sequence[ScalingPoint] = chosen[0][2]
-    figure, (faster, joules) = new_figure(2, 2.2, share_y=False)
-    _draw_faster(faster, found)
-    for gpus, colour in ((1, GREY), *((n, BLUE) for n in sorted({p.gpus for p in found} - {1}))):
-        mine = [p for p in found if p.gpus == gpus and p.scene == "grid" and p.link in ("", "flags") and p.joules]
-        if mine:
-            each = sorted((masses(p), PER_MILLION * p.joules / masses(p)) for p in mine if p.joules)
+    measured: Sequence[ScalingPoint] = chosen[0][2]
+    figure, (faster, joules) = new_figure(2, 2.2, sharey=False)
+    _draw_faster(faster, measured)
+    for gpus, colour in ((1, GREY), *((n, BLUE) for n in sorted({p.gpus for p in measured} - {1}))):
+        runs = [p for p in measured if p.gpus == gpus and p.scene == "grid" and p.link in ("", "flags") and p.joules]
+        if runs:
+            each = sorted((masses(p), PER_MILLION * p.joules / masses(p)) for p in runs if p.joules)
             joules.plot(*zip(*each, strict=True), "-", color=colour, marker="o", label="one GPU" if gpus == 1 else None)
     joules.set_xscale("log")
     joules.set_xlabel("masses")
@@ -57,27 +57,32 @@ def draw(results: Results) -> Drawing | str:
     return Drawing(figure, TITLE, caption, sources_of(chosen))
 
 
-def _draw_faster(ax: Any, found: Sequence[ScalingPoint]) -> None:
-    told, weak = speedups(found), shares(found)
-    counts = sorted({p.gpus for p in found} - {1})
+def _draw_faster(ax: Any, measured: Sequence[ScalingPoint]) -> None:
+    over_one, weak = speedups(measured), weak_efficiencies(measured)
+    counts = sorted({p.gpus for p in measured} - {1})
     for gpus in counts:
         for link, (colour, marker) in LINKS.items():
-            mine = [(masses(p), faster) for p, faster, _ in told if (p.gpus, p.link, p.scene) == (gpus, link, "grid")]
-            if mine:
-                ax.plot(*zip(*mine, strict=True), "-", color=colour, marker=marker, label=f"{gpus} GPUs, {link}")
-        by_model = [(masses(p), model) for p, _, model in told if model and (p.gpus, p.link) == (gpus, "flags")]
+            curve = [
+                (masses(p), faster) for p, faster, _ in over_one if (p.gpus, p.link, p.scene) == (gpus, link, "grid")
+            ]
+            if curve:
+                ax.plot(*zip(*curve, strict=True), "-", color=colour, marker=marker, label=f"{gpus} GPUs, {link}")
+        by_model = [(masses(p), model) for p, _, model in over_one if model and (p.gpus, p.link) == (gpus, "flags")]
         if by_model:
             ax.plot(*zip(*by_model, strict=True), "--", color=BLUE, label=f"{gpus} GPUs, model")
         cloth = [
-            (masses(p), faster) for p, faster, _ in told if p.gpus == gpus and p.scene == "xpbd" and p.link == "flags"
+            (masses(p), faster)
+            for p, faster, _ in over_one
+            if p.gpus == gpus and p.scene == "xpbd" and p.link == "flags"
         ]
         if cloth:
             ax.plot(*zip(*cloth, strict=True), linestyle="", color=PURPLE, marker="D", label=f"{gpus} GPUs, cloth")
-        own = [(masses(p), gpus * weak[id(p)]) for p in found if id(p) in weak and p.gpus == gpus and p.link == "flags"]
-        if own:
-            ax.plot(
-                *zip(*own, strict=True), linestyle="", color=VERMILLION, marker="v", label=f"{gpus} GPUs, a grid each"
-            )
+        grids = [
+            (masses(p), gpus * weak[id(p)]) for p in measured if id(p) in weak and p.gpus == gpus and p.link == "flags"
+        ]
+        if grids:
+            label = f"{gpus} GPUs, a grid each"
+            ax.plot(*zip(*grids, strict=True), linestyle="", color=VERMILLION, marker="v", label=label)
         ax.axhline(gpus, color=GREY, linewidth=1, zorder=1)
     log_axes(ax)
     ax.set_yscale("linear")

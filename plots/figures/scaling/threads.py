@@ -32,12 +32,12 @@ def draw(results: Results) -> Drawing | str:
     for ax, source in chosen:
         base = baseline(source) or "1x"
         words.add("one thread" if base == "1" else "1x threads")
-        held = {(t.rows, t.columns): t for t in sound(source.select("cpu", base))}
+        bases = {(t.rows, t.columns): t for t in sound(source.select("cpu", base))}
         for word in THREAD_WORDS:
-            mine = [t for t in source.select("cpu", word) if (t.rows, t.columns) in held and word != base]
-            if mine:
-                draw_times(ax, mine, THREADS[word], _speed_up(held))
-                times += mine
+            timings = [t for t in source.select("cpu", word) if (t.rows, t.columns) in bases and word != base]
+            if timings:
+                draw_times(ax, timings, THREADS[word], _speed_up(bases))
+                times += timings
         ax.axhline(1, color=GREY, linewidth=1, zorder=1)
         log_axes(ax)
         plain_ticks(ax.yaxis)
@@ -53,5 +53,5 @@ def draw(results: Results) -> Drawing | str:
     return Drawing(figure, TITLE, caption, tuple(sources))
 
 
-def _speed_up(held: Mapping[tuple[int, int], Timing]) -> Callable[[Timing, float], float]:
-    return lambda timing, seconds: held[timing.rows, timing.columns].median / seconds
+def _speed_up(bases: Mapping[tuple[int, int], Timing]) -> Callable[[Timing, float], float]:
+    return lambda timing, seconds: bases[timing.rows, timing.columns].median / seconds

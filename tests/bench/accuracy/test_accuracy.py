@@ -76,15 +76,15 @@ def test_references_are_kept(tmp_path, monkeypatch):
     """The second time it comes from the file; a torn file is made again; the step size does not matter to it."""
     scene = load_scene("lab-curtain").replace({"grid.rows": 4, "grid.columns": 4})
     folder = tmp_path / "references"
-    made = cache.kept(scene, 0.1, folder)
+    made = cache.cached_reference(scene, 0.1, folder)
     (file,) = folder.iterdir()
     monkeypatch.setattr(cache, "converged", lambda *a, **k: pytest.fail("made again"))
-    again = cache.kept(scene.replace({"method.dt": 0.001}), 0.1, folder)
+    again = cache.cached_reference(scene.replace({"method.dt": 0.001}), 0.1, folder)
     assert np.array_equal(again.position, made.position)
     assert again.estimate == made.estimate < 5e-9
     monkeypatch.undo()
     file.write_bytes(file.read_bytes()[:100])
-    assert np.array_equal(cache.kept(scene, 0.1, folder).position, made.position)
+    assert np.array_equal(cache.cached_reference(scene, 0.1, folder).position, made.position)
     assert [f.name for f in folder.iterdir()] == [file.name]
 
 
@@ -105,7 +105,7 @@ def test_points_of_a_run(small_run):
     """docs/method/cases.md C over the free masses (1.6 % more than over all): lab 0.30 at any dt and first order against half
     the acceleration; RK4 2.4e-4; taylor at 0.02 s diverges, which is kept with its reason and a time."""
     first, _, _ = small_run
-    assert (first.measured, first.held, len(first.points)) == (6, 0, 6)
+    assert (first.measured, first.stored, len(first.points)) == (6, 0, 6)
     at = {(p.integrator, p.dt): p for p in first.points}
     free = math.sqrt(1024 / 992)  # RMS over the free masses instead of all
     assert at["lab", 0.02].error == pytest.approx(0.2919 * free, rel=0.02)
@@ -160,7 +160,7 @@ def test_the_quick_grid():
 
 def test_nothing_is_measured_twice(small_run):
     first, second, _ = small_run
-    assert (second.measured, second.held, second.run) == (0, 6, "")
+    assert (second.measured, second.stored, second.run) == (0, 6, "")
     assert second.points == first.points
 
 

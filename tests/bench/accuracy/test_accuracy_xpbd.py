@@ -49,7 +49,7 @@ def test_the_published_errors(references, label, dt, iterations, error):
     with case.open() as simulation:
         simulation.advance(case.steps)
         state = simulation.state()
-    right = cache.kept(methods.newton(scene), 1.5, references)
+    right = cache.cached_reference(methods.newton(scene), 1.5, references)
     everything = np.ones(scene.grid.particle_count, bool)
     found, _ = distance(state.position, right.position, everything, 1.0)
     digit = 10.0 ** (math.floor(math.log10(error)) - (1 if error == 9.9e-4 else 2))

@@ -10,7 +10,13 @@ from softlab.bench.experiments.accuracy import cases as accuracy_cases
 from softlab.bench.experiments.accuracy.cases import make_case
 from softlab.bench.experiments.accuracy.experiment import run_accuracy
 from softlab.bench.experiments.accuracy.judgement import BALANCE, CONSTRAINT, SOLVER
-from softlab.bench.experiments.accuracy.solver_error import FLOOR, SHARE, Iterated, next_residuals, solver_numbers
+from softlab.bench.experiments.accuracy.solver_error import (
+    CHANGE_FRACTION,
+    FLOOR,
+    Iterated,
+    next_residuals,
+    solver_numbers,
+)
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import measures
 from softlab.model.scene.scene import Scene
@@ -43,7 +49,7 @@ def test_iterations_are_doubled_until_they_change_nothing():
     after, change, iterations = runs.converged(solved(small(), JACOBI, 1, 0.01), 10, free)
     assert iterations == 32 and set(runs.asked) == {1, 2, 4, 8, 16, 32}
     assert change == pytest.approx(math.sqrt(2) * 2.0**-16, rel=1e-4)
-    assert change <= SHARE * math.sqrt(2) / 2
+    assert change <= CHANGE_FRACTION * math.sqrt(2) / 2
     assert after[0, 0] == 1 + 2.0**-32
     runs = Pretended()
     _, change, iterations = runs.converged(solved(small(), JACOBI, 64, 0.01), 10, free)
@@ -112,7 +118,7 @@ def test_two_errors_of_every_run(small_run):
     """Model and solver error: with one iteration at 10 ms the second is nearly all of the first, with eight nothing of it,
     and four leave the model's error as it is."""
     first, second, drawn, stored = small_run
-    assert (first.measured, second.measured, second.held) == (4, 0, 4)
+    assert (first.measured, second.measured, second.stored) == (4, 0, 4)
     at = {(p.dt, p.iterations): p for p in first.points}
     free = math.sqrt(1024 / 992)  # RMS over the free masses instead of all
     assert at[0.01, 4].error == pytest.approx(4.69e-3 * free, rel=3e-3)

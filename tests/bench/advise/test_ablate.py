@@ -8,7 +8,7 @@ import pytest
 from read_figures import LABELS, labels
 
 from softlab import cli
-from softlab.bench.experiments.accuracy.references import held_converged
+from softlab.bench.experiments.accuracy.references import stepped_force_converged
 from softlab.bench.experiments.advise import ablate as module
 from softlab.bench.experiments.advise import ablation
 from softlab.bench.experiments.advise.ablate import ablate
@@ -101,7 +101,7 @@ def test_dropped_parts_change_what_closed_forms_say(store, clockwork):
     assert found.saving(halved) == pytest.approx(0.5)
     seconds = [one.seconds for one in found.rows]
     assert seconds == sorted(seconds)
-    assert (summary.measured, summary.held) == (7, 0)
+    assert (summary.measured, summary.stored) == (7, 0)
 
 
 def test_asked_again_nothing_is_run(store, clockwork, monkeypatch):
@@ -114,7 +114,7 @@ def test_asked_again_nothing_is_run(store, clockwork, monkeypatch):
         patched.setattr(module._Work, "measure", lambda *_: pytest.fail("run again"))
         again = ablate(store, falling(), time=0.2, **QUIET)
         assert again.tables == first.tables
-        assert (again.measured, again.held, again.run) == (0, 3, "")
+        assert (again.measured, again.stored, again.run) == (0, 3, "")
         with pytest.raises(pytest.fail.Exception):
             ablate(store, falling(), time=0.3, **QUIET)
         patched.setattr(module, "VERSION", module.VERSION + 1)
@@ -212,7 +212,7 @@ def test_dropping_a_random_force(store, clockwork, monkeypatch):
     summary = ablate(store, scene, time=0.2, **QUIET)
     (found,) = summary.tables
     (without,) = found.rows
-    moved = held_converged(scene, 20, None).position - np.array([(0, 0), (1, 0), (0, -1), (1, -1)], float)
+    moved = stepped_force_converged(scene, 20, None).position - np.array([(0, 0), (1, 0), (0, -1), (1, -1)], float)
     assert without.name == "without external"
     assert without.error == pytest.approx(np.sqrt(np.mean(np.sum(moved**2, axis=1))), rel=1e-12)
     assert found.full.error < 1e-13

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from test_ablate import curtain
 
-from softlab.bench.experiments.accuracy.references import held_converged
+from softlab.bench.experiments.accuracy.references import stepped_force_converged
 from softlab.bench.experiments.advise import ablation
 from softlab.bench.experiments.advise.ablation import COARSER, FINER, FULL, INTEGRATOR, PART, Ablation, ablations
 from softlab.bench.experiments.advise.ablation_results import GAINS, NEEDED, NOT_NEEDED, UNTOLD, Ablated, AblationRow
@@ -152,7 +152,7 @@ def test_the_reference_of_a_random_force_is_the_closed_form():
     scene = Scene(
         {"grid": {"rows": 2, "columns": 3}, "external": {"magnitude": 0.2, "seed": 7}, "method": {"dt": 0.02}}
     )
-    found = held_converged(scene, 40, None)
+    found = stepped_force_converged(scene, 40, None)
     x, v = np.zeros((6, 2)), np.zeros((6, 2))
     for step in range(40):
         a = 0.2 / 0.01 * random_directions(7, step, 6)
@@ -165,10 +165,10 @@ def test_the_reference_of_a_random_force_is_the_closed_form():
 
 def test_without_a_random_force_the_reference_is_the_usual_one(tmp_path):
     scene = curtain()
-    made = held_converged(scene, 30, tmp_path)
-    usual = cache.kept(scene, 0.3, None)
+    made = stepped_force_converged(scene, 30, tmp_path)
+    usual = cache.cached_reference(scene, 0.3, None)
     assert made.estimate < cache.TOLERANCE
     assert np.abs(made.position - usual.position).max() < 2 * cache.TOLERANCE
-    again = held_converged(scene, 30, tmp_path)
+    again = stepped_force_converged(scene, 30, tmp_path)
     assert np.array_equal(again.position, made.position)
     assert len(list(tmp_path.iterdir())) == 1

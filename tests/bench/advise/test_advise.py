@@ -15,17 +15,17 @@ from softlab import cli
 from softlab.app.command.scene_file import write_scene
 from softlab.bench.experiments.accuracy.references import (
     by_numpy,
+    lab_converged,
+    lab_growth,
+    lab_seconds,
     numpy_seconds,
-    own_converged,
-    own_growth,
-    own_seconds,
 )
 from softlab.bench.experiments.advise import experiment as advise_experiment
 from softlab.bench.experiments.advise import search as advise_search
 from softlab.bench.experiments.advise.advice import Advice, Choice
 from softlab.bench.experiments.advise.bracket import TIGHT, next_steps
 from softlab.bench.experiments.advise.experiment import advise
-from softlab.bench.experiments.growth import MAX_GROWTH, kept_growth, measure_growth
+from softlab.bench.experiments.growth import MAX_GROWTH, cached_growth, measure_growth
 from softlab.bench.measure import samples, timing
 from softlab.bench.measure.timing import Sample
 from softlab.bench.reference import cache
@@ -211,15 +211,15 @@ def test_next_steps_close_in_by_the_order():
 
 def test_growth_is_kept(tmp_path):
     scene = small()
-    made = kept_growth(scene, END, tmp_path / "references")
-    again = kept_growth(scene.replace({"method.dt": 0.003}), END, tmp_path / "references")
+    made = cached_growth(scene, END, tmp_path / "references")
+    again = cached_growth(scene.replace({"method.dt": 0.003}), END, tmp_path / "references")
     assert np.array_equal(made.factors, again.factors)
     assert made.factor < 1
     assert not made.chaotic
     assert made.safe_time() == pytest.approx(END)
     (file,) = (tmp_path / "references").iterdir()
     file.write_bytes(b"torn")
-    assert np.array_equal(kept_growth(scene, END, tmp_path / "references").factors, made.factors)
+    assert np.array_equal(cached_growth(scene, END, tmp_path / "references").factors, made.factors)
 
 
 def test_the_advised_scene_round_trips(store, clockwork, tmp_path):
@@ -235,14 +235,14 @@ def test_own_reference_is_the_independent_one():
     """Where NumPy would take minutes the lab's own RK4 in exact float64 stands in: here both, 5e-9 spacings apart at most
     (each is that good), and the same growth of a disturbance."""
     scene = small()
-    own, independent = own_converged(scene, END), cache.kept(scene, END, None)
+    own, independent = lab_converged(scene, END), cache.cached_reference(scene, END, None)
     assert np.abs(own.position - independent.position).max() < cache.TOLERANCE
     assert own.estimate < cache.TOLERANCE
-    assert own_growth(scene, END).factors == pytest.approx(measure_growth(scene, END).factors, rel=1e-3)
+    assert lab_growth(scene, END).factors == pytest.approx(measure_growth(scene, END).factors, rel=1e-3)
     large = scene.replace({"grid.rows": 512, "grid.columns": 512})
     assert by_numpy(scene, END)
     assert not by_numpy(large, 1.5)
-    assert own_seconds(large, 1.5) < numpy_seconds(large, 1.5) / 5
+    assert lab_seconds(large, 1.5) < numpy_seconds(large, 1.5) / 5
 
 
 # ---------------------------------------------------------------------- the command

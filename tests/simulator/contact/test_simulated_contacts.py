@@ -65,7 +65,7 @@ def test_what_is_found_and_projected_is_the_references() -> None:
     counts = np.bincount(found.mass, minlength=len(before))
     assert np.array_equal(contacts.found.copy_to_host(), counts)
     assert contacts.lost == np.maximum(counts - MAX_CONTACTS, 0).sum() > 0
-    expected = reference.project(part, found.kept(MAX_CONTACTS), before, predicted, weights)
+    expected = reference.project(part, found.nearest(MAX_CONTACTS), before, predicted, weights)
     assert np.abs(position[:, :3] - expected).max() < 1e-13  # some tens of roundings of lengths under 1 m
     assert np.array_equal(position[:, 3], weights)
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from softlab.bench.experiments.scaling.experiment import points, print_scaling, run_scaling, shares, speedups
+from softlab.bench.experiments.scaling.experiment import points, print_scaling, run_scaling, speedups, weak_efficiencies
 from softlab.bench.measure import case_timing
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import measures, timings
@@ -47,7 +47,7 @@ def test_a_share_for_each_gpu(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
             (4, 4, 1, ""), (8, 4, 2, "flags by turns"),
         ]  # fmt: skip
         own = [replace(p, link="flags") for p in found]
-        weak = shares(own)
+        weak = weak_efficiencies(own)
         assert [weak[id(p)] for p in own[1:]] == [pytest.approx(p.rate / (2 * own[0].rate)) for p in own[1:]]
 
 

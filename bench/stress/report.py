@@ -26,12 +26,12 @@ def cell(rows: Sequence[HardRow]) -> tuple[str, str]:
     It is the worst verdict, with the precisions or backends that have it, unless all do.
     """
     for verdict in ("fail", "known", "refused", "pass"):
-        mine = [row for row in rows if row.verdict == verdict]
-        if mine and len(mine) == len(rows):
+        selected = [row for row in rows if row.verdict == verdict]
+        if selected and len(selected) == len(rows):
             return verdict, WORDS[verdict]
-        if mine:
-            precisions = sorted({row.precision for row in mine})
-            backends = sorted({row.backend for row in mine})
+        if selected:
+            precisions = sorted({row.precision for row in selected})
+            backends = sorted({row.backend for row in selected})
             some = len(precisions) < len({row.precision for row in rows})
             return verdict, f"{WORDS[verdict]} {'in' if some else 'on'} {', '.join(precisions if some else backends)}"
     return "", ""
@@ -42,9 +42,9 @@ def table_of(rows: Sequence[HardRow]) -> tuple[list[str], list[tuple[str, str, s
     names = [name for name in NAMES if any(row.integrator == name for row in rows)]
     lines = []
     for case in dict.fromkeys(row.case for row in rows):
-        mine = [row for row in rows if row.case == case]
-        cells = [cell([row for row in mine if row.integrator == name]) for name in names]
-        lines.append((case, mine[0].title, _lead(mine), cells))
+        case_rows = [row for row in rows if row.case == case]
+        cells = [cell([row for row in case_rows if row.integrator == name]) for name in names]
+        lines.append((case, case_rows[0].title, _lead(case_rows), cells))
     return names, lines
 
 
@@ -75,17 +75,17 @@ def print_hard(console: Console, summary: HardSummary) -> None:
     for kind in ("sheet", "body", "tetrahedra", "fluid"):
         _print_table(console, [row for row in rows if row.kind == kind])
     for verdict, heading in (("known", "fails by its method"), ("refused", "refused")):
-        told: dict[str, list[str]] = {}
+        cases_by_reason: dict[str, list[str]] = {}
         for row in rows:
             if row.verdict == verdict:
-                told.setdefault(row.diagnosis, []).append(f"{row.case} {row.integrator}")
-        for diagnosis, where in told.items():
+                cases_by_reason.setdefault(row.diagnosis, []).append(f"{row.case} {row.integrator}")
+        for diagnosis, where in cases_by_reason.items():
             console.print(f"{heading}: {', '.join(dict.fromkeys(where))}: {diagnosis}", markup=False, soft_wrap=True)
     for row in rows:
         if row.verdict == "fail":
             console.print(f"FAIL, a bug of the lab: {row}: {row.diagnosis}", markup=False, soft_wrap=True, style="red")
-    missed = {(row.case, row.backend): str(told) for row in rows if row.verdict == "pass"
-              for told in row.checks if told.over_aim}  # fmt: skip
+    missed = {(row.case, row.backend): str(check) for row in rows if row.verdict == "pass"
+              for check in row.checks if check.over_aim}  # fmt: skip
     for (case, backend), text in missed.items():
         console.print(
             f"passed, but short of the target: {case} on the {backend}: {text}",

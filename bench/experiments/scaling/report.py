@@ -40,7 +40,7 @@ def table(
     Grids of several GPUs are stacked. The list ends where there are too few rows. Raises SceneError if two GPUs have
     too few for that exchange interval.
     """
-    found = []
+    rows = []
     one = predicted(size, size, 1, cluster, seconds=seconds)
     for count in counts(most):
         try:
@@ -49,8 +49,8 @@ def table(
             if every is not None and count == 2:
                 raise
             break
-        found.append((count, many, many.rate / one.rate / count))
-    return found
+        rows.append((count, many, many.rate / one.rate / count))
+    return rows
 
 
 def print_predicted(console: Console, most: int, size: int, cluster: Cluster, every: int | None) -> None:
@@ -65,18 +65,18 @@ def print_predicted(console: Console, most: int, size: int, cluster: Cluster, ev
             (
                 str(count), str(p.decomposition.least_rows), str(p.decomposition.steps),
                 f"{1e6 * p.step:.4g}", f"{100 * p.exchange / p.step:.2g} %", f"{100 * p.waiting / p.step:.2g} %",
-                f"{p.rate / 1e12:.3g}", f"{share * count:.4g}", f"{100 * share:.3g} %",
+                f"{p.rate / 1e12:.3g}", f"{efficiency * count:.4g}", f"{100 * efficiency:.3g} %",
             )
-            for count, p, share in rows
+            for count, p, efficiency in rows
         ]  # fmt: skip
         print_table(console, HEADS, cells, f"{title}, float32, by the model\n")
     count, p, _ = rows[-1]
     if count == 1:
         return
-    found, cut = restart(p.decomposition.rows * size, count, cluster), p.decomposition
+    cost, cut = restart(p.decomposition.rows * size, count, cluster), p.decomposition
     console.print(
-        f"files to restart from, on {count} GPUs: {found.write:.3g} s to write, a failure every {found.life / 3600:.3g} h, "
-        f"so one every {found.interval / 60:.3g} min; {100 * found.lost:.2g} % of the time is lost",
+        f"files to restart from, on {count} GPUs: {cost.write:.3g} s to write, a failure every {cost.life / 3600:.3g} h, "
+        f"so one every {cost.interval / 60:.3g} min; {100 * cost.lost:.2g} % of the time is lost",
         soft_wrap=True,
     )
     cycle, exchange = p.compute * cut.steps, p.exchange * cut.steps
@@ -93,14 +93,14 @@ def print_checked(console: Console, store: Path) -> None:
     if not store.exists():
         console.print("nothing was measured here yet: softlab sweep --gpus 1 --gpus 2 measures", soft_wrap=True)
         return
-    with open_readonly(store) as held:
-        found = speedups(points(measures(held)))
+    with open_readonly(store) as opened:
+        compared = speedups(points(measures(opened)))
     rows = [
         (
             f"{p.rows} x {p.columns}", str(p.gpus), p.link, f"{faster:.3f}", f"{model:.3f}",
             f"{100 * (model / faster - 1):+.1f} %",
         )
-        for p, faster, model in found
+        for p, faster, model in compared
         if model is not None
     ]  # fmt: skip
     if not rows:

@@ -29,8 +29,8 @@ def key_of(figure: Any, *more: Any) -> str:
     """Return a hash of the contents of a figure before its layout, of the drawing code, and of `more`."""
     digest = hashlib.sha256(_code().encode())
     for piece in (*more, *figure.get_size_inches(), *_parts(figure)):
-        told = np.ascontiguousarray(piece).tobytes() if isinstance(piece, np.ndarray) else repr(piece).encode()
-        digest.update(len(told).to_bytes(8, "little") + told)
+        content = np.ascontiguousarray(piece).tobytes() if isinstance(piece, np.ndarray) else repr(piece).encode()
+        digest.update(len(content).to_bytes(8, "little") + content)
     return digest.hexdigest()[:32]
 
 
@@ -93,23 +93,23 @@ def fetch(key: str, suffix: str, target: Path) -> bool:
     written.
     """
     folder = user_cache("figures")
-    held = folder / f"{key}.{suffix}" if folder else None
-    if held is None or not held.is_file():
+    stored = folder / f"{key}.{suffix}" if folder else None
+    if stored is None or not stored.is_file():
         return False
-    shutil.copyfile(held, target)
+    shutil.copyfile(stored, target)
     with suppress(OSError):
-        os.utime(held)  # marks it as used now
+        os.utime(stored)  # marks it as used now
     return True
 
 
-def keep(key: str, suffix: str, made: Path) -> None:
+def store(key: str, suffix: str, drawn: Path) -> None:
     """Store a copy of a file under its key; do nothing if that is impossible."""
     folder = user_cache("figures")
     if folder is None:
         return
     with suppress(OSError, InputError):
         with replacing(folder / f"{key}.{suffix}") as part:
-            shutil.copyfile(made, part)
+            shutil.copyfile(drawn, part)
         files = sorted(folder.iterdir(), key=lambda file: file.stat().st_mtime)
         for old in files[:-MAX_FILES]:
             old.unlink(missing_ok=True)

@@ -9,11 +9,11 @@ from __future__ import annotations
 from softlab.app.driver import open_simulation
 from softlab.bench.peers.bars.tip import BARS, NEAR, tetrahedra_refusal
 from softlab.bench.peers.base import Opened
-from softlab.bench.peers.own_xpbd import Own, OwnXpbd
+from softlab.bench.peers.lab_xpbd import LabSimulation, LabXpbd
 from softlab.model.scene.scene import Scene
 
 
-class OwnTetrahedra(OwnXpbd):
+class LabTetrahedra(LabXpbd):
     """`substeps` x `iterations` per frame by one of the lab's solvers."""
 
     scenes = tuple(BARS)
@@ -35,4 +35,4 @@ class OwnTetrahedra(OwnXpbd):
             "method.solver": self.solver, "method.substeps": self.substeps, "method.iterations": self.iterations,
             "beam.material": "fixed-corotated",
         })  # fmt: skip
-        return Own(open_simulation(solved, self.backend, threads=threads, precision=precision))
+        return LabSimulation(open_simulation(solved, self.backend, threads=threads, precision=precision))

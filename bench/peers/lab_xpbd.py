@@ -26,7 +26,7 @@ def implicit_refusal(scene: Scene) -> str | None:
     return refusal
 
 
-class OwnXpbd(Peer):
+class LabXpbd(Peer):
     """The lab's XPBD, Gauss-Seidel by colours."""
 
     scenes: tuple[str, ...] = IMPLICIT
@@ -53,10 +53,10 @@ class OwnXpbd(Peer):
 
     def open(self, scene: Scene, precision: str, threads: int) -> Opened:
         solved = scene.replace({"method.solver": "xpbd", "method.iterations": self.iterations})
-        return Own(open_simulation(solved, self.backend, threads=threads, precision=precision))
+        return LabSimulation(open_simulation(solved, self.backend, threads=threads, precision=precision))
 
 
-class Own(Opened):
+class LabSimulation(Opened):
     """A simulation of the lab in the form of a peer's, with its `threads`."""
 
     def __init__(self, simulation: Simulation):
