@@ -167,14 +167,15 @@ def readable(argument: Any) -> Any:
     """Return an argument in the form that plain Python takes.
 
     A Python number becomes a 64-bit one, as in machine code; records, and arrays of one record, also in tuples, become
-    `Constants`.
+    `Constants`, except those of several types, which kernels write.
     """
     if type(argument) is float:
         return np.float64(argument)
     if type(argument) is np.record:
         return Constants(argument)
     if type(argument) is np.ndarray and argument.dtype.names:
-        return (Constants(argument[0]),)
+        types = {argument.dtype[name] for name in argument.dtype.names}
+        return (Constants(argument[0]),) if len(types) == 1 else argument
     if type(argument) is tuple:
         return tuple(readable(item) for item in argument)
     return argument

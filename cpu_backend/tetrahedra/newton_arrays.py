@@ -55,8 +55,8 @@ class Coarse(NamedTuple):
 
 
 class Since(NamedTuple):
-    """States that dampers resist changes from: 1 / h, positions at the start of the stage, positions at the first stage's
-    start and end, true in the second stage."""
+    """States that dampers resist changes from: 1 / h, positions at the start of the stage, positions at the first
+    stage's start and end, true in the second stage."""
 
     rate: float
     before: np.ndarray

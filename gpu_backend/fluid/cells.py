@@ -35,7 +35,8 @@ def cell_bytes(particles: int, cells: int, neighbours: int, item: int) -> int:
 
 
 class Particles(NamedTuple):
-    """Arrays of particles that the sort moves: positions, positions at the substep's start, velocities (quads), numbers."""
+    """Arrays of particles that the sort moves: positions, positions at the substep's start, velocities (quads),
+    numbers."""
 
     position: Any
     before: Any
