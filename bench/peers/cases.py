@@ -70,7 +70,7 @@ class Beside:
     It restarts from the start [(position, velocity)] of the scene again and again.
     """
 
-    kept = 0  # the start is always stored
+    snapshots = 0  # the start is always stored
 
     def __init__(self, peer: Peer, opened: Opened, body: Body):
         self.backend, self.opened = peer.backend, opened

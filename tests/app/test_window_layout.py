@@ -154,8 +154,8 @@ class SeenView:
         self.lines = not self.lines
         return self.lines
 
-    def toggle_particles(self) -> None:
-        self.particles = not self.particles
+    def toggle(self, name: str) -> None:
+        setattr(self, name, not getattr(self, name))
 
 
 def looks_of(dimensions: int, bodies: bool) -> tuple[ViewOptions, list[str]]:

@@ -11,7 +11,6 @@ from test_mesh import binary_stl, write
 
 import softlab.model.assets.baked
 import softlab.model.base.disk_cache
-import softlab.model.core.disk_cache
 from softlab.model.assets.baked import PACKAGES, baked, body_key
 from softlab.model.assets.baked_body import BakedBody
 from softlab.model.assets.soft_body import MATERIAL, RigidBody, SoftBody

@@ -180,7 +180,7 @@ def test_this_systems_counters_grow() -> None:
 class Late:
     """A device on which steps take no time to ask for and 10 ms each until they are waited for."""
 
-    backend, threads, kept, step, kernel = "gpu", 1, -2, 0, "graph"
+    backend, threads, snapshots, step, kernel = "gpu", 1, -2, 0, "graph"
     real = np.float64
 
     def __init__(self, clock: list[float]) -> None:

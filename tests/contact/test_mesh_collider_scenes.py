@@ -127,7 +127,7 @@ def test_what_is_drawn_is_the_mesh_smooth_but_for_its_edges(tmp_path: Path) -> N
     first = drawn.normals[np.unique(place, return_index=True)[1]]
     smooth = np.abs(drawn.normals - first[place]).max(axis=1) < 1e-6  # one normal a vertex
     assert smooth.mean() > 0.9
-    vertices, normals = drawn.turned(1.0)
+    vertices, normals = drawn.rotated(1.0)
     turn = hills.turn_at(1.0)
     assert np.allclose(vertices, (drawn.vertices - [1, 2, 3]) @ turn.T + [1, 2, 3], atol=1e-5)
     assert np.allclose(normals, drawn.normals @ turn.T, atol=1e-6)

@@ -124,4 +124,4 @@ def test_other_architectures_are_left_alone_and_the_doctor_says_so(monkeypatch):
     Compiler("plain", "fast").banded(plain)(1, numbers)
     assert numbers[0] > 0
     (cpu,) = (finding for finding in examine() if finding.name == "cpu threads")
-    assert "does not flush subnormals on riscv64" in cpu.found
+    assert "does not flush subnormals on riscv64" in cpu.detail

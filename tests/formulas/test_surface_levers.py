@@ -131,7 +131,7 @@ def test_a_contact_is_the_references() -> None:
     for number in range(300):
         of = random_contact(random, number)
         ways, _ = after_formula(np.float64, formulas, of)
-        contact = self_contacts.Found(
+        contact = self_contacts.VertexContacts(
             mass=np.array([0]), triangle=np.array([0]), corners=np.array([[1, 2, 3]]), weights=of.weights[None],
             normal=of.normal[None], required=np.array([DISTANCE]), distance=np.array([DISTANCE]),
             around=around([[[1, 2, 3]]]),
@@ -178,7 +178,7 @@ def test_a_triangle_that_is_pressed_evenly_is_not_rubbed() -> None:
     points = np.vstack([triangle, weights @ triangle + [0.0, DISTANCE, 0.0]])
     ways = np.zeros_like(points)
     ways[3:, 1] = -1e-3
-    contact = self_contacts.Found(
+    contact = self_contacts.VertexContacts(
         mass=np.arange(3, 6), triangle=np.zeros(3, int), corners=np.tile([0, 1, 2], (3, 1)), weights=weights,
         normal=np.tile([0.0, 1.0, 0.0], (3, 1)), held=np.full(3, DISTANCE), distance=np.full(3, DISTANCE),
         around=around([[[0, 1, 2]]] * 3),

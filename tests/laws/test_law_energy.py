@@ -30,7 +30,7 @@ def slope(scene: Scene, position: np.ndarray) -> np.ndarray:
         aside = [position.copy(), position.copy()]
         aside[0][place] -= AWAY
         aside[1][place] += AWAY
-        result[place] = (stored(scene, aside[0], None)[0] - stored(scene, aside[1], None)[0]) / (2 * AWAY)
+        result[place] = (stored(scene, aside[0], {})[0] - stored(scene, aside[1], {})[0]) / (2 * AWAY)
     return result
 
 

@@ -157,7 +157,7 @@ def test_a_motion_of_the_scene_goes_before_targets() -> None:
         ({"end": {"kind": "motion", "pins": [[0, 1]]}}, "must be a side, a region or all"),
         ({"a": {"kind": "motion", "pins": "all"}, "b": {"kind": "motion", "pins": "left"}}, "already follows a"),
         ({"bar": BAR | {"pinned": ["leff"]}}, r"bar.pinned = 'leff'.*did you mean left"),
-        ({"there": {"kind": "region", "radius": 1.0}}, "a region is told by one of"),
+        ({"there": {"kind": "region", "radius": 1.0}}, "a region is given by one of"),
         ({"there": {"kind": "region", "center": [0.0] * 3}}, "there.radius"),
         ({"there": {"kind": "region", "shape": {"name": "sheet"}}}, "has no inside"),
         ({"there": {"kind": "region", "low": [1.0] * 3, "high": [0.0] * 3}}, "there.high"),
