@@ -95,7 +95,7 @@ class Beside:
     def read(self, name: str) -> np.ndarray:
         return self.opened.read()[("position", "velocity").index(name)]
 
-    def check(self, keep: bool = True) -> None:
+    def check(self, snapshot: bool = True) -> None:
         """Raise Diverged if the state is not finite."""
         for array in self.opened.read():
             if not np.isfinite(array).all():

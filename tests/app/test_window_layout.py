@@ -157,6 +157,9 @@ class SeenView:
     def toggle(self, name: str) -> None:
         setattr(self, name, not getattr(self, name))
 
+    def shows(self, name: str) -> bool:
+        return bool(getattr(self, name))
+
 
 def looks_of(dimensions: int, bodies: bool) -> tuple[ViewOptions, list[str]]:
     said: list[str] = []

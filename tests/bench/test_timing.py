@@ -203,7 +203,7 @@ class Late:
 
     rewind = reset
 
-    def check(self, keep: bool) -> None:
+    def check(self, snapshot: bool) -> None:
         self.asked += 5  # and looking at the state after it
 
 

@@ -180,7 +180,7 @@ def test_a_triangle_that_is_pressed_evenly_is_not_rubbed() -> None:
     ways[3:, 1] = -1e-3
     contact = self_contacts.VertexContacts(
         mass=np.arange(3, 6), triangle=np.zeros(3, int), corners=np.tile([0, 1, 2], (3, 1)), weights=weights,
-        normal=np.tile([0.0, 1.0, 0.0], (3, 1)), held=np.full(3, DISTANCE), distance=np.full(3, DISTANCE),
+        normal=np.tile([0.0, 1.0, 0.0], (3, 1)), required=np.full(3, DISTANCE), distance=np.full(3, DISTANCE),
         around=around([[[0, 1, 2]]] * 3),
     )  # fmt: skip
     after = self_contacts.project(part, contact, points, points + ways, np.ones(6), surface_contacts) - points
