@@ -122,7 +122,7 @@ def _frame_costs(record: Record, subjects: list[Frames], effort: Effort) -> list
     """Return the costs of both paths; of the host's alone, with the reason, where the other is not available."""
     host, straight = subjects
     straight.restore()
-    shown = straight.view.vertices.way
+    shown = straight.view.vertices.transfer
     measurable = subjects if shown == cuda_vertices.STRAIGHT else [host]
     for subject in measurable:
         prepare(subject, effort.seconds, effort.most)
