@@ -78,5 +78,5 @@ class Presentation:
 
 def presentation_of(scene: Scene) -> Presentation:
     """Return the presentation of the scene's family."""
-    found: Presentation = named(family_of(scene).presentation)
-    return found
+    presentation: Presentation = named(family_of(scene).presentation)
+    return presentation

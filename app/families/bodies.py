@@ -26,8 +26,8 @@ def _pieces(
 ) -> list[Piece]:
     """Return the active copies."""
     assert matrices is not None
-    there = copies_there(scene, inverse_mass)
-    return [_body(scene, copy, position, matrices) for copy in scene.copies if there[copy.number]]
+    active = copies_there(scene, inverse_mass)
+    return [_body(scene, copy, position, matrices) for copy in scene.copies if active[copy.number]]
 
 
 def _body(scene: Scene, copy: Copy, position: np.ndarray, matrices: np.ndarray) -> Piece:
@@ -39,10 +39,10 @@ def _body(scene: Scene, copy: Copy, position: np.ndarray, matrices: np.ndarray) 
     name = f"{copy.name}-{copy.number - first + 1}" if several else copy.name
     skin = baked.skin
     if skin is None or not len(skin.triangles):
-        own = slice(copy.first_particle, copy.first_particle + len(baked.position))
-        return Piece(name, position[own], colour)
-    own = slice(copy.first_cluster, copy.first_cluster + baked.clusters.count)
-    vertices, normals = skinned(skin.position, skin.normal, skin.clusters, skin.weights, matrices[own])
+        rows = slice(copy.first_particle, copy.first_particle + len(baked.position))
+        return Piece(name, position[rows], colour)
+    rows = slice(copy.first_cluster, copy.first_cluster + baked.clusters.count)
+    vertices, normals = skinned(skin.position, skin.normal, skin.clusters, skin.weights, matrices[rows])
     return Piece(name, vertices, colour, skin.triangles, normals)
 
 
@@ -56,21 +56,23 @@ def bodies_report(simulation: Any) -> dict[str, Any]:
 
     Their `max_strain` is the distance of a particle from its goal in one of its clusters, over the particle spacing.
     """
-    told = counts(simulation.scene, simulation.body.inverse_mass)
+    totals = counts(simulation.scene, simulation.body.inverse_mass)
     return {
-        "bodies": told.bodies,
-        "waiting": told.waiting,
-        "waiting_particles": told.waiting_particles,
-        "clusters": told.clusters,
+        "bodies": totals.bodies,
+        "waiting": totals.waiting,
+        "waiting_particles": totals.waiting_particles,
+        "clusters": totals.clusters,
     }
 
 
-def _amounts(scene: Scene, told: Counts) -> str:
+def _amounts(scene: Scene, totals: Counts) -> str:
     from softlab.app.command.tables import number
 
     body_set = scene.body_set
     waiting = (
-        f" ({number(told.waiting)} inactive, of {number(told.waiting_particles)} particles)" if told.waiting else ""
+        f" ({number(totals.waiting)} inactive, of {number(totals.waiting_particles)} particles)"
+        if totals.waiting
+        else ""
     )
     bodies = "1 body" if len(scene.copies) == 1 else f"{number(len(scene.copies))} bodies"
     entries = len(body_set.clusters.indices) / body_set.particle_count
@@ -80,13 +82,13 @@ def _amounts(scene: Scene, told: Counts) -> str:
     )
 
 
-def _brief(scene: Scene, told: Counts) -> str:
-    found = f"{told.particles} particles in {told.clusters} clusters of {told.bodies} bodies"
-    return found + (f" + {told.waiting} inactive" if told.waiting else "")
+def _brief(scene: Scene, totals: Counts) -> str:
+    text = f"{totals.particles} particles in {totals.clusters} clusters of {totals.bodies} bodies"
+    return text + (f" + {totals.waiting} inactive" if totals.waiting else "")
 
 
 def _particle_name(scene: Scene, particle: int) -> str:
-    """Return the particle's number, and whose it is."""
+    """Return the particle's number and the name of its body."""
     return f"{particle} of {scene.copies[scene.body_set.body[particle]].name}"
 
 

@@ -7,15 +7,16 @@ from typing import Any
 
 import numpy as np
 
-from softlab.app.output.pieces import Piece
+from softlab.app.output.pieces import Piece, in_space
 from softlab.app.presentation import Presentation
 from softlab.app.render import colours
+from softlab.model.base.components import named
 from softlab.model.core.state import State
 from softlab.model.fluid.measure import compression, height
 from softlab.model.fluid.parameters import speed_limit
 from softlab.model.scene.scene import Scene
 
-ASKED = 30_000  # particles whose densities are computed in passing: a tenth of a second
+MAX_MEASURED = 30_000  # particles whose densities are computed in passing: a tenth of a second
 
 
 def _view(scene: Scene, detail: Any, quick: bool, first_colour: int) -> Any:
@@ -24,27 +25,21 @@ def _view(scene: Scene, detail: Any, quick: bool, first_colour: int) -> Any:
     return FluidView(scene, detail, shaped=not quick)
 
 
-def _view_options() -> tuple[str, ...]:
-    from softlab.app.render.fluid.view import VIEW_OPTIONS
-
-    return VIEW_OPTIONS
-
-
 def _pieces(
     scene: Scene, position: np.ndarray, matrices: np.ndarray | None, inverse_mass: np.ndarray | None
 ) -> list[Piece]:
     """Return the particles of each fluid."""
-    fluid, flat = scene.fluid_set.fluid, position if position.shape[1] == 3 else np.pad(position, ((0, 0), (0, 1)))
+    fluid, place = scene.fluid_set.fluid, in_space(position)
     return [
-        Piece(name, np.ascontiguousarray(flat[fluid == number]), colours.BODIES[(number + 1) % len(colours.BODIES)])
+        Piece(name, np.ascontiguousarray(place[fluid == number]), colours.BODIES[(number + 1) % len(colours.BODIES)])
         for number, name in enumerate(scene.fluids)
     ]
 
 
 def _worst(scene: Scene, position: np.ndarray, strain: np.ndarray) -> float:
     """Return the largest density error; NaN where it is not computed."""
-    known = len(position) <= ASKED and bool(np.isfinite(position).all())
-    return compression(scene, position)[1] if known else np.nan
+    measurable = len(position) <= MAX_MEASURED and bool(np.isfinite(position).all())
+    return compression(scene, position)[1] if measurable else np.nan
 
 
 def _worst_text(worst: float, fastest: float) -> str:
@@ -78,13 +73,13 @@ def fluid_report(simulation: Any, state: State) -> dict[str, Any]:
 
 FLUID = Presentation(
     view=_view,
-    view_options=_view_options,
+    view_options=lambda: named("softlab.app.render.fluid.view:VIEW_OPTIONS"),
     strain=lambda scene, position: np.zeros(0),
     pieces=_pieces,
     counts=lambda scene: {"fluids": len(scene.fluids)},
     report=fluid_report,
-    amounts=lambda scene, told: str(scene.fluid_set),
-    brief=lambda scene, told: str(scene.fluid_set),
+    amounts=lambda scene, totals: str(scene.fluid_set),
+    brief=lambda scene, totals: str(scene.fluid_set),
     worst=_worst,
     worst_text=_worst_text,
     quantity="Fluid",

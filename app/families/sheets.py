@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from softlab.app.output.pieces import Piece
+from softlab.app.output.pieces import Piece, in_space
 from softlab.app.presentation import Presentation
 from softlab.app.render import colours
 from softlab.app.render.drawn_springs import alike, drawn_kinds
@@ -33,7 +33,7 @@ def _lines(scene: Scene) -> list[tuple[np.ndarray, float]]:
         return [(spring_ends(grid.rows, grid.columns), scene.springs.rest_length)] if scene.springs else []
     if not scene.mesh:
         return [(spring_ends(grid.rows, grid.columns, k), REST_LENGTHS[k] * grid.spacing) for k in drawn_kinds(scene)]
-    return [one for kind in drawn_kinds(scene) for one in alike(*edges_of(scene, kind))]
+    return [lines for kind in drawn_kinds(scene) for lines in alike(*edges_of(scene, kind))]
 
 
 def _strain(scene: Scene, position: np.ndarray) -> np.ndarray:
@@ -52,14 +52,13 @@ def _pieces(
     triangles = scene.grid.triangles() if scene.cloth else np.zeros((0, 3), np.int32)
     if len(triangles):
         return [Piece(name, position, colours.CLOTH_FRONT, triangles, scene.grid.normals(position))]
-    flat = position if position.shape[1] == 3 else np.pad(position, ((0, 0), (0, 1)))
     index = np.arange(len(position)).reshape(scene.grid.rows, scene.grid.columns)
-    held = bool(scene.springs or scene.cloth_springs)
-    lines = tuple(line for line in (*index, *index.T) if len(line) > 1) if held else ()
-    return [Piece(name, flat, colours.INK, lines=lines)]
+    has_springs = bool(scene.springs or scene.cloth_springs)
+    lines = tuple(line for line in (*index, *index.T) if len(line) > 1) if has_springs else ()
+    return [Piece(name, in_space(position), colours.INK, lines=lines)]
 
 
-def _amounts(scene: Scene, told: Counts) -> str:
+def _amounts(scene: Scene, totals: Counts) -> str:
     from softlab.app.command.tables import number
 
     return f"{number(scene.grid.particle_count)} masses, {number(family_of(scene).spring_count(scene))} springs"
@@ -71,6 +70,6 @@ SHEET = Presentation(
     strain=_strain,
     pieces=_pieces,
     amounts=_amounts,
-    brief=lambda scene, told: f"{scene.grid.rows} x {scene.grid.columns} masses",
+    brief=lambda scene, totals: f"{scene.grid.rows} x {scene.grid.columns} masses",
     steps_per_frame=10,
 )

@@ -10,6 +10,7 @@ from softlab.app.output.pieces import Piece
 from softlab.app.presentation import Presentation
 from softlab.app.render import colours
 from softlab.app.render.drawn_springs import alike
+from softlab.model.base.components import named
 from softlab.model.core.energy import spring_strain
 from softlab.model.geometry.normals import mesh_normals
 from softlab.model.scene.scene import Scene
@@ -21,12 +22,6 @@ def _view(scene: Scene, detail: Any, quick: bool, first_colour: int) -> Any:
     return TetrahedraView(scene, detail, first_colour)
 
 
-def _view_options() -> tuple[str, ...]:
-    from softlab.app.render.tetrahedra_view import VIEW_OPTIONS
-
-    return VIEW_OPTIONS
-
-
 def _pieces(
     scene: Scene, position: np.ndarray, matrices: np.ndarray | None, inverse_mass: np.ndarray | None
 ) -> list[Piece]:
@@ -34,18 +29,18 @@ def _pieces(
     skin = scene.tetrahedra_set.skin
     points = skin.points(position)
     normals = mesh_normals(points, skin.faces)
-    found = []
+    pieces = []
     for number, (name, triangles) in enumerate(zip(scene.holdable, skin.triangles, strict=True)):
         low, high = int(triangles.min()), int(triangles.max()) + 1
         colour = colours.BODIES[number % len(colours.BODIES)]
-        found.append(Piece(name, points[low:high], colour, triangles - low, normals[low:high]))
-    return found
+        pieces.append(Piece(name, points[low:high], colour, triangles - low, normals[low:high]))
+    return pieces
 
 
 def _counts(scene: Scene) -> dict[str, Any]:
-    found = scene.tetrahedra_set
-    counts = {"bodies": len(found.parts), "tetrahedra": len(found.tetrahedra)}
-    return counts | ({"triangles": len(found.sheet.mesh.triangles)} if found.sheet else {})
+    bodies = scene.tetrahedra_set
+    counts = {"bodies": len(bodies.parts), "tetrahedra": len(bodies.tetrahedra)}
+    return counts | ({"triangles": len(bodies.sheet.mesh.triangles)} if bodies.sheet else {})
 
 
 def newton_report(simulation: Any) -> dict[str, Any]:
@@ -60,13 +55,13 @@ def newton_report(simulation: Any) -> dict[str, Any]:
 
 TETRAHEDRA = Presentation(
     view=_view,
-    view_options=_view_options,
+    view_options=lambda: named("softlab.app.render.tetrahedra_view:VIEW_OPTIONS"),
     lines=lambda scene: alike(*scene.tetrahedra_set.edges),
     strain=spring_strain,
     pieces=_pieces,
     counts=_counts,
     report=lambda simulation, state: newton_report(simulation),
-    amounts=lambda scene, told: str(scene.tetrahedra_set),
-    brief=lambda scene, told: str(scene.tetrahedra_set),
+    amounts=lambda scene, totals: str(scene.tetrahedra_set),
+    brief=lambda scene, totals: str(scene.tetrahedra_set),
     levels=True,
 )

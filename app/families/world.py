@@ -40,7 +40,7 @@ def _counts(scene: Scene) -> dict[str, Any]:
     }
 
 
-def _amounts(scene: Scene, told: Counts) -> str:
+def _amounts(scene: Scene, totals: Counts) -> str:
     members = scene.members.items()
     return "; ".join(f"{name}: {presentation_of(one).amounts(one, counts(one))}" for name, one in members)
 
@@ -48,7 +48,7 @@ def _amounts(scene: Scene, told: Counts) -> str:
 def _particle_name(scene: Scene, particle: int) -> str:
     """Return the particle's number in its member."""
     places = scene.world_set.slices().items()
-    return next(f"{particle - own.start} of {name}" for name, own in places if particle < own.stop)
+    return next(f"{particle - rows.start} of {name}" for name, rows in places if particle < rows.stop)
 
 
 def _report(simulation: Any, state: State) -> dict[str, Any]:

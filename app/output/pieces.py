@@ -47,6 +47,11 @@ def pieces_of(
     return pieces
 
 
+def in_space(position: np.ndarray) -> np.ndarray:
+    """Return positions (particles, 3) [m]; those in a plane have z = 0."""
+    return position if position.shape[1] == 3 else np.pad(position, ((0, 0), (0, 1)))
+
+
 def skinned(
     position: np.ndarray, normal: np.ndarray, clusters: np.ndarray, weights: np.ndarray, matrices: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:

@@ -44,7 +44,7 @@ def test_the_window_tells_the_largest_density_error(monkeypatch: pytest.MonkeyPa
         demo: Any = SimpleNamespace(statistics=found, world=simulation)
         assert found.worst_strain == compression(scene, place)[1] > 0
         assert strain_text(demo).startswith(f"largest density error {found.worst_strain:+.2%}, fastest ")
-        monkeypatch.setattr(fluid, "ASKED", len(place) - 1)
+        monkeypatch.setattr(fluid, "MAX_MEASURED", len(place) - 1)
         demo.statistics = measure([simulation], 0, [place], Statistics())
         fastest = np.linalg.norm(simulation.state().velocity, axis=1).max()
         assert strain_text(demo) == f"fastest {fastest:.3g} m/s"
