@@ -157,14 +157,10 @@ def _make_now(real: Any, math: str) -> SimpleNamespace:
 
 
 def _move(real: Any, math: str, friction: bool, surfaces: bool) -> tuple[Any, ...]:
-    shallower, levered = _make_now(real, math).shallower, friction and surfaces
+    current, levered = _make_now(real, math), friction and surfaces
     corners_of, f, zero, one = _make_corners(real, math), device_formulas(contact.make, real, math), real(0), real(1)
-    held, offset, share, load_of_share = (
-        corners_of.held,
-        corners_of.offset,
-        corners_of.share,
-        _make_now(real, math).load,
-    )
+    held, offset, share = corners_of.held, corners_of.offset, corners_of.share
+    shallower, load_of_share = current.shallower, current.load
     dot, length, along, stiffness, inverse, slip = f.dot, f.length, f.along, f.stiffness, f.inverse, f.slip
     correction, rubbed, scaled, taken, shifted = f.correction, f.rubbed, f.scaled, f.taken, f.shifted
 

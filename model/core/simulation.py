@@ -76,7 +76,7 @@ class Simulation(Stepping):
         """Outputs of `read`, by name."""
         return {output.name: output for output in (*OF_ALL, *family_of(self.scene).outputs(self.scene))}
 
-    @property
+    @cached_property
     def state_arrays(self) -> tuple[StateArray, ...]:
         """The arrays of the state besides positions and velocities."""
         return family_of(self.scene).state_arrays

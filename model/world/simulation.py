@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 
@@ -123,7 +124,7 @@ class WorldSimulation(Simulation):
         for name, member in self.members.items():
             member._upload(position[self.slices[name]], velocity[self.slices[name]])
 
-    @property
+    @cached_property
     def state_arrays(self) -> tuple[StateArray, ...]:
         """The arrays of all members."""
         return tuple(array.of(member) for member in self.members.values() for array in member.state_arrays)
