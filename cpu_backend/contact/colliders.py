@@ -56,15 +56,14 @@ def make_push(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNam
         )  # fmt: skip
 
     @compiled
-    def answer(body, slow, vx, vy, vz, nx, ny, nz):
+    def answer(body, slow, v, n):
         static, dynamic = zero, zero
         if has_friction:
             static, dynamic = body[B_STATIC], body[B_DYNAMIC]
-        ux, uy, uz = body[B_VX], body[B_VY], body[B_VZ]
+        u = body[B_VX], body[B_VY], body[B_VZ]
         if bounces:
-            speed = speed_of(slow)
-            return rebound(vx, vy, vz, ux, uy, uz, nx, ny, nz, static, dynamic, body[B_RESTITUTION], speed)
-        return respond(vx, vy, vz, ux, uy, uz, nx, ny, nz, static, dynamic)
+            return rebound(v, u, n, static, dynamic, body[B_RESTITUTION], speed_of(slow))
+        return respond(v, u, n, static, dynamic)
 
     @compiled
     def push(body, slow, distance, normal, p, v):
@@ -73,10 +72,9 @@ def make_push(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNam
         if distance < thickness:
             depth = thickness - distance
             px, py, pz = pushed(px, depth, nx), pushed(py, depth, ny), pushed(pz, depth, nz)
-            bx, by, bz = vx, vy, vz
-            vx, vy, vz = answer(body, slow, vx, vy, vz, nx, ny, nz)
+            vx, vy, vz = answer(body, slow, v, normal)
             if in_place:
-                dx, dy, dz = slid(slow[1], vx, vy, vz, bx, by, bz, nx, ny, nz)
+                dx, dy, dz = slid(slow[1], (vx, vy, vz), v, normal)
                 px, py, pz = px + dx, py + dy, pz + dz
         return (px, py, pz), (vx, vy, vz)
 
@@ -113,7 +111,7 @@ def make_touches(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
         if part < one:
             dx, dy, dz = between(ax, dx, part), between(ay, dy, part), between(az, dz, part)
             _, nx, ny, nz = sphere(dx, dy, dz, radius)
-            return (cx + dx, cy + dy, cz + dz), answer(body, slow, v[0], v[1], v[2], nx, ny, nz)
+            return (cx + dx, cy + dy, cz + dz), answer(body, slow, v, (nx, ny, nz))
         distance, nx, ny, nz = sphere(dx, dy, dz, radius)
         return push(body, slow, distance, (nx, ny, nz), p, v)
 
@@ -145,12 +143,12 @@ def make_touches(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
                 static, dynamic = body[B_STATIC], body[B_DYNAMIC]
             if bounces:
                 restitution = body[B_RESTITUTION]
-            x, y, z, vx, vy, vz = meet(
-                body, np.int32(body[B_TREE]), body[B_THICKNESS], static, dynamic, body[B_X], body[B_Y], body[B_Z],
-                body[B_VX], body[B_VY], body[B_VZ], body[B_U], body[B_V], body[B_W], body[B_SPIN], body[B_TURNS], begin,
-                end, *a, *p, *v, restitution, slow,
+            surface = body[B_THICKNESS], static, dynamic, restitution, slow
+            path = (
+                (body[B_X], body[B_Y], body[B_Z]), (body[B_VX], body[B_VY], body[B_VZ]),
+                (body[B_U], body[B_V], body[B_W]), body[B_SPIN], body[B_TURNS],
             )  # fmt: skip
-            return (x, y, z), (vx, vy, vz)
+            return meet(body, np.int32(body[B_TREE]), surface, path, begin, end, a, p, v)
 
         return touch_surface
 

@@ -49,17 +49,17 @@ def make_passes(compiler: Compiler, real: Any, scaled: bool, has_rigid: bool = F
         if not touching(squared(dx, dy, dz), distance):
             return zero, zero, zero, zero
         u, v, w = old, row_at(old, np.int64(count)), row_at(old, np.int64(2 * count))
-        ax, ay, az = u[i] - u[j], v[i] - v[j], w[i] - w[j]
+        before = u[i] - u[j], v[i] - v[j], w[i] - w[j]
         u, v, w = velocity, row_at(velocity, np.int64(count)), row_at(velocity, np.int64(2 * count))
-        bx, by, bz = u[i] - u[j], v[i] - v[j], w[i] - w[j]
+        now = u[i] - u[j], v[i] - v[j], w[i] - w[j]
         _, nx, ny, nz = direction(dx, dy, dz, distance, i < j)
         e, settling = record[H_RESTITUTION], record[H_SETTLING]
         if has_rigid:
             if travel[3 * count + i] > zero and travel[3 * count + j] > zero:
-                return parting(ax, ay, az, bx, by, bz, nx, ny, nz, e, settling, pressed), nx, ny, nz
+                return parting(before, now, (nx, ny, nz), e, settling, pressed), nx, ny, nz
             if e == zero:
                 return zero, nx, ny, nz
-        return lacking(ax, ay, az, bx, by, bz, nx, ny, nz, e, settling), nx, ny, nz
+        return lacking(before, now, (nx, ny, nz), e, settling), nx, ny, nz
 
     @compiler.compiled
     def tell(band, count, position, old, velocity, record, lists, contacts, travel):

@@ -42,11 +42,12 @@ def make_follow(compiler: Compiler, real: Any) -> Any:
     @compiler.compiled
     def follow(bodies, pin, time):
         row = np.int64(bodies[pin + P_MOTION])
-        passed, moves, sine, cosine = turn(time, bodies[row + M_START], bodies[row + M_DURATION], bodies[row + M_TURNS])
+        moment = turn(time, bodies[row + M_START], bodies[row + M_DURATION], bodies[row + M_TURNS])
         return placed(
-            bodies[pin + P_X], bodies[pin + P_Y], bodies[pin + P_Z], bodies[row + M_X], bodies[row + M_Y],
-            bodies[row + M_Z], bodies[row + M_U], bodies[row + M_V], bodies[row + M_W], bodies[row + M_VX],
-            bodies[row + M_VY], bodies[row + M_VZ], bodies[row + M_SPIN], passed, moves, sine, cosine,
+            (bodies[pin + P_X], bodies[pin + P_Y], bodies[pin + P_Z]),
+            (bodies[row + M_X], bodies[row + M_Y], bodies[row + M_Z]),
+            (bodies[row + M_U], bodies[row + M_V], bodies[row + M_W]),
+            (bodies[row + M_VX], bodies[row + M_VY], bodies[row + M_VZ]), bodies[row + M_SPIN], moment,
         )  # fmt: skip
 
     return follow

@@ -94,8 +94,8 @@ def _make_triangle(compiler: Compiler, real: Any, formulas: SimpleNamespace, num
             real(j - column_a), real(b % columns - column_a), real(c % columns - column_a), s, t, parameters.spacing,
         )  # fmt: skip
         nx, ny, nz = normal(
-            rx, ry, rz, distance, ux, uy, uz, vx, vy, vz, parameters.normal_distance, parameters.coincident, k > a
-        )  # fmt: skip
+            (rx, ry, rz), distance, (ux, uy, uz), (vx, vy, vz), parameters.normal_distance, parameters.coincident, k > a
+        )
         triangles[place] = triangle
         corners[place, 0], corners[place, 1], corners[place, 2] = a, b, c
         values[place, V_B], values[place, V_C], values[place, V_DISTANCE] = s, t, distance

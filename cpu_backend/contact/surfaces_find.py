@@ -107,7 +107,7 @@ def _make_triangle(compiler: Compiler, real: Any, slots: SimpleNamespace, ratios
         rest_gap = thickness
         if body[a] == body[k]:
             rest_gap = rest_distance(rest, k, a, b, c, s, t)
-        inside, nx, ny, nz = outward(rx, ry, rz, distance, ux, uy, uz, vx, vy, vz, flat)
+        inside, nx, ny, nz = outward((rx, ry, rz), distance, (ux, uy, uz), (vx, vy, vz), flat)
         if inside and (owned[triangle] >> sheet) & 1 != 0:
             inside, nx, ny, nz = False, -nx, -ny, -nz
         triangles[place] = triangle

@@ -31,7 +31,7 @@ def make_swept(compiler: Compiler, real: Any, pushing: SimpleNamespace) -> tuple
         if part < one:
             dx, dy, dz = between(ax, dx, part), between(ay, dy, part), between(az, dz, part)
             _, nx, ny, nz = capsule(dx, dy, dz, ex, ey, ez, radius)
-            return (cx + dx, cy + dy, cz + dz), answer(body, slow, v[0], v[1], v[2], nx, ny, nz)
+            return (cx + dx, cy + dy, cz + dz), answer(body, slow, v, (nx, ny, nz))
         distance, nx, ny, nz = capsule(dx, dy, dz, ex, ey, ez, radius)
         return push(body, slow, distance, (nx, ny, nz), p, v)
 
@@ -44,7 +44,7 @@ def make_swept(compiler: Compiler, real: Any, pushing: SimpleNamespace) -> tuple
         if nx != zero or ny != zero or nz != zero:
             depth = depth + body[B_THICKNESS]
             x, y, z = pushed(p[0], depth, nx), pushed(p[1], depth, ny), pushed(p[2], depth, nz)
-            return (x, y, z), answer(body, slow, v[0], v[1], v[2], nx, ny, nz)
+            return (x, y, z), answer(body, slow, v, (nx, ny, nz))
         distance, nx, ny, nz = box(dx, dy, dz, hx, hy, hz)
         return push(body, slow, distance, (nx, ny, nz), p, v)
 

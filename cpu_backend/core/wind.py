@@ -52,8 +52,8 @@ def make_triangle(compiler: Compiler, real: Any) -> Any:
     @compiler.compiled
     def triangle(a, b, c, va, vb, vc, air, drag, lift):
         return triangle_wind(
-            b[0] - a[0], b[1] - a[1], b[2] - a[2], c[0] - a[0], c[1] - a[1], c[2] - a[2],
-            air[0] - mean(va[0], vb[0], vc[0]), air[1] - mean(va[1], vb[1], vc[1]), air[2] - mean(va[2], vb[2], vc[2]),
+            (b[0] - a[0], b[1] - a[1], b[2] - a[2]), (c[0] - a[0], c[1] - a[1], c[2] - a[2]),
+            (air[0] - mean(va[0], vb[0], vc[0]), air[1] - mean(va[1], vb[1], vc[1]), air[2] - mean(va[2], vb[2], vc[2])),
             drag, lift,
         )  # fmt: skip
 

@@ -25,13 +25,24 @@ def make_lane_sum(compiler: Compiler, real: Any) -> Any:
     @compiler.compiled
     def sum_of(lanes, n):
         k = n * LANES
-        return total(
+        return total((
             lanes[k], lanes[k + 1], lanes[k + 2], lanes[k + 3], lanes[k + 4], lanes[k + 5], lanes[k + 6], lanes[k + 7],
             lanes[k + 8], lanes[k + 9], lanes[k + 10], lanes[k + 11], lanes[k + 12], lanes[k + 13], lanes[k + 14],
             lanes[k + 15],
-        )  # fmt: skip
+        ))  # fmt: skip
 
     return sum_of
+
+
+def make_three_sums(compiler: Compiler, real: Any) -> Any:
+    """Make three_of(lanes, n): the sums of rows n, n + 1 and n + 2."""
+    sum_of = make_lane_sum(compiler, real)
+
+    @compiler.compiled
+    def three_of(lanes, n):
+        return sum_of(lanes, n), sum_of(lanes, n + 1), sum_of(lanes, n + 2)
+
+    return three_of
 
 
 def make_damping(compiler: Compiler, real: Any, damped: bool) -> SimpleNamespace:
@@ -43,7 +54,7 @@ def make_damping(compiler: Compiler, real: Any, damped: bool) -> SimpleNamespace
     """
     if not damped:
         return _undamped(compiler)
-    formulas, sum_of = pace.make(real, compiler.compiled), make_lane_sum(compiler, real)
+    formulas, three_of = pace.make(real, compiler.compiled), make_three_sums(compiler, real)
     weighted, added, turned = formulas.weighted, formulas.added, formulas.cross_added
     motion, slowed, motion_of = formulas.motion, formulas.slowed, make_motions(compiler, real).motion_of
     zero = real(0)
@@ -103,10 +114,8 @@ def make_damping(compiler: Compiler, real: Any, damped: bool) -> SimpleNamespace
             motions[n], motions[n + 1], motions[n + 2], motions[n + 3], motions[n + 4], motions[n + 5], motions[n + 6],
             motions[n + 7], motions[n + 8],
         ) = motion(
-            sum_of(scratch, 0), sum_of(scratch, 1), sum_of(scratch, 2), sum_of(scratch, 3), sum_of(scratch, 4),
-            sum_of(scratch, 5), sum_of(scratch, 6), sum_of(scratch, 7), sum_of(scratch, 8), sum_of(scratch, 9),
-            sum_of(scratch, 10), sum_of(scratch, 11), sum_of(scratch, 12), sum_of(scratch, 13), sum_of(scratch, 14),
-            arrays.centres[4 * c + 3], x, y, z, u, v, w,
+            three_of(scratch, 0), three_of(scratch, 3), three_of(scratch, 6), three_of(scratch, 9) + three_of(scratch, 12),
+            arrays.centres[4 * c + 3], (x, y, z), (u, v, w),
         )  # fmt: skip
 
     @compiler.compiled

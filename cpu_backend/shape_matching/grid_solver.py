@@ -15,7 +15,8 @@ from softlab.cpu_backend.core.layout import Layout, aligned_zeros, block_of, pla
 from softlab.cpu_backend.core.own_forces import bind_forces
 from softlab.cpu_backend.core.point_stages import make_point_stages
 from softlab.cpu_backend.core.simulation import RowsSimulation, chosen_kernel
-from softlab.cpu_backend.shape_matching.matching import STATES, make_matching_advance, scratch_places
+from softlab.cpu_backend.shape_matching.arrays import Steps
+from softlab.cpu_backend.shape_matching.matching import STATES, Grid, make_matching_advance, scratch_places
 from softlab.cpu_backend.shape_matching.matching_rows import CLUSTER
 from softlab.cpu_backend.shape_matching.matching_stages import make_matching_stages
 from softlab.model.assets.lattice import TABLE, matching_axis
@@ -88,23 +89,24 @@ class ShapeMatching(RowsSimulation):
 
     def _fused(self) -> Executor:
         rows, region, layout = self.body.rows, self.scene.method.region, self._layout
-        self._bounds = np.array([rows * k // self._bands for k in range(self._bands + 1)], np.int64)
+        bounds = np.array([rows * k // self._bands for k in range(self._bands + 1)], np.int64)
         self._room, self._place_after = scratch_places(region).count * layout.stride, np.zeros(1, np.int64)
         self._scratch = aligned_zeros(self._bands * self._room, self.real)
         wide = np.zeros((TABLE, layout.stride), self.real)
         wide[:, : layout.columns] = self._tables[1]
-        self._wide_table = wide.reshape(-1)
         weights = np.zeros((rows, layout.stride), self.real)
         weights[:, : layout.columns] = self._weights
-        self._wide_weights = weights.reshape(-1)
+        self._grid = Grid(
+            bounds, rows, layout.columns, layout.stride, self._tables[0], wide.reshape(-1), weights.reshape(-1),
+            self.parameters, self.integers,
+        )  # fmt: skip
         return Executor(self.plan, {}, self._advance)
 
     def _advance(self, step: int, steps: int) -> None:
-        method, layout = self.scene.method, self._layout
+        method = self.scene.method
         advance = make_matching_advance(self.real, self.options.math, method.region, self.plan.parts)
         advance(
-            self._bands, steps, step, method.substeps, method.iterations, self._bounds, layout.rows, layout.columns,
-            layout.stride, self._states, self._current, self._tables[0], self._wide_table, self._wide_weights,
-            self.parameters, self.integers, self._scratch, self._room, self._place_after,
+            self._bands, Steps(steps, step, method.substeps, method.iterations), self._grid, self._states, self._current,
+            self._scratch, self._room, self._place_after,
         )  # fmt: skip
         self._current = int(self._place_after[0])

@@ -72,11 +72,11 @@ def make_moments(compiler: Compiler, real: Any) -> Any:
     def add_lanes(lanes, sums):
         for n in range(MOMENTS):
             k = n * LANES
-            sums[k] = total(
+            sums[k] = total((
                 lanes[k], lanes[k + 1], lanes[k + 2], lanes[k + 3], lanes[k + 4], lanes[k + 5], lanes[k + 6],
                 lanes[k + 7], lanes[k + 8], lanes[k + 9], lanes[k + 10], lanes[k + 11], lanes[k + 12], lanes[k + 13],
                 lanes[k + 14], lanes[k + 15],
-            )  # fmt: skip
+            ))  # fmt: skip
 
     @compiler.compiled
     def sum_up(c, place, position, count, arrays, scratch):
@@ -127,14 +127,19 @@ def make_turn(compiler: Compiler, real: Any, shaping: frozenset[str]) -> Any:
                 for lane in range(LANES):
                     sums[k + lane] = upright(sums[k + lane], sums[axis * LANES + lane], lean[other * LANES + lane])
 
+    @compiler.inlined
+    def matrix_at(sums, lane):
+        return (
+            sums[3 * LANES + lane], sums[4 * LANES + lane], sums[5 * LANES + lane], sums[6 * LANES + lane],
+            sums[7 * LANES + lane], sums[8 * LANES + lane], sums[9 * LANES + lane], sums[10 * LANES + lane],
+            sums[11 * LANES + lane],
+        )  # fmt: skip
+
     @compiler.row
     def near_rows(sums, old, new):
         for lane in range(LANES):
-            w, x, y, z, reached = near(
-                sums[3 * LANES + lane], sums[4 * LANES + lane], sums[5 * LANES + lane], sums[6 * LANES + lane],
-                sums[7 * LANES + lane], sums[8 * LANES + lane], sums[9 * LANES + lane], sums[10 * LANES + lane],
-                sums[11 * LANES + lane], old[lane], old[LANES + lane], old[2 * LANES + lane], old[3 * LANES + lane],
-            )  # fmt: skip
+            q = old[lane], old[LANES + lane], old[2 * LANES + lane], old[3 * LANES + lane]
+            w, x, y, z, reached = near(matrix_at(sums, lane), q)
             new[lane] = w
             new[LANES + lane] = x
             new[2 * LANES + lane] = y
@@ -162,17 +167,13 @@ def make_turn(compiler: Compiler, real: Any, shaping: frozenset[str]) -> Any:
             c, k = first + n, np.int64(firsts[first + n])
             w, x, y, z = new[n], new[LANES + n], new[2 * LANES + n], new[3 * LANES + n]
             if new[4 * LANES + n] == zero:
-                w, x, y, z = far(
-                    sums[3 * LANES + n], sums[4 * LANES + n], sums[5 * LANES + n], sums[6 * LANES + n],
-                    sums[7 * LANES + n], sums[8 * LANES + n], sums[9 * LANES + n], sums[10 * LANES + n],
-                    sums[11 * LANES + n], w, x, y, z,
-                )  # fmt: skip
+                w, x, y, z = far(matrix_at(sums, n), (w, x, y, z))
             turned[c] = w
             turned[clusters + c] = x
             turned[2 * clusters + c] = y
             turned[3 * clusters + c] = z
             frame = row_at(frames, np.int64(FRAME * c))
-            store_matrix(frame, *finish(c, n, arrays, maps, *matrix_of(w, x, y, z)))
+            store_matrix(frame, *finish(c, n, arrays, maps, matrix_of(w, x, y, z)))
             for axis in range(AXES):
                 frame[9 + axis] = centre(
                     position[axis * count + k], sums[axis * LANES + n], centres[4 * c + 3], frame[3 * axis],

@@ -39,7 +39,7 @@ def make_rotation_rows(compiler: Compiler, real: Any) -> SimpleNamespace:
         start = t[0], t[1], t[2], t[3], t[4], t[5], t[6], t[7], t[8]
         for k in range(n):
             moments = times(xx[k], xy[k], xz[k], yx[k], yy[k], yz[k], zx[k], zy[k], zz[k], start)
-            to_w[k], to_x[k], to_y[k], to_z[k], there = near(*moments, w[k], x[k], y[k], z[k])
+            to_w[k], to_x[k], to_y[k], to_z[k], there = near(moments, (w[k], x[k], y[k], z[k]))
             reached[k] = one if there else zero
 
     @compiler.compiled
@@ -47,7 +47,7 @@ def make_rotation_rows(compiler: Compiler, real: Any) -> SimpleNamespace:
         """Return the rotation of a window whose moments are `n` apart."""
         start = t[0], t[1], t[2], t[3], t[4], t[5], t[6], t[7], t[8]
         moments = times(a[0], a[3 * n], a[6 * n], a[n], a[4 * n], a[7 * n], a[2 * n], a[5 * n], a[8 * n], start)
-        return far(*moments, w, x, y, z)
+        return far(moments, (w, x, y, z))
 
     @compiler.row
     def matrix_row(n, t, w, x, y, z, xx, yx, zx, xy, yy, zy, xz, yz, zz):

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -35,6 +35,22 @@ PLACE = AXES + LINE  # rows of a ring: of a row of masses ...
 GOAL = CLUSTER + GOALS  # ... and of one of clusters
 STATES = 3  # of a substep: its start, and two that iterations use in turn
 ONCE, FIRST, MIDDLE, LAST = range(4)  # number of an iteration within a substep; ONCE: first and last
+
+
+class Grid(NamedTuple):
+    """A grid in bands of rows: the bands' first rows (bands + 1,); numbers of rows and columns, and of numbers between
+    rows; tables (3, rows) and flat, rows `stride` apart; weights, flat, likewise, 0 if pinned; constants; integers of
+    random forces."""
+
+    bounds: np.ndarray
+    rows: int
+    columns: int
+    stride: int
+    row_table: np.ndarray
+    column_table: np.ndarray
+    weights: np.ndarray
+    parameters: Any
+    integers: np.ndarray
 
 
 def scratch_places(region: int) -> SimpleNamespace:
@@ -64,23 +80,24 @@ def make_bring(compiler: Compiler, real: Any, region: int, parts: frozenset[str]
     ring, at_kick = places.ring, places.kick
 
     @compiler.compiled
-    def bring(far, step, predicting, rows, columns, stride, begin, before, table, weights, parameters, integers, room):
+    def bring(far, step, predicting, grid, begin, before, room):
         """Write the positions of row `far`, predicted or from the last iteration, and their sums into the ring."""
+        rows, columns, stride = grid.rows, grid.columns, grid.stride
         kick = row_at(room, at_kick * stride)
         if predicting:
-            accelerate(far, step, columns, stride, parameters, integers, kick)
+            accelerate(far, step, columns, stride, grid.parameters, grid.integers, kick)
         for axis in range(AXES):
             into = row_at(room, (PLACE * (far % ring) + axis) * stride)
             place = (axis * rows + far) * stride
             if predicting:
                 predict(
                     columns, row_at(begin, place), row_at(begin, place + AXES * rows * stride), row_at(kick, axis * stride),
-                    row_at(weights, far * stride), parameters, into,
+                    row_at(grid.weights, far * stride), grid.parameters, into,
                 )  # fmt: skip
             else:
                 copy(columns, row_at(before, place), into)
         x = row_at(room, PLACE * (far % ring) * stride)
-        sum_line(columns, stride, x, row_at(x, stride), table, row_at(x, AXES * stride))
+        sum_line(columns, stride, x, row_at(x, stride), grid.column_table, row_at(x, AXES * stride))
 
     return bring
 
@@ -93,13 +110,14 @@ def make_match(compiler: Compiler, real: Any, region: int) -> Any:
     ring, at_clusters, at_sums = places.ring, places.clusters, places.sums
 
     @compiler.compiled
-    def match(i, rows, columns, stride, row_table, table, rest, room):
+    def match(i, grid, room):
         """Write the clusters of row i and their sums into their ring."""
+        columns, stride, row_table, table = grid.columns, grid.stride, grid.row_table, grid.column_table
         sums = row_at(room, at_sums * stride)
         clear(SUMS * stride, sums)
         here = row_at(room, PLACE * (i % ring) * stride)
         here_y = row_at(here, stride)
-        first, last = window(i, rows)
+        first, last = window(i, grid.rows)
         for other in range(first, last):
             offset = real(other - i) - row_table[T_CENTRE, i]
             x = row_at(room, PLACE * (other % ring) * stride)
@@ -109,7 +127,7 @@ def make_match(compiler: Compiler, real: Any, region: int) -> Any:
             )  # fmt: skip
         cluster = row_at(room, (at_clusters + GOAL * (i % ring)) * stride)
         finish(columns, stride, sums, here, here_y, row_table[T_INVERSE, i], table, cluster)
-        sum_goals(columns, stride, cluster, table, rest, row_at(cluster, CLUSTER * stride))
+        sum_goals(columns, stride, cluster, table, grid.parameters.matching_rest, row_at(cluster, CLUSTER * stride))
 
     return match
 
@@ -123,12 +141,14 @@ def make_arrive(compiler: Compiler, real: Any, region: int, parts: frozenset[str
     ring, at_clusters, at_ways = places.ring, places.clusters, places.ways
 
     @compiler.compiled
-    def arrive(i, ending, rows, columns, stride, begin, after, row_table, table, weights, parameters, room):
+    def arrive(i, ending, grid, begin, after, room):
         """Move the masses of row i towards their goals; at a substep's end also compute their velocities."""
+        rows, columns, stride = grid.rows, grid.columns, grid.stride
+        row_table, table, parameters = grid.row_table, grid.column_table, grid.parameters
         ways, rest = row_at(room, at_ways * stride), parameters.matching_rest
         clear(AXES * stride, ways)
         here = row_at(room, PLACE * (i % ring) * stride)
-        first, last = window(i, rows)
+        first, last = window(i, grid.rows)
         for other in range(first, last):
             down = rest_offset(real(i - other), row_table[T_CENTRE, other], rest)
             cluster = row_at(room, (at_clusters + GOAL * (other % ring)) * stride)
@@ -138,7 +158,7 @@ def make_arrive(compiler: Compiler, real: Any, region: int, parts: frozenset[str
             )  # fmt: skip
         for axis in range(AXES):
             place = (axis * rows + i) * stride
-            here_weights, out = row_at(weights, i * stride), row_at(after, place)
+            here_weights, out = row_at(grid.weights, i * stride), row_at(after, place)
             move(
                 columns, row_at(here, axis * stride), row_at(ways, axis * stride), here_weights, row_table[T_WEIGHT, i],
                 table, parameters, out,
@@ -152,12 +172,10 @@ def make_arrive(compiler: Compiler, real: Any, region: int, parts: frozenset[str
 
 @cache
 def make_matching_advance(real: Any, math: str, region: int, parts: frozenset[str]) -> Any:
-    """Compile advance(bands, steps, step, substeps, iterations, bounds, rows, columns, stride, states, current,
-    row_table, column_table, weights, parameters, integers, scratch, room, place_after).
+    """Compile advance(bands, steps, grid, states, current, scratch, room, place_after), `steps`: a Steps.
 
-    `bounds` (bands + 1,): the bands' first rows; `states`: flat, STATES of them, each four planes of `rows` rows
-    `stride` apart; `current`: index of the state; tables (3, rows) and flat, rows `stride` apart; `weights`: flat,
-    likewise, 0 if pinned; `scratch`: flat, `room` numbers per band; `place_after` (1,): index of the final state.
+    `states`: flat, STATES of them, each four planes of `rows` rows `stride` apart; `current`: index of the state;
+    `scratch`: flat, `room` numbers per band; `place_after` (1,): index of the final state.
     """
     words = "_".join(sorted(parts))
     compiler = Compiler(f"matching_{np.dtype(real).name}_{math}_{region}_{words}", math)
@@ -165,51 +183,31 @@ def make_matching_advance(real: Any, math: str, region: int, parts: frozenset[st
     arrive = make_arrive(compiler, real, region, parts)
 
     @compiler.compiled
-    def down_band(
-        first, last, kind, step, rows, columns, stride, begin, before, after, row_table, table, weights, parameters, integers,
-        room,
-    ):  # fmt: skip
+    def down_band(first, last, kind, step, grid, begin, before, after, room):
         """Do one iteration of the rows first to before last.
 
         From the positions `before`, or in a first iteration from the state `begin`, to those of `after`; in a last one
         also to its velocities.
         """
         for far in range(max(0, first - 2 * region), last + 2 * region):
-            if far < rows:
+            if far < grid.rows:
                 predicting = kind in (ONCE, FIRST)
-                bring(
-                    far,
-                    step,
-                    predicting,
-                    rows,
-                    columns,
-                    stride,
-                    begin,
-                    before,
-                    table,
-                    weights,
-                    parameters,
-                    integers,
-                    room,
-                )
+                bring(far, step, predicting, grid, begin, before, room)
             near = far - region
-            if 0 <= near < rows and first - region <= near < last + region:
-                match(near, rows, columns, stride, row_table, table, parameters.matching_rest, room)
+            if 0 <= near < grid.rows and first - region <= near < last + region:
+                match(near, grid, room)
             i = near - region
             if first <= i < last:
                 ending = kind in (ONCE, LAST)
-                arrive(i, ending, rows, columns, stride, begin, after, row_table, table, weights, parameters, room)
+                arrive(i, ending, grid, begin, after, room)
 
-    def advance(
-        team, member, bands, steps, step, substeps, iterations, bounds, rows, columns, stride, states, current, row_table,
-        table, weights, parameters, integers, scratch, room, place_after,
-    ):  # fmt: skip
-        size = 2 * AXES * rows * stride
+    def advance(team, member, bands, steps, grid, states, current, scratch, room, place_after):
+        size, bounds = 2 * AXES * grid.rows * grid.stride, grid.bounds
         now, begin = current, current
-        for place in range(steps * substeps):
-            for iteration in range(iterations):
+        for place in range(steps.steps * steps.substeps):
+            for iteration in range(steps.iterations):
                 kind = MIDDLE
-                if iteration == iterations - 1:
+                if iteration == steps.iterations - 1:
                     kind = LAST if iteration > 0 else ONCE
                 elif iteration == 0:
                     kind = FIRST
@@ -218,9 +216,9 @@ def make_matching_advance(real: Any, math: str, region: int, parts: frozenset[st
                     after = (after + 1) % STATES
                 for band in shares(team, member, bands):
                     down_band(
-                        bounds[band], bounds[band + 1], kind, step + place // substeps, rows, columns, stride,
-                        row_at(states, begin * size), row_at(states, now * size), row_at(states, after * size), row_table,
-                        table, weights, parameters, integers, row_at(scratch, band * room),
+                        bounds[band], bounds[band + 1], kind, steps.step + place // steps.substeps, grid,
+                        row_at(states, begin * size), row_at(states, now * size), row_at(states, after * size),
+                        row_at(scratch, band * room),
                     )  # fmt: skip
                 now = after
             begin = now

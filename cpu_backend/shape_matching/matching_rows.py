@@ -54,7 +54,7 @@ def make_cluster_rows(compiler: Compiler, real: Any, region: int) -> SimpleNames
     def add_members(count, step, x, y, shares, middle_x, middle_y, centres, l0, l1, l2, l3):
         for j in range(count):  # from 0: numba takes an index that may be negative as one from the end
             l0[j], l1[j], l2[j], l3[j] = added_member(
-                l0[j], l1[j], l2[j], l3[j], x[j], y[j], middle_x[j], middle_y[j], shares[j], step, centres[j]
+                (l0[j], l1[j], l2[j], l3[j]), x[j], y[j], middle_x[j], middle_y[j], shares[j], step, centres[j]
             )
 
     @compiled
@@ -76,7 +76,7 @@ def make_cluster_rows(compiler: Compiler, real: Any, region: int) -> SimpleNames
         for j in range(columns):
             now = s0[j], s1[j], s2[j], s3[j], s4[j], s5[j]
             s0[j], s1[j], s2[j], s3[j], s4[j], s5[j] = added_row(
-                now, l0[j], l1[j], l2[j], l3[j], x[j], y[j], here_x[j], here_y[j], mass[j], share, offset
+                now, (l0[j], l1[j], l2[j], l3[j]), x[j], y[j], here_x[j], here_y[j], mass[j], share, offset
             )
 
     @compiled

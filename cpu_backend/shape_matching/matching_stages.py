@@ -47,11 +47,11 @@ def make_matching_stages(real: Any, math: str, region: int) -> SimpleNamespace:
             for k in range(left, right):
                 if k != j:
                     line = added_member(
-                        line[0], line[1], line[2], line[3], position[0, row, k], position[1, row, k], middle_x, middle_y,
-                        table[T_WEIGHT, k], real(k - j), table[T_CENTRE, j],
+                        line, position[0, row, k], position[1, row, k], middle_x, middle_y, table[T_WEIGHT, k],
+                        real(k - j), table[T_CENTRE, j],
                     )  # fmt: skip
             sums = added_row(
-                sums, line[0], line[1], line[2], line[3], middle_x, middle_y, x, y, table[T_MASS, j],
+                sums, line, middle_x, middle_y, x, y, table[T_MASS, j],
                 row_table[T_WEIGHT, row], real(row - i) - row_table[T_CENTRE, i],
             )  # fmt: skip
         return found(sums, x, y, row_table[T_INVERSE, i], table[T_INVERSE, j])

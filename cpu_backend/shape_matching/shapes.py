@@ -19,7 +19,7 @@ def make_shapes(compiler: Compiler, real: Any, shaping: frozenset[str], row: int
     (model/shape_matching/cluster_tables.py) is empty.
 
     `prepare(c, place, arrays, sums, maps)`: for cluster c, in lane `place`, its linear map, into the 9 rows of `maps`,
-    and its moments, from `row` of `sums`, bent if it is plastic. `finish(c, place, arrays, maps, xx ... zz)`: the
+    and its moments, from `row` of `sums`, bent if it is plastic. `finish(c, place, arrays, maps, r)`: the
     matrix of its goals from that of its rotation, and its new strain.
     """
     if not shaping:
@@ -55,28 +55,28 @@ def make_shapes(compiler: Compiler, real: Any, shaping: frozenset[str], row: int
         table, plastic, _ = arrays.shapes
         moments, k = row_at(sums, row * LANES), SHAPE * c + S_INVERSE
         a = nine(moments, place)
-        f = gradient(*a, table[k], table[k + 1], table[k + 2], table[k + 3], table[k + 4], table[k + 5])
+        f = gradient(a, (table[k], table[k + 1], table[k + 2], table[k + 3], table[k + 4], table[k + 5]))
         if has_plastic:
             p = entries(plastic, ENTRIES * c)
-            f = undone(*f, *p)
-            into(moments, place, bent(*a, *p))
+            f = undone(f, p)
+            into(moments, place, bent(a, p))
         into(maps, place, f)
 
     @compiler.compiled
-    def finish(c, place, arrays, maps, xx, xy, xz, yx, yy, yz, zx, zy, zz):
+    def finish(c, place, arrays, maps, r):
         table, plastic, after = arrays.shapes
-        f, r, k = nine(maps, place), (xx, xy, xz, yx, yy, yz, zx, zy, zz), SHAPE * c
+        f, k = nine(maps, place), SHAPE * c
         goal = r
         if has_linear:
-            goal = blended(*f, *r, table[k + S_LINEAR])
+            goal = blended(f, r, table[k + S_LINEAR])
         if has_plastic:
             p, n = entries(plastic, ENTRIES * c), ENTRIES * c
-            goal = product(*goal, *p)
-            e = strain(*f, *r)
+            goal = product(goal, p)
+            e = strain(f, r)
             (
                 after[n], after[n + 1], after[n + 2], after[n + 3], after[n + 4], after[n + 5], after[n + 6], after[n + 7],
                 after[n + 8],
-            ) = crept(*e, *p, table[k + S_THRESHOLD], table[k + S_CREEP], table[k + S_LIMIT])  # fmt: skip
+            ) = crept(e, p, table[k + S_THRESHOLD], table[k + S_CREEP], table[k + S_LIMIT])  # fmt: skip
         return goal
 
     return SimpleNamespace(prepare=prepare, finish=finish)
@@ -88,7 +88,7 @@ def _turning(compiler: Compiler) -> SimpleNamespace:
         pass
 
     @compiler.compiled
-    def finish(c, place, arrays, maps, xx, xy, xz, yx, yy, yz, zx, zy, zz):
-        return xx, xy, xz, yx, yy, yz, zx, zy, zz
+    def finish(c, place, arrays, maps, r):
+        return r
 
     return SimpleNamespace(prepare=prepare, finish=finish)

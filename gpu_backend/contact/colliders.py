@@ -67,37 +67,37 @@ def _make_answers(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespac
         return slow[0] if in_place else slow
 
     @inline
-    def answer(vx, vy, vz, nx, ny, nz, slow, bodies, at):
+    def answer(v, n, slow, bodies, at):
         static, dynamic = zero, zero
         if has_friction:
             static, dynamic = bodies[at + B_STATIC], bodies[at + B_DYNAMIC]
-        ux, uy, uz = bodies[at + B_VX], bodies[at + B_VY], bodies[at + B_VZ]
+        u = bodies[at + B_VX], bodies[at + B_VY], bodies[at + B_VZ]
         if bounces:
-            speed = speed_of(slow)
-            return rebound(vx, vy, vz, ux, uy, uz, nx, ny, nz, static, dynamic, bodies[at + B_RESTITUTION], speed)
-        return respond(vx, vy, vz, ux, uy, uz, nx, ny, nz, static, dynamic)
+            return rebound(v, u, n, static, dynamic, bodies[at + B_RESTITUTION], speed_of(slow))
+        return respond(v, u, n, static, dynamic)
 
     @inline
-    def push(px, py, pz, vx, vy, vz, surface, slow, bodies, at):
+    def push(p, v, surface, slow, bodies, at):
         """Push a mass that is inside the collider's thickness out of it. `surface`: (distance, nx, ny, nz); `slow`:
         settling speed, below which nothing bounces, and, where friction acts on positions, the step [s]."""
         distance, nx, ny, nz = surface
+        (px, py, pz), (vx, vy, vz) = p, v
         thickness = bodies[at + B_THICKNESS]
         if distance < thickness:
             depth = thickness - distance
             px, py, pz = pushed(px, depth, nx), pushed(py, depth, ny), pushed(pz, depth, nz)
-            ox, oy, oz = vx, vy, vz
-            vx, vy, vz = answer(vx, vy, vz, nx, ny, nz, slow, bodies, at)
+            vx, vy, vz = answer(v, (nx, ny, nz), slow, bodies, at)
             if in_place:
-                dx, dy, dz = slid(slow[1], vx, vy, vz, ox, oy, oz, nx, ny, nz)
+                dx, dy, dz = slid(slow[1], (vx, vy, vz), v, (nx, ny, nz))
                 px, py, pz = px + dx, py + dy, pz + dz
-        return px, py, pz, vx, vy, vz
+        return (px, py, pz), (vx, vy, vz)
 
     return SimpleNamespace(place_of=place_of, answer=answer, push=push)
 
 
 def _make_meetings(real: Any, math: str, parts: frozenset[str]) -> tuple[Any, ...]:
-    """Make the collisions of a mass with one plane, sphere, capsule, box, mesh and field."""
+    """Make, for a plane, a sphere, a capsule, a box, a mesh and a field, meet(before, p, v, slow, bodies, at, begin, end)
+    -> (p, v): the collision of a mass, which was at `before`."""
     formulas, answers = device_formulas(colliders.make, real, math), _make_answers(real, math, parts)
     plane, sphere, capsule, box = formulas.plane, formulas.sphere, formulas.capsule, formulas.box
     sphere_entry, between = formulas.sphere_entry, device_formulas(cloth.make, real, math).between
@@ -106,58 +106,58 @@ def _make_meetings(real: Any, math: str, parts: frozenset[str]) -> tuple[Any, ..
     inline = inlined(math)
 
     @inline
-    def meet_sphere(before, px, py, pz, vx, vy, vz, slow, bodies, at, begin, end):
+    def meet_sphere(before, p, v, slow, bodies, at, begin, end):
         x, y, z = place_of(bodies, at, end)
-        dx, dy, dz = px - x, py - y, pz - z
+        dx, dy, dz = p[0] - x, p[1] - y, p[2] - z
         old_x, old_y, old_z = place_of(bodies, at, begin)
         ax, ay, az = before[0] - old_x, before[1] - old_y, before[2] - old_z
         radius = bodies[at + B_RADIUS]
         part = sphere_entry(ax, ay, az, dx, dy, dz, radius + bodies[at + B_THICKNESS])
         if part < one:
             dx, dy, dz = between(ax, dx, part), between(ay, dy, part), between(az, dz, part)
-            px, py, pz = x + dx, y + dy, z + dz
             _, nx, ny, nz = sphere(dx, dy, dz, radius)
-            vx, vy, vz = answer(vx, vy, vz, nx, ny, nz, slow, bodies, at)
-            return px, py, pz, vx, vy, vz
-        return push(px, py, pz, vx, vy, vz, sphere(dx, dy, dz, radius), slow, bodies, at)
+            return (x + dx, y + dy, z + dz), answer(v, (nx, ny, nz), slow, bodies, at)
+        return push(p, v, sphere(dx, dy, dz, radius), slow, bodies, at)
 
     @inline
-    def meet_plane(px, py, pz, vx, vy, vz, slow, bodies, at, end):
+    def meet_plane(before, p, v, slow, bodies, at, begin, end):
         x, y, z = place_of(bodies, at, end)
-        surface = plane(px - x, py - y, pz - z, bodies[at + B_U], bodies[at + B_V], bodies[at + B_W])
-        return push(px, py, pz, vx, vy, vz, surface, slow, bodies, at)
+        surface = plane(p[0] - x, p[1] - y, p[2] - z, bodies[at + B_U], bodies[at + B_V], bodies[at + B_W])
+        return push(p, v, surface, slow, bodies, at)
 
     @inline
-    def meet_capsule(px, py, pz, vx, vy, vz, slow, bodies, at, end):
+    def meet_capsule(before, p, v, slow, bodies, at, begin, end):
         x, y, z = place_of(bodies, at, end)
         surface = capsule(
-            px - x, py - y, pz - z, bodies[at + B_U], bodies[at + B_V], bodies[at + B_W], bodies[at + B_RADIUS]
+            p[0] - x, p[1] - y, p[2] - z, bodies[at + B_U], bodies[at + B_V], bodies[at + B_W], bodies[at + B_RADIUS]
         )
-        return push(px, py, pz, vx, vy, vz, surface, slow, bodies, at)
+        return push(p, v, surface, slow, bodies, at)
 
     @inline
-    def meet_box(px, py, pz, vx, vy, vz, slow, bodies, at, end):
+    def meet_box(before, p, v, slow, bodies, at, begin, end):
         x, y, z = place_of(bodies, at, end)
-        surface = box(px - x, py - y, pz - z, bodies[at + B_U], bodies[at + B_V], bodies[at + B_W])
-        return push(px, py, pz, vx, vy, vz, surface, slow, bodies, at)
+        surface = box(p[0] - x, p[1] - y, p[2] - z, bodies[at + B_U], bodies[at + B_V], bodies[at + B_W])
+        return push(p, v, surface, slow, bodies, at)
 
     def of_surface(topic: Any) -> Any:
         """Make the collision in the collider's own frame (model/formulas/frame.py)."""
         meet = device_formulas(topic.make, real, math, bounces=bounces, in_place=FRICTION_IN_PLACE in parts).touch
 
         @inline
-        def meet_surface(before, px, py, pz, vx, vy, vz, slow, bodies, at, begin, end):
+        def meet_surface(before, p, v, slow, bodies, at, begin, end):
             static, dynamic, restitution = zero, zero, zero
             if has_friction:
                 static, dynamic = bodies[at + B_STATIC], bodies[at + B_DYNAMIC]
             if bounces:
                 restitution = bodies[at + B_RESTITUTION]
-            return meet(
-                bodies, np.int32(np.int32(at) + np.int32(bodies[at + B_TREE])), bodies[at + B_THICKNESS], static, dynamic,
-                bodies[at + B_X], bodies[at + B_Y], bodies[at + B_Z], bodies[at + B_VX], bodies[at + B_VY],
-                bodies[at + B_VZ], bodies[at + B_U], bodies[at + B_V], bodies[at + B_W], bodies[at + B_SPIN],
-                bodies[at + B_TURNS], begin, end, before[0], before[1], before[2], px, py, pz, vx, vy, vz, restitution, slow,
+            surface = bodies[at + B_THICKNESS], static, dynamic, restitution, slow
+            path = (
+                (bodies[at + B_X], bodies[at + B_Y], bodies[at + B_Z]),
+                (bodies[at + B_VX], bodies[at + B_VY], bodies[at + B_VZ]),
+                (bodies[at + B_U], bodies[at + B_V], bodies[at + B_W]), bodies[at + B_SPIN], bodies[at + B_TURNS],
             )  # fmt: skip
+            place = np.int32(np.int32(at) + np.int32(bodies[at + B_TREE]))
+            return meet(bodies, place, surface, path, begin, end, (before[0], before[1], before[2]), p, v)
 
         return meet_surface
 
@@ -189,47 +189,46 @@ def make_collide(real: Any, math: str, parts: frozenset[str]) -> Any:
     @inlined(math)
     def collide(before, px, py, pz, vx, vy, vz, world, step):
         parameters, bodies, integers = world.parameters, world.colliders, world.integers
+        p, v = (px, py, pz), (vx, vy, vz)
         if has_colliders:
             clock, at = (parameters.dt, parameters.first_step, parameters.first_time), FIRST_ROW
             end = instant(step + next_one, *clock)
             slow = with_step(settling_speed(parameters.gravity, parameters.dt) if bounces else zero, parameters.dt)
             if has_planes:
                 for _ in range(np.int32(integers[PLANES])):
-                    px, py, pz, vx, vy, vz = meet_plane(px, py, pz, vx, vy, vz, slow, bodies, at, end)
+                    p, v = meet_plane(before, p, v, slow, bodies, at, end, end)
                     at = np.uint64(at + ROW)
             if has_spheres:
                 begin = instant(step, *clock)
                 for _ in range(np.int32(integers[SPHERES])):
-                    px, py, pz, vx, vy, vz = meet_sphere(before, px, py, pz, vx, vy, vz, slow, bodies, at, begin, end)
+                    p, v = meet_sphere(before, p, v, slow, bodies, at, begin, end)
                     at = np.uint64(at + ROW)
             if has_capsules:
                 for _ in range(np.int32(integers[CAPSULES])):
                     if swept:
                         begin = instant(step, *clock)
-                        px, py, pz, vx, vy, vz = sweep_capsule(
-                            before, px, py, pz, vx, vy, vz, slow, bodies, at, begin, end
-                        )
+                        p, v = sweep_capsule(before, p, v, slow, bodies, at, begin, end)
                     else:
-                        px, py, pz, vx, vy, vz = meet_capsule(px, py, pz, vx, vy, vz, slow, bodies, at, end)
+                        p, v = meet_capsule(before, p, v, slow, bodies, at, end, end)
                     at = np.uint64(at + ROW)
             if has_boxes:
                 for _ in range(np.int32(integers[BOXES])):
                     if swept:
                         begin = instant(step, *clock)
-                        px, py, pz, vx, vy, vz = sweep_box(before, px, py, pz, vx, vy, vz, slow, bodies, at, begin, end)
+                        p, v = sweep_box(before, p, v, slow, bodies, at, begin, end)
                     else:
-                        px, py, pz, vx, vy, vz = meet_box(px, py, pz, vx, vy, vz, slow, bodies, at, end)
+                        p, v = meet_box(before, p, v, slow, bodies, at, end, end)
                     at = np.uint64(at + ROW)
             if has_meshes:
                 begin = instant(step, *clock)
                 for _ in range(np.int32(integers[MESHES])):
-                    px, py, pz, vx, vy, vz = meet_mesh(before, px, py, pz, vx, vy, vz, slow, bodies, at, begin, end)
+                    p, v = meet_mesh(before, p, v, slow, bodies, at, begin, end)
                     at = np.uint64(at + ROW)
             if has_fields:
                 begin = instant(step, *clock)
                 for _ in range(np.int32(integers[FIELDS])):
-                    px, py, pz, vx, vy, vz = meet_field(before, px, py, pz, vx, vy, vz, slow, bodies, at, begin, end)
+                    p, v = meet_field(before, p, v, slow, bodies, at, begin, end)
                     at = np.uint64(at + ROW)
-        return px, py, pz, vx, vy, vz
+        return p[0], p[1], p[2], v[0], v[1], v[2]
 
     return collide

@@ -49,15 +49,19 @@ def make_lack(real: Any, math: str, own: bool, many: bool, has_rigid: bool = Fal
         if touches(squared(dx, dy, dz), distance):
             u = load_quad(old, j)
             _, nx, ny, nz = direction(dx, dy, dz, distance, i < j)
-            ax, ay, az, bx, by, bz = o[0] - u[0], o[1] - u[1], o[2] - u[2], v[0] - w[0], v[1] - w[1], v[2] - w[2]
+            before, now, n = (
+                (o[0] - u[0], o[1] - u[1], o[2] - u[2]),
+                (v[0] - w[0], v[1] - w[1], v[2] - w[2]),
+                (nx, ny, nz),
+            )
             e, settling = record[H_RESTITUTION], record[H_SETTLING]
             if has_rigid:
                 if load_quad(travel, i)[3] > zero and load_quad(travel, j)[3] > zero:
-                    lack = parting(ax, ay, az, bx, by, bz, nx, ny, nz, e, settling, pressed)
+                    lack = parting(before, now, n, e, settling, pressed)
                 elif e > zero:
-                    lack = lacking(ax, ay, az, bx, by, bz, nx, ny, nz, e, settling)
+                    lack = lacking(before, now, n, e, settling)
             else:
-                lack = lacking(ax, ay, az, bx, by, bz, nx, ny, nz, e, settling)
+                lack = lacking(before, now, n, e, settling)
         return lack, nx, ny, nz
 
     return lack_of

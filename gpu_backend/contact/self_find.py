@@ -106,8 +106,8 @@ def _make_meet(real: Any, math: str) -> Any:
             real(j - column_a), real(b % columns - column_a), real(c % columns - column_a), s, t, parameters.spacing,
         )  # fmt: skip
         nx, ny, nz = normal(
-            rx, ry, rz, distance, ux, uy, uz, vx, vy, vz, parameters.normal_distance, parameters.coincident, k > a
-        )  # fmt: skip
+            (rx, ry, rz), distance, (ux, uy, uz), (vx, vy, vz), parameters.normal_distance, parameters.coincident, k > a
+        )
         triangles[place] = triangle
         corners[3 * place], corners[3 * place + 1], corners[3 * place + 2] = a, b, c
         held = held_distance(parameters.thickness, rest, dot(nx, ny, nz, rx, ry, rz), parameters.push)

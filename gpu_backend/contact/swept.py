@@ -20,8 +20,7 @@ from softlab.model.formulas.fluid import sweep
 
 
 def make_swept(real: Any, math: str, answers: SimpleNamespace) -> tuple[Any, Any]:
-    """Make `meet_capsule`, `meet_box` (before, px, py, pz, vx, vy, vz, slow, bodies, at, begin, end) -> (px, py, pz,
-    vx, vy, vz); `answers`: of gpu_backend/contact/colliders.py."""
+    """Make `meet_capsule` and `meet_box`, as in gpu_backend/contact/colliders.py; `answers`: of that."""
     formulas, sums = device_formulas(colliders.make, real, math), device_formulas(cloth.make, real, math)
     sweeps, inline = device_formulas(sweep.make, real, math), inlined(math)
     capsule, box, between, pushed = formulas.capsule, formulas.box, sums.between, sums.pushed
@@ -30,36 +29,33 @@ def make_swept(real: Any, math: str, answers: SimpleNamespace) -> tuple[Any, Any
     zero, one = real(0), real(1)
 
     @inline
-    def way(before, px, py, pz, bodies, at, begin, end):
+    def way(before, p, bodies, at, begin, end):
         """Return start and end of a particle's path relative to the collider: six numbers."""
         x, y, z = place_of(bodies, at, end)
         ox, oy, oz = place_of(bodies, at, begin)
-        return before[0] - ox, before[1] - oy, before[2] - oz, px - x, py - y, pz - z
+        return before[0] - ox, before[1] - oy, before[2] - oz, p[0] - x, p[1] - y, p[2] - z
 
     @inline
-    def meet_capsule(before, px, py, pz, vx, vy, vz, slow, bodies, at, begin, end):
-        ax, ay, az, dx, dy, dz = way(before, px, py, pz, bodies, at, begin, end)
+    def meet_capsule(before, p, v, slow, bodies, at, begin, end):
+        ax, ay, az, dx, dy, dz = way(before, p, bodies, at, begin, end)
         ex, ey, ez, radius = bodies[at + B_U], bodies[at + B_V], bodies[at + B_W], bodies[at + B_RADIUS]
         part = capsule_entry(ax, ay, az, dx, dy, dz, ex, ey, ez, radius + bodies[at + B_THICKNESS])
         if part < one:
             x, y, z = place_of(bodies, at, end)
             dx, dy, dz = between(ax, dx, part), between(ay, dy, part), between(az, dz, part)
-            px, py, pz = x + dx, y + dy, z + dz
             _, nx, ny, nz = capsule(dx, dy, dz, ex, ey, ez, radius)
-            vx, vy, vz = answer(vx, vy, vz, nx, ny, nz, slow, bodies, at)
-            return px, py, pz, vx, vy, vz
-        return push(px, py, pz, vx, vy, vz, capsule(dx, dy, dz, ex, ey, ez, radius), slow, bodies, at)
+            return (x + dx, y + dy, z + dz), answer(v, (nx, ny, nz), slow, bodies, at)
+        return push(p, v, capsule(dx, dy, dz, ex, ey, ez, radius), slow, bodies, at)
 
     @inline
-    def meet_box(before, px, py, pz, vx, vy, vz, slow, bodies, at, begin, end):
-        ax, ay, az, dx, dy, dz = way(before, px, py, pz, bodies, at, begin, end)
+    def meet_box(before, p, v, slow, bodies, at, begin, end):
+        ax, ay, az, dx, dy, dz = way(before, p, bodies, at, begin, end)
         hx, hy, hz = bodies[at + B_U], bodies[at + B_V], bodies[at + B_W]
         depth, nx, ny, nz = box_face(ax, ay, az, dx, dy, dz, hx, hy, hz)
         if nx != zero or ny != zero or nz != zero:
             depth = depth + bodies[at + B_THICKNESS]
-            px, py, pz = pushed(px, depth, nx), pushed(py, depth, ny), pushed(pz, depth, nz)
-            vx, vy, vz = answer(vx, vy, vz, nx, ny, nz, slow, bodies, at)
-            return px, py, pz, vx, vy, vz
-        return push(px, py, pz, vx, vy, vz, box(dx, dy, dz, hx, hy, hz), slow, bodies, at)
+            x, y, z = pushed(p[0], depth, nx), pushed(p[1], depth, ny), pushed(p[2], depth, nz)
+            return (x, y, z), answer(v, (nx, ny, nz), slow, bodies, at)
+        return push(p, v, box(dx, dy, dz, hx, hy, hz), slow, bodies, at)
 
     return meet_capsule, meet_box

@@ -44,8 +44,8 @@ def make_wind(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
     def corner(a, b, c, parameters, air):
         """Return the wind on each corner of the triangle a, b, c, each (x, y, z, vx, vy, vz)."""
         return triangle_wind(
-            b[0] - a[0], b[1] - a[1], b[2] - a[2], c[0] - a[0], c[1] - a[1], c[2] - a[2],
-            air[0] - mean(a[3], b[3], c[3]), air[1] - mean(a[4], b[4], c[4]), air[2] - mean(a[5], b[5], c[5]),
+            (b[0] - a[0], b[1] - a[1], b[2] - a[2]), (c[0] - a[0], c[1] - a[1], c[2] - a[2]),
+            (air[0] - mean(a[3], b[3], c[3]), air[1] - mean(a[4], b[4], c[4]), air[2] - mean(a[5], b[5], c[5])),
             parameters.drag, parameters.lift,
         )  # fmt: skip
 

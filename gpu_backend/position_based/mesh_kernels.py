@@ -34,8 +34,8 @@ def make_vertex_wind(real: Any, math: str) -> Any:
         a, b, c = load_quad(position, ia), load_quad(position, ib), load_quad(position, ic)
         u, v, w = load_quad(velocity, ia), load_quad(velocity, ib), load_quad(velocity, ic)
         return triangle_wind(
-            b[0] - a[0], b[1] - a[1], b[2] - a[2], c[0] - a[0], c[1] - a[1], c[2] - a[2],
-            air[0] - mean(u[0], v[0], w[0]), air[1] - mean(u[1], v[1], w[1]), air[2] - mean(u[2], v[2], w[2]),
+            (b[0] - a[0], b[1] - a[1], b[2] - a[2]), (c[0] - a[0], c[1] - a[1], c[2] - a[2]),
+            (air[0] - mean(u[0], v[0], w[0]), air[1] - mean(u[1], v[1], w[1]), air[2] - mean(u[2], v[2], w[2])),
             parameters.drag, parameters.lift,
         )  # fmt: skip
 

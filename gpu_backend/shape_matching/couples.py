@@ -73,10 +73,11 @@ def make_couples(real: Any, math: str, has_rigid: bool) -> SimpleNamespace:
         if c < clusters and lane == 0:
             f, lean, row = load_quad(position, firsts[c]), load_quad(leans, c), np.int32(QUADS * c)
             cx, cy, cz, ox, oy, oz = spin(
-                shared[base], shared[base + pitch], shared[base + 2 * pitch], shared[base + 3 * pitch],
-                shared[base + 4 * pitch], shared[base + 5 * pitch], shared[base + 6 * pitch], shared[base + 7 * pitch],
-                shared[base + 8 * pitch], shared[base + 9 * pitch], shared[base + 10 * pitch], shared[base + 11 * pitch],
-                lean[3], f[0], f[1], f[2],
+                (shared[base], shared[base + pitch], shared[base + 2 * pitch]),
+                (shared[base + 3 * pitch], shared[base + 4 * pitch], shared[base + 5 * pitch]),
+                (shared[base + 6 * pitch], shared[base + 7 * pitch], shared[base + 8 * pitch], shared[base + 9 * pitch],
+                 shared[base + 10 * pitch], shared[base + 11 * pitch]),
+                lean[3], (f[0], f[1], f[2]),
             )  # fmt: skip
             store_quad(spins, row, cx, cy, cz, zero)
             store_quad(spins, row + 1, ox, oy, oz, zero)

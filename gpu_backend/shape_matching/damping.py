@@ -68,11 +68,12 @@ def make_gather(real: Any, math: str) -> Any:
                 load_quad(position, firsts[c]), load_quad(velocity, firsts[c]), load_quad(leans, c), ROWS * c,
             )  # fmt: skip
             cx, cy, cz, vx, vy, vz, ox, oy, oz = motion(
-                shared[base], shared[base + pitch], shared[base + 2 * pitch], shared[base + 3 * pitch],
-                shared[base + 4 * pitch], shared[base + 5 * pitch], shared[base + 6 * pitch], shared[base + 7 * pitch],
-                shared[base + 8 * pitch], shared[base + 9 * pitch], shared[base + 10 * pitch], shared[base + 11 * pitch],
-                shared[base + 12 * pitch], shared[base + 13 * pitch], shared[base + 14 * pitch], lean[3], f[0], f[1], f[2],
-                g[0], g[1], g[2],
+                (shared[base], shared[base + pitch], shared[base + 2 * pitch]),
+                (shared[base + 3 * pitch], shared[base + 4 * pitch], shared[base + 5 * pitch]),
+                (shared[base + 6 * pitch], shared[base + 7 * pitch], shared[base + 8 * pitch]),
+                (shared[base + 9 * pitch], shared[base + 10 * pitch], shared[base + 11 * pitch], shared[base + 12 * pitch],
+                 shared[base + 13 * pitch], shared[base + 14 * pitch]),
+                lean[3], (f[0], f[1], f[2]), (g[0], g[1], g[2]),
             )  # fmt: skip
             store_quad(motions, row, cx, cy, cz, zero)
             store_quad(motions, row + 1, vx, vy, vz, zero)

@@ -38,11 +38,11 @@ def make_lane_sum(real: Any, math: str) -> Any:
 
     @inlined(math)
     def lane_sum(shared, k):
-        return total(
+        return total((
             shared[k], shared[k + 1], shared[k + 2], shared[k + 3], shared[k + 4], shared[k + 5], shared[k + 6],
             shared[k + 7], shared[k + 8], shared[k + 9], shared[k + 10], shared[k + 11], shared[k + 12],
             shared[k + 13], shared[k + 14], shared[k + 15],
-        )  # fmt: skip
+        ))  # fmt: skip
 
     return lane_sum
 
@@ -96,12 +96,12 @@ def make_bodies_clusters(real: Any, math: str) -> SimpleNamespace:
         if c < firsts.size:
             first, q, k = load_quad(position, firsts[c]), load_quad(rotation, c), np.int32(moments * c)
             lean, wx, wy, wz = load_quad(leans, c), sums[k], sums[k + 1], sums[k + 2]
-            w, x, y, z = rotation_3d(
+            moments_at_rest = (
                 upright(sums[k + 3], wx, lean[0]), upright(sums[k + 4], wx, lean[1]), upright(sums[k + 5], wx, lean[2]),
                 upright(sums[k + 6], wy, lean[0]), upright(sums[k + 7], wy, lean[1]), upright(sums[k + 8], wy, lean[2]),
                 upright(sums[k + 9], wz, lean[0]), upright(sums[k + 10], wz, lean[1]), upright(sums[k + 11], wz, lean[2]),
-                q[0], q[1], q[2], q[3],
             )  # fmt: skip
+            w, x, y, z = rotation_3d(moments_at_rest, (q[0], q[1], q[2], q[3]))
             store_quad(turned, c, w, x, y, z)
             xx, xy, xz, yx, yy, yz, zx, zy, zz = matrix_of(w, x, y, z)
             row, mass, a, b, d = np.int32(ROWS * c), lean[3], lean[0], lean[1], lean[2]

@@ -199,12 +199,12 @@ def _turn(real: Any, math: str) -> Any:
             xx, xy, xz = source[3 * total + c], source[6 * total + c], source[9 * total + c]
             yx, yy, yz = source[4 * total + c], source[7 * total + c], source[10 * total + c]
             zx, zy, zz = source[5 * total + c], source[8 * total + c], source[11 * total + c]
-            w, x, y, z = rotation_3d(
+            moments = (
                 entry(xx, xy, xz, ta, tb, tc), entry(xx, xy, xz, td, te, tf), entry(xx, xy, xz, tg, th, ti),
                 entry(yx, yy, yz, ta, tb, tc), entry(yx, yy, yz, td, te, tf), entry(yx, yy, yz, tg, th, ti),
                 entry(zx, zy, zz, ta, tb, tc), entry(zx, zy, zz, td, te, tf), entry(zx, zy, zz, tg, th, ti),
-                q[0], q[1], q[2], q[3],
             )  # fmt: skip
+            w, x, y, z = rotation_3d(moments, (q[0], q[1], q[2], q[3]))
             store_quad(turned, c, w, x, y, z)
             xx, xy, xz, yx, yy, yz, zx, zy, zz = matrix_of(w, x, y, z)
             of_slice = tables[numbers[N_TABLE_X] + T_INVERSE * nx + k] * tables[numbers[N_TABLE_Y] + T_INVERSE * ny + j]

@@ -50,17 +50,17 @@ def make_matching(real: Any, math: str, region: int) -> SimpleNamespace:
             left, right = window(j, columns)
             for row in range(top, bottom):
                 middle = load_quad(position, np.int32(row * columns + j))
-                sum_x, sum_y, turn_x, turn_y = zero, zero, zero, zero
+                line = zero, zero, zero, zero
                 for k in range(left, right):
                     if k != j:
                         p = load_quad(position, np.int32(row * columns + k))
-                        sum_x, sum_y, turn_x, turn_y = added_member(
-                            sum_x, sum_y, turn_x, turn_y, p[0], p[1], middle[0], middle[1], table[SHARE, k],
+                        line = added_member(
+                            line, p[0], p[1], middle[0], middle[1], table[SHARE, k],
                             real(np.int32(k - j)), table[CENTRE, j],
                         )  # fmt: skip
                 down = real(np.int32(row - i)) - row_table[CENTRE, i]
                 sums = added_row(
-                    sums, sum_x, sum_y, turn_x, turn_y, middle[0], middle[1], here[0], here[1], table[MASS, j],
+                    sums, line, middle[0], middle[1], here[0], here[1], table[MASS, j],
                     row_table[SHARE, row], down,
                 )  # fmt: skip
             x, y, cosine, sine = found(sums, here[0], here[1], row_table[INVERSE, i], table[INVERSE, j])

@@ -42,43 +42,30 @@ def make_shaped_turn(real: Any, math: str, shaping: frozenset[str]) -> Any:
             row = np.int32(ROWS * c)
             lean, wx, wy, wz = load_quad(leans, c), sums[k], sums[k + 1], sums[k + 2]
             g, h, s = load_quad(shapes, row), load_quad(shapes, row + 1), load_quad(shapes, row + 2)
-            axx, axy = upright(sums[k + 3], wx, lean[0]), upright(sums[k + 4], wx, lean[1])
-            axz, ayx = upright(sums[k + 5], wx, lean[2]), upright(sums[k + 6], wy, lean[0])
-            ayy, ayz = upright(sums[k + 7], wy, lean[1]), upright(sums[k + 8], wy, lean[2])
-            azx, azy = upright(sums[k + 9], wz, lean[0]), upright(sums[k + 10], wz, lean[1])
-            azz = upright(sums[k + 11], wz, lean[2])
-            fxx, fxy, fxz, fyx, fyy, fyz, fzx, fzy, fzz = gradient(
-                axx, axy, axz, ayx, ayy, ayz, azx, azy, azz, g[0], g[1], g[2], g[3], h[0], h[1]
-            )
+            a = (
+                upright(sums[k + 3], wx, lean[0]), upright(sums[k + 4], wx, lean[1]), upright(sums[k + 5], wx, lean[2]),
+                upright(sums[k + 6], wy, lean[0]), upright(sums[k + 7], wy, lean[1]), upright(sums[k + 8], wy, lean[2]),
+                upright(sums[k + 9], wz, lean[0]), upright(sums[k + 10], wz, lean[1]), upright(sums[k + 11], wz, lean[2]),
+            )  # fmt: skip
+            f = gradient(a, (g[0], g[1], g[2], g[3], h[0], h[1]))
             if has_plastic:
-                p, r, t = load_quad(plastic, row), load_quad(plastic, row + 1), load_quad(plastic, row + 2)
-                fxx, fxy, fxz, fyx, fyy, fyz, fzx, fzy, fzz = undone(
-                    fxx, fxy, fxz, fyx, fyy, fyz, fzx, fzy, fzz, p[0], p[1], p[2], r[0], r[1], r[2], t[0], t[1], t[2]
-                )
-                axx, axy, axz, ayx, ayy, ayz, azx, azy, azz = moments_bent(
-                    axx, axy, axz, ayx, ayy, ayz, azx, azy, azz, p[0], p[1], p[2], r[0], r[1], r[2], t[0], t[1], t[2]
-                )
-            w, x, y, z = rotation_3d(axx, axy, axz, ayx, ayy, ayz, azx, azy, azz, q[0], q[1], q[2], q[3])
+                p, m, t = load_quad(plastic, row), load_quad(plastic, row + 1), load_quad(plastic, row + 2)
+                p = p[0], p[1], p[2], m[0], m[1], m[2], t[0], t[1], t[2]
+                f = undone(f, p)
+                a = moments_bent(a, p)
+            w, x, y, z = rotation_3d(a, (q[0], q[1], q[2], q[3]))
             store_quad(turned, c, w, x, y, z)
-            rxx, rxy, rxz, ryx, ryy, ryz, rzx, rzy, rzz = matrix_of(w, x, y, z)
-            xx, xy, xz, yx, yy, yz, zx, zy, zz = rxx, rxy, rxz, ryx, ryy, ryz, rzx, rzy, rzz
+            r = matrix_of(w, x, y, z)
+            goal = r
             if has_linear:
-                xx, xy, xz, yx, yy, yz, zx, zy, zz = blended(
-                    fxx, fxy, fxz, fyx, fyy, fyz, fzx, fzy, fzz, rxx, rxy, rxz, ryx, ryy, ryz, rzx, rzy, rzz, h[2]
-                )
+                goal = blended(f, r, h[2])
             if has_plastic:
-                xx, xy, xz, yx, yy, yz, zx, zy, zz = product(
-                    xx, xy, xz, yx, yy, yz, zx, zy, zz, p[0], p[1], p[2], r[0], r[1], r[2], t[0], t[1], t[2]
-                )
-                exx, exy, exz, eyy, eyz, ezz = strain(
-                    fxx, fxy, fxz, fyx, fyy, fyz, fzx, fzy, fzz, rxx, rxy, rxz, ryx, ryy, ryz, rzx, rzy, rzz
-                )
-                bxx, bxy, bxz, byx, byy, byz, bzx, bzy, bzz = crept(
-                    exx, exy, exz, eyy, eyz, ezz, p[0], p[1], p[2], r[0], r[1], r[2], t[0], t[1], t[2], h[3], s[0], s[1]
-                )
+                goal = product(goal, p)
+                bxx, bxy, bxz, byx, byy, byz, bzx, bzy, bzz = crept(strain(f, r), p, h[3], s[0], s[1])
                 store_quad(bent, row, bxx, bxy, bxz, zero)
                 store_quad(bent, row + 1, byx, byy, byz, zero)
                 store_quad(bent, row + 2, bzx, bzy, bzz, zero)
+            xx, xy, xz, yx, yy, yz, zx, zy, zz = goal
             mass, a, b, d = lean[3], lean[0], lean[1], lean[2]
             store_quad(frames, row, xx, xy, xz, centre(first[0], wx, mass, xx, xy, xz, a, b, d))
             store_quad(frames, row + 1, yx, yy, yz, centre(first[1], wy, mass, yx, yy, yz, a, b, d))

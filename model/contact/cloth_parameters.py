@@ -271,6 +271,7 @@ def pin_velocity(bodies: np.ndarray, first: int, pins: int, step: int, record: n
         if place >= 0:
             row, moving = bodies[int(place) :], rows[:, P_MOTION] == place
             now = formulas.turn(time, row[M_START], row[M_DURATION], row[M_TURNS])
-            moved = formulas.placed(*rows[moving, :P_MOTION].T, *row[: M_SPIN + 1], *now)
+            centre, axis, drift = row[M_X : M_Z + 1], row[M_U : M_W + 1], row[M_VX : M_VZ + 1]
+            moved = formulas.placed(rows[moving, :P_MOTION].T, centre, axis, drift, row[M_SPIN], now)
             velocity[moving] = np.stack(np.broadcast_arrays(*moved), axis=1)[:, 3:]
     return velocity

@@ -35,14 +35,16 @@ def make(real, compiled=plain):
         return sqrt(squared)
 
     @compiled
-    def respond(vx, vy, vz, cx, cy, cz, nx, ny, nz, static_friction, dynamic_friction):
-        """Velocity of a touching mass: without its component into the collider (which moves at c), the rest slowed by
-        friction.
+    def respond(v, c, n, static_friction, dynamic_friction):
+        """Velocity of a touching mass (v): without its component into the collider (which moves at c), the rest slowed
+        by friction.
 
         The normal velocity that is removed, times the coefficient, is the most that friction removes from the
         tangential one; it removes all of it if the static coefficient allows.
         """
-        rx, ry, rz = vx - cx, vy - cy, vz - cz
+        cx, cy, cz = c
+        nx, ny, nz = n
+        rx, ry, rz = v[0] - cx, v[1] - cy, v[2] - cz
         normal = (rx * nx + ry * ny) + rz * nz
         if normal < zero:
             rx, ry, rz = rx - normal * nx, ry - normal * ny, rz - normal * nz
@@ -61,13 +63,15 @@ def make(real, compiled=plain):
         return two * abs(gravity) * dt
 
     @compiled
-    def rebound(vx, vy, vz, cx, cy, cz, nx, ny, nz, static_friction, dynamic_friction, restitution, settling):
+    def rebound(v, c, n, static_friction, dynamic_friction, restitution, settling):
         """Velocity as by `respond`, with the fraction `restitution` of a normal velocity above `settling` [m/s]
         returned.
 
         Friction is limited by the whole change of the normal velocity.
         """
-        rx, ry, rz = vx - cx, vy - cy, vz - cz
+        cx, cy, cz = c
+        nx, ny, nz = n
+        rx, ry, rz = v[0] - cx, v[1] - cy, v[2] - cz
         normal = (rx * nx + ry * ny) + rz * nz
         if normal < zero:
             back = restitution * -normal if -normal > settling else zero
@@ -83,12 +87,13 @@ def make(real, compiled=plain):
         return cx + rx, cy + ry, cz + rz
 
     @compiled
-    def slid(h, ux, uy, uz, vx, vy, vz, nx, ny, nz):
+    def slid(h, u, v, n):
         """Displacement [m] that friction causes in a substep of h [s] as it changes a mass's velocity from v to u.
 
         A particle that sticks stays where it was; one that slides moved at its new speed (Mueller et al. 2020, eq. 30).
         """
-        x, y, z = ux - vx, uy - vy, uz - vz
+        nx, ny, nz = n
+        x, y, z = u[0] - v[0], u[1] - v[1], u[2] - v[2]
         along = (x * nx + y * ny) + z * nz
         return h * (x - along * nx), h * (y - along * ny), h * (z - along * nz)
 

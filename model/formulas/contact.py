@@ -142,19 +142,20 @@ def make(real, compiled=plain):
         return spacing * sqrt(i * i + j * j)
 
     @compiled
-    def normal(rx, ry, rz, distance, ux, uy, uz, vx, vy, vz, flat, coincident, above):
+    def normal(r, distance, u, v, flat, coincident, above):
         """Unit direction in which the contact pushes the mass away from the triangle; 0 where there is none.
 
-        It leads from the nearest point to the mass (r). Below the distance `flat`, where r is rounding, it is the
-        triangle's normal on the mass's side. Below `coincident`, where there is no side, it is the normal that points
-        up (or else along +x, or +z) if `above`, else the opposite one: then of two layers in one place the same one
-        ends above from every point of view.
+        r: from the nearest point to the mass, of length `distance`; u, v: the triangle's edges. Below the distance
+        `flat`, where r is rounding, it is the triangle's normal on the mass's side. Below `coincident`, where there is
+        no side, it is the normal that points up (or else along +x, or +z) if `above`, else the opposite one: then of
+        two layers in one place the same one ends above from every point of view.
         """
+        rx, ry, rz = r
         if distance > flat:
             return rx / distance, ry / distance, rz / distance
-        nx = product_difference(uy, vz, uz, vy)
-        ny = product_difference(uz, vx, ux, vz)
-        nz = product_difference(ux, vy, uy, vx)
+        nx = product_difference(u[1], v[2], u[2], v[1])
+        ny = product_difference(u[2], v[0], u[0], v[2])
+        nz = product_difference(u[0], v[1], u[1], v[0])
         size = length(nx, ny, nz)
         if size <= zero:
             return zero, zero, zero

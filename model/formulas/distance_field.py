@@ -126,17 +126,16 @@ def make(real, compiled=plain, bounces=False, in_place=False):
         return pair[0] if in_place else pair
 
     @compiled
-    def settle(
-        numbers, field, thickness, static, dynamic, sx, sy, sz, ux, uy, uz, ax, ay, az, x, y, z, vx, vy, vz, restitution,
-        settling,
-    ):  # fmt: skip
-        """(True if the body was touched, x, y, z, vx, vy, vz) of a mass on its path from a to (x, y, z), in the body's
-        frame.
+    def settle(numbers, field, surface, spin, velocity, a, p, v):
+        """(True if the body was touched, p, v) of a mass on its path from a to p, in the body's frame.
 
-        `s`: the body's angular velocity [rad/s]; `u`: its velocity. The path is cut off where it enters the body. Then
+        `spin`: the body's angular velocity [rad/s]; `velocity`: its own. The path is cut off where it enters the body. Then
         the mass is pushed along the gradient by what its distance lacks of `thickness`, at most ROUNDS times. Where
         there is no gradient, it is pushed back along its path, and up where it has not moved.
         """
+        thickness, static, dynamic, restitution, settling = surface
+        (sx, sy, sz), (ux, uy, uz) = spin, velocity
+        (ax, ay, az), (x, y, z), (vx, vy, vz) = a, p, v
         touched, limit = False, thickness
         wx, wy, wz = ax - x, ay - y, az - z
         length = norm(wx, wy, wz)
@@ -156,18 +155,17 @@ def make(real, compiled=plain, bounces=False, in_place=False):
             depth = thickness - distance
             x, y, z = pushed(x, depth, nx), pushed(y, depth, ny), pushed(z, depth, nz)
             cx, cy, cz = cross(sx, sy, sz, x, y, z)
-            cx, cy, cz = ux + cx, uy + cy, uz + cz
-            bx, by, bz = vx, vy, vz
+            c, n, before = (ux + cx, uy + cy, uz + cz), (nx, ny, nz), (vx, vy, vz)
             if bounces:
                 slow = speed_of(settling)
-                vx, vy, vz = rebound(vx, vy, vz, cx, cy, cz, nx, ny, nz, static, dynamic, restitution, slow)
+                vx, vy, vz = rebound(before, c, n, static, dynamic, restitution, slow)
             else:
-                vx, vy, vz = respond(vx, vy, vz, cx, cy, cz, nx, ny, nz, static, dynamic)
+                vx, vy, vz = respond(before, c, n, static, dynamic)
             if in_place:
                 if part == one:  # a path that was cut off has already lost what friction would remove
-                    dx, dy, dz = slid(settling[1], vx, vy, vz, bx, by, bz, nx, ny, nz)
+                    dx, dy, dz = slid(settling[1], (vx, vy, vz), before, n)
                     x, y, z = x + dx, y + dy, z + dz
             touched, limit = True, settled * thickness
-        return touched, x, y, z, vx, vy, vz
+        return touched, (x, y, z), (vx, vy, vz)
 
     return joined(field_functions, SimpleNamespace(settle=settle, touch=touching(settle)))

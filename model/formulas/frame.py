@@ -30,26 +30,23 @@ def make(real, compiled=plain):
     def touching(settle):
         """Make touch(...) of a kind of collider from its `settle`.
 
-        settle(numbers, place, thickness, static, dynamic, spin (3), velocity (3), a (3), p (3), v (3), restitution,
-        settling) -> (True if it was touched, p, v), all in its frame.
+        settle(numbers, place, surface, spin, velocity, a, p, v) -> (True if it was touched, p, v), all in its frame.
         """
 
         @compiled
-        def touch(
-            numbers, place, thickness, static, dynamic, ox, oy, oz, qx, qy, qz, ex, ey, ez, spin, turns, begin, end,
-            ax, ay, az, px, py, pz, vx, vy, vz, restitution, settling,
-        ):  # fmt: skip
-            """(px, py, pz, vx, vy, vz) of a mass that was at a [m] at the time `begin` [s] and is at p, moving at v, at
-            `end`.
+        def touch(numbers, place, surface, path, begin, end, a, p, v):
+            """(p, v) of a mass that was at a [m] at the time `begin` [s] and is at p, moving at v, at `end`.
 
-            `place`: the index in `numbers` at which the collider's begin; `o`: its origin at time 0; `q`: its velocity;
-            `e`: the unit axis about which it rotates, at `spin` [rad/s] or `turns` [1/s]. A collider that does not
-            rotate adds no rounding to directions. A mass that does not touch it is unchanged.
+            `place`: the index in `numbers` at which the collider's begin; `surface`: its thickness, static and dynamic
+            friction, restitution, and the `settling` of its response; `path`: its origin at time 0, its velocity, the
+            unit axis about which it rotates, rad/s and 1/s. A collider that does not rotate adds no rounding to
+            directions. A mass that does not touch it is unchanged.
             """
-            ax, ay, az = ax - moved(ox, qx, begin), ay - moved(oy, qy, begin), az - moved(oz, qz, begin)
+            (ox, oy, oz), (qx, qy, qz), (ex, ey, ez), spin, turns = path
+            ax, ay, az = a[0] - moved(ox, qx, begin), a[1] - moved(oy, qy, begin), a[2] - moved(oz, qz, begin)
             ox, oy, oz = moved(ox, qx, end), moved(oy, qy, end), moved(oz, qz, end)
-            x, y, z = px - ox, py - oy, pz - oz
-            wx, wy, wz = vx, vy, vz
+            x, y, z = p[0] - ox, p[1] - oy, p[2] - oz
+            wx, wy, wz = v
             sine, cosine = zero, one
             if spin != zero:
                 sine, cosine = sine_cosine(turns * begin)
@@ -58,16 +55,16 @@ def make(real, compiled=plain):
                 x, y, z = rotated(x, y, z, ex, ey, ez, -sine, cosine)
                 wx, wy, wz = rotated(wx, wy, wz, ex, ey, ez, -sine, cosine)
                 qx, qy, qz = rotated(qx, qy, qz, ex, ey, ez, -sine, cosine)
-            touched, x, y, z, wx, wy, wz = settle(
-                numbers, place, thickness, static, dynamic, spin * ex, spin * ey, spin * ez, qx, qy, qz, ax, ay, az, x, y,
-                z, wx, wy, wz, restitution, settling,
-            )  # fmt: skip
+            spins = spin * ex, spin * ey, spin * ez
+            touched, (x, y, z), (wx, wy, wz) = settle(
+                numbers, place, surface, spins, (qx, qy, qz), (ax, ay, az), (x, y, z), (wx, wy, wz)
+            )
             if not touched:
-                return px, py, pz, vx, vy, vz
+                return (p[0], p[1], p[2]), (v[0], v[1], v[2])
             if spin != zero:
                 x, y, z = rotated(x, y, z, ex, ey, ez, sine, cosine)
                 wx, wy, wz = rotated(wx, wy, wz, ex, ey, ez, sine, cosine)
-            return ox + x, oy + y, oz + z, wx, wy, wz
+            return (ox + x, oy + y, oz + z), (wx, wy, wz)
 
         return touch
 

@@ -61,14 +61,17 @@ def make(real, compiled=plain):
         return passed, since >= zero and since < duration, sine, cosine
 
     @compiled
-    def placed(x, y, z, cx, cy, cz, ux, uy, uz, vx, vy, vz, spin, passed, moves, sine, cosine):
-        """Position [m] and velocity [m/s] (px, py, pz, qx, qy, qz) of a mass whose rest position is (x, y, z).
+    def placed(rest, centre, axis, velocity, spin, moment):
+        """Position [m] and velocity [m/s] (px, py, pz, qx, qy, qz) of a mass from its rest position.
 
-        `c`: the centre; `u`: the unit axis; `v`: the velocity; `spin`: rad/s; the others: from `turn`. O. Rodrigues'
-        rotation, a' = a + sin t + (1 - cos) n with t = u x a and n = u x t. Before the start it is exactly the mass's
-        rest position.
+        `axis`: the unit axis u; `spin`: rad/s; `moment`: from `turn`. O. Rodrigues' rotation, a' = a + sin t + (1 -
+        cos) n with t = u x a and n = u x t. Before the start it is exactly the mass's rest position.
         """
-        ax, ay, az = x - cx, y - cy, z - cz
+        x, y, z = rest
+        ux, uy, uz = axis
+        vx, vy, vz = velocity
+        passed, moves, sine, cosine = moment
+        ax, ay, az = x - centre[0], y - centre[1], z - centre[2]
         tx, ty, tz = uy * az - uz * ay, uz * ax - ux * az, ux * ay - uy * ax
         nx, ny, nz = uy * tz - uz * ty, uz * tx - ux * tz, ux * ty - uy * tx
         lifted = one - cosine

@@ -132,26 +132,26 @@ def make_end(real, compiled, squared_length_3d):
         return squared_distance < limit * limit
 
     @compiled
-    def lacking(ax, ay, az, bx, by, bz, nx, ny, nz, restitution, settling):
+    def lacking(a, b, n, restitution, settling):
         """Speed [m/s] that is missing from the separation of two touching particles.
 
         Restitution asks for the fraction `restitution` of the approach speed at the substep's start (a); b is the speed
         now. It is 0 where the approach speed is at most `settling`, and where they separate fast enough.
         """
-        came = -((ax * nx + ay * ny) + az * nz)
-        lack = restitution * came - ((bx * nx + by * ny) + bz * nz)
+        came = -((a[0] * n[0] + a[1] * n[1]) + a[2] * n[2])
+        lack = restitution * came - ((b[0] * n[0] + b[1] * n[1]) + b[2] * n[2])
         return max(lack, zero) if came > settling else zero
 
     @compiled
-    def parting(ax, ay, az, bx, by, bz, nx, ny, nz, restitution, settling, pressed):
+    def parting(a, b, n, restitution, settling, pressed):
         """Missing separation speed [m/s] as by `lacking`, of two rigid bodies, also for the effects of other contacts
         in the substep.
 
         It is negative where they separate faster than that, or than they did, and were `pressed` apart in the substep:
         an overlap is pushed out, and does not turn into speed.
         """
-        came = -((ax * nx + ay * ny) + az * nz)
-        parts = (bx * nx + by * ny) + bz * nz
+        came = -((a[0] * n[0] + a[1] * n[1]) + a[2] * n[2])
+        parts = (b[0] * n[0] + b[1] * n[1]) + b[2] * n[2]
         came = max(came, -parts)
         goal = restitution * came if came > settling else max(-came, zero)
         lack = goal - parts

@@ -4,6 +4,7 @@ A = sum of m now rest' (rows: current axes; columns: axes at rest). Its nearest 
 the determinant +1, whatever A's is: M. Mueller et al., "Meshless Deformations Based on Shape Matching", SIGGRAPH 2005,
 3.3. A is first divided by its largest entry, so that no scale is too small or too large (up to four times the smallest
 normal number it counts as 0). All operations are + - * / and the root, which are correctly rounded everywhere.
+Matrices are tuples of nine numbers, by rows.
 
 In three dimensions trace(R'A) = q'Kq, R of the unit quaternion q = (w, x, y, z) and K symmetric, 4 x 4: P. Davenport's
 method in J. Keat, "Analysis of Least-Squares Attitude Determination Routine DOAOP", 1977; B. Horn, "Closed-Form
@@ -122,17 +123,19 @@ def make_near(real, compiled, quaternions):
     dot, matrix_of, unit = make_lengths(real, compiled).dot, quaternions.matrix_of, quaternions.unit
 
     @compiled
-    def normalised(xx, xy, xz, yx, yy, yz, zx, zy, zz):
+    def normalised(a):
         """A over its largest entry; 0 where that is below the normal numbers."""
+        xx, xy, xz, yx, yy, yz, zx, zy, zz = a
         first, second = max(max(abs(xx), abs(xy)), max(abs(xz), abs(yx))), max(max(abs(yy), abs(yz)), abs(zx))
         largest = max(max(first, second), max(abs(zy), abs(zz)))
         s = one / largest if largest > normal else zero
         return s * xx, s * xy, s * xz, s * yx, s * yy, s * yz, s * zx, s * zy, s * zz
 
     @compiled
-    def seen_from(xx, xy, xz, yx, yy, yz, zx, zy, zz, w, x, y, z):
-        """b (3 numbers) and H (xx, xy, xz, yy, yz, zz) relative to (w, x, y, z); see the head of the file."""
-        rxx, rxy, rxz, ryx, ryy, ryz, rzx, rzy, rzz = matrix_of(w, x, y, z)
+    def seen_from(a, q):
+        """b (3 numbers) and H (xx, xy, xz, yy, yz, zz) relative to q; see the head of the file."""
+        xx, xy, xz, yx, yy, yz, zx, zy, zz = a
+        rxx, rxy, rxz, ryx, ryy, ryz, rzx, rzy, rzz = matrix_of(q[0], q[1], q[2], q[3])
         sxx, sxy, sxz = dot(rxx, ryx, rzx, xx, yx, zx), dot(rxx, ryx, rzx, xy, yy, zy), dot(rxx, ryx, rzx, xz, yz, zz)
         syx, syy, syz = dot(rxy, ryy, rzy, xx, yx, zx), dot(rxy, ryy, rzy, xy, yy, zy), dot(rxy, ryy, rzy, xz, yz, zz)
         szx, szy, szz = dot(rxz, ryz, rzz, xx, yx, zx), dot(rxz, ryz, rzz, xy, yy, zy), dot(rxz, ryz, rzz, xz, yz, zz)
@@ -142,13 +145,14 @@ def make_near(real, compiled, quaternions):
         )  # fmt: skip
 
     @compiled
-    def improved(xx, xy, xz, yx, yy, yz, zx, zy, zz, w, x, y, z):
+    def improved(a, q):
         """Quaternion after one step, (H + e) u = b; unchanged where b is only rounding.
 
         e: the excess over t of the largest eigenvalue of K among the mixtures of q0 and K q0 alone, the Ritz value of a
         2 x 2 matrix. The pivots of H + e are made positive: at a saddle, half a turn away, the step leads away from it.
         """
-        bx, by, bz, hxx, hxy, hxz, hyy, hyz, hzz = seen_from(xx, xy, xz, yx, yy, yz, zx, zy, zz, w, x, y, z)
+        w, x, y, z = q
+        bx, by, bz, hxx, hxy, hxz, hyy, hyz, hzz = seen_from(a, q)
         squared = dot(bx, by, bz, bx, by, bz)
         gx, gy, gz = dot(hxx, hxy, hxz, bx, by, bz), dot(hxy, hyy, hyz, bx, by, bz), dot(hxz, hyz, hzz, bx, by, bz)
         along = dot(gx, gy, gz, bx, by, bz) / max(squared, unchanged)
@@ -170,9 +174,9 @@ def make_near(real, compiled, quaternions):
         return nw if go else w, nx if go else x, ny if go else y, nz if go else z
 
     @compiled
-    def reached_from(xx, xy, xz, yx, yy, yz, zx, zy, zz, w, x, y, z):
-        """True if (w, x, y, z) is the rotation nearest to A, to rounding."""
-        bx, by, bz, hxx, hxy, hxz, hyy, hyz, hzz = seen_from(xx, xy, xz, yx, yy, yz, zx, zy, zz, w, x, y, z)
+    def reached_from(a, q):
+        """True if q is the rotation nearest to A, to rounding."""
+        bx, by, bz, hxx, hxy, hxz, hyy, hyz, hzz = seen_from(a, q)
         first = hxx + slack
         over = one / max(first, slack)
         second = (hyy + slack) - hxy * over * hxy
@@ -181,16 +185,17 @@ def make_near(real, compiled, quaternions):
         return (dot(bx, by, bz, bx, by, bz) <= reached) & (first > zero) & (second > zero) & (third > zero)
 
     @compiled
-    def rotation_3d_near(xx, xy, xz, yx, yy, yz, zx, zy, zz, w, x, y, z):
-        """(w, x, y, z, True if it is the rotation nearest to A), improved from the unit quaternion (w, x, y, z).
+    def rotation_3d_near(a, q):
+        """(w, x, y, z, True if it is the rotation nearest to A), improved from the unit quaternion q = (w, x, y, z).
 
         Where it is not the nearest one, the unchanged quaternion: `rotation_3d_far` continues from it.
         """
-        xx, xy, xz, yx, yy, yz, zx, zy, zz = normalised(xx, xy, xz, yx, yy, yz, zx, zy, zz)
+        a = normalised(a)
+        w, x, y, z = q
         nw, nx, ny, nz = w, x, y, z
         for _ in range(steps):
-            nw, nx, ny, nz = improved(xx, xy, xz, yx, yy, yz, zx, zy, zz, nw, nx, ny, nz)
-        reached = reached_from(xx, xy, xz, yx, yy, yz, zx, zy, zz, nw, nx, ny, nz)
+            nw, nx, ny, nz = improved(a, (nw, nx, ny, nz))
+        reached = reached_from(a, (nw, nx, ny, nz))
         return nw if reached else w, nx if reached else x, ny if reached else y, nz if reached else z, reached
 
     return SimpleNamespace(rotation_3d_near=rotation_3d_near, normalised=normalised)
@@ -216,12 +221,13 @@ def make_far(real, compiled, unit, near):
         )  # fmt: skip
 
     @compiled
-    def projection(xx, xy, xz, yx, yy, yz, zx, zy, zz):
+    def projection(matrix):
         """Projection on the eigenvectors of K's largest eigenvalue over their number, 10 entries of a symmetric matrix.
 
         No eigenvalue of K is below -sqrt(3) |A|. Each square is scaled to trace 1; the next one's trace is 1 for a
         projection on one vector alone, and less otherwise.
         """
+        xx, xy, xz, yx, yy, yz, zx, zy, zz = matrix
         squared = dot(xx, xy, xz, xx, xy, xz) + dot(yx, yy, yz, yx, yy, yz) + dot(zx, zy, zz, zx, zy, zz)
         shift = sqrt(three * squared) + normal
         a, b, c, d = shift + ((xx + yy) + zz), zy - yz, xz - zx, yx - xy
@@ -238,9 +244,10 @@ def make_far(real, compiled, unit, near):
         return t * a, t * b, t * c, t * d, t * e, t * f, t * g, t * h, t * i, t * j
 
     @compiled
-    def rotation_3d_far(xx, xy, xz, yx, yy, yz, zx, zy, zz, w, x, y, z):
-        """(w, x, y, z) of the rotation nearest to A; of several, the one nearest to the unit quaternion (w, x, y, z)."""
-        a, b, c, d, e, f, g, h, i, j = projection(*normalised(xx, xy, xz, yx, yy, yz, zx, zy, zz))
+    def rotation_3d_far(matrix, q):
+        """(w, x, y, z) of the rotation nearest to A; of several, the one nearest to the unit quaternion q = (w, x, y, z)."""
+        w, x, y, z = q
+        a, b, c, d, e, f, g, h, i, j = projection(normalised(matrix))
         nw, nx = (a * w + b * x) + (c * y + d * z), (b * w + e * x) + (f * y + g * z)
         ny, nz = (c * w + f * x) + (h * y + i * z), (d * w + g * x) + (i * y + j * z)
         if (nw * nw + nx * nx) + (ny * ny + nz * nz) < lost:  # nearly half a turn away: too few digits are left
@@ -254,7 +261,7 @@ def make_far(real, compiled, unit, near):
             else:
                 nw, nx, ny, nz = d, g, i, j
         nw, nx, ny, nz = unit(nw, nx, ny, nz)
-        nw, nx, ny, nz, _ = rotation_3d_near(xx, xy, xz, yx, yy, yz, zx, zy, zz, nw, nx, ny, nz)
+        nw, nx, ny, nz, _ = rotation_3d_near(matrix, (nw, nx, ny, nz))
         return nw, nx, ny, nz
 
     return rotation_3d_far
@@ -268,15 +275,15 @@ def make(real, compiled=plain):
     rotation_3d_near, rotation_3d_far = near.rotation_3d_near, make_far(real, compiled, quaternions.unit, near)
 
     @compiled
-    def rotation_3d(xx, xy, xz, yx, yy, yz, zx, zy, zz, w, x, y, z):
-        """(w, x, y, z) of the rotation nearest to A, from the unit quaternion (w, x, y, z) of the previous step.
+    def rotation_3d(a, q):
+        """(w, x, y, z) of the rotation nearest to A, from the unit quaternion q of the previous step.
 
         It gives the same bits as `rotation_3d_near` for many at once followed by `rotation_3d_far` where that did not
         converge.
         """
-        w, x, y, z, reached = rotation_3d_near(xx, xy, xz, yx, yy, yz, zx, zy, zz, w, x, y, z)
+        w, x, y, z, reached = rotation_3d_near(a, q)
         if reached:
             return w, x, y, z
-        return rotation_3d_far(xx, xy, xz, yx, yy, yz, zx, zy, zz, w, x, y, z)
+        return rotation_3d_far(a, (w, x, y, z))
 
     return joined(quaternions, near, SimpleNamespace(rotation_3d=rotation_3d, rotation_3d_far=rotation_3d_far))

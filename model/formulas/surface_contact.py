@@ -30,14 +30,15 @@ def make(real, compiled=plain):
     dot, cross, length = lengths.dot, lengths.cross, lengths.length
 
     @compiled
-    def outward(rx, ry, rz, distance, ux, uy, uz, vx, vy, vz, flat):
+    def outward(r, distance, u, v, flat):
         """(True if the vertex lies inside, unit direction out of the body).
 
         r: from the nearest point to the vertex, of length `distance`; u, v: the triangle's edges, in the order that is
         counterclockwise from outside. Below `flat`, where r is rounding, the direction is the triangle's normal. It is
         0 where the triangle has no area.
         """
-        nx, ny, nz = cross(ux, uy, uz, vx, vy, vz)
+        rx, ry, rz = r
+        nx, ny, nz = cross(u[0], u[1], u[2], v[0], v[1], v[2])
         size = length(nx, ny, nz)
         if size <= zero:
             return False, zero, zero, zero

@@ -44,11 +44,16 @@ def make_triangle(real, compiled, lengths):
         return max(max(abs(x), abs(y)), abs(z))
 
     @compiled
-    def crossing(px, py, pz, qx, qy, qz, ax, ay, az, bx, by, bz, cx, cy, cz):
+    def crossing(p, q, a, b, c):
         """Fraction of the segment from p to q at which it crosses the triangle a, b, c; 2 where it does not.
 
         A line crosses the triangle where its products with all three edges have one sign.
         """
+        px, py, pz = p
+        qx, qy, qz = q
+        ax, ay, az = a
+        bx, by, bz = b
+        cx, cy, cz = c
         dx, dy, dz = qx - px, qy - py, qz - pz
         nx, ny, nz = cross(bx - ax, by - ay, bz - az, cx - ax, cy - ay, cz - az)
         before = dot(nx, ny, nz, px - ax, py - ay, pz - az)
@@ -80,11 +85,15 @@ def make_triangle(real, compiled, lengths):
         return dot(wx, wy, wz, wx, wy, wz), wx, wy, wz
 
     @compiled
-    def from_triangle(qx, qy, qz, ax, ay, az, bx, by, bz, cx, cy, cz):
+    def from_triangle(q, a, b, c):
         """(squared length [m^2], vector [m]) from the nearest point of the triangle a, b, c to q.
 
         Where q lies above the triangle, along its normal; otherwise from the nearest edge.
         """
+        qx, qy, qz = q
+        ax, ay, az = a
+        bx, by, bz = b
+        cx, cy, cz = c
         abx, aby, abz = bx - ax, by - ay, bz - az
         bcx, bcy, bcz = cx - bx, cy - by, cz - bz
         cax, cay, caz = ax - cx, ay - cy, az - cz
@@ -121,6 +130,15 @@ def make_tree(real, compiled=plain):
     dot, cross, crossing, from_triangle = lengths.dot, lengths.cross, triangle.crossing, triangle.from_triangle
 
     @compiled
+    def corners_at(numbers, t):
+        """Corners of the triangle at index t."""
+        return (
+            (numbers[t], numbers[t + 1], numbers[t + 2]),
+            (numbers[t + 3], numbers[t + 4], numbers[t + 5]),
+            (numbers[t + 6], numbers[t + 7], numbers[t + 8]),
+        )
+
+    @compiled
     def first_crossing(numbers, tree, px, py, pz, qx, qy, qz):
         """(fraction of the segment from p to q, index of the triangle that it crosses first or -1). `tree`: index of
         the root.
@@ -145,10 +163,8 @@ def make_tree(real, compiled=plain):
                 triangle = np.int32(numbers[at + TRIANGLE])
                 if triangle >= 0:
                     t = np.int32(tree + (count << 3) + (triangle << 3) + triangle)
-                    part = crossing(
-                        px, py, pz, qx, qy, qz, numbers[t], numbers[t + 1], numbers[t + 2], numbers[t + 3],
-                        numbers[t + 4], numbers[t + 5], numbers[t + 6], numbers[t + 7], numbers[t + 8],
-                    )  # fmt: skip
+                    a, b, c = corners_at(numbers, t)
+                    part = crossing((px, py, pz), (qx, qy, qz), a, b, c)
                     if part < best:
                         best, place = part, t
                 node = np.int32(node + 1)
@@ -176,10 +192,8 @@ def make_tree(real, compiled=plain):
                 triangle = np.int32(numbers[at + TRIANGLE])
                 if triangle >= 0:
                     t = np.int32(tree + (count << 3) + (triangle << 3) + triangle)
-                    squared, ux, uy, uz = from_triangle(
-                        x, y, z, numbers[t], numbers[t + 1], numbers[t + 2], numbers[t + 3], numbers[t + 4],
-                        numbers[t + 5], numbers[t + 6], numbers[t + 7], numbers[t + 8],
-                    )  # fmt: skip
+                    a, b, c = corners_at(numbers, t)
+                    squared, ux, uy, uz = from_triangle((x, y, z), a, b, c)
                     if squared < best:
                         best, place, wx, wy, wz = squared, t, ux, uy, uz
                 node = np.int32(node + 1)
@@ -224,18 +238,17 @@ def make(real, compiled=plain, bounces=False, in_place=False):
         return pair[0] if in_place else pair
 
     @compiled
-    def settle(
-        numbers, tree, thickness, static, dynamic, sx, sy, sz, ux, uy, uz, ax, ay, az, x, y, z, vx, vy, vz, restitution,
-        settling,
-    ):  # fmt: skip
-        """(True if the mesh was touched, x, y, z, vx, vy, vz) of a mass on its path from a to (x, y, z), in the mesh's
-        frame.
+    def settle(numbers, tree, surface, spin, velocity, a, p, v):
+        """(True if the mesh was touched, p, v) of a mass on its path from a to p, in the mesh's frame.
 
-        `s`: the mesh's angular velocity [rad/s]; `u`: its velocity. A triangle on the path puts the mass at `thickness`
+        `spin`: the mesh's angular velocity [rad/s]; `velocity`: its own. A triangle on the path puts the mass at `thickness`
         on the side that it comes from, where it would have crossed; the nearest point of the mesh pushes it out to
         `thickness`. A moved mass is tested again, ROUNDS times. If even then a triangle lies between its old and its
         new position, it stays at the old one, so that no mass changes sides from step to step.
         """
+        thickness, static, dynamic, restitution, settling = surface
+        (sx, sy, sz), (ux, uy, uz) = spin, velocity
+        (ax, ay, az), (x, y, z), (vx, vy, vz) = a, p, v
         touched, limit = False, thickness
         for attempt in range(ROUNDS + 1):
             part, place = first_crossing(numbers, tree, ax, ay, az, x, y, z)
@@ -243,7 +256,7 @@ def make(real, compiled=plain, bounces=False, in_place=False):
             nx, ny, nz = zero, zero, zero
             if place >= 0 and attempt == ROUNDS:
                 cx, cy, cz = cross(sx, sy, sz, ax, ay, az)
-                return True, ax, ay, az, ux + cx, uy + cy, uz + cz
+                return True, (ax, ay, az), (ux + cx, uy + cy, uz + cz)
             if place >= 0:
                 nx, ny, nz = facing(numbers, place, ax, ay, az)
                 x = pushed(between(ax, x, part), thickness, nx)
@@ -261,18 +274,17 @@ def make(real, compiled=plain, bounces=False, in_place=False):
                 depth = thickness - distance
                 x, y, z = pushed(x, depth, nx), pushed(y, depth, ny), pushed(z, depth, nz)
             cx, cy, cz = cross(sx, sy, sz, x, y, z)
-            cx, cy, cz = ux + cx, uy + cy, uz + cz
-            bx, by, bz = vx, vy, vz
+            c, n, before = (ux + cx, uy + cy, uz + cz), (nx, ny, nz), (vx, vy, vz)
             if bounces:
                 slow = speed_of(settling)
-                vx, vy, vz = rebound(vx, vy, vz, cx, cy, cz, nx, ny, nz, static, dynamic, restitution, slow)
+                vx, vy, vz = rebound(before, c, n, static, dynamic, restitution, slow)
             else:
-                vx, vy, vz = respond(vx, vy, vz, cx, cy, cz, nx, ny, nz, static, dynamic)
+                vx, vy, vz = respond(before, c, n, static, dynamic)
             if in_place:
                 if crossing < 0:  # a path that was cut off has already lost what friction would remove
-                    dx, dy, dz = slid(settling[1], vx, vy, vz, bx, by, bz, nx, ny, nz)
+                    dx, dy, dz = slid(settling[1], (vx, vy, vz), before, n)
                     x, y, z = x + dx, y + dy, z + dz
             touched, limit = True, settled * thickness
-        return touched, x, y, z, vx, vy, vz
+        return touched, (x, y, z), (vx, vy, vz)
 
     return joined(tree_walks, SimpleNamespace(settle=settle, touch=touching(settle)))

@@ -28,7 +28,7 @@ def make(real, compiled=plain):
     uniform = make_random(real, compiled).uniform
 
     @compiled
-    def triangle_wind(abx, aby, abz, acx, acy, acz, ux, uy, uz, drag, lift):
+    def triangle_wind(ab, ac, u, drag, lift):
         """Force over mass [m/s^2] on each corner of the triangle with the edges ab and ac [m], in a relative wind u
         [m/s].
 
@@ -36,9 +36,10 @@ def make(real, compiled=plain):
         = ab x ac is twice the area. The sum of drag |u.n| u and lift (u.n) (|u| n / |n| - (u.n) u / (|u| |n|)), neither
         of which depends on the side that n points to. Zero for a triangle without area and for still air.
         """
-        nx = aby * acz - abz * acy
-        ny = abz * acx - abx * acz
-        nz = abx * acy - aby * acx
+        ux, uy, uz = u
+        nx = ab[1] * ac[2] - ab[2] * ac[1]
+        ny = ab[2] * ac[0] - ab[0] * ac[2]
+        nz = ab[0] * ac[1] - ab[1] * ac[0]
         through = (ux * nx + uy * ny) + uz * nz
         squared = squared_length(ux, uy, uz)
         inverse_speed = inverse_length(squared)

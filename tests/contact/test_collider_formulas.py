@@ -87,7 +87,7 @@ MOVES = np.array([0.3, -0.2, 0.5])  # the collider
 def responded(normal: float, along: float, static: float, dynamic: float) -> tuple[float, float, float]:
     """(normal, along, across) velocity relative to the collider of a mass that came at these."""
     n, t, s = TURN
-    found = np.array(DOUBLE.respond(*(MOVES + normal * n + along * t), *MOVES, *n, static, dynamic)) - MOVES
+    found = np.array(DOUBLE.respond(MOVES + normal * n + along * t, MOVES, n, static, dynamic)) - MOVES
     return float(found @ n), float(found @ t), float(found @ s)
 
 
@@ -122,7 +122,7 @@ def test_who_leaves_is_let_go() -> None:
 def test_what_comes_back_and_what_friction_then_takes(normal: float, along: float, back: float, left: float) -> None:
     n, t, s = TURN
     velocity = MOVES + normal * n + along * t
-    found = np.array(DOUBLE.rebound(*velocity, *MOVES, *n, 0.5, 0.4, 0.5, 0.1)) - MOVES
+    found = np.array(DOUBLE.rebound(velocity, MOVES, n, 0.5, 0.4, 0.5, 0.1)) - MOVES
     assert (found @ n, found @ t, found @ s) == pytest.approx((back, left, 0), abs=1e-14)
 
 
@@ -130,7 +130,7 @@ def test_friction_takes_back_what_it_slowed_for_a_substep() -> None:
     """Across the normal alone: of a mass that sticks all that it slid."""
     n, t, s = TURN
     before, after, h = MOVES - 2.0 * n + 1.5 * t, MOVES + 0.4 * n, 0.01
-    taken = np.array(DOUBLE.slid(h, *after, *before, *n))
+    taken = np.array(DOUBLE.slid(h, after, before, n))
     assert (taken @ n, taken @ t, taken @ s) == pytest.approx((0, -1.5 * h, 0), abs=1e-16)
 
 

@@ -99,8 +99,8 @@ def test_the_formula_is_the_papers() -> None:
         (2.0, 0.0, 0.1, 1.0), (2.0, -0.25, 0.1, 1.25), (2.0, 0.25, 0.1, 0.75), (2.0, 1.5, 0.1, 0.0), (0.1, 0.0, 0.1, 0.0),
         (-1.0, -1.0, 0.0, 0.0),
     ]:  # fmt: skip
-        before, after = (-came * axis for axis in along), (now * axis for axis in along)
-        assert lacking(*before, *after, *along, 0.5, settling) == pytest.approx(lack, abs=1e-15)
+        before, after = tuple(-came * axis for axis in along), tuple(now * axis for axis in along)
+        assert lacking(before, after, along, 0.5, settling) == pytest.approx(lack, abs=1e-15)
 
 
 # ---------------------------------------------------------------------- laws

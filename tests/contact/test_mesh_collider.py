@@ -89,12 +89,12 @@ def test_the_tree_finds_what_looking_at_every_triangle_finds(real: Any, far: flo
     ways = (far * np.random.default_rng(1).normal(size=(120, 2, 3))).astype(real)
     crossings = 0
     for p, q in ways:
-        parts = [made.crossing(*p, *q, *triangle) for triangle in triangles]
+        parts = [made.crossing(p, q, *triangle.reshape(3, 3)) for triangle in triangles]
         part, place = made.first_crossing(numbers, 0, *p, *q)
         assert part == min(parts)
         assert place == (first + CORNERS * int(np.argmin(parts)) if part < 2 else -1)
         crossings += part < 2
-        found = [made.from_triangle(*q, *triangle) for triangle in triangles]
+        found = [made.from_triangle(q, *triangle.reshape(3, 3)) for triangle in triangles]
         k = int(np.argmin([way[0] for way in found]))
         assert made.nearest(numbers, 0, *q, real(1e30)) == (*found[k], first + CORNERS * k)
         assert made.nearest(numbers, 0, *q, found[k][0])[4] == -1
@@ -108,7 +108,7 @@ def test_the_nearest_point_is_the_nearest_of_many() -> None:
     u, v = (x.ravel() for x in np.meshgrid(steps, steps))
     weights = np.stack([1 - u - v, u, v], axis=1)[u + v <= 1 + 1e-9]
     for triangle, q in zip(soup(40, 5), random.normal(size=(40, 3)), strict=True):
-        squared, *way = made.from_triangle(*q, *triangle.ravel())
+        squared, *way = made.from_triangle(q, *triangle)
         assert np.linalg.norm(way) == pytest.approx(sqrt(squared), rel=1e-12)
         away = np.linalg.norm(weights @ triangle - q, axis=1).min()
         net = np.linalg.norm(np.ptp(triangle, axis=0)) / 40

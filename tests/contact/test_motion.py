@@ -63,7 +63,8 @@ def test_compiled_formulas_give_the_bits_of_plain_python(real: Any) -> None:
         numbers = random.uniform(-2, 2, 13).astype(real)
         now = plain.turn(turns, real(0.5), real(3), numbers[12])
         assert now == fast.turn(turns, real(0.5), real(3), numbers[12])
-        assert plain.placed(*numbers, *now) == fast.placed(*numbers, *now)
+        path = (*map(tuple, numbers[:12].reshape(4, 3)), numbers[12], now)
+        assert plain.placed(*path) == fast.placed(*path)
     clock = real(0.1), real(11), real(0.7)
     assert plain.middle(12345, *clock) == fast.middle(12345, *clock)
 
@@ -72,17 +73,17 @@ def test_the_velocity_is_the_positions_derivative() -> None:
     """By central differences in float64: h^2 w^3 r / 6 = 2e-9 m/s of truncation, 1e-16 / h of rounding."""
     formulas = motion.make(np.float64)
     axis = np.array([1.0, -2.0, 0.5]) / np.sqrt(5.25)
-    row = [0.3, -0.2, 1.0, 0.1, 0.2, 0.3, *axis, 0.4, 0.5, -0.6, 3.0]
+    path = (0.3, -0.2, 1.0), (0.1, 0.2, 0.3), axis, (0.4, 0.5, -0.6), 3.0
 
     def at(time: float) -> np.ndarray:
-        return np.array(formulas.placed(*row, *formulas.turn(time, 0.25, 2.0, 3.0 / (2 * pi))))
+        return np.array(formulas.placed(*path, formulas.turn(time, 0.25, 2.0, 3.0 / (2 * pi))))
 
     h = 1e-5
     for time in (0.1, 0.4, 1.0, 2.2, 2.5):
         slope = (at(time + h)[:3] - at(time - h)[:3]) / (2 * h)
         assert at(time)[3:] == pytest.approx(slope, abs=5e-9)
     assert not at(0.24)[3:].any() and not at(2.25)[3:].any() and at(0.25)[3:].any()
-    assert at(0.0)[:3].tolist() == row[:3]  # before it begins: the very place
+    assert at(0.0)[:3].tolist() == list(path[0])  # before it begins: the very place
 
 
 def ends(rows: int, columns: int) -> dict[str, Any]:

@@ -136,7 +136,7 @@ def test_the_formulas_are_the_references() -> None:
         normal /= np.linalg.norm(normal)
         static, e = random.uniform(0, 1, 2)
         plane = Plane(velocity=(0.3, -0.2, 0.1), static_friction=static, dynamic_friction=static / 2, restitution=e)
-        given = *velocity, *plane.velocity, *normal, static, static / 2
+        given = velocity, plane.velocity, normal, static, static / 2
         found = np.array(made.rebound(*given, e, slow))
         assert found == pytest.approx(judge.touched(plane, slow, velocity, normal), abs=16 * 10 * 2.0**-53)
         assert made.rebound(*given, 0.0, slow) == made.respond(*given)

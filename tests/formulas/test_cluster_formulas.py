@@ -34,7 +34,7 @@ def test_a_cluster_finds_where_it_was_turned_and_moved_to_whatever_its_lean() ->
     goals = np.array([[made.goal(middle[a], *TURN[a], *r) for a in range(3)] for r in rest])
     assert goals == pytest.approx(now)
     lanes = RANDOM.normal(size=16)
-    assert made.total(*lanes) == pytest.approx(lanes.sum())
+    assert made.total(lanes) == pytest.approx(lanes.sum())
     assert made.arrived(1.0, made.displacement_added(0.1, 0.25, 3.0, 2.0)) == pytest.approx(1.35)
 
 
@@ -48,8 +48,8 @@ def test_the_motion_of_a_cluster_is_found_from_its_sums_and_slows_to_it() -> Non
     w, m = mass @ d, mass @ u
     turn = (mass[:, None] * np.cross(d, u)).sum(axis=0)
     second = (mass[:, None, None] * d[:, :, None] * d[:, None, :]).sum(axis=0)
-    sums = [*w, *m, *turn, second[0, 0], second[1, 1], second[2, 2], second[0, 1], second[0, 2], second[1, 2]]
-    found = made.motion(*sums, 1 / mass.sum(), *place[0], *velocity[0])
+    moments = second[0, 0], second[1, 1], second[2, 2], second[0, 1], second[0, 2], second[1, 2]
+    found = made.motion(w, m, turn, moments, 1 / mass.sum(), place[0], velocity[0])
     assert found == pytest.approx([*centre, *drift, *spin])
     assert made.cross_added(1.0, 2.0, 3.0, 4.0, 5.0) == 1 + 6 - 20 and made.weighted(2.0, 5.0, 3.0) == 4
     assert made.slowed(0.1, 0.5, 1.0, 2.0, 3.0, 4.0, 0.5, 0.4) == pytest.approx(0.1 + 0.5 * (1 + 6 - 2 - 0.4))
@@ -85,8 +85,8 @@ def test_windows_of_a_lattice_turned_in_its_plane_have_their_goals_where_the_mas
     for i, row in zip((-1, 0, 1), place, strict=True):
         line = (0.0,) * 4
         for step, (x, y) in zip((-1, 0, 1), row, strict=True):
-            line = made.added_member(*line, x, y, *row[1], share, step, 0.0)
-        sums = made.added_row(sums, *line, *row[1], *here, 3 * share, share, i)
+            line = made.added_member(line, x, y, *row[1], share, step, 0.0)
+        sums = made.added_row(sums, line, *row[1], *here, 3 * share, share, i)
     found = made.cluster(sums, *here, 1 / 3, 1 / 3)
     assert found == pytest.approx((*here, cosine, sine), abs=1e-14)
     for i, down in zip((0, 1, 2), (-rest, 0.0, rest), strict=True):
@@ -116,29 +116,29 @@ def test_strains_sets_and_what_goals_are_made_of() -> None:
     made, f, r = deformation.make(REAL), np.eye(3) + 0.2 * RANDOM.normal(size=(3, 3)), TURN
     upper = ([0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2])
     symmetric = (r.T @ f + f.T @ r) / 2 - np.eye(3)
-    assert made.strain(*f.ravel(), *r.ravel()) == pytest.approx(symmetric[upper])
-    assert made.determinant(*f.ravel()) == pytest.approx(np.linalg.det(f))
+    assert made.strain(f.ravel(), r.ravel()) == pytest.approx(symmetric[upper])
+    assert made.determinant(f.ravel()) == pytest.approx(np.linalg.det(f))
     assert made.cube_root(0.3) == pytest.approx(0.3 ** (1 / 3))
     a, g = RANDOM.normal(size=(3, 3)), RANDOM.normal(size=(3, 3))
-    assert made.product(*a.ravel(), *g.ravel()) == pytest.approx((a @ g).ravel())
-    assert made.bent(*a.ravel(), *g.ravel()) == pytest.approx((a @ g.T).ravel())
+    assert made.product(a.ravel(), g.ravel()) == pytest.approx((a @ g).ravel())
+    assert made.bent(a.ravel(), g.ravel()) == pytest.approx((a @ g.T).ravel())
     g = g + g.T
-    assert made.gradient(*a.ravel(), *g[upper]) == pytest.approx((a @ g).ravel())
+    assert made.gradient(a.ravel(), g[upper]) == pytest.approx((a @ g).ravel())
     sp = np.diag([1.25, 0.8, 1.0]) @ TURN
-    assert made.undone(*f.ravel(), *sp.ravel()) == pytest.approx((f @ np.linalg.inv(sp)).ravel())
+    assert made.undone(f.ravel(), sp.ravel()) == pytest.approx((f @ np.linalg.inv(sp)).ravel())
     mixed = 0.3 * f / np.cbrt(np.linalg.det(f)) + 0.7 * r
-    assert made.blended(*f.ravel(), *r.ravel(), 0.3) == pytest.approx(mixed.ravel())
-    assert made.blended(*(-f).ravel(), *r.ravel(), 0.3) == pytest.approx(r.ravel())  # mirrored: the rotation alone
+    assert made.blended(f.ravel(), r.ravel(), 0.3) == pytest.approx(mixed.ravel())
+    assert made.blended((-f).ravel(), r.ravel(), 0.3) == pytest.approx(r.ravel())  # mirrored: the rotation alone
 
 
 def test_a_set_grows_by_its_share_of_a_strain_over_the_threshold_and_keeps_its_volume() -> None:
     made, strain = deformation.make(REAL), np.array([[0.1, 0.02, 0.0], [0.02, -0.05, 0.03], [0.0, 0.03, -0.04]])
     upper, sp = ([0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]), np.diag([1.25, 0.8, 1.0])
     length = np.linalg.norm(strain)
-    new = np.array(made.crept(*strain[upper], *sp.ravel(), 0.99 * length, 0.2, 9.0)).reshape(3, 3)
+    new = np.array(made.crept(strain[upper], sp.ravel(), 0.99 * length, 0.2, 9.0)).reshape(3, 3)
     expected = sp + 0.2 * strain @ sp
     assert new == pytest.approx(expected / np.cbrt(np.linalg.det(expected)))
-    assert made.crept(*strain[upper], *sp.ravel(), 1.01 * length, 0.2, 9.0) == tuple(sp.ravel())  # under it, to the bit
-    cut = np.array(made.crept(*strain[upper], *sp.ravel(), 0.0, 0.2, 0.1)).reshape(3, 3)
+    assert made.crept(strain[upper], sp.ravel(), 1.01 * length, 0.2, 9.0) == tuple(sp.ravel())  # under it, to the bit
+    cut = np.array(made.crept(strain[upper], sp.ravel(), 0.0, 0.2, 0.1)).reshape(3, 3)
     way = (expected - np.eye(3)) * 0.1 / np.linalg.norm(expected - np.eye(3))
     assert cut == pytest.approx((np.eye(3) + way) / np.cbrt(np.linalg.det(np.eye(3) + way)))

@@ -59,8 +59,8 @@ def test_who_must_part_faster_who_goes_too_fast_and_who_sleeps() -> None:
     made, n = particle_contact.make(REAL), D / 1.3
     came, now = -2.0 * n + [0.4, 0.3, 0.0], -0.1 * n
     came -= (came @ n + 2.0) * n
-    assert made.lacking(*came, *now, *n, 0.6, 1.9) == pytest.approx(0.6 * 2 + 0.1)
-    assert made.lacking(*came, *now, *n, 0.6, 2.1) == 0 and made.lacking(*came, *(1.3 * n), *n, 0.6, 0.1) == 0
+    assert made.lacking(came, now, n, 0.6, 1.9) == pytest.approx(0.6 * 2 + 0.1)
+    assert made.lacking(came, now, n, 0.6, 2.1) == 0 and made.lacking(came, 1.3 * n, n, 0.6, 0.1) == 0
     assert made.far(*D) == pytest.approx(1.3)
     assert made.shortened(2.0, 1.0, 0.5, 0.2) == pytest.approx(1.4) and made.shortened(2.0, 1.0, 0.5, 0.6) == 2
     assert made.rested(2.0, 1.0, 0.5, 0.6) == 1 and made.rested(2.0, 1.0, 0.5, 0.4) == 2

@@ -40,7 +40,7 @@ def test_a_plate_in_the_wind_is_dragged_along_and_lifted_across(degrees: float) 
     across = np.array([0.0, -np.sign(np.sin(angle)), 0.0])  # where the stream pushes the plate's face
     expected = 2 * area * speed**2 * abs(np.sin(angle)) * (drag * stream / speed + lift * np.cos(angle) * across)
     for edges in ((ab, ac), (ac, ab)):
-        made = wind.make(REAL).triangle_wind(*TURN @ edges[0], *TURN @ edges[1], *TURN @ stream, drag, lift)
+        made = wind.make(REAL).triangle_wind(TURN @ edges[0], TURN @ edges[1], TURN @ stream, drag, lift)
         assert made == pytest.approx(TURN @ expected, abs=1e-12)
     assert np.cross(ab, ac) @ normal != 0
 

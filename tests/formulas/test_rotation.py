@@ -48,12 +48,11 @@ def solver(real: Any, math: str = "exact") -> Any:
     def loop(A, q, out, reached, whole):
         for k in range(len(A)):
             a, b = A[k], q[k]
+            matrix, quaternion = (a[0], a[1], a[2], a[3], a[4], a[5], a[6], a[7], a[8]), (b[0], b[1], b[2], b[3])
             if whole:
-                w, x, y, z = whole_one(a[0], a[1], a[2], a[3], a[4], a[5], a[6], a[7], a[8], b[0], b[1], b[2], b[3])
+                w, x, y, z = whole_one(matrix, quaternion)
             else:
-                w, x, y, z, reached[k] = near(
-                    a[0], a[1], a[2], a[3], a[4], a[5], a[6], a[7], a[8], b[0], b[1], b[2], b[3]
-                )
+                w, x, y, z, reached[k] = near(matrix, quaternion)
             out[k, 0], out[k, 1], out[k, 2], out[k, 3] = w, x, y, z
 
     def solve(A: np.ndarray, before: np.ndarray, whole: bool = True) -> tuple[np.ndarray, np.ndarray]:
@@ -300,8 +299,8 @@ def test_compiled_formulas_give_the_bits_of_plain_python(real: Any) -> None:
     assert 0.1 < reached.mean() < 0.9
     flat, two = rotation.make_2d(real), rotation.make_2d(real, numba.njit(error_model="numpy"))
     for k, a in enumerate(A.reshape(-1, 9)):
-        alone = plain.rotation_3d(*a, *before[k])
+        alone = plain.rotation_3d(a, before[k])
         assert all(type(v) is real for v in alone)
         assert np.array_equal(alone, q[k])
-        assert np.array_equal(plain.rotation_3d_near(*a, *before[k]), [*near[k], reached[k]])
+        assert np.array_equal(plain.rotation_3d_near(a, before[k]), [*near[k], reached[k]])
         assert flat(*a[:4], *before[k, :2]) == two(*a[:4], *before[k, :2])

@@ -206,7 +206,7 @@ def test_formulas_are_those_of_linear_algebra() -> None:
         clusters = replace(clusters_of(corners, np.arange(8)), material=even(1, linear=0.7))
         map_ = scale * (np.eye(3) + 0.2 * random.normal(size=(3, 3)))
         turned = clusters.rotations(corners @ map_.T)[0]
-        found = formulas.blended(*map_.ravel(), *turned.ravel(), 0.7)
+        found = formulas.blended(map_.ravel(), turned.ravel(), 0.7)
         assert np.reshape(found, (3, 3)) == pytest.approx(clusters.deformations(corners @ map_.T)[0], abs=1000 * EPS)
         assert (scale > 0) or np.array_equal(np.reshape(found, (3, 3)), turned)
     square = random.normal(size=(3, 4))

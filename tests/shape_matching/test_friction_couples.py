@@ -162,14 +162,14 @@ def test_a_pair_of_contacts_has_no_moment() -> None:
 def test_what_is_squashed_hardly_turns(size: float) -> None:
     """A cluster in a point by FARTHEST or not at all; a couple about a line turns it, as wide as it is thick, no faster than
     1 / LEAST of what it does to the same line across."""
-    spin = couple.make(np.float64).spin
+    spin, origin = couple.make(np.float64).spin, (0.0, 0.0, 0.0)
     for along in ((1.0, 1e-9, 1e-9), (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)):
         moments = [size**2 * part**2 for part in along]
         with np.errstate(over="ignore"):  # the square of a turn
-            found = spin(0.0, 0.0, 0.0, 1.0, 2.0, 3.0, *moments, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+            found = spin(origin, (1.0, 2.0, 3.0), (*moments, 0.0, 0.0, 0.0), 1.0, origin)
         assert np.isfinite(found).all() and np.linalg.norm(found[3:]) <= couple.FARTHEST * (1 + 1e-15)
     assert found[3:] == (0.0, 0.0, 0.0)
-    line = spin(0.0, 0.0, 0.0, 1e-3, 1e-3, 0.0, 1.0, 1e-18, 1e-18, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+    line = spin(origin, (1e-3, 1e-3, 0.0), (1.0, 1e-18, 1e-18, 0.0, 0.0, 0.0), 1.0, origin)
     assert line[3] == pytest.approx(line[4] * (1 + 2 * couple.LEAST) / (2 * couple.LEAST), rel=1e-12)
 
 

@@ -23,7 +23,7 @@ def ptx(real: Any, math: str) -> str:
     rotation_3d, rotated = formulas.rotation_3d, formulas.rotated
 
     def turn(A: Any, q: Any, v: Any) -> None:
-        w, x, y, z = rotation_3d(A[0], A[1], A[2], A[3], A[4], A[5], A[6], A[7], A[8], q[0], q[1], q[2], q[3])
+        w, x, y, z = rotation_3d((A[0], A[1], A[2], A[3], A[4], A[5], A[6], A[7], A[8]), (q[0], q[1], q[2], q[3]))
         v[0], v[1], v[2] = rotated(w, x, y, z, v[0], v[1], v[2])
         v[3], v[4] = rotation_2d(A[0], A[1], A[3], A[4], v[3], v[4])
         q[0], q[1], q[2], q[3] = w, x, y, z

@@ -45,9 +45,10 @@ def test_exact_math_gives_the_bits_of_the_cpu(real: Any) -> None:
     def on_cpu(A, q, out):
         for k in range(len(A)):
             a, b = A[k], q[k]
-            w, x, y, z, reached = near(a[0], a[1], a[2], a[3], a[4], a[5], a[6], a[7], a[8], b[0], b[1], b[2], b[3])
+            matrix, quaternion = (a[0], a[1], a[2], a[3], a[4], a[5], a[6], a[7], a[8]), (b[0], b[1], b[2], b[3])
+            w, x, y, z, reached = near(matrix, quaternion)
             if not reached:
-                w, x, y, z = far(a[0], a[1], a[2], a[3], a[4], a[5], a[6], a[7], a[8], w, x, y, z)
+                w, x, y, z = far(matrix, (w, x, y, z))
             out[k, 0], out[k, 1], out[k, 2], out[k, 3] = w, x, y, z
             out[k, 4], out[k, 5] = flat(a[0], a[1], a[3], a[4], b[0], b[1])
 
@@ -58,7 +59,7 @@ def test_exact_math_gives_the_bits_of_the_cpu(real: Any) -> None:
     def on_gpu(A, q, out):
         k = cuda.grid(1)
         a, b = A[k], q[k]
-        w, x, y, z = whole(a[0], a[1], a[2], a[3], a[4], a[5], a[6], a[7], a[8], b[0], b[1], b[2], b[3])
+        w, x, y, z = whole((a[0], a[1], a[2], a[3], a[4], a[5], a[6], a[7], a[8]), (b[0], b[1], b[2], b[3]))
         out[k, 0], out[k, 1], out[k, 2], out[k, 3] = w, x, y, z
         out[k, 4], out[k, 5] = plane(a[0], a[1], a[3], a[4], b[0], b[1])
 

@@ -25,14 +25,13 @@ def touch_by(
     made = formulas.make(real, in_place=in_place)
 
     def touched(begin: float, end: float, before: Any, position: Any, velocity: Any) -> tuple[np.ndarray, np.ndarray]:
-        vectors = [real(x) for vector in (before, position, velocity) for x in vector]
+        vectors = [tuple(real(x) for x in vector) for vector in (before, position, velocity)]
         settling = (real(0), real(end - begin)) if in_place else real(0)
-        found = made.touch(
-            numbers, int(row[B_TREE]), row[10], row[11], row[12], *row[:3], *row[7:10], *row[3:6], row[13], row[14],
-            real(begin), real(end), *vectors, real(0), settling,
-        )  # fmt: skip
-        assert all(type(x) is real for x in found)
-        return np.array(found[:3]), np.array(found[3:])
+        surface = row[10], row[11], row[12], real(0), settling
+        path = row[:3], row[7:10], row[3:6], row[13], row[14]
+        found = made.touch(numbers, int(row[B_TREE]), surface, path, real(begin), real(end), *vectors)
+        assert all(type(x) is real for vector in found for x in vector)
+        return np.array(found[0]), np.array(found[1])
 
     return touched
 
@@ -86,10 +85,10 @@ def check_compiled(make: Any, numbers: np.ndarray, ways: np.ndarray) -> int:
         for k in range(len(ways)):
             w = ways[k]
             zero = w[0] - w[0]
-            met, x, y, z, vx, vy, vz = settle(
-                numbers, np.int32(0), w[9], w[10], w[10], zero, w[11], zero, zero, zero, w[11], w[0], w[1], w[2], w[3], w[4],
-                w[5], w[6], w[7], w[8], zero, zero,
-            )  # fmt: skip
+            surface, spin, drift = (w[9], w[10], w[10], zero, zero), (zero, w[11], zero), (zero, zero, w[11])
+            met, (x, y, z), (vx, vy, vz) = settle(
+                numbers, np.int32(0), surface, spin, drift, (w[0], w[1], w[2]), (w[3], w[4], w[5]), (w[6], w[7], w[8])
+            )
             out[k, 0], out[k, 1], out[k, 2], out[k, 3], out[k, 4], out[k, 5] = x, y, z, vx, vy, vz
             out[k, 6] = w[9] if met else zero
 

@@ -166,8 +166,9 @@ def make_rotation(real, compiled=plain):
         return unit(w, x, y, z)
 
     @compiled
-    def start(xx, xy, xz, yx, yy, yz, zx, zy, zz):
+    def start(f):
         """Frame of F's columns as a unit quaternion."""
+        xx, xy, _, yx, yy, _, zx, zy, _ = f
         aa = dot(xx, yx, zx, xx, yx, zx)
         bb = dot(xy, yy, zy, xy, yy, zy)
         scale = one / sqrt(aa if aa > least else one)
@@ -184,11 +185,10 @@ def make_rotation(real, compiled=plain):
 
     @compiled
     def rotation(f):
-        xx, xy, xz, yx, yy, yz, zx, zy, zz = normalised(f[0], f[1], f[2], f[3], f[4], f[5], f[6], f[7], f[8])
-        w, x, y, z = start(xx, xy, xz, yx, yy, yz, zx, zy, zz)
-        w, x, y, z, reached = rotation_3d_near(xx, xy, xz, yx, yy, yz, zx, zy, zz, w, x, y, z)
+        f = normalised(f)
+        w, x, y, z, reached = rotation_3d_near(f, start(f))
         if not reached:
-            w, x, y, z = rotation_3d_far(xx, xy, xz, yx, yy, yz, zx, zy, zz, w, x, y, z)
+            w, x, y, z = rotation_3d_far(f, (w, x, y, z))
         return matrix_of(w, x, y, z)
 
     return rotation

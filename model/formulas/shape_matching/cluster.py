@@ -41,8 +41,9 @@ def make(real, compiled=plain):
         return total + position * rest
 
     @compiled
-    def total(a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p):  # noqa: E741
+    def total(lanes):
         """Sum of LANES lanes."""
+        a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p = lanes  # noqa: E741
         return (((a + i) + (e + m)) + ((c + k) + (g + o))) + (((b + j) + (f + n)) + ((d + l) + (h + p)))
 
     @compiled

@@ -56,19 +56,24 @@ def make(real, compiled=plain):
         return couple + weight * total
 
     @compiled
-    def spin(wx, wy, wz, lx, ly, lz, xx, yy, zz, xy, xz, yz, inverse_mass, px, py, pz):
-        """(centre [m], turn [rad]), 3 numbers each, from the sums and the first particle's position."""
+    def spin(w, couple, moments, inverse_mass, position):
+        """(centre [m], turn [rad]), 3 numbers each, from the sums (mass times position, couple, second moments) and the
+        first particle's position."""
+        wx, wy, wz = w
+        xx, yy, zz, xy, xz, yz = moments
         k = inverse_mass
         xx, yy, zz = less(xx, wx, wx, k), less(yy, wy, wy, k), less(zz, wz, wz, k)
         xy, xz, yz = less(xy, wx, wy, k), less(xz, wx, wz, k), less(yz, wy, wz, k)
         more = (least + least) * ((xx + yy) + zz)
-        ox, oy, oz = solved((yy + zz) + more, -xy, -xz, (xx + zz) + more, -yz, (xx + yy) + more, lx, ly, lz)
+        ox, oy, oz = solved(
+            (yy + zz) + more, -xy, -xz, (xx + zz) + more, -yz, (xx + yy) + more, couple[0], couple[1], couple[2]
+        )
         square, scale = squared_length_3d(ox, oy, oz), one
         if square > farthest * farthest:
             scale = farthest / sqrt(square)
         if not square <= huge:  # a cluster of one point
             ox, oy, oz = zero, zero, zero
-        return px + wx * k, py + wy * k, pz + wz * k, scale * ox, scale * oy, scale * oz
+        return position[0] + wx * k, position[1] + wy * k, position[2] + wz * k, scale * ox, scale * oy, scale * oz
 
     @compiled
     def cross_added(total, fraction, a, b, c, d):

@@ -38,8 +38,10 @@ def make(real, compiled=plain):
     smallest, largest, dot = real(SMALLEST), real(LARGEST), make_lengths(real, compiled).dot
 
     @compiled
-    def product(axx, axy, axz, ayx, ayy, ayz, azx, azy, azz, bxx, bxy, bxz, byx, byy, byz, bzx, bzy, bzz):
+    def product(a, b):
         """A B."""
+        axx, axy, axz, ayx, ayy, ayz, azx, azy, azz = a
+        bxx, bxy, bxz, byx, byy, byz, bzx, bzy, bzz = b
         return (
             dot(axx, axy, axz, bxx, byx, bzx), dot(axx, axy, axz, bxy, byy, bzy), dot(axx, axy, axz, bxz, byz, bzz),
             dot(ayx, ayy, ayz, bxx, byx, bzx), dot(ayx, ayy, ayz, bxy, byy, bzy), dot(ayx, ayy, ayz, bxz, byz, bzz),
@@ -47,25 +49,29 @@ def make(real, compiled=plain):
         )  # fmt: skip
 
     @compiled
-    def bent(axx, axy, axz, ayx, ayy, ayz, azx, azy, azz, pxx, pxy, pxz, pyx, pyy, pyz, pzx, pzy, pzz):
-        """Moments with Sp rest in place of rest: A Sp'."""
-        return product(
-            axx, axy, axz, ayx, ayy, ayz, azx, azy, azz, pxx, pyx, pzx, pxy, pyy, pzy, pxz, pyz, pzz
-        )  # fmt: skip
+    def symmetric(g):
+        """The matrix with the entries (xx, xy, xz, yy, yz, zz)."""
+        xx, xy, xz, yy, yz, zz = g
+        return xx, xy, xz, xy, yy, yz, xz, yz, zz
 
     @compiled
-    def gradient(axx, axy, axz, ayx, ayy, ayz, azx, azy, azz, gxx, gxy, gxz, gyy, gyz, gzz):
+    def bent(a, p):
+        """Moments with Sp rest in place of rest: A Sp'."""
+        pxx, pxy, pxz, pyx, pyy, pyz, pzx, pzy, pzz = p
+        return product(a, (pxx, pyx, pzx, pxy, pyy, pzy, pxz, pyz, pzz))
+
+    @compiled
+    def gradient(a, g):
         """F = A G."""
-        return product(
-            axx, axy, axz, ayx, ayy, ayz, azx, azy, azz, gxx, gxy, gxz, gxy, gyy, gyz, gxz, gyz, gzz
-        )  # fmt: skip
+        return product(a, symmetric(g))
 
     @compiled
     def minor(a, b, c, d):
         return a * d - b * c
 
     @compiled
-    def determinant(xx, xy, xz, yx, yy, yz, zx, zy, zz):
+    def determinant(a):
+        xx, xy, xz, yx, yy, yz, zx, zy, zz = a
         return (xx * minor(yy, yz, zy, zz) - xy * minor(yx, yz, zx, zz)) + xz * minor(yx, yy, zx, zy)
 
     @compiled
@@ -84,25 +90,28 @@ def make(real, compiled=plain):
         return y
 
     @compiled
-    def undone(fxx, fxy, fxz, fyx, fyy, fyz, fzx, fzy, fzz, pxx, pxy, pxz, pyx, pyy, pyz, pzx, pzy, pzz):
+    def undone(f, p):
         """F Sp^-1, by cofactors; Sp has the volume 1 to rounding."""
-        s = one / determinant(pxx, pxy, pxz, pyx, pyy, pyz, pzx, pzy, pzz)
-        return product(
-            fxx, fxy, fxz, fyx, fyy, fyz, fzx, fzy, fzz,
+        pxx, pxy, pxz, pyx, pyy, pyz, pzx, pzy, pzz = p
+        s = one / determinant(p)
+        inverse = (
             s * minor(pyy, pyz, pzy, pzz), s * minor(pxz, pxy, pzz, pzy), s * minor(pxy, pxz, pyy, pyz),
             s * minor(pyz, pyx, pzz, pzx), s * minor(pxx, pxz, pzx, pzz), s * minor(pxz, pxx, pyz, pyx),
             s * minor(pyx, pyy, pzx, pzy), s * minor(pxy, pxx, pzy, pzx), s * minor(pxx, pxy, pyx, pyy),
         )  # fmt: skip
+        return product(f, inverse)
 
     @compiled
     def mixed(a, f, b, r):
         return a * f + b * r
 
     @compiled
-    def blended(fxx, fxy, fxz, fyx, fyy, fyz, fzx, fzy, fzz, rxx, rxy, rxz, ryx, ryy, ryz, rzx, rzy, rzz, linear):
+    def blended(f, r, linear):
         """T = b F / cbrt(det F) + (1 - b) R, b = `linear`, which falls to 0 with a volume below MIN_VOLUME. R itself
         where F is flat or mirrored."""
-        volume = determinant(fxx, fxy, fxz, fyx, fyy, fyz, fzx, fzy, fzz)
+        fxx, fxy, fxz, fyx, fyy, fyz, fzx, fzy, fzz = f
+        rxx, rxy, rxz, ryx, ryy, ryz, rzx, rzy, rzz = r
+        volume = determinant(f)
         part = linear * min(one, fuller * volume) if volume > zero else zero
         a, b = part / cube_root(min(max(volume, smallest), largest)), one - part
         return (
@@ -113,7 +122,7 @@ def make(real, compiled=plain):
 
     maps = SimpleNamespace(
         product=product, bent=bent, gradient=gradient, determinant=determinant, cube_root=cube_root, undone=undone,
-        blended=blended,
+        blended=blended, symmetric=symmetric,
     )  # fmt: skip
     return joined(maps, make_creep(real, compiled, maps, dot))
 
@@ -122,7 +131,7 @@ def make_creep(real, compiled, maps, dot):
     """Make `strain` and `crept` in the arithmetic `real`."""
     zero, half, one, two, largest = real(0), real(0.5), real(1), real(2), real(LARGEST)
     least = real(64 * np.finfo(real).eps)  # smallest volume that is not rounding
-    product, determinant, cube_root = maps.product, maps.determinant, maps.cube_root
+    product, determinant, cube_root, symmetric = maps.product, maps.determinant, maps.cube_root, maps.symmetric
 
     @compiled
     def away(more, factor, other):
@@ -140,14 +149,16 @@ def make_creep(real, compiled, maps, dot):
         xx, xy, xz = away(one, k, xx), k * xy, k * xz
         yx, yy, yz = k * yx, away(one, k, yy), k * yz
         zx, zy, zz = k * zx, k * zy, away(one, k, zz)
-        volume = determinant(xx, xy, xz, yx, yy, yz, zx, zy, zz)
+        volume = determinant((xx, xy, xz, yx, yy, yz, zx, zy, zz))
         exists = (volume > least) & (volume < largest)
         s = one / cube_root(volume if exists else one)
         return s * xx, s * xy, s * xz, s * yx, s * yy, s * yz, s * zx, s * zy, s * zz, exists
 
     @compiled
-    def strain(fxx, fxy, fxz, fyx, fyy, fyz, fzx, fzy, fzz, rxx, rxy, rxz, ryx, ryy, ryz, rzx, rzy, rzz):
+    def strain(f, r):
         """S - I (xx, xy, xz, yy, yz, zz), S the symmetric part of R' F."""
+        fxx, fxy, fxz, fyx, fyy, fyz, fzx, fzy, fzz = f
+        rxx, rxy, rxz, ryx, ryy, ryz, rzx, rzy, rzz = r
         return (
             dot(rxx, ryx, rzx, fxx, fyx, fzx) - one,
             half * (dot(rxx, ryx, rzx, fxy, fyy, fzy) + dot(rxy, ryy, rzy, fxx, fyx, fzx)),
@@ -158,13 +169,13 @@ def make_creep(real, compiled, maps, dot):
         )  # fmt: skip
 
     @compiled
-    def crept(exx, exy, exz, eyy, eyz, ezz, pxx, pxy, pxz, pyx, pyy, pyz, pzx, pzy, pzz, threshold, rate, limit):
+    def crept(e, p, threshold, rate, limit):
         """Sp after an iteration: (I + `rate` E) Sp where the strain E exceeds `threshold`, limited to `limit`, with
         its volume unchanged. Below the threshold it is Sp itself, to the bit. Lengths are Frobenius norms."""
+        exx, exy, exz, eyy, eyz, ezz = e
+        pxx, pxy, pxz, pyx, pyy, pyz, pzx, pzy, pzz = p
         length = sqrt(dot(exx, eyy, ezz, exx, eyy, ezz) + two * dot(exy, exz, eyz, exy, exz, eyz))
-        mxx, mxy, mxz, myx, myy, myz, mzx, mzy, mzz = product(
-            exx, exy, exz, exy, eyy, eyz, exz, eyz, ezz, pxx, pxy, pxz, pyx, pyy, pyz, pzx, pzy, pzz
-        )
+        mxx, mxy, mxz, myx, myy, myz, mzx, mzy, mzz = product(symmetric(e), p)
         xx, xy, xz, yx, yy, yz, zx, zy, zz, exists = with_unit_volume(
             away(pxx, rate, mxx) - one, away(pxy, rate, mxy), away(pxz, rate, mxz), away(pyx, rate, myx),
             away(pyy, rate, myy) - one, away(pyz, rate, myz), away(pzx, rate, mzx), away(pzy, rate, mzy),

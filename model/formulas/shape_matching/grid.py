@@ -32,21 +32,23 @@ def make(real, compiled=plain):
     one, zero = real(1), real(0)
 
     @compiled
-    def added_member(sum_x, sum_y, turn_x, turn_y, x, y, middle_x, middle_y, weight, step, centre):
+    def added_member(sums, x, y, middle_x, middle_y, weight, step, centre):
         """Sums along a row plus those of one more mass at (x, y): its weighted difference from the mass in the window's
         column, at the `middle` [m], and that times its rest offset, `step` minus the window's `centre` [spacings]."""
         part_x, part_y = weight * (x - middle_x), weight * (y - middle_y)
         offset = step - centre
-        return sum_x + part_x, sum_y + part_y, turn_x + part_x * offset, turn_y + part_y * offset
+        return sums[0] + part_x, sums[1] + part_y, sums[2] + part_x * offset, sums[3] + part_y * offset
 
     @compiled
-    def added_row(sums, sum_x, sum_y, turn_x, turn_y, middle_x, middle_y, here_x, here_y, mass, weight, offset):
+    def added_row(sums, line, middle_x, middle_y, here_x, here_y, mass, weight, offset):
         """Sums of a window plus those of one more row.
 
         Returns 2 of differences, 2 of those times the offset along the rows, 2 of those times the row's `offset` below
-        the centre. The row's sums are relative to `middle`, the result to `here`. `mass`: the sum of the row's weights.
-        Rest offsets along the row times weights sum to 0, so that the rotational sums do not depend on the reference.
+        the centre. `line`: the row's sums, relative to `middle`; the result is relative to `here`. `mass`: the sum of the
+        row's weights. Rest offsets along the row times weights sum to 0, so that the rotational sums do not depend on
+        the reference.
         """
+        sum_x, sum_y, turn_x, turn_y = line
         part_x, part_y = weight * (sum_x + mass * (middle_x - here_x)), weight * (sum_y + mass * (middle_y - here_y))
         return (
             sums[0] + part_x, sums[1] + part_y, sums[2] + weight * turn_x, sums[3] + weight * turn_y,

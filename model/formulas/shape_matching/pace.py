@@ -70,9 +70,15 @@ def make(real, compiled=plain):
         return (x / first - lower_y * oy) - lower_z * oz, oy, oz
 
     @compiled
-    def motion(wx, wy, wz, ux, uy, uz, lx, ly, lz, xx, yy, zz, xy, xz, yz, inverse_mass, px, py, pz, vx, vy, vz):
-        """(centre [m], velocity [m/s], spin [rad/s]), 3 numbers each, from the sums and the first particle's position
-        and velocity."""
+    def motion(w, u, momentum, moments, inverse_mass, position, velocity):
+        """(centre [m], velocity [m/s], spin [rad/s]), 3 numbers each, from the sums (mass times position and velocity,
+        angular momentum, second moments) and the first particle's position and velocity."""
+        wx, wy, wz = w
+        ux, uy, uz = u
+        lx, ly, lz = momentum
+        xx, yy, zz, xy, xz, yz = moments
+        px, py, pz = position
+        vx, vy, vz = velocity
         k = inverse_mass
         xx, yy, zz = less(xx, wx, wx, k), less(yy, wy, wy, k), less(zz, wz, wz, k)
         xy, xz, yz = less(xy, wx, wy, k), less(xz, wx, wz, k), less(yz, wy, wz, k)
