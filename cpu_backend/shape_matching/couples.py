@@ -12,7 +12,7 @@ import numpy as np
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import row_at
 from softlab.cpu_backend.core.progress import shares
-from softlab.cpu_backend.shape_matching.damping import make_three_sums
+from softlab.cpu_backend.shape_matching.damping import make_lane_sum
 from softlab.model.formulas.shape_matching import couple, pace, rigid
 from softlab.model.formulas.shape_matching.cluster import LANES
 from softlab.model.formulas.shape_matching.couple import SPIN, SUMS
@@ -25,7 +25,7 @@ def make_couples(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
     if "couples" not in parts:
         return _without(compiler)
     formulas, masses = couple.make(real, compiler.compiled), pace.make(real, compiler.compiled)
-    three_of, carried = make_three_sums(compiler, real), rigid.make(real, compiler.compiled).carried
+    sum_of, carried = make_lane_sum(compiler, real), rigid.make(real, compiler.compiled).carried
     weighted, added, spin, turned, gone = (
         masses.weighted,
         masses.added,
@@ -83,7 +83,10 @@ def make_couples(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
             row_at(members, 3 * entries + start), scratch,
         )  # fmt: skip
         spins[n], spins[n + 1], spins[n + 2], spins[n + 3], spins[n + 4], spins[n + 5] = spin(
-            three_of(scratch, 0), three_of(scratch, 3), three_of(scratch, 6) + three_of(scratch, 9),
+            (sum_of(scratch, 0), sum_of(scratch, 1), sum_of(scratch, 2)),
+            (sum_of(scratch, 3), sum_of(scratch, 4), sum_of(scratch, 5)),
+            (sum_of(scratch, 6), sum_of(scratch, 7), sum_of(scratch, 8), sum_of(scratch, 9), sum_of(scratch, 10),
+             sum_of(scratch, 11)),
             arrays.centres[4 * c + 3], (x, y, z),
         )  # fmt: skip
 

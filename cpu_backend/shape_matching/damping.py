@@ -34,17 +34,6 @@ def make_lane_sum(compiler: Compiler, real: Any) -> Any:
     return sum_of
 
 
-def make_three_sums(compiler: Compiler, real: Any) -> Any:
-    """Make three_of(lanes, n): the sums of rows n, n + 1 and n + 2."""
-    sum_of = make_lane_sum(compiler, real)
-
-    @compiler.compiled
-    def three_of(lanes, n):
-        return sum_of(lanes, n), sum_of(lanes, n + 1), sum_of(lanes, n + 2)
-
-    return three_of
-
-
 def make_damping(compiler: Compiler, real: Any, damped: bool) -> SimpleNamespace:
     """Make `gather(c, position, velocity, count, arrays, motions, scratch)`, the rigid motion of cluster c, into
     `motions`, and `slow(first, last, position, velocity, count, arrays)`, which moves particles' velocities towards those
@@ -54,7 +43,7 @@ def make_damping(compiler: Compiler, real: Any, damped: bool) -> SimpleNamespace
     """
     if not damped:
         return _undamped(compiler)
-    formulas, three_of = pace.make(real, compiler.compiled), make_three_sums(compiler, real)
+    formulas, sum_of = pace.make(real, compiler.compiled), make_lane_sum(compiler, real)
     weighted, added, turned = formulas.weighted, formulas.added, formulas.cross_added
     motion, slowed, motion_of = formulas.motion, formulas.slowed, make_motions(compiler, real).motion_of
     zero = real(0)
@@ -114,7 +103,11 @@ def make_damping(compiler: Compiler, real: Any, damped: bool) -> SimpleNamespace
             motions[n], motions[n + 1], motions[n + 2], motions[n + 3], motions[n + 4], motions[n + 5], motions[n + 6],
             motions[n + 7], motions[n + 8],
         ) = motion(
-            three_of(scratch, 0), three_of(scratch, 3), three_of(scratch, 6), three_of(scratch, 9) + three_of(scratch, 12),
+            (sum_of(scratch, 0), sum_of(scratch, 1), sum_of(scratch, 2)),
+            (sum_of(scratch, 3), sum_of(scratch, 4), sum_of(scratch, 5)),
+            (sum_of(scratch, 6), sum_of(scratch, 7), sum_of(scratch, 8)),
+            (sum_of(scratch, 9), sum_of(scratch, 10), sum_of(scratch, 11), sum_of(scratch, 12), sum_of(scratch, 13),
+             sum_of(scratch, 14)),
             arrays.centres[4 * c + 3], (x, y, z), (u, v, w),
         )  # fmt: skip
 

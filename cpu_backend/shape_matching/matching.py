@@ -49,7 +49,7 @@ class Grid(NamedTuple):
     row_table: np.ndarray
     column_table: np.ndarray
     weights: np.ndarray
-    parameters: Any
+    parameters: np.record
     integers: np.ndarray
 
 

@@ -37,16 +37,15 @@ def block_bytes(real: Any, parts: frozenset[str], masses: int) -> int:
 
 
 def _make_phase(real: Any, math: str, moving: bool, move: Any) -> Any:
-    """Make one pass of the thread's mass, from the copies that begin at `old` to those at `new`."""
+    """Make phase(copies, old, new, inside, k, cell, state, world, step, air) -> state, (position, velocity): one pass of
+    the thread's mass, from the copies (positions, velocities) that begin at `old` to those at `new`."""
     zero = real(0)
 
     @inlined(math)
-    def phase(positions, velocities, old, new, inside, k, cell, p, v, world, step, air):
+    def phase(copies, old, new, inside, k, cell, state, world, step, air):
+        (positions, velocities), (p, v) = copies, state
         if inside:
-            px, py, pz, vx, vy, vz = move(
-                positions, velocities, np.int32(old + k), k, cell, p, v, world,
-                step, air,
-            )  # fmt: skip
+            px, py, pz, vx, vy, vz = move(positions, velocities, np.int32(old + k), k, cell, p, v, world, step, air)
             p, v = (px, py, pz, p[3]), (vx, vy, vz, zero)
             store_quad(positions, new + k, px, py, pz, p[3])
             if moving:
@@ -97,6 +96,7 @@ def make_cloth_block(real: Any, math: str, integrator: str, parts: frozenset[str
         velocities = shared[2 * SIZE * masses if moving else 0 :]
         airs = shared[arrays * SIZE * masses :]
         first = current_step(counter, pass_number)
+        copies, cell = (shared, velocities), Cell(i, j, rows, columns)
         p, v = (zero, zero, zero, zero), (zero, zero, zero, zero)
         if inside:
             p, v = load_quad(position, k), load_quad(velocity, k)
@@ -120,27 +120,11 @@ def make_cloth_block(real: Any, math: str, integrator: str, parts: frozenset[str
                 if k == 0:
                     x, y, z = air_now(parameters, integers, step + 1, zero)
                     store_quad(airs, 1 - now, x, y, z, zero)
-            p, v = first_phase(
-                shared,
-                velocities,
-                old,
-                new,
-                inside,
-                k,
-                Cell(i, j, rows, columns),
-                p,
-                v,
-                world,
-                step,
-                air,
-            )
+            p, v = first_phase(copies, old, new, inside, k, cell, (p, v), world, step, air)
             if pairs:
                 if has_gust:
                     air = read_air(airs, 1 - now)
-                p, v = second_phase(
-                    shared, velocities, new, old, inside, k, Cell(i, j, rows, columns), p, v, world,
-                    step + 1, air,
-                )  # fmt: skip
+                p, v = second_phase(copies, new, old, inside, k, cell, (p, v), world, step + 1, air)
             else:
                 old = new
         if inside:

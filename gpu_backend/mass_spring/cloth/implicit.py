@@ -21,7 +21,7 @@ from softlab.gpu_backend.core.device import simulated
 from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.meeting import make_meet
 from softlab.gpu_backend.core.world import Cell, World
-from softlab.gpu_backend.mass_spring.cloth.implicit_point import make_implicit_point
+from softlab.gpu_backend.mass_spring.cloth.implicit_point import Work, make_implicit_point
 from softlab.gpu_backend.mass_spring.cloth.point import make_cloth_forces
 from softlab.model.base.errors import SceneError
 from softlab.model.formulas import implicit
@@ -156,7 +156,7 @@ def make_cloth_implicit(real: Any, math: str, linear: bool, parts: frozenset[str
         steps, rows, columns,
     ):  # fmt: skip
         parameters, system = record[0], matrix[0]
-        world = World(parameters, bodies, integers)
+        world, work = World(parameters, bodies, integers), Work(base, x, u, r, s, q, aq, ar, begin)
         products = cuda.shared.array(shared, real)
         rows, columns = np.int32(rows), np.int32(columns)
         t, threads = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x)
@@ -180,22 +180,19 @@ def make_cloth_implicit(real: Any, math: str, linear: bool, parts: frozenset[str
                         j = np.int32(first + c)
                         k = np.int32(i * columns + j)
                         if kind == PRODUCT:
-                            a, b = product(x, r, ar, k, Cell(i, j, rows, columns), system)
+                            a, b = product(work, k, Cell(i, j, rows, columns), system)
                             products[c], products[segment + c] = a, b
                         elif kind == UPDATE:
-                            update(r, s, q, aq, ar, k, first_iteration, alpha, beta)
+                            update(work, k, first_iteration, alpha, beta)
                         elif kind == RESIDUAL:
-                            a, b, d = residual(base, u, r, s, begin, k, Cell(i, j, rows, columns), parameters, system)
+                            a, b, d = residual(work, k, Cell(i, j, rows, columns), parameters, system)
                             products[c], products[segment + c], products[2 * segment + c] = a, b, d
                         elif kind == START:
-                            start(
-                                position, velocity, base, x, u, begin, k, Cell(i, j, rows, columns), world,
-                                step, air,
-                            )  # fmt: skip
+                            start(position, velocity, work, k, Cell(i, j, rows, columns), world, step, air)
                         elif kind == FINISH:
-                            finish(position, velocity, x, u, k, step, world)
+                            finish(position, velocity, work, k, step, world)
                         else:
-                            move(position, x, u, s, k, kind == RETREAT, step, world)
+                            move(position, work, k, kind == RETREAT, step, world)
                     if kind == PRODUCT:
                         add_segment(products, product_sums, g, width, count, sums)
                     elif kind == RESIDUAL:

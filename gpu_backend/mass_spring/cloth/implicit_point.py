@@ -9,7 +9,9 @@ from __future__ import annotations
 
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from softlab.gpu_backend.contact.colliders import make_collide
 from softlab.gpu_backend.contact.pins import make_pins
@@ -19,6 +21,22 @@ from softlab.gpu_backend.core.quads import load_quad, store_quad
 from softlab.gpu_backend.mass_spring.cloth.point import make_cloth_forces, make_cloth_springs
 from softlab.model.formulas import implicit
 from softlab.model.tables.cloth import SPRING_KINDS
+
+
+class Work(NamedTuple):
+    """Arrays of quads of a step (model/formulas/implicit.py): `base`, the position without the end velocity; `x`, `u`,
+    position and velocity at the step's end; the residual `r`, the solution `s`, the direction `q`, the products `aq` and
+    `ar` with the matrix; `begin`, the velocity with the forces at the step's start."""
+
+    base: np.ndarray
+    x: np.ndarray
+    u: np.ndarray
+    r: np.ndarray
+    s: np.ndarray
+    q: np.ndarray
+    aq: np.ndarray
+    ar: np.ndarray
+    begin: np.ndarray
 
 
 def _make_vectors(real: Any, math: str) -> SimpleNamespace:
@@ -44,36 +62,36 @@ def _make_iteration(real: Any, math: str, springs: frozenset[str], has_pins: boo
     zero, inline = real(0), inlined(math)
 
     @inline
-    def product(x, r, ar, k, cell, system):
-        p, v = load_quad(x, k), load_quad(r, k)
-        ax, ay, az = product_sum(x, r, k, cell, p, v, system)
+    def product(work, k, cell, system):
+        p, v = load_quad(work.x, k), load_quad(work.r, k)
+        ax, ay, az = product_sum(work.x, work.r, k, cell, p, v, system)
         own = system.mass_entry
         wx, wy, wz = applied(v[0], ax, own), applied(v[1], ay, own), applied(v[2], az, own)
         if has_pins:
             if p[3] != zero:
                 wx, wy, wz = zero, zero, zero
-        store_quad(ar, k, wx, wy, wz, zero)
+        store_quad(work.ar, k, wx, wy, wz, zero)
         return dot_3(v, v), dot_3(v, (wx, wy, wz))
 
     @inline
-    def update(r, s, q, aq, ar, k, first, alpha, beta):
-        residual_now, applied_now = load_quad(r, k), load_quad(ar, k)
+    def update(work, k, first, alpha, beta):
+        residual_now, applied_now = load_quad(work.r, k), load_quad(work.ar, k)
         direction, turned = (
             (residual_now[0], residual_now[1], residual_now[2]), (applied_now[0], applied_now[1], applied_now[2])
         )  # fmt: skip
         solution = (zero, zero, zero)
         if not first:
             direction, turned = (
-                added_3(residual_now, beta, load_quad(q, k)), added_3(applied_now, beta, load_quad(aq, k))
+                added_3(residual_now, beta, load_quad(work.q, k)), added_3(applied_now, beta, load_quad(work.aq, k))
             )  # fmt: skip
-            before = load_quad(s, k)
+            before = load_quad(work.s, k)
             solution = (before[0], before[1], before[2])
         sx, sy, sz = added_3(solution, alpha, direction)
         rx, ry, rz = added_3(residual_now, -alpha, turned)
-        store_quad(q, k, direction[0], direction[1], direction[2], zero)
-        store_quad(aq, k, turned[0], turned[1], turned[2], zero)
-        store_quad(s, k, sx, sy, sz, zero)
-        store_quad(r, k, rx, ry, rz, zero)
+        store_quad(work.q, k, direction[0], direction[1], direction[2], zero)
+        store_quad(work.aq, k, turned[0], turned[1], turned[2], zero)
+        store_quad(work.s, k, sx, sy, sz, zero)
+        store_quad(work.r, k, rx, ry, rz, zero)
 
     return product, update
 
@@ -90,33 +108,33 @@ def make_implicit_point(real: Any, math: str, parts: frozenset[str]) -> SimpleNa
     zero, half, one, inline = real(0), real(0.5), real(1), inlined(math)
 
     @inline
-    def put(x, u, k, p, position, velocity, step, world):
+    def put(work, k, p, position, velocity, step, world):
         """Store the current state at the step's end; a pinned mass is at its end position."""
         px, py, pz = position
         vx, vy, vz = velocity
         if has_pins:
             if p[3] != zero:
                 px, py, pz, vx, vy, vz = hold(p[3], p, step, False, world)
-        store_quad(x, k, px, py, pz, p[3])
-        store_quad(u, k, vx, vy, vz, zero)
+        store_quad(work.x, k, px, py, pz, p[3])
+        store_quad(work.u, k, vx, vy, vz, zero)
         return (px, py, pz), (vx, vy, vz)
 
     @inline
-    def start(position, velocity, base, x, u, begin, k, cell, world, step, air):
+    def start(position, velocity, work, k, cell, world, step, air):
         parameters, integers = world.parameters, world.integers
         p, v = load_quad(position, k), load_quad(velocity, k)
         ax, ay, az = steady(position, velocity, k, cell, p, v, parameters, air)
         ax, ay, az = add_own(ax, ay, az, k, zero, parameters, integers, step)
         bx, by, bz = added_3(v, parameters.dt, (ax, ay, az))
-        store_quad(begin, k, bx, by, bz, zero)
-        end, speed = put(x, u, k, p, (p[0], p[1], p[2]), (zero, zero, zero), step, world)
+        store_quad(work.begin, k, bx, by, bz, zero)
+        end, speed = put(work, k, p, (p[0], p[1], p[2]), (zero, zero, zero), step, world)
         px, py, pz = added_3(end, -parameters.dt, speed)
-        store_quad(base, k, px, py, pz, p[3])
+        store_quad(work.base, k, px, py, pz, p[3])
 
     @inline
-    def residual(base, u, r, s, begin, k, cell, parameters, system):
-        p, v, b = load_quad(base, k), load_quad(u, k), load_quad(begin, k)
-        ax, ay, az = pull_sum(base, u, k, cell, p, v, parameters)
+    def residual(work, k, cell, parameters, system):
+        p, v, b = load_quad(work.base, k), load_quad(work.u, k), load_quad(work.begin, k)
+        ax, ay, az = pull_sum(work.base, work.u, k, cell, p, v, parameters)
         dt, rate = system.dt, system.damping_of_step
         rx, ry, rz = (
             missing(b[0], v[0], ax, dt, rate), missing(b[1], v[1], ay, dt, rate), missing(b[2], v[2], az, dt, rate),
@@ -124,24 +142,24 @@ def make_implicit_point(real: Any, math: str, parts: frozenset[str]) -> SimpleNa
         if has_pins:
             if p[3] != zero:
                 rx, ry, rz = zero, zero, zero
-        store_quad(r, k, rx, ry, rz, zero)
+        store_quad(work.r, k, rx, ry, rz, zero)
         own = (rx, ry, rz)
-        return dot_3(own, own), dot_3(own, load_quad(s, k)), dot_3(v, v)
+        return dot_3(own, own), dot_3(own, load_quad(work.s, k)), dot_3(v, v)
 
     @inline
-    def move(position, x, u, s, k, back, step, world):
+    def move(position, work, k, back, step, world):
         parameters = world.parameters
-        p, v, way = load_quad(position, k), load_quad(u, k), load_quad(s, k)
+        p, v, way = load_quad(position, k), load_quad(work.u, k), load_quad(work.s, k)
         sx, sy, sz, sign = way[0], way[1], way[2], one
         if back:
             sx, sy, sz, sign = half * sx, half * sy, half * sz, -one
-            store_quad(s, k, sx, sy, sz, zero)
+            store_quad(work.s, k, sx, sy, sz, zero)
         new = added_3(v, sign, (sx, sy, sz))
-        put(x, u, k, p, added_3(p, parameters.dt, new), new, step, world)
+        put(work, k, p, added_3(p, parameters.dt, new), new, step, world)
 
     @inline
-    def finish(position, velocity, x, u, k, step, world):
-        p, new, v = load_quad(position, k), load_quad(x, k), load_quad(u, k)
+    def finish(position, velocity, work, k, step, world):
+        p, new, v = load_quad(position, k), load_quad(work.x, k), load_quad(work.u, k)
         px, py, pz, vx, vy, vz = collide(p, new[0], new[1], new[2], v[0], v[1], v[2], world, step)
         if has_pins:
             if p[3] != zero:

@@ -91,15 +91,14 @@ def make_cloth_rk4_stages(real: Any, math: str, parts: frozenset[str]) -> list[A
             if i < rows and j < columns:
                 k = np.int32(i * columns + j)
                 p, v = load_quad(position, k), load_quad(velocity, k)
-                base_p, base_v = load_quad(base_position, k), load_quad(base_velocity, k)
+                base = load_quad(base_position, k), load_quad(base_velocity, k)
                 if first:
-                    total_p, total_v = base_p, base_v
+                    total = base
                 else:
-                    total_p, total_v = load_quad(total_position, k), load_quad(total_velocity, k)
+                    total = load_quad(total_position, k), load_quad(total_velocity, k)
                 new_p, new_v, sum_p, sum_v = move(
-                    position, velocity, k, k, Cell(i, j, rows, columns), p, v, base_p, base_v, total_p, total_v, world, step,
-                    air,
-                )  # fmt: skip
+                    position, velocity, k, Cell(i, j, rows, columns), (p, v), base, total, world, step, air
+                )
                 if not last:
                     store_quad(total_position, k, sum_p[0], sum_p[1], sum_p[2], zero)
                     store_quad(total_velocity, k, sum_v[0], sum_v[1], sum_v[2], zero)

@@ -140,9 +140,9 @@ def make_cloth_moves(real: Any, math: str, integrator: str, parts: frozenset[str
 def make_cloth_rk4(real: Any, math: str, parts: frozenset[str], stage: int) -> Any:
     """Make one of the four stages of RK4 (0 to 3), a device function.
 
-    move(position, velocity, place, k, cell, p, v, base_p, base_v, total_p, total_v, world, step, air) -> (p', v',
-    total_p', total_v'), each (x, y, z): the state of the next stage and the running sum; in the last stage p', v' are
-    the new state, after colliders. The first stage reads no total.
+    move(position, velocity, k, cell, now, base, total, world, step, air) -> (p', v', total_p', total_v'), each (x, y,
+    z): the state of the next stage and the running sum; in the last stage p', v' are the new state, after colliders.
+    `now`, `base`, `total`: position and velocity of mass k. The first stage reads no total.
     """
     forces, collide = make_cloth_forces(real, math, parts), make_collide(real, math, parts)
     hold, half_way = (
@@ -165,11 +165,11 @@ def make_cloth_rk4(real: Any, math: str, parts: frozenset[str], stage: int) -> A
         return (x, y, z), (sum_x, sum_y, sum_z)
 
     @inline
-    def rk4_mass(
-        position, velocity, place, k, cell, p, v, base_p, base_v, total_p, total_v, world, step, air,
-    ):  # fmt: skip
+    def rk4_mass(position, velocity, k, cell, now, base, total, world, step, air):
         parameters, integers = world.parameters, world.integers
-        ax, ay, az = steady(position, velocity, place, cell, p, v, parameters, air)
+        p, v = now
+        (base_p, base_v), (total_p, total_v) = base, total
+        ax, ay, az = steady(position, velocity, k, cell, p, v, parameters, air)
         ax, ay, az = add_own(ax, ay, az, k, zero, parameters, integers, step)
         ax, ay, az = damp(ax, ay, az, v, parameters)
         derivative_dt, total_dt = parameters[k_derivative], parameters[k_total]

@@ -32,6 +32,7 @@ from softlab.gpu_backend.core.messages import make_messages, pause
 from softlab.gpu_backend.core.planes import near
 from softlab.gpu_backend.core.tiling import Tile
 from softlab.gpu_backend.core.world import Cell, World
+from softlab.gpu_backend.mass_spring.cloth.strips import Moment, Strip
 from softlab.gpu_backend.mass_spring.cloth.tiles import cloth_blocks_together, make_tile_parts
 from softlab.gpu_backend.mass_spring.cloth.tiling import fields, plane_shape
 
@@ -149,7 +150,7 @@ def make_cloth_resident(real: Any, math: str, integrator: str, parts: frozenset[
         first = current_step(counter, np.int64(0))
         clear(shared, thread)
         cuda.syncthreads()
-        held = read(position, velocity, shared, place, vx, vy, vz, k, columns)
+        held = read(position, velocity, shared, place, (vx, vy, vz), k, columns)
         wanted = nothing
         for m in range(most):
             numbers[m], places[m] = around(np.int32(thread + np.int32(m) * threads), extent, rows, columns)
@@ -169,10 +170,9 @@ def make_cloth_resident(real: Any, math: str, integrator: str, parts: frozenset[
                 active, sending, left = mine, border, np.int32(halo)
                 tag = np.int32(tag + 1)
             air = air_of(values, integers, now, shared, thread, number)
-            step(
-                shared, old, new, place, where, active, sending, held, vx, vy, vz, k, columns, position, world, now, air,
-                (border_position, border_velocity, turn, tag),
-            )  # fmt: skip
+            masses = Strip(where, active, sending, held, vx, vy, vz)
+            moment = Moment(position, world, now, air, (border_position, border_velocity, turn, tag))
+            step(shared, old, new, place, masses, k, columns, moment)
             if exchange:
                 fetch(border_position, border_velocity, turn, tag, shared, new, numbers, places, wanted, failed)
                 turn = np.int32(particles - turn)
@@ -181,7 +181,7 @@ def make_cloth_resident(real: Any, math: str, integrator: str, parts: frozenset[
                 if exchange:
                     renew(shared, np.int32(new + place), every & ~mine, vx, vy, vz)
             old = new
-        write(position, new_position, new_velocity, mine, shared, np.int32(old + place), vx, vy, vz, k, columns)
+        write(position, new_position, new_velocity, mine, shared, np.int32(old + place), (vx, vy, vz), k, columns)
 
     bounds = (tile.threads, cloth_blocks_together(real, tile, parts))
     variant = variant_name(real, math, integrator, parts, tile.name, FIRST_LOOK)

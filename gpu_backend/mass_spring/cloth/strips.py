@@ -27,6 +27,7 @@ from softlab.gpu_backend.core.planes import near, put_near
 from softlab.gpu_backend.core.quads import load_quad
 from softlab.gpu_backend.core.tiling import Tile
 from softlab.gpu_backend.core.wind import make_wind
+from softlab.gpu_backend.core.world import World
 from softlab.gpu_backend.mass_spring.cloth.moves import make_cloth_kicks
 from softlab.gpu_backend.mass_spring.cloth.point import make_accelerations
 from softlab.gpu_backend.mass_spring.cloth.tiling import fields, needs_velocities, plane_shape, reach_of
@@ -94,6 +95,30 @@ class Places(NamedTuple):
     east: Any
     west_2: Any
     east_2: Any
+
+
+class Strip(NamedTuple):
+    """The masses of a thread in a pass: bits WEST ... of where the sheet continues; bits of the masses that move, that
+    are sent and that are pinned; velocities in registers."""
+
+    sides: int
+    active: int
+    sending: int
+    pinned: int
+    vx: np.ndarray
+    vy: np.ndarray
+    vz: np.ndarray
+
+
+class Moment(NamedTuple):
+    """Values that all masses of a pass read: positions in device memory, with the marks of pins; number of the step; velocity
+    of the air; where masses are sent to."""
+
+    position: np.ndarray
+    world: World
+    step: int
+    air: tuple[float, float, float]
+    post: tuple[np.ndarray, np.ndarray, int, int]
 
 
 class Ups(NamedTuple):
@@ -237,16 +262,14 @@ def _make_mass(
         after = None if last else make_mass(r + 1)
 
         @inline
-        def mass(
-            shared, places, new, sides, active, sending, held, vx, vy, vz, k, columns, position, world,
-            step, air, post, here, ups, window,
-        ):  # fmt: skip
+        def mass(shared, places, new, masses, k, columns, moment, here, ups, window):
+            sides, vx, vy, vz, world = masses.sides, masses.vx, masses.vy, masses.vz, moment.world
             parameters = world.parameters
             (ax, ay, az), next_ups = spring_sum(shared, places, sides, here, ups, window, parameters)
             if has_gravity:
                 ay = ay + parameters.gravity
             if has_wind:
-                wx, wy, wz = wind_on(sides, here, window, parameters, air)
+                wx, wy, wz = wind_on(sides, here, window, parameters, moment.air)
                 ax, ay, az = ax + wx, ay + wy, az + wz
             next_here, next_window = here, window
             if not last:  # loaded before this mass is stored, since no load may overtake a store
@@ -256,22 +279,30 @@ def _make_mass(
                     load_below_2(shared, places.here), window.left, window.left_below, load_below_next(shared, places.west),
                     window.right, window.right_below, load_below_next(shared, places.east),
                 )  # fmt: skip
-            if active & bit:
+            if masses.active & bit:
                 mark = zero
                 if has_pins:
-                    if held & bit:
-                        mark = load_quad(position, k)[3]
+                    if masses.pinned & bit:
+                        mark = load_quad(moment.position, k)[3]
                 p, v = (here[0], here[1], here[2], mark), (vx[r], vy[r], vz[r], zero)
-                px, py, pz, ux, uy, uz = kick(ax, ay, az, k, p, v, world, step)
+                px, py, pz, ux, uy, uz = kick(ax, ay, az, k, p, v, world, moment.step)
                 vx[r], vy[r], vz[r] = ux, uy, uz
                 put(shared, new, px, py, pz, ux, uy, uz)
-                if sending & bit:
-                    publish(k, px, py, pz, ux, uy, uz, post)
+                if masses.sending & bit:
+                    publish(k, px, py, pz, ux, uy, uz, moment.post)
             if not last:
                 after(
-                    shared, places, new, sides, active, sending, held, vx, vy, vz, np.int32(k + columns), columns, position,
-                    world, step, air, post, next_here, next_ups, next_window,
-                )  # fmt: skip
+                    shared,
+                    places,
+                    new,
+                    masses,
+                    np.int32(k + columns),
+                    columns,
+                    moment,
+                    next_here,
+                    next_ups,
+                    next_window,
+                )
 
         return mass
 
@@ -287,10 +318,9 @@ def make_cloth_strips(
     - `constants(parameters)`: the record's values, read once;
     - `put(shared, place, x, y, z, vx, vy, vz)`: store one mass, its velocity if that is stored;
     - `sides(cell)`: the bits WEST ... of a strip whose first mass is in row i and column j;
-    - `step(shared, old, new, place, sides, active, sending, held, vx, vy, vz, k, columns, position, world, number, air,
-      post)`: one pass of the masses of the strip whose bit is set in `active`, from the copy of the planes that starts at
-      `old` into the one at `new`. `held`: bits of pinned masses; k: number of the first mass; `publish(k, x, y, z, vx, vy,
-      vz, post)` is called for those with a bit in `sending`.
+    - `step(shared, old, new, place, masses, k, columns, moment)`: one pass of the active masses of a Strip, from the copy
+      of the planes that starts at `old` into the one at `new`. k: number of the first mass; `publish(k, x, y, z, vx, vy,
+      vz, post)` is called for those to be sent.
     """
     planes, (sides, make_there) = _make_planes(real, math, parts, tile), _make_sides(math, tile.strip)
     make_load, make_put = planes
@@ -301,11 +331,8 @@ def make_cloth_strips(
     zero, one, two, inline = real(0), np.int32(1), np.int32(2), inlined(math)
 
     @inline
-    def step(
-        shared, old, new, place, sides, active, sending, held, vx, vy, vz, k, columns, position, world,
-        number, air, post,
-    ):  # fmt: skip
-        base = np.int32(old + place)
+    def step(shared, old, new, place, masses, k, columns, moment):
+        base, sides = np.int32(old + place), masses.sides
         west, east = base - one if sides & WEST else base, base + one if sides & EAST else base
         west_2, east_2 = base - two if sides & WEST_2 else base, base + two if sides & EAST_2 else base
         places = Places(base, np.int32(west), np.int32(east), np.int32(west_2), np.int32(east_2))
@@ -316,8 +343,8 @@ def make_cloth_strips(
         )  # fmt: skip
         none = (zero, zero, zero)
         first_mass(
-            shared, places, np.int32(new + place), sides, active, sending, held, vx, vy, vz, k, columns, position, world,
-            number, air, post, load_here(shared, base), Ups(none, none, none), window,
+            shared, places, np.int32(new + place), masses, k, columns, moment, load_here(shared, base),
+            Ups(none, none, none), window,
         )  # fmt: skip
 
     return SimpleNamespace(constants=reader(CLOTH_PARAMETERS, inline), put=put, sides=sides, step=step)

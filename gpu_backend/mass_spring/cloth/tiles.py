@@ -151,9 +151,9 @@ def make_tile_parts(
             shared[place] = zero
 
     @inline
-    def read(position, velocity, shared, place, vx, vy, vz, k, columns):
+    def read(position, velocity, shared, place, velocities, k, columns):
         """Read a thread's own masses; returns the bits of those that are pinned."""
-        held = np.int32(0)
+        held, (vx, vy, vz) = np.int32(0), velocities
         for r in range(strip):
             here = np.int32(k + np.int32(r) * columns)
             p, v = load_quad(position, here), load_quad(velocity, here)
@@ -171,7 +171,8 @@ def make_tile_parts(
         put(shared, place, p[0], p[1], p[2], v[0], v[1], v[2])
 
     @inline
-    def write(position, new_position, new_velocity, mine, shared, place, vx, vy, vz, k, columns):
+    def write(position, new_position, new_velocity, mine, shared, place, velocities, k, columns):
+        vx, vy, vz = velocities
         for r in range(strip):
             if mine & np.int32(1 << r):
                 here, at = np.int32(k + np.int32(r) * columns), np.int32(place + np.int32(r) * pitch)

@@ -22,7 +22,7 @@ from softlab.gpu_backend.core.device import ALIGNMENT
 from softlab.gpu_backend.core.pairs import store_pair
 from softlab.gpu_backend.core.tiling import Tile
 from softlab.gpu_backend.core.world import Cell
-from softlab.gpu_backend.mass_spring.grid.strips import pair_type
+from softlab.gpu_backend.mass_spring.grid.strips import StripState, pair_type
 from softlab.gpu_backend.mass_spring.grid.tiles import blocks_together, make_tile_parts
 
 FLAG_STRIDE = 32  # int32 between two flags: a 128-byte line each, so that polling one does not slow another
@@ -34,19 +34,19 @@ def _make_exchange(real: Any, math: str, tile: Tile) -> tuple[Any, Any]:
     inline = inlined(math)
 
     @inline
-    def fetch(position, velocity, offset, bits, vx, vy, both, old, place, i, j, columns):
+    def fetch(position, velocity, offset, bits, both, old, state, columns):
         """Read the masses of the strip whose bit is set from the borders of the neighbours: all are loaded before the
         first is waited for."""
         x, y = cuda.local.array(strip, real), cuda.local.array(strip, real)
         if bits != 0:
             for r in range(strip):
                 if bits & np.int32(1 << r):
-                    k = np.int32((i + np.int32(r)) * columns + j) + offset
+                    k = np.int32((state.i + np.int32(r)) * columns + state.j) + offset
                     p, v = load_fresh_pair(position, k), load_fresh_pair(velocity, k)
-                    x[r], y[r], vx[r], vy[r] = p.real, p.imag, v.real, v.imag
+                    x[r], y[r], state.vx[r], state.vy[r] = p.real, p.imag, v.real, v.imag
             for r in range(strip):
                 if bits & np.int32(1 << r):
-                    store_pair(both, old + place + np.int32(r) * row_length, x[r], y[r])
+                    store_pair(both, old + state.place + np.int32(r) * row_length, x[r], y[r])
 
     @inline
     def wait(flags, failed, wanted):
@@ -112,6 +112,7 @@ def make_resident(real: Any, math: str, integrator: str, parts: frozenset[str], 
         values = constants(parameters)
         read(position, velocity, vx, vy, both, place, Cell(i, j, rows, columns))
         held = held_bits(pinned, Cell(i, j, rows, columns))
+        state = StripState(i, j, place, left, right, above, below, vx, vy, held)
         cuda.syncthreads()
         old = np.int32(0)
         done = np.int64(0)
@@ -120,24 +121,21 @@ def make_resident(real: Any, math: str, integrator: str, parts: frozenset[str], 
         particles = np.int32(rows * columns)
         while True:
             steps = min(np.int64(halo), passes - done)
-            old = run(
-                steps, done, old, both, vx, vy, held, place, left, right, above, below, i, j, values, integers,
-                counter, rows, columns,
-            )  # fmt: skip
+            old = run(steps, done, old, both, state, values, integers, counter, rows, columns)
             done += steps
             if done >= passes:
                 break
             wanted += np.int32(1)
-            write(border_position, border_velocity, offset, border, both, old, place, vx, vy, i, j, columns)
+            write(border_position, border_velocity, offset, border, both, old, state, columns)
             cuda.syncthreads()
             if cuda.threadIdx.x == 0 and cuda.threadIdx.y == 0:
                 raise_flag(flags, block * np.int32(FLAG_STRIDE), wanted)
             wait(flags, failed, wanted)
             cuda.syncthreads()
-            fetch(border_position, border_velocity, offset, outside, vx, vy, both, old, place, i, j, columns)
+            fetch(border_position, border_velocity, offset, outside, both, old, state, columns)
             cuda.syncthreads()
             offset = particles - offset
-        write(new_position, new_velocity, np.int32(0), mine, both, old, place, vx, vy, i, j, columns)
+        write(new_position, new_velocity, np.int32(0), mine, both, old, state, columns)
 
     bounds = (tile.threads, blocks_together(real, tile))
     variant = variant_name(real, math, integrator, parts, tile.name, cut)

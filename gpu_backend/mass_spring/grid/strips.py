@@ -12,7 +12,7 @@ tests/mass_spring/test_ptx.py checks that nothing is left in local memory.
 from __future__ import annotations
 
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -26,6 +26,23 @@ from softlab.model.core.parameters import PARAMETERS
 ON_TILES = PARAMETERS[
     : PARAMETERS.index("stiff")
 ]  # without those of alternating springs, which no kernel on tiles supports
+
+
+class StripState(NamedTuple):
+    """The strip of a thread: row and column of its first mass, that mass's index in shared memory and those of its
+    neighbours to the left and right (relative), above, and below the strip; velocities in registers; bits of pinned
+    masses."""
+
+    i: int
+    j: int
+    place: int
+    left: int
+    right: int
+    above: int
+    below: int
+    vx: np.ndarray
+    vy: np.ndarray
+    pinned: int
 
 
 def pair_type(real: Any) -> Any:
@@ -96,7 +113,7 @@ def make_reads(real: Any, math: str, parts: frozenset[str], tile: Tile) -> Simpl
 def make_step(
     real: Any, math: str, parts: frozenset[str], tile: Tile, cut: bool, point: SimpleNamespace, move: Any
 ) -> Any:
-    """Make step(both, old, new, vx, vy, held, place, ...): one pass of a strip by `move` of point.make_moves.
+    """Make step(both, old, new, state, ...): one pass of a strip, a StripState, by `move` of point.make_moves.
 
     It goes from the copy of the positions that starts at `old` into the one at `new`. `cut`: the grid's last row may be
     inside a strip.
@@ -108,34 +125,32 @@ def make_step(
     inline = inlined(math)
 
     @inline
-    def hold(both, old, new, vx, vy, held, place):
+    def hold(both, old, new, state):
         """Reset pinned masses to their old positions."""
         for r in range(strip):
-            if held & np.int32(1 << r):
-                here = place + np.int32(r) * width
+            if state.pinned & np.int32(1 << r):
+                here = state.place + np.int32(r) * width
                 p = load_pair(both, old + here)
-                vx[r], vy[r] = zero, zero
+                state.vx[r], state.vy[r] = zero, zero
                 store_pair(both, new + here, p.real, p.imag)
 
     @inline
-    def step(
-        both, old, new, vx, vy, held, place, left, right, above, below, i, j, parameters, integers, number, rows,
-        columns,
-    ):  # fmt: skip
+    def step(both, old, new, state, parameters, integers, number, rows, columns):
+        place, left, right, vx, vy = state.place, state.left, state.right, state.vx, state.vy
         stiffness, rest = parameters.stiffness, parameters.stiffness_rest
         p = load_pair(both, old + place)
         q, left_p, right_p = p, p, p
         up_x, up_y = zero, zero  # the pull between the mass above and this one, on the mass above
         if has_springs:
-            over = load_pair(both, old + above)
-            under = load_pair(both, old + below)
+            over = load_pair(both, old + state.above)
+            under = load_pair(both, old + state.below)
             left_p, right_p = load_pair(both, old + place + left), load_pair(both, old + place + right)
             up_x, up_y = spring_acceleration_2d(p.real - over.real, p.imag - over.imag, stiffness, rest)
         if strip > 1:
             q = load_pair(both, old + place + width)
         for r in range(strip):
             here = place + np.int32(r) * width
-            row = i + np.int32(r)
+            row = state.i + np.int32(r)
             # Loaded before this mass is stored, since no load may overtake a store: the next ones' neighbours.
             next_left, next_right, next_q = left_p, right_p, q
             if r < strip - 1:
@@ -157,13 +172,13 @@ def make_step(
                     down_x, down_y = spring_acceleration_2d(under.real - p.real, under.imag - p.imag, stiffness, rest)
                 ax, ay = (right_x + left_x) + (down_x - up_x), (right_y + left_y) + (down_y - up_y)
                 up_x, up_y = down_x, down_y
-            k = np.int32(row * columns + j)
+            k = np.int32(row * columns + state.j)
             v = pair(complex(vx[r], vy[r]))
             px, py, vx[r], vy[r] = move(k, ax, ay, p, v, parameters, integers, number)
             store_pair(both, new + here, px, py)
             p, q, left_p, right_p = q, next_q, next_left, next_right
         if has_pins:
-            if held != 0:
-                hold(both, old, new, vx, vy, held, place)
+            if state.pinned != 0:
+                hold(both, old, new, state)
 
     return step

@@ -86,18 +86,12 @@ def make_tile_parts(real: Any, math: str, integrator: str, parts: frozenset[str]
         step = strips.make_step(real, math, parts, tile, cut, point, move)
 
         @inline
-        def run(
-            steps, number, old, both, vx, vy, held, place, left, right, above, below, i, j, parameters, integers, counter,
-            rows, columns,
-        ):  # fmt: skip
+        def run(steps, number, old, both, state, parameters, integers, counter, rows, columns):
             """Do `steps` steps from the copy of the positions at `old`; returns the offset of the newest copy."""
             for _ in range(steps):
                 new = np.int32(half - old)
                 now = current_step(counter, number)
-                step(
-                    both, old, new, vx, vy, held, place, left, right, above, below, i, j, parameters, integers, now,
-                    rows, columns,
-                )  # fmt: skip
+                step(both, old, new, state, parameters, integers, now, rows, columns)
                 cuda.syncthreads()
                 old = new
                 number += 1
@@ -106,15 +100,15 @@ def make_tile_parts(real: Any, math: str, integrator: str, parts: frozenset[str]
         return run
 
     @inline
-    def write(position, velocity, offset, bits, both, old, place, vx, vy, i, j, columns):
+    def write(position, velocity, offset, bits, both, old, state, columns):
         """Store the masses of the strip whose bit is set."""
         if bits != 0:
             for r in range(strip):
                 if bits & np.int32(1 << r):
-                    k = np.int32((i + np.int32(r)) * columns + j) + offset
-                    p = load_pair(both, old + place + np.int32(r) * width)
+                    k = np.int32((state.i + np.int32(r)) * columns + state.j) + offset
+                    p = load_pair(both, old + state.place + np.int32(r) * width)
                     store_pair(position, k, p.real, p.imag)
-                    store_pair(velocity, k, vx[r], vy[r])
+                    store_pair(velocity, k, state.vx[r], state.vy[r])
 
     runs = {name: make_run(move) for name, move in make_moves(real, math, integrator, parts).items()}
     return SimpleNamespace(
@@ -167,27 +161,19 @@ def make_tile_pass(
         values = constants(parameters)
         read(position, velocity, vx, vy, both, place, Cell(i, j, rows, columns))
         held = held_bits(pinned, Cell(i, j, rows, columns))
+        state = strips.StripState(i, j, place, left, right, above, below, vx, vy, held)
         cuda.syncthreads()
         old = zero
         if ends:
-            old = opening(
-                1, pass_number, old, both, vx, vy, held, place, left, right, above, below, i, j, values, integers,
-                counter, rows, columns,
-            )  # fmt: skip
+            old = opening(1, pass_number, old, both, state, values, integers, counter, rows, columns)
             pass_number += 1
             passes -= 2
-        old = run(
-            passes, pass_number, old, both, vx, vy, held, place, left, right, above, below, i, j, values, integers,
-            counter, rows, columns,
-        )  # fmt: skip
+        old = run(passes, pass_number, old, both, state, values, integers, counter, rows, columns)
         if ends:
-            old = closing(
-                1, pass_number + passes, old, both, vx, vy, held, place, left, right, above, below, i, j, values,
-                integers, counter, rows, columns,
-            )  # fmt: skip
+            old = closing(1, pass_number + passes, old, both, state, values, integers, counter, rows, columns)
         if j >= column_first and j < column_end:
             mine = bits_between(row_first, row_end, i)
-            write(new_position, new_velocity, zero, mine, both, old, place, vx, vy, i, j, columns)
+            write(new_position, new_velocity, zero, mine, both, old, state, columns)
 
     bounds = (tile.threads, 1 if whole else blocks_together(real, tile))
     variant = variant_name(real, math, integrator, parts, tile.name, cut, whole)
