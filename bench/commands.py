@@ -143,7 +143,7 @@ def projections(
     from softlab.bench.experiments.element_projections import print_element_projections, run_element_projections
     from softlab.bench.experiments.projections import print_projections, run_projections
 
-    chosen = precisions_of(precision, "float32")
+    chosen = precisions_of(precision, ["float32"])
     if tetrahedra:
         if size:
             raise SceneError("--size", size[0], "applies to sheets; leave out --tetrahedra")
@@ -171,7 +171,7 @@ def throughput(
     """Measure particles per second of soft bodies, rigid bodies, colliding heaps and lattices."""
     from softlab.bench.experiments.throughput import print_throughput, run_throughput
 
-    chosen = precisions_of(precision, "float32")
+    chosen = precisions_of(precision, ["float32"])
     measure(store, run_throughput, print_throughput, quick=quick, backends=backend, kinds=kind, precisions=chosen)
 
 
@@ -219,7 +219,7 @@ def fluids(
         return
     from softlab.bench.experiments.fluids import print_fluids, run_fluids
 
-    chosen = precisions_of(precision, "float32")
+    chosen = precisions_of(precision, ["float32"])
     measure(store, run_fluids, print_fluids, quick=quick, backends=backend, precisions=chosen)
 
 
@@ -264,7 +264,7 @@ def tetrahedra(
     from softlab.bench.experiments.tetrahedral.decides import print_tetrahedra
     from softlab.bench.experiments.tetrahedral.meshes import print_meshes, run_meshes
 
-    chosen = precisions_of(precision, "float32")
+    chosen = precisions_of(precision, ["float32"])
     picked: dict[str, Any] = {
         "precisions": chosen, "across": across or (), "young": young or (), "solvers": solver or ()
     }  # fmt: skip

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -42,7 +42,7 @@ Sbatch = Annotated[
 Time = Annotated[float | None, typer.Option(help="Simulated seconds until the error is measured (default 1.5).")]
 
 
-def precisions_of(chosen: list[str] | None, *usual: str) -> tuple[str, ...]:
+def precisions_of(chosen: list[str] | None, usual: Sequence[str] = ()) -> tuple[str, ...]:
     """Return the chosen precisions, each once, else the `usual` ones, else all. Raises SceneError."""
     from softlab.model.core.simulation import PRECISIONS, Options
 

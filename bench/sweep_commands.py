@@ -86,7 +86,7 @@ def sweep(
 
         shared: dict[str, Any] = {"gpus": gpus, "sizes": size, "exchange_every": exchange_every, "weak": weak}
         shared |= {"links": link} if link else {}
-        chosen = precisions_of(precision, "float32")
+        chosen = precisions_of(precision, ["float32"])
         for word in scene or ["grid"]:
             measure(
                 store, run_scaling, print_scaling, quick=quick, backends=backend or ["gpu"], precisions=chosen, scene=word,

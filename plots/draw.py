@@ -15,7 +15,6 @@ from concurrent.futures import Future, ProcessPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from softlab.model.base.errors import InputError
 from softlab.plots.core.data import Results
@@ -162,8 +161,11 @@ def _draw(results: Results, name: str, folder: Path, footer: bool, suffixes: Seq
 class Helper:
     """Second process that draws figures from the first one on; a context manager. Without results there is no helper."""
 
-    def __init__(self, results: Results | None, names: Sequence[str], *how: Any):
-        self.results, self.names, self.how = results, names, how
+    def __init__(
+        self, results: Results | None, names: Sequence[str], folder: Path, footer: bool, suffixes: Sequence[str]
+    ):  # fmt: skip
+        self.results, self.names = results, names
+        self.folder, self.footer, self.suffixes = folder, footer, suffixes
         self.begun: dict[str, Future[FigureFiles]] = {}
 
     def __enter__(self) -> Helper:
@@ -172,7 +174,9 @@ class Helper:
         with suppress(OSError, ImportError):  # on a machine without semaphores one process draws all
             context = multiprocessing.get_context("spawn")  # a fork would inherit locks of threads that it lacks
             self.pool = ProcessPoolExecutor(1, context, _begin_helping, (self.results,))
-            self.begun = {name: self.pool.submit(_help, name, *self.how) for name in self.names}
+            self.begun = {
+                name: self.pool.submit(_help, name, self.folder, self.footer, self.suffixes) for name in self.names
+            }
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -202,9 +206,9 @@ def _begin_helping(results: Results) -> None:
     _inputs.append(results)
 
 
-def _help(name: str, *how: Any) -> FigureFiles:
+def _help(name: str, folder: Path, footer: bool, suffixes: Sequence[str]) -> FigureFiles:
     with settings():
-        return _draw(_inputs[0], name, *how)
+        return _draw(_inputs[0], name, folder, footer, suffixes)
 
 
 def figures_folder(out_dir: str | Path) -> Path:

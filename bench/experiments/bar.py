@@ -64,9 +64,15 @@ def experiments(backend: str, quick: bool = False) -> list[Experiment]:
 
 
 def _experiment(
-    name: str, scene: Scene, backend: str, sources: str, finding: str, run: Callable[[], Measures], **how: object
+    name: str,
+    scene: Scene,
+    backend: str,
+    sources: str,
+    finding: str,
+    run: Callable[[], Measures],
+    fields: dict[str, object],
 ) -> Experiment:
-    fields = {"precision": "float64", "math": "exact"} | how
+    fields = {"precision": "float64", "math": "exact"} | fields
     return Experiment(name, described(scene, backend, finding, **fields), sources, run)
 
 
@@ -101,7 +107,7 @@ def _strips(backend: str, sources: str, quick: bool) -> list[Experiment]:
                 continue
             scene = strip(links, method, load)
             measure = partial(run, scene, backend)
-            runs.append(_experiment(load, scene, backend, sources, STRIP, measure, load=load, **fields))
+            runs.append(_experiment(load, scene, backend, sources, STRIP, measure, fields | {"load": load}))
     return runs
 
 
@@ -121,8 +127,8 @@ def _bodies(backend: str, sources: str, quick: bool) -> list[Experiment]:
         fields = {"layers": layers, "overlap": overlap, "substeps": substeps}
         lying, standing = (bar(layers, overlap, substeps, up) for up in (False, True))
         swings, stands = partial(sway, lying, backend, layers, overlap), partial(stand, standing, backend)
-        runs.append(_experiment(FREQUENCY, lying, backend, sources, BODY, swings, load=FREQUENCY, **fields))
-        runs.append(_experiment(SAG, standing, backend, sources, BODY, stands, load=SAG, **fields))
+        runs.append(_experiment(FREQUENCY, lying, backend, sources, BODY, swings, fields | {"load": FREQUENCY}))
+        runs.append(_experiment(SAG, standing, backend, sources, BODY, stands, fields | {"load": SAG}))
     return runs
 
 
@@ -149,7 +155,7 @@ def _tetrahedra(backend: str, sources: str, quick: bool) -> list[Experiment]:
             scene = tetrahedra(voxels, solver, iterations, few, load)
             fields = {"solver": name, "layers": voxels, "substeps": substeps, "region": 1}
             run = partial(measured_tetrahedra, scene, backend, load)
-            runs.append(_experiment(load, scene, backend, sources, ELEMENTS, run, load=load, **fields))
+            runs.append(_experiment(load, scene, backend, sources, ELEMENTS, run, fields | {"load": load}))
     return runs
 
 
@@ -161,5 +167,5 @@ def _laws(backend: str, sources: str, quick: bool) -> list[Experiment]:
             for precision in ("float64", "float32") if law == DROP and not quick else ("float64",):
                 measure = partial(measure_law, law, scene, backend, precision)
                 fields = {"law": law, "substeps": int(substeps), "precision": precision}
-                runs.append(_experiment(name, scene, backend, sources, LAW, measure, **fields))
+                runs.append(_experiment(name, scene, backend, sources, LAW, measure, fields))
     return runs

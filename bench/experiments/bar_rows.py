@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -87,7 +87,7 @@ def first_backend(bars: list[Bar]) -> list[Bar]:
     return [bar for bar in bars if bar.backend == chosen]
 
 
-def series(bars: list[Bar], solver: str, by: Callable[[Bar], float], **fixed: float) -> list[Bar]:
+def series(bars: list[Bar], solver: str, by: Callable[[Bar], float], fixed: Mapping[str, float]) -> list[Bar]:
     """Return the rows of a solver with these fields, in the order of `by`."""
     selected = [bar for bar in bars if bar.solver == solver and all(getattr(bar, k) == v for k, v in fixed.items())]
     return sorted(selected, key=by)

@@ -80,11 +80,14 @@ def thrown_at_a_box(substeps: int = 4) -> Scene:
     )  # fmt: skip
 
 
-def shot(part: float, kind: dict[str, Any], angle: float, aside: float, **contact: float) -> Scene:
+def shot(
+    part: float, kind: dict[str, Any], angle: float, aside: float, contact: dict[str, float] | None = None
+) -> Scene:
     """Return a body thrown at a rigid brick at rest, in substeps of `part` of the distance that particles keep."""
     distance = (kind["particle_spacing"] + RIGID_SPACING) / 2
     bullet = kind | {"velocity": [0.0, -SPEED, 0.0], "origin": [aside, 0.6, -aside / 2], "angle": angle}
-    return meeting(dt=part * distance / SPEED, wall=BRICK, bullet=bullet | {"axis": [0.2, -0.5, 1.0]}, contact=contact)
+    bullet |= {"axis": [0.2, -0.5, 1.0]}
+    return meeting(dt=part * distance / SPEED, wall=BRICK, bullet=bullet, contact=contact or {})
 
 
 def inside_each_other(one: dict[str, Any], other: dict[str, Any], aside: Any, iterations: int = 1) -> Scene:
@@ -99,11 +102,16 @@ def ball_in_a_body() -> Scene:
     return bodies_scene(gravity=0.0, method=method(4), sphere=ball, box=far, body=alone(SOFT))
 
 
-def stack(substeps: int, iterations: int = 1, bricks: int = 10, **contact: float) -> Scene:
+def stack(substeps: int, iterations: int = 1, bricks: int = 10, contact: dict[str, float] | None = None) -> Scene:
     """Return a stack of bricks of 32 particles each, in two layers of sixteen."""
     brick = BRICK | {"origin": [0.0, 0.125, 0.0], "copies": [1, bricks, 1], "apart": [1.0, BRICK_HEIGHT, 1.0]}
     return meeting(
-        GRAVITY, substeps, iterations, brick=brick, plane=FLOOR | {"thickness": RIGID_SPACING / 2}, contact=contact
+        GRAVITY,
+        substeps,
+        iterations,
+        brick=brick,
+        plane=FLOOR | {"thickness": RIGID_SPACING / 2},
+        contact=contact or {},
     )
 
 

@@ -31,7 +31,7 @@ def by_hand(clusters: Clusters, links: Sequence[LinkedCopies] = (), **tables: An
     return scene
 
 
-def clusters_of(position: Any, *members: Any, stiffness: Any = np.inf, mass: Any = None) -> Clusters:
+def clusters_of(position: Any, members: Sequence[Any], stiffness: Any = np.inf, mass: Any = None) -> Clusters:
     """Return clusters at `position`; each of `members` lists the particles of a cluster."""
     position, sizes = np.asarray(position, dtype=np.float64), [len(one) for one in members]
     return Clusters(
@@ -51,4 +51,4 @@ def degenerate() -> Clusters:
     groups = [flat, line, one, two, [], place]
     ends = np.cumsum([0, *(len(group) for group in groups)])
     members = [np.arange(a, b) for a, b in pairwise(ends)]
-    return clusters_of(np.array([*flat, *line, *one, *two, *place, *orphan]) * 0.1, *members)
+    return clusters_of(np.array([*flat, *line, *one, *two, *place, *orphan]) * 0.1, members)

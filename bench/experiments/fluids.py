@@ -142,7 +142,7 @@ def poured(case: Case) -> Measures:
     """
     numbers: dict[str, Any] = {}
     scene, left = case.scene, case.scene.parts["left"]
-    for time, cup, basin, places in pouring(scene, backend=case.backend, precision=case.precision):
+    for time, cup, basin, places in pouring(scene, case.backend, case.precision):
         position = places
         at = f"{time:.1f}_s"
         numbers |= {f"{IN_CUP}_{at}": (cup, "", "in the cup"), f"{IN_BASIN}_{at}": (basin, "", "in the basin")}

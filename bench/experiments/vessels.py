@@ -50,11 +50,13 @@ def basin_area(scene: Scene, keeps: float) -> float:
     return float(sides[0] * sides[1])
 
 
-def pouring(scene: Scene, seconds: float = POURED, **how: Any) -> Iterator[tuple[float, float, float, np.ndarray]]:
+def pouring(
+    scene: Scene, backend: str = "cpu", precision: str = "float32", threads: str | int = "1x"
+) -> Iterator[tuple[float, float, float, np.ndarray]]:
     """Yield (time [s], fraction of the particles in the cup, in the basin, positions) every LOOK of a cup that pours."""
     cup: Any = next(iter(scene.all_of("mesh_collider").values()))
-    with open_simulation(scene, **how) as simulation:
-        for k in range(1, round(seconds / INTERVAL) + 1):
+    with open_simulation(scene, backend, precision=precision, threads=threads) as simulation:
+        for k in range(1, round(POURED / INTERVAL) + 1):
             simulation.advance(round(k * INTERVAL / scene.method.dt) - simulation.step)
             position = simulation.state().position.astype(np.float64)
             poured = in_basin(scene, position)

@@ -15,10 +15,10 @@ Descriptions = dict[str, dict[str, Any]]  # by hash
 Key = tuple[str, str]  # of kernels, of arrays
 
 
-def keys_at(folder: Path, descriptions: Descriptions, *how: str) -> dict[str, Key]:
+def keys_at(folder: Path, descriptions: Descriptions, compared: str = "kernels") -> dict[str, Key]:
     """The keys of configurations under the code in a folder; those that it cannot open are left out.
 
-    Configurations that are opened alike are opened once.
+    `compared`: "kernels", or "code" for keys of their machine code. Configurations that are opened alike are opened once.
     """
     names: dict[str, list[str]] = {}
     for name, d in descriptions.items():
@@ -28,7 +28,7 @@ def keys_at(folder: Path, descriptions: Descriptions, *how: str) -> dict[str, Ke
     environment = {name: value for name, value in os.environ.items() if name not in NO_KERNELS}
     environment["PYTHONHASHSEED"] = "0"  # numba writes some instructions in the order of sets
     done = subprocess.run(
-        [sys.executable, str(PROBE), str(folder), *how],
+        [sys.executable, str(PROBE), str(folder), compared],
         input=lines,
         capture_output=True,
         text=True,

@@ -75,8 +75,8 @@ def limit_memory(fraction: float = 0.25) -> None:
     resource.setrlimit(resource.RLIMIT_DATA, (most, most))
 
 
-def main(checkout: str, code: str = "") -> None:
-    """Write a line for every line of the input. `code`: "code" for keys of the machine code in place of the kernels'."""
+def main(checkout: str, compared: str = "kernels") -> None:
+    """Write a line for every line of the input. `compared`: "code" for keys of the machine code in place of the kernels'."""
     sys.path[0] = checkout
     limit_memory()
     load_tools()
@@ -89,7 +89,7 @@ def main(checkout: str, code: str = "") -> None:
         name, description = json.loads(line)
         try:
             with fake_gpu() if description["backend"] == "gpu" else nullcontext():
-                if code:
+                if compared == "code":
                     reply = [name, machine_code_key(recorded_calls(description)), None, None]
                 else:
                     reply = [name, *key(description, digests), None]

@@ -68,18 +68,18 @@ class PeerScene:
         return [self.make(*shape) for shape in shapes(quick, chosen)]
 
 
-def _sheet(catalogue: str, **changes: Any) -> Callable[[int, int], Scene]:
+def _sheet(catalogue: str, changes: Mapping[str, Any] | None = None) -> Callable[[int, int], Scene]:
     def make(rows: int, columns: int) -> Scene:
         base = load_scene(catalogue)
         table = "grid" if base.cloth is None else "cloth"
-        return base.replace({f"{table}.rows": rows, f"{table}.columns": columns} | changes)
+        return base.replace({f"{table}.rows": rows, f"{table}.columns": columns} | dict(changes or {}))
 
     return make
 
 
 def _implicit(steps: int) -> PeerScene:
     dt = 1 / (60 * steps)
-    make = _sheet("cloth-warp", **UNDAMPED | {"method.integrator": "implicit-euler", "method.dt": dt})
+    make = _sheet("cloth-warp", UNDAMPED | {"method.integrator": "implicit-euler", "method.dt": dt})
     return PeerScene(f"implicit-{steps}", f"cloth by implicit Euler, {1000 * dt:.3g} ms a step", make, IMPLICIT_SQUARES)
 
 
@@ -103,7 +103,7 @@ SCENES = {
     for scene in (
         PeerScene("grid", "grid", _sheet("lab-grid"), GRID_SQUARES),
         PeerScene("cloth", "cloth by semi-implicit Euler", _sheet("cloth-warp"), CLOTH_SQUARES),
-        PeerScene("xpbd", "cloth by XPBD", _sheet("cloth-xpbd", **TWENTY), CLOTH_SQUARES, check_steps=20),
+        PeerScene("xpbd", "cloth by XPBD", _sheet("cloth-xpbd", TWENTY), CLOTH_SQUARES, check_steps=20),
         *(_implicit(steps) for steps in (16, 4, 1)),
         PeerScene("tetrahedra", "bars of tetrahedra by XPBD", _bar, BAR_SQUARES, check_steps=20),
         *(

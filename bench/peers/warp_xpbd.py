@@ -6,6 +6,7 @@ A launch per colour (Gauss-Seidel), or one over all of them that adds up displac
 
 # No `from __future__ import annotations`: Warp reads the types of a kernel from its annotations.
 
+from collections.abc import Sequence
 from functools import cache
 from types import SimpleNamespace
 from typing import Any
@@ -220,31 +221,31 @@ class _Xpbd(Replayed):
         """Return the launches of a substep, in order."""
         count, kernels = constants.count, self._kernels
 
-        def record(kernel: Any, size: int, *arguments: Any) -> Any:
-            return self._wp.launch(kernel, dim=size, inputs=list(arguments), device=self._device, record_cmd=True)
+        def record(kernel: Any, size: int, inputs: Sequence[Any]) -> Any:
+            return self._wp.launch(kernel, dim=size, inputs=list(inputs), device=self._device, record_cmd=True)
 
         state = (self._position, self._before, self._inverse_mass, self._ends, self._values, self._multipliers)
         drag, gravity = constants.drag, constants.gravity
         launches = [
             record(
-                kernels.predict, count, self._position, self._velocity, self._inverse_mass, drag, gravity, self._h,
-                self._before,
+                kernels.predict, count,
+                [self._position, self._velocity, self._inverse_mass, drag, gravity, self._h, self._before],
             )
         ]  # fmt: skip
         for first in (True, False):
             if self._method.ordering == "jacobi":
                 size = int(self._starts[-1])
-                turn = [record(kernels.gather, size, *state, self._inverse_valence, first, self._displacement)]
-                turn.append(record(kernels.displace, count, self._position, self._displacement))
+                turn = [record(kernels.gather, size, [*state, self._inverse_valence, first, self._displacement])]
+                turn.append(record(kernels.displace, count, [self._position, self._displacement]))
             else:
                 ranges = zip(self._starts[:-1], self._starts[1:], strict=True)
                 turn = [
-                    record(kernels.project, int(end - begin), *state, int(begin), first)
+                    record(kernels.project, int(end - begin), [*state, int(begin), first])
                     for begin, end in ranges
                     if end > begin
                 ]
             launches += turn * (1 if first else self._method.iterations - 1)
-        return [*launches, record(kernels.finish, count, self._position, self._before, self._h, self._velocity)]
+        return [*launches, record(kernels.finish, count, [self._position, self._before, self._h, self._velocity])]
 
     def _step(self) -> None:
         for _ in range(self._method.substeps):

@@ -71,7 +71,7 @@ def _rotations(trial: Trial, A: np.ndarray, scale: float, before: np.ndarray | N
     count = len(A)
     members = np.arange(6 * count).reshape(count, 6)
     mass = np.full(6 * count, scale / 2)
-    clusters = clusters_of(np.tile(AXES, (count, 1)), *members, mass=mass)
+    clusters = clusters_of(np.tile(AXES, (count, 1)), members, mass=mass)
     now = np.einsum("nij,kj->nki", A, AXES).reshape(-1, 3)
     return _one_step(trial, clusters, now, before).rotation  # type: ignore[return-value]
 
@@ -117,7 +117,7 @@ def _rotated_copies(one: Clusters, turns: np.ndarray) -> tuple[Clusters, np.ndar
         for owner in range(one.count):
             cluster = one.indices[ends[owner] : ends[owner + 1]]
             position[copy * particles + cluster] = one.rest[ends[owner] : ends[owner + 1]] @ turn.T  # about the origin
-    return clusters_of(np.concatenate([one.position] * len(turns)), *members), position
+    return clusters_of(np.concatenate([one.position] * len(turns)), members), position
 
 
 # ---------------------------------------------------------------------- matrices, and their nearest rotations

@@ -10,7 +10,6 @@ from __future__ import annotations
 import time
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -193,12 +192,13 @@ class Trial:
             self._show_last(simulation)
             raise
 
-    def watch(self, steps: Iterable[int], initial: State | None = None, **how: Any) -> Iterator[State]:
-        """Yield the states after each number of steps in `steps`, of one run; `how`: options of `open`.
+    def watch(self, steps: Iterable[int], initial: State | None = None, scene: Scene | None = None) -> Iterator[State]:
+        """Yield the states after each number of steps in `steps`, of one run from `initial`; `scene` in place of the
+        trial's.
 
         Raises what `advance` and `checked_state` raise.
         """
-        with self.open(initial, **how) as simulation:
+        with self.open(initial, scene=scene) as simulation:
             for step in steps:
                 self.advance(simulation, step - simulation.step)
                 yield self.checked_state(simulation)

@@ -38,7 +38,7 @@ def measured_bars(results: Results) -> list[Bar]:
 
 
 def _strips(results: Results, solver: str, size: float = 1) -> list[Bar]:
-    return series(measured_bars(results), solver, lambda bar: bar.fine, size=size)
+    return series(measured_bars(results), solver, lambda bar: bar.fine, {"size": size})
 
 
 def _one(rows: list[Bar], fine: int, substeps: int) -> Bar | None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from softlab.bench.experiments.body_laws import SECONDS, SPIN
 from softlab.bench.stress.bodies import OFF_LAW, OFF_NEWTON, OUT_OF_SHAPE, SPIN_FRACTION
 from softlab.bench.stress.results import HardRow
@@ -30,7 +32,7 @@ def _one(rows: list[HardRow], case: str, precision: str = "float64") -> HardRow 
     return next((row for row in rows if (row.case, row.precision) == (case, precision)), None)
 
 
-def _values(row: HardRow | None, *names: str) -> list[float]:
+def _values(row: HardRow | None, names: Sequence[str]) -> list[float]:
     """Return the numbers of a run by name, or an empty list if one is missing."""
     values = [measured_value(row, name) for name in names] if row else [None]
     return [value for value in values if value is not None] if None not in values else []
@@ -41,7 +43,7 @@ def spin(results: Results) -> Claim:
     rows = _rows(results)
     cases = sorted({row.case for row in rows if row.case.startswith("S7 ")}, key=_substeps)
     by_case = {
-        case: values for case in cases if (values := _values(_one(rows, case), SPIN_FRACTION, OFF_LAW, OFF_NEWTON))
+        case: values for case in cases if (values := _values(_one(rows, case), (SPIN_FRACTION, OFF_LAW, OFF_NEWTON)))
     }
     if not by_case:
         return Claim("The spin of a rigid body was not judged.")
@@ -56,7 +58,7 @@ def spin(results: Results) -> Claim:
     )
     numbers = {"off": off, "kept": by_case[last][0]}
     single = {
-        case: values for case in by_case if (values := _values(_one(rows, case, "float32"), SPIN_FRACTION, OFF_LAW))
+        case: values for case in by_case if (values := _values(_one(rows, case, "float32"), (SPIN_FRACTION, OFF_LAW)))
     }
     worst = max(single, key=lambda case: single[case][1], default="")
     if worst and single[worst][1] > FEW:

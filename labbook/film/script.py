@@ -23,10 +23,10 @@ WINNERS_TEXT = "Which method, on which processor, at which step size, reaches an
 MIN_RACE_SECONDS = 8.0  # s: shortest length of a race
 
 
-def claimed(results: Results, *names: str, rank: int = 1) -> list[Line]:
-    """Return the sentences of these claims that the data support."""
-    claims = [marked_claim(results, name) for name in names]
-    return [Line(claim.sentence, rank) for claim in claims if claim.supported]
+def claimed(results: Results, name: str, rank: int = 1) -> list[Line]:
+    """Return the sentence of a claim, if the data support it."""
+    claim = marked_claim(results, name)
+    return [Line(claim.sentence, rank)] if claim.supported else []
 
 
 def script(results: Results, form: Format, backend: str) -> list[Shot]:

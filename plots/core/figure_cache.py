@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import os
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
@@ -25,7 +25,7 @@ from softlab.model.base.files import replacing
 MAX_FILES = 400  # six sets of figures; the least recently used ones are removed
 
 
-def key_of(figure: Any, *more: Any) -> str:
+def key_of(figure: Any, more: Sequence[object] = ()) -> str:
     """Return a hash of the contents of a figure before its layout, of the drawing code, and of `more`."""
     digest = hashlib.sha256(_code().encode())
     for piece in (*more, *figure.get_size_inches(), *_parts(figure)):

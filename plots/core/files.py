@@ -67,7 +67,7 @@ def save(
     from matplotlib.transforms import Bbox
 
     figure = drawing.figure
-    key = figure_cache.key_of(figure, drawing.title, drawing.caption, footer)
+    key = figure_cache.key_of(figure, (drawing.title, drawing.caption, footer))
     width, height = figure.get_size_inches()
     above = 0.0
     if footer:

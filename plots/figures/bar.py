@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from softlab.bench.experiments.bar import (
@@ -69,13 +69,13 @@ def draw(results: Results) -> Drawing | str:
     for row, name in zip(axes, ROWS, strict=True):
         for solver, (label, colour, marker, line) in CURVES.items():
             size, some = SOME.get(solver, (1.0, SOME_LINKS))
-            by_spacing = series(measured, solver, _fine, substeps=FINEST, size=size)
-            by_substeps = series(measured, solver, _substeps, fine=some, size=size)
+            by_spacing = series(measured, solver, _fine, {"substeps": FINEST, "size": size})
+            by_substeps = series(measured, solver, _substeps, {"fine": some, "size": size})
             how: dict[str, Any] = {"color": colour, "marker": marker, "linestyle": line, "label": label}
             if solver == "mass-spring":  # drawn below the others, most of which coincide with it
                 how |= {"linewidth": 3.5, "markersize": 7.5}
-            _curve(row[0], by_spacing, _fine, name, **how)
-            _curve(row[1], by_substeps, _substeps, name, **how)
+            _curve(row[0], by_spacing, _fine, name, how)
+            _curve(row[1], by_substeps, _substeps, name, how)
         row[0].set_ylabel(ROWS[name], fontsize=LONG_LABEL)
         for ax in row:
             ax.axhline(1, color=GREY, linewidth=0.7, zorder=1)
@@ -105,18 +105,18 @@ def draw_clusters(results: Results) -> Drawing | str:
     measured = first_backend(measured)
     figure, (left, right) = new_figure(2, 3.4, sharey=False)
     for region, (colour, marker) in REGIONS.items():
-        windows = series(measured, "shape-matching", _fine, substeps=FINEST, size=region)
+        windows = series(measured, "shape-matching", _fine, {"substeps": FINEST, "size": region})
         wide = 2 * region + 1
-        _curve(left, windows, _fine, SAG, color=colour, marker=marker, label=f"windows of {wide} x {wide}")
-        _curve(left, windows, _fine, ACROSS, color=colour, marker=marker, linestyle=":", markersize=3)
+        style = {"color": colour, "marker": marker}
+        _curve(left, windows, _fine, SAG, style | {"label": f"windows of {wide} x {wide}"})
+        _curve(left, windows, _fine, ACROSS, style | {"linestyle": ":", "markersize": 3})
     across = any(bar.solver == "shape-matching" and ACROSS in bar.values for bar in measured)
     if across:
         left.plot([], [], ":", color=GREY, label="loaded across")
-    overlaps = series(measured, JELLY, _size, substeps=FINEST, fine=SOME_LAYERS)
+    overlaps = series(measured, JELLY, _size, {"substeps": FINEST, "fine": SOME_LAYERS})
     for name, colour, marker in ((SAG, VERMILLION, "D"), (FREQUENCY, SKY, "v")):
-        _curve(
-            right, overlaps, _size, name, color=colour, marker=marker, label=f"jelly bar: {ROWS[name].split(' /')[0]}"
-        )
+        label = f"jelly bar: {ROWS[name].split(' /')[0]}"
+        _curve(right, overlaps, _size, name, {"color": colour, "marker": marker, "label": label})
     for ax in (left, right):
         ax.axhline(1, color=GREY, linewidth=0.7, zorder=1)
     left.set_yscale("log")
@@ -147,10 +147,12 @@ def _size(bar: Bar) -> float:
     return bar.size
 
 
-def _curve(ax: Any, measured: Sequence[Bar], where: Callable[[Bar], float], name: str, **how: Any) -> None:
+def _curve(
+    ax: Any, measured: Sequence[Bar], where: Callable[[Bar], float], name: str, style: Mapping[str, Any]
+) -> None:
     points = [(where(bar), part) for bar in measured if (part := bar.part(name)) is not None]
     if points:
-        ax.plot(*zip(*points, strict=True), **how)
+        ax.plot(*zip(*points, strict=True), **style)
 
 
 def _doubling(ax: Any, measured: Sequence[Bar], where: Callable[[Bar], float], label: str) -> None:

@@ -43,7 +43,7 @@ class Window:
             folder,
             display,
             "from pathlib import Path; from softlab import load_scene; from softlab.app.window.viewer import run_demo;"
-            f"run_demo(load_scene({str(scene)!r}), state_file=Path('state.json'))",
+            f"run_demo([load_scene({str(scene)!r})], state_file=Path('state.json'))",
         )
 
     def _start(self, folder: Path, display: str, code: str) -> None:

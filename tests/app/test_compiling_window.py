@@ -19,7 +19,7 @@ SLOW = (
     "from softlab.model.scene.scene import load_scene\n"
     "FakeCloth.warm_up = lambda self, steps=1: time.sleep(600)\n"
     "worlds.Worlds.__init__.__kwdefaults__['open_world'] = open_fake\n"
-    "viewer.run_demo(load_scene('cloth-hanging'), state_file=Path('state.json'))\n"
+    "viewer.run_demo([load_scene('cloth-hanging')], state_file=Path('state.json'))\n"
 )
 
 

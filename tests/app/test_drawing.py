@@ -134,7 +134,7 @@ def test_what_differs_on_a_figure_makes_another_key() -> None:
     with settings():
         plain = [figure_cache.key_of(drawing().figure) for _ in range(2)]
         changed = {name: figure_cache.key_of(drawing(change).figure) for name, change in CHANGES.items()}
-        assert figure_cache.key_of(drawing().figure, "footer") not in {*plain, *changed.values()}
+        assert figure_cache.key_of(drawing().figure, ["footer"]) not in {*plain, *changed.values()}
     assert plain[0] == plain[1]
     assert len({plain[0], *changed.values()}) == 1 + len(CHANGES)
 

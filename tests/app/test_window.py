@@ -181,7 +181,7 @@ def test_no_display_is_an_error_with_a_remedy() -> None:
     code = (
         "from softlab.app.window.viewer import run_demo\nfrom softlab.model.scene.scene import load_scene\n"
         "from softlab.model.base.errors import BackendUnavailable\n"
-        "try: run_demo(load_scene('lab-grid'), frames=1)\n"
+        "try: run_demo([load_scene('lab-grid')], frames=1)\n"
         "except BackendUnavailable as error: print(error)"
     )
     environment = {name: value for name, value in os.environ.items() if name not in ("DISPLAY", "WAYLAND_DISPLAY")}

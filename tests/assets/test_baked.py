@@ -197,7 +197,7 @@ def test_a_file_of_other_arrays_is_no_body(tmp_path, bakes):
         {"key": np.array("0" * 32)},
     ]
     for change in [*changes, *({name: None} for name in held)]:
-        write_arrays(file, **{name: value for name, value in {**held, **change}.items() if value is not None})
+        write_arrays(file, {name: value for name, value in {**held, **change}.items() if value is not None})
         bakes.clear()
         assert_same_bits(baked(PARAMETERS, BEAM, folder=tmp_path), made)
         assert len(bakes) == 1

@@ -35,7 +35,7 @@ def ball(restitution: float, dt: float, **floor: Any) -> Scene:
 def plate(restitution: float, dt: float) -> Scene:
     """A rigid body of one layer of particles, and one of a single one, 1 m above a plane."""
     at = [[0.2 * x, 1.0, 0.2 * z] for x in range(3) for z in range(3)]
-    clusters = clusters_of([*at, [5.0, 1.0, 0.0]], np.arange(9), [9])
+    clusters = clusters_of([*at, [5.0, 1.0, 0.0]], [np.arange(9), [9]])
     plane = AWAY | FLOOR | {"restitution": restitution}
     return by_hand(clusters, body=BRICK, gravity=G, plane=plane, method=method(dt=dt))
 
@@ -110,7 +110,7 @@ def test_a_soft_body_shares_what_its_touching_masses_get() -> None:
     within 8 roundings of 4 m/s. (Rigid ones: test_rebound.py.)"""
     e, corners = 0.5, np.array([[x, y, z] for x in (0.0, 0.2) for y in (0.0, 0.2) for z in (0.0, 0.2)])
     scene = by_hand(
-        clusters_of(corners, np.arange(8), stiffness=1e4), body=BRICK, gravity=0.0, plane=AWAY | FLOOR | {"restitution": e},
+        clusters_of(corners, [np.arange(8)], stiffness=1e4), body=BRICK, gravity=0.0, plane=AWAY | FLOOR | {"restitution": e},
         method=method(dt=0.001),
     )  # fmt: skip
     down = np.tile([0.0, -4.0, 0.0], (8, 1))
@@ -182,7 +182,7 @@ def test_nothing_changes_without_it() -> None:
 def test_settling_follows_gravity() -> None:
     """What comes slower than gravity adds in two steps rests; without gravity, switched off while it runs, it bounces."""
     plane = AWAY | FLOOR | {"restitution": 0.5}
-    scene = by_hand(clusters_of([[0.0, 0.0, 0.0]], [0]), body=BRICK, gravity=G, plane=plane, method=method(dt=0.01))
+    scene = by_hand(clusters_of([[0.0, 0.0, 0.0]], [[0]]), body=BRICK, gravity=G, plane=plane, method=method(dt=0.01))
     start, seen = start_of_bodies(scene, velocity=[[0.0, -0.05, 0.0]]), []
     for enabled in (True, False):
         with opened(scene, initial=start) as simulation:

@@ -39,7 +39,7 @@ def test_what_a_cup_pours_stays_in_the_basin() -> None:
     area, to half a rest distance, of which a layer is one."""
     scene = load_scene("pour")
     found, shares = scene.fluid_set, []
-    for time, cup, basin, position in pouring(scene, threads=2, **HOW):
+    for time, cup, basin, position in pouring(scene, threads=2):
         shares.append((time, cup, basin))
         assert position[:, 1].min() > -1e-5
         assert cup + basin > 0.99 or 1.2 < time < 3.0  # else some of it is on its way

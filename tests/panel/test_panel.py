@@ -221,11 +221,11 @@ def test_layers_of_a_fluid(axes: int) -> None:
 def test_precision_and_kernel_carry_the_state_over_and_what_a_solver_lacks_it_says() -> None:
     with Stage(scene()) as stage:
         stage.demo.frame()
-        assert stage.demo.run_with(precision="float64") and stage.demo.world.step == 10
+        assert stage.demo.run_with({"precision": "float64"}) and stage.demo.world.step == 10
         assert stage.demo.world.options.precision == "float64"
-        assert stage.demo.run_with(kernel="stages") and stage.demo.world.kernel == "stages"
+        assert stage.demo.run_with({"kernel": "stages"}) and stage.demo.world.kernel == "stages"
         before = stage.demo.world
-        assert not stage.demo.run_with(kernel="cooperative") and stage.demo.world is before
+        assert not stage.demo.run_with({"kernel": "cooperative"}) and stage.demo.world is before
         assert "kernel = 'cooperative'" in stage.demo.message and stage.demo.options["kernel"] == "stages"
 
 

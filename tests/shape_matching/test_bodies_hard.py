@@ -92,7 +92,7 @@ def test_another_body_stops_what_goes_an_eighth_of_a_distance(stiffness: float, 
 def test_what_goes_too_far_in_a_substep_passes_and_a_maximum_speed_holds_it() -> None:
     """As model/tables/particle_contact.py says: at eight distances a substep it is on the other side, untouched; slowed to
     an eighth of one it stays on its own."""
-    free, held = shot(8.0, BRICK, 0.0, 0.05), shot(8.0, BRICK, 0.0, 0.05, maximum_speed=SPEED / 64)
+    free, held = shot(8.0, BRICK, 0.0, 0.05), shot(8.0, BRICK, 0.0, 0.05, {"maximum_speed": SPEED / 64})
     state = end_state(free, steps=4)
     assert centre(free, state.position, 1)[1] < centre(free, state.position, 0)[1] - 1
     assert np.abs(state.velocity - free.body_set.velocity).max() < 1e-9

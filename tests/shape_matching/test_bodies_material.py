@@ -51,7 +51,7 @@ def block(stiffness: float = np.inf, **values: float) -> Clusters:
     other = {"linear": 1.0, "creep": 1.0, "damping": 1.0}
     names = ("linear", "threshold", "creep", "limit", "damping")
     material = Material(**{name: np.array([values.get(name, 0.0), other.get(name, 0.0)]) for name in names})
-    bare = clusters_of([*CORNERS, [50.0, 0.0, 0.0]], np.arange(8), [8], stiffness=[stiffness, np.inf])
+    bare = clusters_of([*CORNERS, [50.0, 0.0, 0.0]], [np.arange(8), [8]], stiffness=[stiffness, np.inf])
     return replace(bare, material=material)
 
 
@@ -203,7 +203,7 @@ def test_formulas_are_those_of_linear_algebra() -> None:
         assert formulas.cube_root(volume) == pytest.approx(np.cbrt(volume), rel=4 * EPS)
     corners = CORNERS.copy()
     for scale in (1.0, 0.4, -1.0):
-        clusters = replace(clusters_of(corners, np.arange(8)), material=even(1, linear=0.7))
+        clusters = replace(clusters_of(corners, [np.arange(8)]), material=even(1, linear=0.7))
         map_ = scale * (np.eye(3) + 0.2 * random.normal(size=(3, 3)))
         turned = clusters.rotations(corners @ map_.T)[0]
         found = formulas.blended(map_.ravel(), turned.ravel(), 0.7)

@@ -39,7 +39,7 @@ BOTH = pytest.mark.parametrize("precision", ["float64", "float32"])
 def test_ten_bricks_stand_as_deep_as_the_weight_above_says(substeps: int, sweeps: int) -> None:
     """Sweeps add nothing where each particle has one contact. The top comes down by 199 g h^2, 5 % of a brick with 4
     substeps, 1.2 % with 8."""
-    checks = {check.name: check for check in checks_of(stands, stack(substeps, sweeps=sweeps))}
+    checks = {check.name: check for check in checks_of(stands, stack(substeps, contact={"sweeps": sweeps}))}
     assert all(check.good for check in checks.values())
     assert checks[LOWERED].value < 0.05 * (4 / substeps) ** 2
 
@@ -64,7 +64,7 @@ def test_iterations_make_a_stack_stiffer() -> None:
 def test_a_stack_sleeps_in_float32() -> None:
     """Friction takes back how a body slid in a substep, and forgets: rounding, always the same way, moves a stack that is
     awake by 2 mm in 10 s. Asleep it has no speed at all, and stays."""
-    scene = stack(4, sleeping_speed=0.005)
+    scene = stack(4, contact={"sleeping_speed": 0.005})
     with opened(scene, precision="float32") as simulation:
         simulation.advance(600)
         early = simulation.state()

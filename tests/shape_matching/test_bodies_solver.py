@@ -116,7 +116,7 @@ def test_a_rigid_body_loses_spin_by_its_law() -> None:
     is a rigid motion (model/formulas/shape_matching/rigid.py); that of a way over h, atan2(sin D, 2 - cos D), lost twice as
     much. 200 turns of 1e-15 rad, each of which changes all later ones: 200^2 x 1e-15."""
     omega, h, steps = 2 * np.pi, 0.01, 200
-    scene = by_hand(clusters_of(CORNERS, np.arange(8)))
+    scene = by_hand(clusters_of(CORNERS, [np.arange(8)]))
     axis = np.array([0.0, 0.0, 1.0])
     state = end_state(scene, start=start(scene, velocity=omega * np.cross(axis, CORNERS)), steps=steps)
     angle, total = np.arctan(omega * h), 0.0
@@ -134,7 +134,7 @@ def test_a_rigid_body_loses_spin_by_its_law() -> None:
 def test_a_stretch_decays_as_a_step_of_implicit_euler_says(iterations: int) -> None:
     """One cluster: e' = (1 - a) (2 e - e_before), a = w^2 h^2 / (1 + w^2 h^2), so that its envelope falls by sqrt(1 - a) a
     step (NUMERICS A10), for any number of iterations."""
-    scene = by_hand(clusters_of(CORNERS, np.arange(8), stiffness=3600.0), method=method(1, iterations))
+    scene = by_hand(clusters_of(CORNERS, [np.arange(8)], stiffness=3600.0), method=method(1, iterations))
     a = matching_factor(3600.0, 0.01, 1)
     before = now = 0.1
     for _ in range(STEPS):
@@ -180,7 +180,7 @@ def test_clusters_without_a_volume(kernel: str, precision: str, exponent: int) -
 def test_far_from_the_origin_float32_keeps_its_digits() -> None:
     """NUMERICS B14: 4096 m away, where places are 2^-12 m apart, the rotation is still that of the places as they are:
     offsets between them are exact, and 8 of them are summed up with 2^-24."""
-    scene = by_hand(clusters_of(CORNERS, np.arange(8)))
+    scene = by_hand(clusters_of(CORNERS, [np.arange(8)]))
     there = (CORNERS @ rotation_by([0.3, -0.2, 0.5]).T + 4096).astype(np.float32)
     with opened(scene, initial=start(scene, there), precision="float32") as simulation:
         found, centre = matrices_of(simulation.read("rotation"))[0], simulation.read("centre")
@@ -247,7 +247,7 @@ def test_dt_changes_how_far_particles_go() -> None:
         simulation.advance(STEPS)
         expected.advance(STEPS)
         assert same(simulation.state(), expected.state())
-    assert matching_factors(clusters_of(CORNERS, np.arange(8)), 1e-9, 3) == pytest.approx(1)
+    assert matching_factors(clusters_of(CORNERS, [np.arange(8)]), 1e-9, 3) == pytest.approx(1)
 
 
 def test_what_diverges_is_named() -> None:

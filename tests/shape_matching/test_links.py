@@ -50,7 +50,7 @@ def test_one_link_is_an_implicit_euler_step_of_its_spring() -> None:
     """Two masses m on a spring k, stretched by s along x: s' = (s + h u) / (1 + 2 k h^2 / m), u' = (s' - s) / h (Macklin et
     al. 2016, eq. 18, with one iteration). 40 steps of some 10 roundings of 1.2 m."""
     k, m, h, length = 70.0, 0.5, 0.01, 1.0
-    clusters = clusters_of([[0.0, 0.0, 0.0], [length, 0.0, 0.0]], [0], mass=[m, m])
+    clusters = clusters_of([[0.0, 0.0, 0.0], [length, 0.0, 0.0]], [[0]], mass=[m, m])
     link = LinkedCopies(np.array([[0, 1]], np.int32), np.array([length]), k, np.array([0]), 2)
     scene = by_hand(clusters, [link], method=method(1, 1, h))
     stretched = np.array([[-0.1, 0.0, 0.0], [1.1, 0.0, 0.0]])
@@ -66,7 +66,7 @@ def test_one_link_is_an_implicit_euler_step_of_its_spring() -> None:
 
 def test_iterations_go_on_with_one_multiplier() -> None:
     """A lone link is solved in the first iteration, further ones change nothing: without multipliers they would stiffen."""
-    clusters = clusters_of([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]], [0])
+    clusters = clusters_of([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]], [[0]])
     link = LinkedCopies(np.array([[0, 1]], np.int32), np.array([1.0]), 70.0, np.array([0]), 2)
     ends = []
     for iterations in (1, 5):

@@ -40,7 +40,9 @@ def landed(points: np.ndarray, colliders: dict[str, Any], dt: float = 1e-4, step
         z = lowest[0, 2] if "capsule" in colliders else np.hypot(lowest[0, 0], lowest[0, 2])
         radius = 1.0 if "capsule" in colliders else 5.0
         at[:, 1] += np.sqrt(radius**2 - z**2) - radius - at[:, 1].min() + 0.25 * dt
-    scene = by_hand(clusters_of(at, np.arange(len(at))), body=BRICK, gravity=0.0, method=method(1, 1, dt), **colliders)
+    scene = by_hand(
+        clusters_of(at, [np.arange(len(at))]), body=BRICK, gravity=0.0, method=method(1, 1, dt), **colliders
+    )
     begin = start(scene, velocity=np.tile([0.0, -1.0, 0.0], (len(at), 1)))
     return np.asarray(end_state(scene, start=begin, steps=steps, **how).velocity.mean(axis=0))
 

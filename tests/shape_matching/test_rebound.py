@@ -29,7 +29,7 @@ def cube(restitution: float, friction: float = 0.0, lift: float = 0.0) -> Scene:
     at = CORNERS + np.array([0.0, 0.1, 0.0])
     at[1:, 1] += lift
     floor = FLOOR | {"restitution": restitution, "static_friction": max(friction, 1e-30), "dynamic_friction": friction}
-    return by_hand(clusters_of(at, np.arange(8)), body=BRICK, gravity=0.0, plane=floor, method=method(dt=1e-4))
+    return by_hand(clusters_of(at, [np.arange(8)]), body=BRICK, gravity=0.0, plane=floor, method=method(dt=1e-4))
 
 
 def energy(scene: Scene, velocity: np.ndarray) -> float:
@@ -109,7 +109,7 @@ def test_no_impact_gives_energy(restitution: float, friction: float) -> None:
 
 def test_it_is_bound_by_what_one_particle_could_do() -> None:
     """Under the middle: M over its mass."""
-    clusters = clusters_of([*CORNERS, [3.0, 0.0, 0.0]], np.arange(8), [8], mass=[1.0] * 7 + [3.0, 1.0])
+    clusters = clusters_of([*CORNERS, [3.0, 0.0, 0.0]], [np.arange(8), [8]], mass=[1.0] * 7 + [3.0, 1.0])
     assert rebound_limits(clusters).tolist() == [10.0, 0.0]
 
 

@@ -109,7 +109,7 @@ def lone_points(
     """Bodies of one particle of 1 kg each, without weight, that meet."""
     count, contact = len(points), {"maximum_speed": 1e3, "sleeping_speed": 1e-30} | contact
     body = BRICK | {"copies": [count, 1, 1], "adhesion": adhesion, "radius": radius}
-    clusters, solved = clusters_of(points, *([n] for n in range(count))), method(1, iterations)
+    clusters, solved = clusters_of(points, [[n] for n in range(count)]), method(1, iterations)
     scene = by_hand(clusters, body=body, contact=contact, method=solved)
     body_set, zero = scene.body_set, np.zeros((count, 3))
     one: Any = SimpleNamespace(clusters=SimpleNamespace(count=1), lattice=None)

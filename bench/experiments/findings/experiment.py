@@ -119,14 +119,18 @@ def _floor(store: Store, backend: str) -> list[Experiment]:
 
 def _floor_error(store: Store, scene: Scene, backend: str, precision: str) -> Measures:
     right = cache.cached_reference(scene, END, references(store))
-    state = _end(scene, backend, round(END / scene.method.dt), allow_unstable=True, precision=precision)
+    state = _end(scene, backend, round(END / scene.method.dt), precision, allow_unstable=True)
     error = np.inf if state is None else _error(scene, state.position, right.position)
     return {ERROR: (error, "spacing", None if state else "diverged")}
 
 
-def _end(scene: Scene, backend: str, steps: int, **options: Any) -> State | None:
+def _end(
+    scene: Scene, backend: str, steps: int, precision: str, initial: State | None = None, allow_unstable: bool = False
+) -> State | None:
     """Return the state after `steps`, or None if it diverged."""
-    with open_simulation(scene, backend, **options) as simulation:
+    with open_simulation(
+        scene, backend, precision=precision, initial=initial, allow_unstable=allow_unstable
+    ) as simulation:
         try:
             simulation.advance(steps)
             return simulation.state()
@@ -152,7 +156,7 @@ def _away_error(scene: Scene, backend: str, offset: float) -> Measures:
     exact, _ = reference.simulate(scene, AWAY_STEPS, begin, np.zeros_like(begin))
     shift = np.array([0.0, offset])
     initial = State(begin + shift, np.zeros_like(begin), build(scene).inverse_mass, 0.0, 0)
-    state = _end(scene, backend, AWAY_STEPS, initial=initial, precision="float32")
+    state = _end(scene, backend, AWAY_STEPS, "float32", initial)
     assert state is not None
     largest = float(np.abs(state.position.astype(np.float64) - shift - exact).max())
     return {ERROR: (largest / scene.grid.spacing, "spacing", "largest over masses and axes")}

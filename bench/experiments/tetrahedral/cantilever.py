@@ -116,7 +116,7 @@ def exact_rest(across: int) -> np.ndarray:
         start = cached_arrays(begun, shapes, lambda: {"position": mesh.position})["position"]
         position = nonlinear_static(
             mesh.position, mesh.tetrahedra, REFERENCE, POISSON, fixed, "fixed-corotated", gravity=gravity, density=DENSITY,
-            start=start, watch=lambda x: write_arrays(begun, position=x),
+            start=start, watch=lambda x: write_arrays(begun, {"position": x}),
         )  # fmt: skip
         begun.unlink(missing_ok=True)
         return {"position": position}
