@@ -234,7 +234,7 @@ def demo(
     shown = [scene_of(name, settings) for name in scenes or ["lab-grid"]]
     with compilations_shown():
         run_demo(
-            *shown, backend=backend, threads=threads, precision=precision, math=math, frames=frames, judge=judge_run
+            shown, backend=backend, threads=threads, precision=precision, math=math, frames=frames, judge=judge_run
         )
 
 

@@ -76,7 +76,7 @@ class OffscreenRenderer:
             self._legends, self._panel = None, None
             if legend:
                 with drawing_text():
-                    self._panel = Panel("top-left", Style(11, monospaced=False))
+                    self._panel = Panel("top-left", [Style(11, monospaced=False)])
                     self._legends = Legends(scene)
         except BaseException:
             self._window.close()

@@ -60,7 +60,7 @@ def load_pyglet(headless: bool) -> Any:
     return pyglet
 
 
-def open_window(headless: bool, width: int, height: int, **options: Any) -> Any:
+def open_window(headless: bool, width: int, height: int, caption: str | None = None) -> Any:
     """A pyglet window (off-screen: of exactly `width` x `height` pixels; else no larger than the screen) with an OpenGL 3.3
     context, made current.
 
@@ -75,7 +75,7 @@ def open_window(headless: bool, width: int, height: int, **options: Any) -> Any:
         if not headless:
             screen = pyglet.display.get_display().get_default_screen()
             width, height = min(width, screen.width), min(height, screen.height - BARS)
-        window = pyglet.window.Window(width, height, config=config, **options)
+        window = pyglet.window.Window(width, height, caption=caption, resizable=not headless, vsync=True, config=config)
         window.switch_to()
     except Exception as error:
         what = "off-screen OpenGL does not work here" if headless else "no window can be opened"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -35,7 +36,9 @@ class Panel:
     """Lines of text on a light ground. `corner`: where in the window, `top-left`, `bottom-left` or `centre`. `styles`: of the
     first line, the next ...; all lines that are left over have the last."""
 
-    def __init__(self, corner: str, *styles: Style, edge: tuple[float, float, float] = EDGE) -> None:
+    def __init__(
+        self, corner: str, styles: Sequence[Style] = (Style(),), edge: tuple[float, float, float] = EDGE
+    ) -> None:
         import pyglet
 
         self.corner = corner
@@ -49,7 +52,7 @@ class Panel:
                 weight="bold" if style.bold else "normal", multiline=True, width=100, anchor_x="left", anchor_y="top",
                 batch=self._batch,
             )
-            for style in styles or (Style(),)
+            for style in styles
         ]  # fmt: skip
         self._shown: tuple[str, int, int, int] | None = None
         self.height = 0

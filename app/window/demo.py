@@ -146,7 +146,7 @@ class Demo(Steering):
     def switch_backend(self) -> None:
         """Switch from the CPU to the GPU or back, with the current state (B)."""
         other = "gpu" if self.backend == "cpu" else "cpu"
-        if self.run_with(backend=other):
+        if self.run_with({}, backend=other):
             self.say(f"now on the {other}: {self.world.device}, state kept")
 
     def cycle_threads(self) -> None:
@@ -158,7 +158,7 @@ class Demo(Steering):
             return
         place = THREAD_WORDS.index(self.threads) if self.threads in THREAD_WORDS else -1
         word = THREAD_WORDS[(place + 1) % len(THREAD_WORDS)]
-        if self.run_with(threads=word):
+        if self.run_with({}, threads=word):
             self.say(f"{self.world.threads} threads ({word} the cores), state kept")
 
     # ------------------------------------------------------------------ bodies that come and go

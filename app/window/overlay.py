@@ -29,10 +29,10 @@ class Overlay:
     def __init__(self, viewer: WindowProtocol):
         self.viewer, self.demo = viewer, viewer.demo
         with drawing_text():
-            self._numbers, self._keys = Panel("top-left", *NUMBERS), Panel("centre", Style(11))
-            self._hint = Panel("bottom-left", Style(9, monospaced=False))
+            self._numbers, self._keys = Panel("top-left", NUMBERS), Panel("centre", [Style(11)])
+            self._hint = Panel("bottom-left", [Style(9, monospaced=False)])
             self._notice = Panel("top-left")
-            self._warning = Panel("top-left", Style(11, colour=colours.WARNING), edge=colours.WARNING)
+            self._warning = Panel("top-left", [Style(11, colour=colours.WARNING)], colours.WARNING)
             self._arrow, self._graph = Arrow(), FrameGraph()
         self.renew()
         self.times = FrameTimes()
@@ -46,8 +46,8 @@ class Overlay:
         with drawing_text():
             self._legends = Legends(self.demo.world.scene)
             several = len(self.demo.worlds) if len(self.demo.worlds) > 1 else 0
-            self._titles = [Panel("top-left", *TITLE) for _ in range(several)]
-            self._chosen = [Panel("top-left", *TITLE, edge=colours.SELECTED) for _ in range(several)]
+            self._titles = [Panel("top-left", TITLE) for _ in range(several)]
+            self._chosen = [Panel("top-left", TITLE, colours.SELECTED) for _ in range(several)]
 
     def toggle_keys(self) -> None:
         """Show or hide the keys (H)."""

@@ -138,9 +138,11 @@ class Steering(Poking):
         """`precision`, `math` and `kernel` (None: the backend's own choice)."""
         return {"kernel": None, **self._options}
 
-    def run_with(self, *, backend: str | None = None, threads: str | None = None, **options: str | None) -> bool:
-        """Change backend, number of threads, `precision`, `math` or `kernel`, with the current state. Returns True on
-        success; else the reason becomes the message, and everything stays."""
+    def run_with(
+        self, options: Mapping[str, str | None], backend: str | None = None, threads: str | None = None
+    ) -> bool:
+        """Change `precision`, `math` or `kernel` in `options`, backend or number of threads, with the current state. Returns
+        True on success; else the reason becomes the message, and everything stays."""
         if self._blocked():
             return False
         before = self._options

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -44,7 +45,7 @@ class Viewer:
         self.space, self.bodies = demo.world.scene.dimensions == 3, bool(demo.world.scene.bodies)
         self.state_file, self.frames = state_file, frames
         caption = f"softlab: {', '.join(demo.titles)}"
-        self.window = open_window(False, WIDTH, HEIGHT, caption=caption, resizable=True, vsync=True)
+        self.window = open_window(False, WIDTH, HEIGHT, caption)
         self.shots = Shots(demo)
         try:
             self.window.set_minimum_size(480, 360)
@@ -268,7 +269,8 @@ class Viewer:
 
 
 def run_demo(
-    *scenes: Scene,
+    scenes: Sequence[Scene],
+    *,
     backend: str = "cpu",
     threads: str = "1x",
     precision: str = "float32",

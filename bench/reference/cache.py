@@ -82,5 +82,5 @@ def cached_arrays(
         return stored
     computed = make()
     if file:
-        write_arrays(file, **computed)
+        write_arrays(file, computed)
     return computed

@@ -56,9 +56,16 @@ class Material:
         return material if material.parts else None
 
 
-def even(count: int, **values: float) -> Material:
-    """Return the material of `count` clusters that are all alike; values that are not given are 0."""
-    return Material(**{field.name: np.full(count, float(values.get(field.name, 0.0))) for field in fields(Material)})
+def even(
+    count: int,
+    linear: float = 0.0,
+    threshold: float = 0.0,
+    creep: float = 0.0,
+    limit: float = 0.0,
+    damping: float = 0.0,
+) -> Material:
+    """Return the material of `count` clusters that are all alike."""
+    return Material(*(np.full(count, float(value)) for value in (linear, threshold, creep, limit, damping)))
 
 
 def joined(materials: Sequence[Material | None], counts: Sequence[int]) -> Material | None:

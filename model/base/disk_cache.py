@@ -55,7 +55,7 @@ def read_arrays(file: Path) -> dict[str, np.ndarray] | None:
         return None
 
 
-def write_arrays(file: Path, **arrays: np.ndarray | float) -> None:
+def write_arrays(file: Path, arrays: Mapping[str, np.ndarray | float]) -> None:
     """Write the arrays to an .npz file, under another name first, so that a killed process leaves no partial file.
     Failures are ignored."""
     with suppress(OSError, InputError):
@@ -77,5 +77,5 @@ def load_or_make(
     loaded = unpacked(arrays) if arrays and str(arrays.get("key")) == key else None
     if loaded is None:
         loaded = make()
-        write_arrays(file, key=np.array(key), **packed(loaded))
+        write_arrays(file, {"key": np.array(key), **packed(loaded)})
     return loaded

@@ -65,11 +65,12 @@ class WindowedSimulation(Simulation):
         """Return a context in which window number `place` of this process is used: its device."""
         return nullcontext()
 
-    def _each(self, do: Callable[..., Any], *beside: Sequence[Any]) -> list[Any]:
-        """Return the results of `do(window, ...)` for each of this process; `beside`: further arguments, one per
-        window."""
+    def _each(self, do: Callable[..., Any], beside: Sequence[Any] | None = None) -> list[Any]:
+        """Return the results of `do(window)` for each of this process, or of `do(window, one)` with one of `beside` for
+        each window."""
         results = []
-        for place, arguments in enumerate(zip(self.windows, *beside, strict=True)):
+        each = zip(self.windows) if beside is None else zip(self.windows, beside, strict=True)
+        for place, arguments in enumerate(each):
             with self._at(place):
                 results.append(do(*arguments))
         return results

@@ -43,7 +43,7 @@ def sampled(
     begin = perf_counter()
     distance, overlaps = signed_distances(position, triangles, low, counts, spacing)
     if perf_counter() - begin > WORTH_KEEPING:
-        write_arrays(file, key=np.array(key), distance=distance, overlaps=np.array(overlaps))
+        write_arrays(file, {"key": np.array(key), "distance": distance, "overlaps": np.array(overlaps)})
     return distance, overlaps
 
 

@@ -72,13 +72,14 @@ def take_resting_defaults(scene: SceneParts) -> None:
     if untold and scene.all_of(*BODY_KINDS, *TETRAHEDRAL_KINDS):
         thickness = None if scene.is_world else _thickness(scene)
         for name, part in untold.items():
-            scene.derive(name, thickness=part.thickness if thickness is None else thickness)
+            scene.derive(name, {"thickness": part.thickness if thickness is None else thickness})
     method = scene.one("method")
     if method is None or "substeps" in method.model_fields_set or method.solver not in WITH_SUBSTEPS:
         return
     if not scene.all_of(*BODY_KINDS, *TETRAHEDRAL_KINDS) or scene.all_of("fluid"):
         return
-    scene.derive(scene.name_of("method"), substeps=min(max(_needed(scene), WITH_SUBSTEPS[method.solver]), MAX_SUBSTEPS))
+    substeps = min(max(_needed(scene), WITH_SUBSTEPS[method.solver]), MAX_SUBSTEPS)
+    scene.derive(scene.name_of("method"), {"substeps": substeps})
 
 
 def _take_supports(scene: SceneParts) -> None:
@@ -86,7 +87,7 @@ def _take_supports(scene: SceneParts) -> None:
     fluids = scene.all_of("fluid")
     if scene.all_of(*BODY_KINDS, *TETRAHEDRAL_KINDS) and all(part.support is None for part in fluids.values()):
         for name, part in fluids.items():
-            scene.derive(name, support=AMONG_BODIES * part.rest_distance)
+            scene.derive(name, {"support": AMONG_BODIES * part.rest_distance})
 
 
 def resting_notes(scene: SceneParts) -> list[str]:

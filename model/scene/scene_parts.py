@@ -126,7 +126,7 @@ class SceneParts:
             self.parts[part_name] = _build_part(part_name, KINDS[kind], fields)
             self.kinds[part_name] = kind
 
-    def derive(self, part_name: str, **fields: Any) -> None:
+    def derive(self, part_name: str, fields: Mapping[str, Any]) -> None:
         """Give a part `fields` that its table does not state; `as_dict` omits them, so that they follow changes."""
         self.parts[part_name] = self.parts[part_name].model_copy(update=fields)
         self.derived[part_name] = self.derived.get(part_name, frozenset()) | frozenset(fields)

@@ -13,6 +13,7 @@ W. van der Laan, S. Green, M. Sainz, "Screen Space Fluid Rendering with Curvatur
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -206,13 +207,18 @@ class FluidSurface:
         """Blur the thickness, with the picture of normals as scratch."""
         lengths: dict[str, Any] = {"half_width": BLUR * self._radius, "focal": camera.focal}
         for source, goal, axis in ((THICKNESS, NORMALS, (1, 0)), (NORMALS, THICKNESS, (0, 1))):
-            self._draw("blur", goal, {"thickness": source, "depth": self._result}, axis=axis, **lengths)
+            self._draw("blur", goal, {"thickness": source, "depth": self._result}, lengths | {"axis": axis})
 
     def _draw(
-        self, name: str, goal: int, pictures: dict[str, int], size: tuple[int, int] | None = None, **values: Any
+        self,
+        name: str,
+        goal: int,
+        pictures: dict[str, int],
+        values: Mapping[str, Any],
+        size: tuple[int, int] | None = None,
     ) -> None:
         """Run a program for every pixel of the picture `goal`, or its first `size`; it reads `pictures` by the names of its
-        samplers."""
+        samplers, and `values` by the names of its uniforms."""
         program = self._programs[name]
         self._pictures.onto(goal, size)
         program.use()
@@ -230,11 +236,11 @@ class FluidSurface:
         cell = max(int(pixels / FINEST), 1)
         size, wide = (-(-camera.width // cell), -(-camera.height // cell)), max(pixels / cell, 0.5)
         last = size[0] - 1, size[1] - 1
-        self._draw("gather", NORMALS, {"depth": DEPTH}, size, cell=cell)
+        self._draw("gather", NORMALS, {"depth": DEPTH}, {"cell": cell}, size)
         for source, goal, axis in ((NORMALS, THICKNESS, (1, 0)), (THICKNESS, NORMALS, (0, 1))):
-            self._draw("bell", goal, {"cells": source}, size, axis=axis, last=last, wide=wide)
+            self._draw("bell", goal, {"cells": source}, {"axis": axis, "last": last, "wide": wide}, size)
         how: dict[str, Any] = {"cell": cell, "last": last, "wide": wide, "apart": APART * self._radius}
-        self._draw("outline", OUTLINE, {"depth": DEPTH, "cells": NORMALS}, **how)
+        self._draw("outline", OUTLINE, {"depth": DEPTH, "cells": NORMALS}, how)
 
     def _filter(self, camera: Camera3D) -> None:
         """Smooth the depth, alternating between the first two pictures; `_result` is the last one."""
@@ -244,7 +250,7 @@ class FluidSurface:
             values: dict[str, Any] = {uniform: length * self._radius for uniform, length in lengths.items()}
             values |= {"axis": axis} if axis else {}
             values |= {"focal": camera.focal} if "focal" in self._programs[name].uniforms else {}
-            self._draw(name, goal, {"depth": self._result}, **values)
+            self._draw(name, goal, {"depth": self._result}, values)
             self._result = goal
 
     def normals(self, camera: Camera3D) -> np.ndarray:
@@ -256,7 +262,7 @@ class FluidSurface:
         gl.glGetIntegerv(gl.GL_DRAW_FRAMEBUFFER_BINDING, bound)
         gl.glGetIntegerv(gl.GL_VIEWPORT, box)
         gl.glDisable(gl.GL_BLEND)
-        self._draw("normal", NORMALS, {"depth": self._result}, **self._place(camera))
+        self._draw("normal", NORMALS, {"depth": self._result}, self._place(camera))
         image = np.empty((camera.height, camera.width, 4), np.float32)
         gl.glReadPixels(
             0, 0, camera.width, camera.height, gl.GL_RGBA, gl.GL_FLOAT, image.ctypes.data_as(ctypes.c_void_p)

@@ -28,17 +28,17 @@ def machine(frame: PanelFrame) -> None:
         chosen = rows.choice(
             "Threads", demo.threads, (*THREAD_WORDS, "1", "auto"), "Threads per core, a fixed number, or auto. Key T."
         )
-        if chosen is not None and demo.run_with(threads=chosen):
+        if chosen is not None and demo.run_with({}, threads=chosen):
             demo.say(f"{demo.world.threads} threads ({chosen}), state kept")
     for name, words in (("Precision", tuple(PRECISIONS)), ("Math", MATHS)):
         chosen = rows.choice(
             name, str(options[name.lower()]), words, "A change recompiles the kernels. The state is kept."
         )
-        if chosen is not None and demo.run_with(**{name.lower(): chosen}):
+        if chosen is not None and demo.run_with({name.lower(): chosen}):
             demo.say(f"{chosen}, state kept")
     now, known = options["kernel"] or AUTOMATIC, (AUTOMATIC, *KERNELS[demo.backend])
     chosen = rows.choice(
         "Kernel", now, known, "A kernel that the solver of this scene does not have is refused with a message."
     )
-    if chosen is not None and demo.run_with(kernel=None if chosen == AUTOMATIC else chosen):
+    if chosen is not None and demo.run_with({"kernel": None if chosen == AUTOMATIC else chosen}):
         demo.say(f"kernel {demo.world.kernel}, state kept")
