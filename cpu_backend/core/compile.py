@@ -71,7 +71,7 @@ class Compiler:
 
     def inlined(self, function: Callable) -> Any:
         """Compile as `compiled`, for functions with so many arguments that passing them costs more than a short row."""
-        return self._made_once(function, forceinline=True)
+        return self._made_once(function, inline=True)
 
     def row(self, function: Callable) -> Any:
         """Compile a loop along rows. Its array arguments must not overlap, except for those that it only reads."""
@@ -137,7 +137,8 @@ class Compiler:
         name = function.__name__.removesuffix(f"_{known}")
         return name, function if known else self._made_once(function, BodyPipeline), _region()
 
-    def _made_once(self, function: Callable, pipeline_class: Any = LinkedPipeline, **options: Any) -> Any:
+    def _made_once(self, function: Callable, pipeline_class: Any = LinkedPipeline, inline: bool = False) -> Any:
+        options = {"forceinline": True} if inline else {}
         content = content_digest(function, self.options, options, pipeline_class.__name__, _HOW)
         if content not in _shared:
             _shared[content] = numba.njit(**self.options, **self._inner, **options, pipeline_class=pipeline_class)(

@@ -195,13 +195,14 @@ def _of_set(compiler: Compiler, number: int, project: Any, run: int, others: Any
 
 @cache
 def make_constraint_stage(real: Any, math: str, projection: Projection, in_planes: bool) -> Any:
-    """Compile stage(bands, start, stop, position, weights, before, corners, values, multipliers, fresh, parameters): a
-    parallel loop over one colour."""
+    """Compile stage(bands, colour, position, weights, before, constraints, fresh, parameters): a parallel loop over one
+    colour, (start, stop). `constraints`: (corners, values, multipliers)."""
     run = projection.run
     compiler = Compiler(f"{projection.name}_{np.dtype(real).name}_{math}", math)
     project = make_projections(compiler, real, projection, (make_planes if in_planes else make_rows)(compiler))
 
-    def stage(band, bands, start, stop, position, weights, before, corners, values, multipliers, fresh, parameters):
+    def stage(band, bands, colour, position, weights, before, constraints, fresh, parameters):
+        (start, stop), (corners, values, multipliers) = colour, constraints
         runs = (stop - start) // run
         first, last = start + run * (runs * band // bands), start + run * (runs * (band + 1) // bands)
         project(first, last, position, weights, before, corners, values, multipliers, fresh, parameters)

@@ -13,7 +13,8 @@ import numpy as np
 
 from softlab.cpu_backend.core.constraints import make_constraint_stage, no_sets, set_arrays
 from softlab.cpu_backend.core.simulation import QuadsSimulation, chosen_kernel
-from softlab.cpu_backend.position_based.mesh_kernels import ALWAYS, make_mesh_advance, make_mesh_stages
+from softlab.cpu_backend.core.steps import Steps
+from softlab.cpu_backend.position_based.mesh_kernels import ALWAYS, World, make_mesh_advance, make_mesh_stages
 from softlab.model.core.plan import Executor, Moment, Plan, StageRun
 from softlab.model.core.simulation import Options
 from softlab.model.geometry.tables import wind_lists
@@ -71,9 +72,9 @@ class MeshPositionBased(QuadsSimulation):
     def _advance(self, step: int, steps: int) -> None:
         method = self.scene.method
         make_mesh_advance(*self._variant(), self._projections)(
-            self._bands, steps, step, method.substeps, method.iterations, self._position, self._velocity, self._before,
-            self.parameters, self.integers, self._wind, self._set_arrays or no_sets(self.real), self.bodies, self.kinds,
-            self.driven,
+            self._bands, Steps(steps, step, method.substeps, method.iterations), self._position, self._velocity,
+            self._before, self._set_arrays or no_sets(self.real),
+            World(self.parameters, self.integers, self._wind, self.bodies, self.kinds, self.driven),
         )  # fmt: skip
 
     def _stages(self) -> dict[str, StageRun]:
@@ -88,11 +89,10 @@ class MeshPositionBased(QuadsSimulation):
         def project(place: int, colour: int) -> StageRun:
             corners, values, multipliers, starts = self._set_arrays[place]
             kernel = make_constraint_stage(self.real, self.options.math, self._projections[place], in_planes=False)
-            start, stop = int(starts[colour]), int(starts[colour + 1])
+            ends, constraints = (int(starts[colour]), int(starts[colour + 1])), (corners, values, multipliers)
 
             def run(moment: Moment) -> None:
-                given = position, position, before, corners, values, multipliers, moment.fresh, self.parameters
-                kernel(bands, start, stop, *given)
+                kernel(bands, ends, position, position, before, constraints, moment.fresh, self.parameters)
 
             return run
 

@@ -8,7 +8,9 @@ from __future__ import annotations
 
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from softlab.cpu_backend.contact.colliders import make_collide_mass
 from softlab.cpu_backend.contact.pins import make_drive
@@ -27,6 +29,18 @@ AXES = 3  # a velocity's fourth number is its particle's own damping rate, 1/s
 
 
 ALWAYS = {"gauss-seidel", "load", "pins"}  # parts that change no code: every mass has its weight, 0 if pinned
+
+
+class World(NamedTuple):
+    """Constants, integers of random forces, the triangles for wind, colliders and their kinds, particles that follow a
+    motion."""
+
+    parameters: np.record
+    integers: np.ndarray
+    wind_lists: tuple[np.ndarray, np.ndarray, np.ndarray]
+    bodies: np.ndarray
+    kinds: np.ndarray
+    driven: np.ndarray
 
 
 def make_begin(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
@@ -124,40 +138,36 @@ def make_end(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleName
 def make_substep(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
     """Make `opening` and `closing`, run by all threads of a team before and after a substep's constraints.
 
-    `opening(team, member, bands, frame, number, position, velocity, before, predicted, parameters, integers,
-    wind_lists, bodies, driven)`: positions are saved in `before`, predictions written into `predicted`, and pins moved;
-    `closing(team, member, bands, number, position, velocity, before, parameters, bodies, kinds, driven)`: velocities,
-    colliders, pins.
+    `opening(team, member, bands, frame, number, position, velocity, before, predicted, world)`: positions are saved in
+    `before`, predictions written into `predicted`, and pins moved; `closing(team, member, bands, number, position,
+    velocity, before, world)`: velocities, colliders, pins. `world`: a World.
     """
     begin, ends, drive = make_begin(compiler, real, parts), make_end(compiler, real, parts), make_drive(compiler, real)
     update, collide = ends.update, ends.collide
     has_bodies, has_motion = bool(parts & set(COLLIDER_KINDS)), "motion" in parts
 
     @compiler.compiled
-    def opening(
-        team, member, bands, frame, number, position, velocity, before, predicted, parameters, integers, wind_lists,
-        bodies, driven,
-    ):  # fmt: skip
-        count = len(position)
+    def opening(team, member, bands, frame, number, position, velocity, before, predicted, world):
+        count, parameters, driven = len(position), world.parameters, world.driven
         for band in shares(team, member, bands):
             for k in range(count * band // bands, count * (band + 1) // bands):
                 for axis in range(position.shape[1]):
                     before[k, axis] = position[k, axis]
         for band in shares(team, member, bands):
             first, last = count * band // bands, count * (band + 1) // bands
-            begin(first, last, frame, number, before, velocity, predicted, parameters, integers, wind_lists)
+            begin(first, last, frame, number, before, velocity, predicted, parameters, world.integers, world.wind_lists)
             if has_motion:
                 first, last = driven.size * band // bands, driven.size * (band + 1) // bands
-                drive(first, last, number, position, velocity, parameters, bodies, driven)
+                drive(first, last, number, position, velocity, parameters, world.bodies, driven)
 
     @compiler.compiled
-    def closing(team, member, bands, number, position, velocity, before, parameters, bodies, kinds, driven):
-        count = len(position)
+    def closing(team, member, bands, number, position, velocity, before, world):
+        count, parameters, bodies, driven = len(position), world.parameters, world.bodies, world.driven
         for band in shares(team, member, bands):
             first, last = count * band // bands, count * (band + 1) // bands
             update(first, last, before, position, velocity, parameters)
             if has_bodies:
-                collide(first, last, number, before, position, velocity, parameters, bodies, kinds)
+                collide(first, last, number, before, position, velocity, parameters, bodies, world.kinds)
         if has_motion:
             for band in shares(team, member, bands):
                 first, last = driven.size * band // bands, driven.size * (band + 1) // bands
@@ -203,10 +213,10 @@ def make_mesh_stages(real: Any, math: str, parts: frozenset[str]) -> SimpleNames
 
 @cache
 def make_mesh_advance(real: Any, math: str, parts: frozenset[str], projections: tuple[Projection, ...]) -> Any:
-    """Compile advance(bands, steps, step, substeps, iterations, position, velocity, before, parameters, integers,
-    wind_lists, sets, bodies, kinds, driven): many steps in one call.
+    """Compile advance(bands, steps, position, velocity, before, sets, world): many steps in one call, `steps`: a Steps.
 
-    `sets`: (corners, values, multipliers, starts) of each set of constraints, in the order of `projections`.
+    `world`: a World; `sets`: (corners, values, multipliers, starts) of each set of constraints, in the order of
+    `projections`.
     """
     compiler = Compiler(cloth_variant("mesh", real, math, parts), math)
     substep, rows = make_substep(compiler, real, parts), make_rows(compiler)
@@ -215,20 +225,15 @@ def make_mesh_advance(real: Any, math: str, parts: frozenset[str], projections: 
     sweep = make_colours(compiler, projects, [projection.run for projection in projections])
     has_constraints = bool(projects)
 
-    def advance(
-        team, member, bands, steps, step, substeps, iterations, position, velocity, before, parameters, integers, wind_lists,
-        sets, bodies, kinds, driven,
-    ):  # fmt: skip
-        for pass_number in range(steps * substeps):
+    def advance(team, member, bands, steps, position, velocity, before, sets, world):
+        count, step, substeps, iterations = steps
+        for pass_number in range(count * substeps):
             number = step * substeps + pass_number
             frame = step + pass_number // substeps
-            opening(
-                team, member, bands, frame, number, position, velocity, before, position, parameters, integers, wind_lists,
-                bodies, driven,
-            )  # fmt: skip
+            opening(team, member, bands, frame, number, position, velocity, before, position, world)
             if has_constraints:
                 for iteration in range(iterations):
-                    sweep(team, member, bands, position, position, before, sets, iteration == 0, parameters)
-            closing(team, member, bands, number, position, velocity, before, parameters, bodies, kinds, driven)
+                    sweep(team, member, bands, position, position, before, sets, iteration == 0, world.parameters)
+            closing(team, member, bands, number, position, velocity, before, world)
 
     return compiler.team(advance)

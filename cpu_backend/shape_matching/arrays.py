@@ -91,15 +91,6 @@ class World(NamedTuple):
     kinds: np.ndarray
 
 
-class Steps(NamedTuple):
-    """Number of steps, number of the first one, substeps of a step, iterations of a substep."""
-
-    steps: int
-    step: int
-    substeps: int
-    iterations: int
-
-
 class Own(NamedTuple):
     """Clusters of each particle: first of each particle, clusters, rest offsets, factors."""
 

@@ -15,7 +15,7 @@ from softlab.cpu_backend.core.layout import Layout, aligned_zeros, block_of, pla
 from softlab.cpu_backend.core.own_forces import bind_forces
 from softlab.cpu_backend.core.point_stages import make_point_stages
 from softlab.cpu_backend.core.simulation import RowsSimulation, chosen_kernel
-from softlab.cpu_backend.shape_matching.arrays import Steps
+from softlab.cpu_backend.core.steps import Steps
 from softlab.cpu_backend.shape_matching.matching import STATES, Grid, make_matching_advance, scratch_places
 from softlab.cpu_backend.shape_matching.matching_rows import CLUSTER
 from softlab.cpu_backend.shape_matching.matching_stages import make_matching_stages

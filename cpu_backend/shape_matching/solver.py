@@ -17,7 +17,8 @@ from softlab.cpu_backend.contact.particles_project import PACES, make_settle_sta
 from softlab.cpu_backend.core.constraints import make_constraint_stage
 from softlab.cpu_backend.core.layout import aligned_zeros
 from softlab.cpu_backend.core.simulation import ParticlesSimulation, chosen_kernel
-from softlab.cpu_backend.shape_matching.arrays import BodyArrays, ClusterArrays, Own, Steps, World
+from softlab.cpu_backend.core.steps import Steps
+from softlab.cpu_backend.shape_matching.arrays import BodyArrays, ClusterArrays, Own, World
 from softlab.cpu_backend.shape_matching.bodies_bounce import make_bodies_bounce_stage
 from softlab.cpu_backend.shape_matching.couples import make_couples_stage
 from softlab.cpu_backend.shape_matching.damping import make_damping_stage
@@ -193,8 +194,8 @@ class Bodies(ParticlesSimulation):
 
         def link(number: int) -> StageRun:
             def run(moment: Moment) -> None:
-                given = position, self._weights, before, ends, values, multipliers, moment.fresh, self.parameters
-                project_links(bands, *starts[number : number + 2], *given)
+                colour, links = tuple(starts[number : number + 2]), (ends, values, multipliers)
+                project_links(bands, colour, position, self._weights, before, links, moment.fresh, self.parameters)
 
             return run
 

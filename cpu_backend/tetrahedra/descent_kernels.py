@@ -16,7 +16,7 @@ import numpy as np
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.progress import shares
 from softlab.cpu_backend.core.scratch import cloth_variant
-from softlab.cpu_backend.position_based.mesh_kernels import make_substep
+from softlab.cpu_backend.position_based.mesh_kernels import World, make_substep
 from softlab.cpu_backend.tetrahedra.descent_acceleration import make_accelerate
 from softlab.cpu_backend.tetrahedra.descent_contact import make_meeting
 from softlab.cpu_backend.tetrahedra.springs import make_springs
@@ -234,14 +234,11 @@ def make_descent_advance(real: Any, math: str, parts: frozenset[str], made: tupl
         team, member, bands, steps, step, substeps, iterations, position, velocity, before, inertial, parameters, integers,
         wind_lists, descents, holds, bodies, kinds, driven, ways, weights,
     ):  # fmt: skip
-        count = len(position)
+        count, world = len(position), World(parameters, integers, wind_lists, bodies, kinds, driven)
         for pass_number in range(steps * substeps):
             number = step * substeps + pass_number
             frame = step + pass_number // substeps
-            opening(
-                team, member, bands, frame, number, position, velocity, before, inertial, parameters, integers, wind_lists,
-                bodies, driven,
-            )  # fmt: skip
+            opening(team, member, bands, frame, number, position, velocity, before, inertial, world)
             prepare(team, member, bands, before, velocity, inertial, position, descents, parameters)
             given = number, before, holds, bodies, kinds
             for iteration in range(iterations):
@@ -250,6 +247,6 @@ def make_descent_advance(real: Any, math: str, parts: frozenset[str], made: tupl
                     for band in shares(team, member, bands):
                         first, last = count * band // bands, count * (band + 1) // bands
                         accelerate(first, last, position, ways, weights[iteration])
-            closing(team, member, bands, number, position, velocity, before, parameters, bodies, kinds, driven)
+            closing(team, member, bands, number, position, velocity, before, world)
 
     return compiler.team(advance)

@@ -103,7 +103,7 @@ def make_lead(
 
     @compiler.compiled
     def lead(i, keep, source, turn, later, scratch, sheet):
-        memory, places, parameters, _, _, _, row_places, _, _ = sheet
+        memory, places, parameters, row_places = sheet.memory, sheet.places, sheet.parameters, sheet.row_places
         stride, plane, width = places[P_STRIDE], places[P_PLANE], places[P_SCRATCH_WIDTH]
         row = min(i + down, places[P_ROWS] - 1)  # below the last row there is none: reciprocals are 0
         first, second = source + i * stride + near_lane, source + row * stride + far_lane
@@ -196,13 +196,13 @@ def make_iterate(compiler: Compiler, real: Any, axes: int, parts: frozenset[str]
     def open_walk(first, source, turn, later, scratch, sheet):
         if first < REACH:
             for triple in range(triples):
-                clear(scratch, np.int64(triple), sheet[1][P_SCRATCH_WIDTH])
+                clear(scratch, np.int64(triple), sheet.places[P_SCRATCH_WIDTH])
         for i in range(max(first - REACH, 0), first):
             lead_down(i, False, source, turn, later, scratch, sheet)
 
     @compiled
     def iterate_row(i, source, target, turn, later, scratch, sheet):
-        memory, places, _, _, _, _, row_places, row_uneven, _ = sheet
+        memory, places, row_places, row_uneven = sheet.memory, sheet.places, sheet.row_places, sheet.row_uneven
         plane, here, width = places[P_PLANE], i * places[P_STRIDE], places[P_SCRATCH_WIDTH]
         horizontal(i, True, source, turn, later, scratch, sheet)
         far_horizontal(i, True, source, turn, later, scratch, sheet)

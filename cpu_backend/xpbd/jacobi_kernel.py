@@ -40,7 +40,7 @@ def make_parts_of_substep(compiler: Compiler, real: Any, axes: int, parts: froze
 
     @compiler.compiled
     def iterate_band(band, bounds, k, iterations, step, substep, source, target, sheet):
-        memory, places = sheet[0], sheet[1]
+        memory, places = sheet.memory, sheet.places
         first, last = bounds[band], bounds[band + 1]
         scratch = row_at(memory, places[P_SCRATCH] + band * places[P_SCRATCH_SIZE])
         open_walk(first, source, k % 2, k > 0, scratch, sheet)
@@ -57,8 +57,8 @@ def make_parts_of_substep(compiler: Compiler, real: Any, axes: int, parts: froze
 
 @cache
 def make_jacobi_advance(real: Any, math: str, axes: int, parts: frozenset[str], several: bool) -> Any:
-    """Compile advance(bands, count, step, substeps, iterations, bounds, natural, memory, places, parameters, integers,
-    bodies, kinds, row_places, row_uneven, anchors): as that of xpbd/seidel.py, with bands of rows given by `bounds`."""
+    """Compile advance(bands, steps, bounds, natural, sheet): as that of xpbd/seidel.py, with bands of rows given by
+    `bounds`."""
     words = parts | ({"several"} if several else set())
     compiler = Compiler(cloth_variant(f"xpbd_{axes}d", real, math, words), math)
     compiled, has_wind, apart = compiler.compiled, "wind" in parts, keeps_velocity(parts)
@@ -71,12 +71,13 @@ def make_jacobi_advance(real: Any, math: str, axes: int, parts: frozenset[str], 
 
     @compiled
     def copy(band, bounds, source, natural, sheet):
-        velocity = source + axes * sheet[1][P_PLANE] if apart else axes * sheet[1][P_PLANE]
-        copy_band(bounds[band], bounds[band + 1], source, velocity, sheet[0], sheet[1], natural)
+        velocity = source + axes * sheet.places[P_PLANE] if apart else axes * sheet.places[P_PLANE]
+        copy_band(bounds[band], bounds[band + 1], source, velocity, sheet.memory, sheet.places, natural)
 
     @compiled
     def blow(band, bounds, natural, substep, sheet):
-        memory, places, parameters, integers, _, _, row_places, _, _ = sheet
+        memory, places, parameters, integers = sheet.memory, sheet.places, sheet.parameters, sheet.integers
+        row_places = sheet.row_places
         wind_band(
             bounds[band], bounds[band + 1], band, substep, memory, places, natural, parameters, integers, row_places
         )
@@ -89,17 +90,15 @@ def make_jacobi_advance(real: Any, math: str, axes: int, parts: frozenset[str], 
     @compiled
     def bring_back(band, bounds, sheet):
         """Copy positions, and with colliders velocities, from the other buffer to that of the state."""
-        memory, places = sheet[0], sheet[1]
+        memory, places = sheet.memory, sheet.places
         for plane in range(2 * axes if apart else axes):
             start = plane * places[P_PLANE]
             for k in range(start + bounds[band] * places[P_STRIDE], start + bounds[band + 1] * places[P_STRIDE]):
                 memory[k] = memory[places[P_OTHER] + k]
 
-    def advance(
-        team, member, bands, count, step, substeps, iterations, bounds, natural, memory, places, parameters, integers, bodies,
-        kinds, row_places, row_uneven, anchors,
-    ):  # fmt: skip
-        sheet = (memory, places, parameters, integers, bodies, kinds, row_places, row_uneven, anchors)
+    def advance(team, member, bands, steps, bounds, natural, sheet):
+        count, step, substeps, iterations = steps
+        places = sheet.places
         for number in range(count * substeps):
             now, substep, done = step + number // substeps, step * substeps + number, number * iterations
             if has_wind:

@@ -196,7 +196,8 @@ def make_link(
 
     @compiler.compiled
     def link(i, later, sheet):
-        memory, places, parameters, _, _, _, row_places, row_uneven, _ = sheet
+        memory, places, parameters, row_places = sheet.memory, sheet.places, sheet.parameters, sheet.row_places
+        row_uneven = sheet.row_uneven
         if down > 0:
             for c in range(classes):
                 run(i, np.int64(c), i & 1, later, memory, places, parameters, row_places, row_uneven)

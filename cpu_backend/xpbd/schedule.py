@@ -12,6 +12,7 @@ phase no two bands touch the same row.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -45,20 +46,20 @@ class _Band:
     def has_lower(self) -> bool:
         return self.end < self.rows
 
-    def do(self, what: int, *rows: int) -> None:
+    def do(self, what: int, rows: Iterable[int]) -> None:
         self.steps += [(what, row, self.phase) for row in rows]
 
     def open_pair(self, i: int) -> None:
         """Open rows `i` and i + 1, between which the first colours lead."""
-        self.do(BEGIN, *range(i, min(i + 2, self.end)))
+        self.do(BEGIN, range(i, min(i + 2, self.end)))
         if i + 1 < self.end:
-            self.do(DOWN, i)
+            self.do(DOWN, [i])
 
     def met(self, i: int) -> None:
         """Continue with row `i` after its neighbouring rows; called in the order of rows."""
-        self.do(ALONG, i)
+        self.do(ALONG, [i])
         if not self.has_bending:
-            self.do(END, i)
+            self.do(END, [i])
         elif i % 4 == 3 or i == self.rows - 1:
             self.close_group(i // 4 * 4, i)
 
@@ -75,14 +76,14 @@ class _Band:
             self.leave(first + 2, last)
 
     def far_down(self, first: int) -> None:
-        self.do(FAR_DOWN, *(k for k in (first, first + 1) if k + 2 < self.rows))
+        self.do(FAR_DOWN, [*(k for k in (first, first + 1) if k + 2 < self.rows)])
 
     def leave(self, first: int, last: int | None = None) -> None:
         """Finish both rows from `first` on (to `last` at most), after those two below and above."""
         for k in range(first, first + 2):
             if last is None or k <= last:
-                self.do(FAR_ALONG, k)
-                self.do(END, k)
+                self.do(FAR_ALONG, [k])
+                self.do(END, [k])
 
     def run(self) -> list[tuple[int, int, int]]:
         """Return all steps of an iteration."""
@@ -94,10 +95,10 @@ class _Band:
             if not (self.has_lower and is_last_pair):
                 self.open_pair(i)
             if i > self.begin:
-                self.do(DOWN, i - 1)
+                self.do(DOWN, [i - 1])
                 self.met(i - 1)
             elif self.has_upper:
-                self.do(DOWN, i - 1)
+                self.do(DOWN, [i - 1])
             self.met(i)
             if is_last_pair and not self.has_lower and i + 1 < self.end:
                 self.met(i + 1)

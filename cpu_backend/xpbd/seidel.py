@@ -86,12 +86,10 @@ def make_follow(compiler: Compiler, real: Any, axes: int, parts: frozenset[str],
 
 @cache
 def make_seidel_advance(real: Any, math: str, axes: int, parts: frozenset[str], several: bool) -> Any:
-    """Compile advance(bands, count, step, substeps, iterations, steps, starts, bounds, natural, memory, places,
-    parameters, integers, bodies, kinds, row_places, row_uneven, anchors): `count` steps in place, from number `step`
-    on.
+    """Compile advance(bands, steps, order, starts, bounds, natural, sheet): steps in place, `steps`: a Steps.
 
-    `several`: true for more than one iteration. `steps`, `starts`, `bounds`: the schedule; `natural`: of the sheet for
-    wind; the rest: see xpbd/walk.py.
+    `several`: true for more than one iteration. `order`, `starts`, `bounds`: the schedule; `natural`: of the sheet for
+    wind; `sheet`: see xpbd/walk.py.
     """
     words = parts | ({"several"} if several else set())
     compiler = Compiler(cloth_variant(f"xpbd_{axes}d", real, math, words), math)
@@ -105,11 +103,20 @@ def make_seidel_advance(real: Any, math: str, axes: int, parts: frozenset[str], 
 
     @compiled
     def copy(band, bounds, natural, sheet):
-        copy_band(bounds[band], bounds[band + 1], np.int64(0), axes * sheet[1][P_PLANE], sheet[0], sheet[1], natural)
+        copy_band(
+            bounds[band],
+            bounds[band + 1],
+            np.int64(0),
+            axes * sheet.places[P_PLANE],
+            sheet.memory,
+            sheet.places,
+            natural,
+        )
 
     @compiled
     def blow(band, bounds, natural, substep, sheet):
-        memory, places, parameters, integers, _, _, row_places, _, _ = sheet
+        memory, places, parameters, integers = sheet.memory, sheet.places, sheet.parameters, sheet.integers
+        row_places = sheet.row_places
         wind_band(
             bounds[band], bounds[band + 1], band, substep, memory, places, natural, parameters, integers, row_places
         )
@@ -121,11 +128,8 @@ def make_seidel_advance(real: Any, math: str, axes: int, parts: frozenset[str], 
             found = found or starts[band, phase] < starts[band, phase + 1]
         return found
 
-    def advance(
-        team, member, bands, count, step, substeps, iterations, steps, starts, bounds, natural, memory, places, parameters,
-        integers, bodies, kinds, row_places, row_uneven, anchors,
-    ):  # fmt: skip
-        sheet = (memory, places, parameters, integers, bodies, kinds, row_places, row_uneven, anchors)
+    def advance(team, member, bands, steps, order, starts, bounds, natural, sheet):
+        count, step, substeps, iterations = steps
         for number in range(count * substeps):
             if has_wind:
                 for band in shares(team, member, bands):
@@ -138,7 +142,7 @@ def make_seidel_advance(real: Any, math: str, axes: int, parts: frozenset[str], 
                     for band in shares(team, member, bands):
                         follow(
                             starts[band, phase], starts[band, phase + 1], k == 0, k == iterations - 1,
-                            step + number // substeps, step * substeps + number, steps, sheet,
+                            step + number // substeps, step * substeps + number, order, sheet,
                         )  # fmt: skip
 
     return compiler.team(advance)

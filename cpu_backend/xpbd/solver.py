@@ -18,6 +18,7 @@ from softlab.cpu_backend.core.layout import Layout, aligned_zeros, block_of, pla
 from softlab.cpu_backend.core.normals import make_normals
 from softlab.cpu_backend.core.scratch import scratch_width, triples_of
 from softlab.cpu_backend.core.simulation import RowsSimulation, chosen_kernel
+from softlab.cpu_backend.core.steps import Steps
 from softlab.cpu_backend.xpbd.forces import WIND_PARTS, has_forces
 from softlab.cpu_backend.xpbd.jacobi import displacement_triples
 from softlab.cpu_backend.xpbd.jacobi_kernel import make_jacobi_advance
@@ -26,7 +27,7 @@ from softlab.cpu_backend.xpbd.schedule import most_bands, schedule
 from softlab.cpu_backend.xpbd.seidel import make_seidel_advance
 from softlab.cpu_backend.xpbd.stages import bind_position_stages
 from softlab.cpu_backend.xpbd.tables import Tables
-from softlab.cpu_backend.xpbd.walk import keeps_velocity
+from softlab.cpu_backend.xpbd.walk import Sheet, keeps_velocity
 from softlab.model.base.errors import SceneError
 from softlab.model.contact.cloth_parameters import collider_numbers
 from softlab.model.core.plan import Executor
@@ -205,10 +206,11 @@ class PositionBased(RowsSimulation):
         """Return the arguments of such a kernel for `steps` steps from number `step` on."""
         method, bounds = self.scene.method, (self._bounds,)
         order = bounds if self.plan.parts & JACOBI else (self._steps, self._starts, *bounds)
-        return (
-            self._bands, steps, step, method.substeps, method.iterations, *order, self._natural, self._memory, self._places,
-            self.parameters, self.integers, self.bodies, self.kinds, self._row_places, self._row_uneven, self._anchors,
+        sheet = Sheet(
+            self._memory, self._places, self.parameters, self.integers, self.bodies, self.kinds, self._row_places,
+            self._row_uneven, self._anchors,
         )  # fmt: skip
+        return self._bands, Steps(steps, step, method.substeps, method.iterations), *order, self._natural, sheet
 
     def _advance(self, step: int, steps: int) -> None:
         make: Any = make_jacobi_advance if self.plan.parts & JACOBI else make_seidel_advance

@@ -1,16 +1,15 @@
 """Operations of both orderings' kernels on a row before and after its constraints: prediction, attachments, velocity,
 colliders.
 
-All functions pass on `sheet`: (memory, places, parameters, integers, bodies, kinds, row_places, row_uneven, anchors).
-Memory and places: xpbd/layout.py; `bodies`, `kinds`: the colliders; `row_places` (2 + families, rows): offsets of a
-row's weights, its valences, and the reciprocals of each family; `row_uneven` (rows,): true if a weight is not 1;
-`anchors`: flat, of each mass, by their index among the pins.
+All functions pass on `sheet`, a Sheet.
 """
 
 from __future__ import annotations
 
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from softlab.cpu_backend.contact.colliders import make_collide_row
 from softlab.cpu_backend.core.compile import Compiler
@@ -31,6 +30,22 @@ from softlab.cpu_backend.xpbd.layout import (
 from softlab.cpu_backend.xpbd.rows import make_motion_rows
 from softlab.model.formulas import distance
 from softlab.model.tables.cloth import COLLIDER_KINDS
+
+
+class Sheet(NamedTuple):
+    """Memory and places: xpbd/layout.py; constants; integers of random forces; `bodies`, `kinds`: the colliders;
+    `row_places` (2 + families, rows): offsets of a row's weights, its valences, and the reciprocals of each family;
+    `row_uneven` (rows,): true if a weight is not 1; `anchors`: flat, of each mass, by their index among the pins."""
+
+    memory: np.ndarray
+    places: np.ndarray
+    parameters: np.record
+    integers: np.ndarray
+    bodies: np.ndarray
+    kinds: np.ndarray
+    row_places: np.ndarray
+    row_uneven: np.ndarray
+    anchors: np.ndarray
 
 
 def keeps_velocity(parts: frozenset[str]) -> bool:
@@ -66,7 +81,7 @@ def make_attach_row(compiler: Compiler, real: Any, axes: int, parts: frozenset[s
 
     @compiler.compiled
     def attach_row(i, classes, position, sheet):
-        memory, places, _, _, _, _, row_places, _, anchors = sheet
+        memory, places, row_places, anchors = sheet.memory, sheet.places, sheet.row_places, sheet.anchors
         plane, pins = places[P_PLANE], places[P_PIN_COUNT]
         for c in range(classes):
             lane = c * places[P_CLASS]
@@ -111,7 +126,8 @@ def make_walk(compiler: Compiler, real: Any, axes: int, parts: frozenset[str], c
 
     @compiler.compiled
     def begin_row(i, step, position, sheet):
-        memory, places, parameters, integers, _, _, row_places, row_uneven, _ = sheet
+        memory, places, parameters, integers = sheet.memory, sheet.places, sheet.parameters, sheet.integers
+        row_places, row_uneven = sheet.row_places, sheet.row_uneven
         keep = keep_of(parameters.keep, parameters.braking)
         if forces_differ:
             add_forces(i, step, memory, places, parameters, integers, row_places[0, i])
@@ -137,7 +153,8 @@ def make_walk(compiler: Compiler, real: Any, axes: int, parts: frozenset[str], c
 
     @compiler.compiled
     def touch_row(i, substep, position, sheet):
-        memory, places, parameters, _, bodies, kinds, row_places, row_uneven, _ = sheet
+        memory, places, parameters, bodies = sheet.memory, sheet.places, sheet.parameters, sheet.bodies
+        kinds, row_places, row_uneven = sheet.kinds, sheet.row_places, sheet.row_uneven
         for c in range(classes):
             lane = i * places[P_STRIDE] + c * places[P_CLASS]
             collide_row(
@@ -154,7 +171,7 @@ def make_walk(compiler: Compiler, real: Any, axes: int, parts: frozenset[str], c
 
     @compiler.compiled
     def end_row(i, substep, position, sheet):
-        memory, places, parameters, _, _, _, _, _, _ = sheet
+        memory, places, parameters = sheet.memory, sheet.places, sheet.parameters
         for axis in range(axes):
             for c in range(classes):
                 p, v, before = rows_of(i, axis, c, position, places)

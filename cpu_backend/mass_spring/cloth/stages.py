@@ -6,6 +6,7 @@ One mass at a time sums the forces of its up to twelve neighbours and the wind o
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache
 from types import SimpleNamespace
 from typing import Any
@@ -58,17 +59,17 @@ def make_pin_stage(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
 def make_cloth_stages(real: Any, math: str, integrator: str, parts: frozenset[str]) -> SimpleNamespace:
     """Make the stage kernels of a variant; each is compiled when it first runs, for the parts that affect it."""
 
-    def made(make: Any, *words: str) -> Any:
+    def made(make: Any, words: Sequence[str]) -> Any:
         matter = frozenset(part for part in parts if part.split("-")[0] in words)
         return make(Compiler(cloth_variant("stage", real, math, matter), math), real, matter)
 
     kicks = parts & {"damping"}
     compiler = Compiler(cloth_variant(f"stage_{integrator}", real, math, kicks), math)
     stages = make_motion_stages(compiler, real, integrator, "damping" in kicks)
-    stages.spring_forces = made(make_spring_stage, *SPRING_KINDS)
-    stages.wind = made(make_wind_stage, "wind", "gust")
-    stages.collide = made(make_collide_stage, *COLLIDER_KINDS, "friction", "restitution")
-    stages.pins = made(make_pin_stage, "motion")
+    stages.spring_forces = made(make_spring_stage, SPRING_KINDS)
+    stages.wind = made(make_wind_stage, ("wind", "gust"))
+    stages.collide = made(make_collide_stage, (*COLLIDER_KINDS, "friction", "restitution"))
+    stages.pins = made(make_pin_stage, ("motion",))
     return stages
 
 
