@@ -88,6 +88,4 @@ class ParticleContacts:
         )  # fmt: skip
 
     def bounce(self, position: np.ndarray, velocity: np.ndarray, weights: np.ndarray) -> None:
-        self._bounce(
-            self.bands, position, self.old, velocity, weights, self.record, self.neighbours.found, self._contacts
-        )
+        self._bounce(self.bands, position, velocity, weights, self.arrays)

@@ -62,9 +62,10 @@ def make_passes(compiler: Compiler, real: Any, scaled: bool, has_rigid: bool = F
         return lacking(before, now, (nx, ny, nz), e, settling), nx, ny, nz
 
     @compiler.compiled
-    def tell(band, count, position, old, velocity, record, lists, contacts, travel):
+    def tell(band, count, position, velocity, arrays, travel):
         """Store the contacts of each particle that must separate faster in `acting`, one particle after the other, and
         their numbers in `counts`. Returns True if there are any."""
+        record, lists, contacts, old = arrays.rows.record, arrays.search.lists, arrays.contacts, arrays.old
         who, numbers, entries, pairs, acting = lists.who, lists.numbers, lists.entries, lists.pairs, contacts.acting
         first = lists.begins[band]
         last = first + lists.active[band]
@@ -82,9 +83,10 @@ def make_passes(compiler: Compiler, real: Any, scaled: bool, has_rigid: bool = F
         return place > start
 
     @compiler.compiled
-    def push(band, count, position, old, velocity, weights, record, lists, contacts, scales, travel):
+    def push(band, count, position, velocity, weights, arrays, scales, travel):
         """Write the velocity changes of bouncing particles into `moves`, by their place in `who`; for rigid bodies in
         the first pass also the change that their contacts ask for alone, into `scales`."""
+        record, lists, contacts, old = arrays.rows.record, arrays.search.lists, arrays.contacts, arrays.old
         acting, counts = contacts.acting, contacts.counts
         first = lists.begins[band]
         last = first + lists.active[band]
@@ -124,7 +126,8 @@ def make_passes(compiler: Compiler, real: Any, scaled: bool, has_rigid: bool = F
             contacts.moves[3 * n], contacts.moves[3 * n + 1], contacts.moves[3 * n + 2] = x, y, z
 
     @compiler.compiled
-    def put(band, count, velocity, lists, contacts):
+    def put(band, count, velocity, arrays):
+        lists, contacts = arrays.search.lists, arrays.contacts
         for n in range(lists.begins[band], lists.begins[band] + lists.active[band]):
             i = lists.who[n]
             if contacts.counts[i] != zero:
@@ -136,31 +139,28 @@ def make_passes(compiler: Compiler, real: Any, scaled: bool, has_rigid: bool = F
 
 @cache
 def make_bounce(real: Any, math: str) -> Any:
-    """Make bounce(team, member, bands, position, old, velocity, weights, record, lists, contacts).
-
-    Each member of a team runs it (core/progress.py). `old`: velocities at the start of the substep; the other arrays
-    are those of cpu_backend/contact/particles.py.
-    """
+    """Make bounce(team, member, bands, position, velocity, weights, arrays), which each member of a team runs
+    (core/progress.py). `arrays`: ContactArrays."""
     compiler = Compiler(f"particles_bounce_{np.dtype(real).name}_{math}", math)
     made = make_passes(compiler, real, False)
     tell, push, put = made.tell, made.push, made.put
 
     @compiler.compiled
-    def bounce_all(team, member, bands, position, old, velocity, weights, record, lists, contacts):
+    def bounce_all(team, member, bands, position, velocity, weights, arrays):
         count = weights.size
         for band in shares(team, member, bands):
-            tell(band, count, position, old, velocity, record, lists, contacts, velocity)
+            tell(band, count, position, velocity, arrays, velocity)
         for band in shares(team, member, bands):
-            push(band, count, position, old, velocity, weights, record, lists, contacts, velocity, velocity)
+            push(band, count, position, velocity, weights, arrays, velocity, velocity)
         for band in shares(team, member, bands):
-            put(band, count, velocity, lists, contacts)
+            put(band, count, velocity, arrays)
 
     return bounce_all
 
 
 @cache
 def make_bounce_stage(real: Any, math: str) -> Any:
-    """Compile bounce(bands, position, old, velocity, weights, record, lists, contacts): see make_bounce."""
+    """Compile bounce(bands, position, velocity, weights, arrays): see make_bounce."""
     bounce_all = make_bounce(real, math)
 
     return Compiler(f"particles_{np.dtype(real).name}_{math}", math).team(bounce_all)

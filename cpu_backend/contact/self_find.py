@@ -49,7 +49,7 @@ def make_slots(compiler: Compiler, count: int) -> SimpleNamespace:
 
 
 def _make_triangle(compiler: Compiler, real: Any, formulas: SimpleNamespace, numbers: SimpleNamespace) -> Any:
-    """Make meet(k, i, j, triangle, begin, move, columns, parameters, corners, values, slots), see below."""
+    """Make meet(mass, triangle, begin, move, columns, parameters, contacts, found), see below."""
     nearest, away, length, dot = formulas.nearest, formulas.away, formulas.length, formulas.dot
     rest_distance, normal, held_distance = formulas.rest_distance, formulas.normal, formulas.enforced_distance
     corners_of, owns = numbers.corners, numbers.owns
@@ -61,11 +61,13 @@ def _make_triangle(compiler: Compiler, real: Any, formulas: SimpleNamespace, num
         return length(move[k, 0] - move[m, 0], move[k, 1] - move[m, 1], move[k, 2] - move[m, 2])
 
     @compiler.compiled
-    def meet(k, i, j, triangle, begin, move, columns, parameters, triangles, corners, values, found):
-        """Insert the triangle among the nearest of mass k, in row i and column j, if they may touch.
+    def meet(mass, triangle, begin, move, columns, parameters, contacts, found):
+        """Insert the triangle among the nearest of a mass (its number, row and column), if they may touch.
 
-        Sorted by distance, then by number. Returns `found`, plus 1 if they may touch.
+        Sorted by distance, then by number. Returns `found`, plus 1 if they may touch. `contacts`: (triangles, corners,
+        values).
         """
+        (k, i, j), (triangles, corners, values) = mass, contacts
         second, cell = triangle % two == 1, triangle // two
         a, b, c = corners_of(triangle, columns)
         if a == k or b == k or c == k:
@@ -261,8 +263,8 @@ def _make_search(compiler: Compiler, real: Any, formulas: SimpleNamespace, numbe
                         if keys[q] == key and not beside(x, y, z, own, boxes, q):
                             for second in range(2):
                                 count = meet(
-                                    k, i, np.int64(j), 2 * q + second, begin, move, columns, record[0], triangles, corners,
-                                    values, count,
+                                    (k, i, np.int64(j)), 2 * q + second, begin, move, columns, record[0],
+                                    (triangles, corners, values), count,
                                 )  # fmt: skip
                 found[k] = count
 

@@ -63,8 +63,12 @@ def _make_now(compiler: Compiler, real: Any) -> SimpleNamespace:
         return min(depth, left)
 
     @compiler.compiled
-    def rubbed(slot, k, points, begin, corners, values, weights, loads, parameters, r, slid, forces):
-        """Write the displacement of a contact's mass by friction, for a weight of 1, and the levers on its corners."""
+    def rubbed(slot, k, points, begin, contacts, masses_of, parameters, path, forces):
+        """Write the displacement of a contact's mass by friction, for a weight of 1, and the levers on its corners.
+
+        `contacts`: (corners, values); `masses_of`: (weights, loads); `path`: of `slid`.
+        """
+        (corners, values), (weights, loads), (r, slid) = contacts, masses_of, path
         a, b, c = corners[slot, 0], corners[slot, 1], corners[slot, 2]
         s, t, n = values[slot, V_B], values[slot, V_C], (values[slot, V_NX], values[slot, V_NY], values[slot, V_NZ])
         first = first_weight(s, t)
@@ -145,8 +149,8 @@ def _make_contact(
 
     @compiler.compiled
     def rub(slot, k, points, begin, corners, values, weights, loads, parameters, forces):
-        r, displacement = slid(slot, k, points, begin, corners, values)
-        rubbed_surfaces(slot, k, points, begin, corners, values, weights, loads, parameters, r, displacement, forces)
+        path = slid(slot, k, points, begin, corners, values)
+        rubbed_surfaces(slot, k, points, begin, (corners, values), (weights, loads), parameters, path, forces)
 
     return depth_of, push, rub
 

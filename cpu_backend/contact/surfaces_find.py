@@ -77,9 +77,12 @@ def _make_triangle(compiler: Compiler, real: Any, slots: SimpleNamespace, ratios
         )
 
     @compiler.compiled
-    def meet(k, triangle, before, predicted, rest, body, surface, parameters, ratio, triangles, corners, values, found):
-        """Insert the triangle among the nearest of vertex k if they may touch. Returns `found`, plus 1 if so."""
-        corners_of, owned = surface
+    def meet(k, triangle, before, predicted, at_rest, surface, parameters, ratio, contacts, found):
+        """Insert the triangle among the nearest of vertex k if they may touch. Returns `found`, plus 1 if so.
+
+        `at_rest`: positions and bodies of vertices; `contacts`: (triangles, corners, values).
+        """
+        (rest, body), (corners_of, owned), (triangles, corners, values) = at_rest, surface, contacts
         a, b, c = corners_of[triangle, 0], corners_of[triangle, 1], corners_of[triangle, 2]
         if a == k or b == k or c == k:
             return found
@@ -139,7 +142,7 @@ def make_find(real: Any, math: str, ratios: bool = False) -> Any:
         band, bands, before, predicted, rest, body, vertices, lists, at_vertex, surface, parameters, ratio, triangles,
         corners, values, found, lost, seen,
     ):  # fmt: skip
-        offsets, of_vertices = at_vertex
+        (offsets, of_vertices), contacts = at_vertex, (triangles, corners, values)
         entry, missed = lists.begins[band] * MAX_NEIGHBOURS, np.int64(0)
         for t in range(seen.shape[1]):
             seen[band, t] = -1
@@ -152,9 +155,8 @@ def make_find(real: Any, math: str, ratios: bool = False) -> Any:
                     if seen[band, triangle] != k:
                         seen[band, triangle] = k
                         count = meet(
-                            k, triangle, before, predicted, rest, body, surface, parameters, ratio, triangles, corners,
-                            values, count,
-                        )  # fmt: skip
+                            k, triangle, before, predicted, (rest, body), surface, parameters, ratio, contacts, count
+                        )
             entry += np.int64(lists.numbers[n])
             kept, first = min(count, np.int64(MAX_CONTACTS)), k * MAX_CONTACTS
             missed += count - kept

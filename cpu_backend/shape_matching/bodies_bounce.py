@@ -57,38 +57,35 @@ def make_transfers(compiler: Compiler, real: Any) -> SimpleNamespace:
 
 
 def make_strikes(compiler: Compiler, real: Any, scaled: bool) -> Any:
-    """Make strike_all(team, member, bands, position, old, velocity, weights, record, lists, contacts, struck,
-    scales, travel).
+    """Make strike_all(team, member, bands, position, velocity, weights, contacts, struck, scales, travel).
 
     It writes the velocity changes of bouncing particles into `struck` (particles_bounce.make_passes).
     """
     push, zero = make_passes(compiler, real, scaled, True).push, real(0)
 
     @compiler.compiled
-    def strike(band, count, lists, contacts, struck):
+    def strike(band, count, arrays, struck):
+        lists, contacts = arrays.search.lists, arrays.contacts
         for n in range(lists.begins[band], lists.begins[band] + lists.active[band]):
             i = lists.who[n]
             for axis in range(AXES):
                 struck[axis * count + i] = contacts.moves[AXES * n + axis] if contacts.counts[i] != zero else zero
 
     @compiler.compiled
-    def strike_all(
-        team, member, bands, position, old, velocity, weights, record, lists, contacts, struck, scales,
-        travel,
-    ):  # fmt: skip
+    def strike_all(team, member, bands, position, velocity, weights, contacts, struck, scales, travel):
         for band in shares(team, member, bands):
-            push(band, weights.size, position, old, velocity, weights, record, lists, contacts, scales, travel)
-            strike(band, weights.size, lists, contacts, struck)
+            push(band, weights.size, position, velocity, weights, contacts, scales, travel)
+            strike(band, weights.size, contacts, struck)
 
     return strike_all
 
 
 @cache
 def make_bodies_bounce(real: Any, math: str) -> Any:
-    """Make bounce(team, member, bands, position, old, velocity, weights, record, lists, contacts, arrays, scratch,
-    pitch), run by each member of a team (core/progress.py).
+    """Make bounce(team, member, bands, position, velocity, weights, contacts, arrays, scratch, pitch), run by each
+    member of a team (core/progress.py).
 
-    As `make_bounce` of contact/particles_bounce.py. `arrays`: those of clusters. `pitch`: numbers in a band's scratch.
+    As `make_bounce` of contact/particles_bounce.py. `contacts`: ContactArrays; `arrays`: those of clusters. `pitch`: numbers in a band's scratch.
     """
     compiler = Compiler(f"bodies_bounce_all_{np.dtype(real).name}_{math}", math)
     answer = make_answer(compiler, real, True).answer
@@ -118,14 +115,12 @@ def make_bodies_bounce(real: Any, math: str) -> Any:
                         gather(c, position, velocity, count, arrays, arrays.rebound.motions, room)
 
     @compiler.compiled
-    def bounce_all(
-        team, member, bands, position, old, velocity, weights, record, lists, contacts, arrays, scratch, pitch
-    ):  # fmt: skip
+    def bounce_all(team, member, bands, position, velocity, weights, contacts, arrays, scratch, pitch):
         """Run all phases. Without contacts they only add 0 to the velocities."""
         struck, scales, travel = arrays.rebound.impulses, arrays.rebound.scales, arrays.rigid.travel
         count, clusters = weights.size, arrays.rebound.limits.size
         for band in shares(team, member, bands):
-            met = tell(band, count, position, old, velocity, record, lists, contacts, travel)
+            met = tell(band, count, position, velocity, contacts, travel)
             scratch[pitch * (band + 1) - 1] = one if met else zero
         for band in shares(team, member, bands):
             low, high = count * band // bands, count * (band + 1) // bands
@@ -133,9 +128,7 @@ def make_bodies_bounce(real: Any, math: str) -> Any:
                 for axis in range(AXES):
                     for k in range(axis * count + low, axis * count + high):
                         struck[k] = zero
-        strike_all(
-            team, member, bands, position, old, velocity, weights, record, lists, contacts, struck, scales, travel
-        )  # fmt: skip
+        strike_all(team, member, bands, position, velocity, weights, contacts, struck, scales, travel)
         for band in shares(team, member, bands):
             room = row_at(scratch, np.int64(pitch * band))
             if meet(bands, scratch, pitch):
@@ -144,9 +137,7 @@ def make_bodies_bounce(real: Any, math: str) -> Any:
         for band in shares(team, member, bands):
             if meet(bands, scratch, pitch):
                 spread(count * band // bands, count * (band + 1) // bands, count, arrays, scales)
-        strike_scaled(
-            team, member, bands, position, old, velocity, weights, record, lists, contacts, struck, scales, travel
-        )
+        strike_scaled(team, member, bands, position, velocity, weights, contacts, struck, scales, travel)
         gather_all(team, member, bands, position, struck, count, arrays, scratch, pitch)
         for band in shares(team, member, bands):
             low, high = count * band // bands, count * (band + 1) // bands
@@ -162,8 +153,7 @@ def make_bodies_bounce(real: Any, math: str) -> Any:
 
 @cache
 def make_bodies_bounce_stage(real: Any, math: str) -> Any:
-    """Compile bounce(bands, position, old, velocity, weights, record, lists, contacts, arrays, scratch, pitch):
-    see make_bodies_bounce."""
+    """Compile bounce(bands, position, velocity, weights, contacts, arrays, scratch, pitch): see make_bodies_bounce."""
     bounce_all = make_bodies_bounce(real, math)
 
     return Compiler(f"bodies_bounce_{np.dtype(real).name}_{math}", math).team(bounce_all)

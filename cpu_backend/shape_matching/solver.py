@@ -186,11 +186,10 @@ class Bodies(ParticlesSimulation):
             if "rigid-bounce" not in self.plan.parts:
                 contacts.bounce(position, velocity, self._weights)
                 return
-            arrays = contacts.arrays
+            clusters = self._material.steps
             bounce_bodies(
-                bands, position, arrays.old, velocity, self._weights, contacts.record, arrays.search.lists,
-                arrays.contacts, self._material.steps, self._scratch, SCRATCH * LANES,
-            )  # fmt: skip
+                bands, position, velocity, self._weights, contacts.arrays, clusters, self._scratch, SCRATCH * LANES
+            )
 
         def link(number: int) -> StageRun:
             def run(moment: Moment) -> None:

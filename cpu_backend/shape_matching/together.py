@@ -87,19 +87,7 @@ def make_substep_end(compiler: Compiler, real: Any, math: str, parts: frozenset[
                     first, last = LANES * (blocks * band // bands), LANES * (blocks * (band + 1) // bands)
                     steady(first, last, after, velocity, count, arrays)
         if bounces and not has_rigid:
-            lists = contacts.search.lists
-            bounce(
-                team,
-                member,
-                bands,
-                after,
-                contacts.old,
-                velocity,
-                weights,
-                contacts.rows.record,
-                lists,
-                contacts.contacts,
-            )
+            bounce(team, member, bands, after, velocity, weights, contacts)
         if has_damping:
             for band in shares(team, member, bands):
                 room = row_at(scratch, np.int64(SCRATCH * LANES * band))
@@ -129,10 +117,7 @@ def make_substep_end(compiler: Compiler, real: Any, math: str, parts: frozenset[
                 if goes_on and not has_rigid and not rests:
                     begin(first, last, count, after, before, velocity, weights, parameters, integers, travel)
         if has_rigid:
-            bounce_bodies(
-                team, member, bands, after, contacts.old, velocity, weights, contacts.rows.record, contacts.search.lists,
-                contacts.contacts, arrays, scratch, SCRATCH * LANES,
-            )  # fmt: skip
+            bounce_bodies(team, member, bands, after, velocity, weights, contacts, arrays, scratch, SCRATCH * LANES)
         if rests:
             for band in shares(team, member, bands):
                 for c in range(clusters * band // bands, clusters * (band + 1) // bands):

@@ -27,8 +27,7 @@ from softlab.model.formulas import particle_contact
 
 @cache
 def make_lack(real: Any, math: str, own: bool, many: bool, has_rigid: bool = False) -> Any:
-    """Make lack_of(i, j, p, o, v, w, position, old, record, body, kind, kinds, travel, pressed): see the inner
-    function.
+    """Make lack_of(i, j, state, w, position, old, record, kinds_of, travel, pressed): see the inner function.
 
     `has_rigid`: `travel` is read, as in shape_matching/rigid.py. Two particles of rigid bodies, which have slacks, then
     separate as those do (model/formulas/particle_contact.py, `parting`), even without restitution.
@@ -39,9 +38,10 @@ def make_lack(real: Any, math: str, own: bool, many: bool, has_rigid: bool = Fal
     pair_of, zero = make_pairs(own, many), real(0)
 
     @inlined(math)
-    def lack_of(i, j, p, o, v, w, position, old, record, body, kind, kinds, travel, pressed):
-        """Return how much faster particle i, at p, o and v, must separate from j, at w, and the unit normal from j;
-        `pressed`: their contact in the substep."""
+    def lack_of(i, j, state, w, position, old, record, kinds_of, travel, pressed):
+        """Return how much faster particle i must separate from j, at the velocity w, and the unit normal from j; `state`:
+        position, old and new velocity of i; `kinds_of`: (body, kind, kinds); `pressed`: their contact in the substep."""
+        (p, o, v), (body, kind, kinds) = state, kinds_of
         q, (row, same) = load_quad(position, j), pair_of(i, j, body, kind, kinds)
         distance = record[row + G_OWN] if same else record[row + G_DISTANCE]
         dx, dy, dz = p[0] - q[0], p[1] - q[1], p[2] - q[2]
@@ -82,7 +82,8 @@ def make_bounce(real: Any, math: str, own: bool, many: bool, has_rigid: bool = F
     lack_of, zero, one, most = make_lack(real, math, own, many, has_rigid), real(0), real(1), np.int32(MAX_NEIGHBOURS)
 
     @inlined(math)
-    def count_one(i, position, old, velocity, found, neighbours, record, body, kind, kinds, touching, travel, pressed):
+    def count_one(i, position, old, velocity, found, neighbours, record, kinds_of, touching, rigid):
+        travel, pressed = rigid
         if i < found.size:
             kept, particles = np.int32(min(found[i], most)), np.int64(found.size)
             if kept > 0:
@@ -91,7 +92,7 @@ def make_bounce(real: Any, math: str, own: bool, many: bool, has_rigid: bool = F
                     j = neighbours[s * particles + i]
                     w = load_quad(velocity, j)
                     by = pressed[s * particles + i] if has_rigid else zero
-                    lack, _, _, _ = lack_of(i, j, p, o, v, w, position, old, record, body, kind, kinds, travel, by)
+                    lack, _, _, _ = lack_of(i, j, (p, o, v), w, position, old, record, kinds_of, travel, by)
                     if lack != zero:
                         pairs = np.int32(pairs + 1)
                 store_quad(touching, i, v[0], v[1], v[2], p[3] * real(pairs))
@@ -99,12 +100,14 @@ def make_bounce(real: Any, math: str, own: bool, many: bool, has_rigid: bool = F
     def count_soft(position, old, velocity, found, neighbours, record, body, kind, kinds, touching):
         i = np.int32(cuda.grid(1))
         count_one(
-            i, position, old, velocity, found, neighbours, record, body, kind, kinds, touching, touching, touching
+            i, position, old, velocity, found, neighbours, record, (body, kind, kinds), touching, (touching, touching)
         )
 
     def count_rigid(position, old, velocity, found, neighbours, record, body, kind, kinds, touching, travel, pressed):
         i = np.int32(cuda.grid(1))
-        count_one(i, position, old, velocity, found, neighbours, record, body, kind, kinds, touching, travel, pressed)
+        count_one(
+            i, position, old, velocity, found, neighbours, record, (body, kind, kinds), touching, (travel, pressed)
+        )
 
     def bounce(position, old, velocity, found, neighbours, record, body, kind, kinds, touching):
         i = np.int32(cuda.grid(1))
@@ -118,7 +121,7 @@ def make_bounce(real: Any, math: str, own: bool, many: bool, has_rigid: bool = F
                         j = neighbours[s * particles + i]
                         w = load_quad(touching, j)
                         lack, nx, ny, nz = lack_of(
-                            i, j, p, o, v, w, position, old, record, body, kind, kinds, touching, zero
+                            i, j, (p, o, v), w, position, old, record, (body, kind, kinds), touching, zero
                         )
                         if lack > zero:
                             share = split(v[3], one, w[3], one)

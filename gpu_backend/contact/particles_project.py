@@ -67,8 +67,9 @@ def make_project(
     levered, gathered = levers.levered, levers.gathered
 
     @inlined(math)
-    def lever(u, v, w, share, length, d, b, depth, pull, nx, ny, nz, record):
+    def lever(couple, share, length, d, b, depth, pull, n, record):
         """Return the sum of a particle's couple and the contribution of a contact."""
+        (u, v, w), (nx, ny, nz) = couple, n
         if depth > zero or pull > zero:
             sx, sy, sz = slip(d[0], d[1], d[2], b[0], b[1], b[2], nx, ny, nz)
             gripped = grip(sx, sy, sz, depth, pull, record[H_STATIC], record[H_DYNAMIC])
@@ -78,9 +79,10 @@ def make_project(
         return u, v, w
 
     @inlined(math)
-    def added_way(x, y, z, share, d, b, depth, pull, nx, ny, nz, record):
+    def added_way(way, share, d, b, depth, pull, n, record):
         """Return the sum of a particle's displacement and that of a contact; d, b: the pair's distance vectors now and
-        before."""
+        before; n: the contact's normal."""
+        (x, y, z), (nx, ny, nz) = way, n
         if has_friction:
             if depth > zero or pull > zero:
                 sx, sy, sz = slip(d[0], d[1], d[2], b[0], b[1], b[2], nx, ny, nz)
@@ -108,9 +110,9 @@ def make_project(
                 store_quad(touching, i, p[0], p[1], p[2], p[3] * real(contacts))
 
     @inlined(math)
-    def project_one(
-        i, before, position, found, neighbours, record, body, kind, kinds, touching, travel, pressed, couples
-    ):
+    def project_one(i, before, position, found, neighbours, record, kinds_of, touching, written):
+        """Project the contacts of particle i; `kinds_of`: (body, kind, kinds); `written`: (travel, pressed, couples)."""
+        (body, kind, kinds), (travel, pressed, couples) = kinds_of, written
         if i < found.size:
             kept, particles = np.int32(min(found[i], most)), np.int64(found.size)
             if kept > 0:
@@ -138,9 +140,9 @@ def make_project(
                             if has_rigid:
                                 k = s * particles + i
                                 pressed[k] = pressed_by(pressed[k], share, depth)
-                            x, y, z = added_way(x, y, z, share, d, b, depth, pull, nx, ny, nz, record)
+                            x, y, z = added_way((x, y, z), share, d, b, depth, pull, (nx, ny, nz), record)
                             if has_couples:
-                                u, v, w = lever(u, v, w, share, length, d, b, depth, pull, nx, ny, nz, record)
+                                u, v, w = lever((u, v, w), share, length, d, b, depth, pull, (nx, ny, nz), record)
                     weight = start[3]
                     x, y, z = moved(p[0], weight, x), moved(p[1], weight, y), moved(p[2], weight, z)
                     if has_rigid:
@@ -163,25 +165,33 @@ def make_project(
     def project_soft(before, position, found, neighbours, record, body, kind, kinds, touching):
         i = np.int32(cuda.grid(1))
         project_one(
-            i, before, position, found, neighbours, record, body, kind, kinds, touching, touching, touching, touching
+            i,
+            before,
+            position,
+            found,
+            neighbours,
+            record,
+            (body, kind, kinds),
+            touching,
+            (touching, touching, touching),
         )
 
     def project_rigid(before, position, found, neighbours, record, body, kind, kinds, touching, travel, pressed):
         i = np.int32(cuda.grid(1))
         project_one(
-            i, before, position, found, neighbours, record, body, kind, kinds, touching, travel, pressed, touching
+            i, before, position, found, neighbours, record, (body, kind, kinds), touching, (travel, pressed, touching)
         )
 
     def project_coupled(before, position, found, neighbours, record, body, kind, kinds, touching, couples):
         i = np.int32(cuda.grid(1))
         project_one(
-            i, before, position, found, neighbours, record, body, kind, kinds, touching, touching, touching, couples
+            i, before, position, found, neighbours, record, (body, kind, kinds), touching, (touching, touching, couples)
         )
 
     def project_all(before, position, found, neighbours, record, body, kind, kinds, touching, travel, pressed, couples):
         i = np.int32(cuda.grid(1))
         project_one(
-            i, before, position, found, neighbours, record, body, kind, kinds, touching, travel, pressed, couples
+            i, before, position, found, neighbours, record, (body, kind, kinds), touching, (travel, pressed, couples)
         )
 
     def clear(found, pressed):

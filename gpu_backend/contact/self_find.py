@@ -53,8 +53,9 @@ def make_slots(math: str) -> SimpleNamespace:
 
 @cache
 def _make_meet(real: Any, math: str) -> Any:
-    """Make meet(k, i, j, p, triangle, before, predicted, columns, parameters, triangles, corners, normals, weights,
-    found): see cpu_backend/contact/self_find.py."""
+    """Make meet(mass, triangle, before, predicted, columns, parameters, contacts, found): see
+    cpu_backend/contact/self_find.py. `mass`: its number, row and column, position and displacement; `contacts`:
+    (triangles, corners, normals, weights)."""
     device = cuda.jit(device=True, **kernel_options(math))
     formulas, numbers = device_formulas(contact.make, real, math), contact.make_numbers(device)
     nearest, away, length, dot = formulas.nearest, formulas.away, formulas.length, formulas.dot
@@ -69,9 +70,8 @@ def _make_meet(real: Any, math: str) -> Any:
         return length(x - (other[0] - was[0]), y - (other[1] - was[1]), z - (other[2] - was[2]))
 
     @device
-    def meet(
-        k, i, j, p, moved, triangle, before, predicted, columns, parameters, triangles, corners, normals, weights, found
-    ):
+    def meet(mass, triangle, before, predicted, columns, parameters, contacts, found):
+        (k, i, j, p, moved), (triangles, corners, normals, weights) = mass, contacts
         second, cell = triangle % two == 1, triangle // two
         a, b, c = corners_of(triangle, columns)
         if a == k or b == k or c == k:
@@ -226,7 +226,8 @@ def _look_around(real: Any, math: str) -> Any:
             j = k - i * columns
             reference = (rows // two) * columns + columns // two
             p, now = load_quad(before, k), load_quad(predicted, k)
-            moved = now[0] - p[0], now[1] - p[1], now[2] - p[2]
+            mass = k, i, j, p, (now[0] - p[0], now[1] - p[1], now[2] - p[2])
+            contacts = triangles, corners, normals, weights
             own = parameters.thickness + parameters.margin + relative(
                 p, now, load_quad(before, reference), load_quad(predicted, reference)
             )  # fmt: skip
@@ -252,9 +253,8 @@ def _look_around(real: Any, math: str) -> Any:
                         ):  # fmt: skip
                             for second in range(2):
                                 count = meet(
-                                    k, i, j, p, moved, two * q + second, before, predicted, columns, parameters, triangles,
-                                    corners, normals, weights, count,
-                                )  # fmt: skip
+                                    mass, two * q + second, before, predicted, columns, parameters, contacts, count
+                                )
             found[k] = count
             if count > MAX_CONTACTS:
                 cuda.atomic.add(lost, 0, np.int64(count - MAX_CONTACTS))

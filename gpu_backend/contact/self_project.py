@@ -106,7 +106,7 @@ def _make_now(real: Any, math: str) -> SimpleNamespace:
         return difference(points, a, k), difference(points, a, b), difference(points, a, c)
 
     @device
-    def shallower(slot, k, position, before, corners, n, r, depth, starts, lists, surface):
+    def shallower(slot, k, position, before, corners, n, r, depth, around):
         a, b, c = corners[3 * slot], corners[3 * slot + 1], corners[3 * slot + 2]
         p, q, w = seen_from(position, k, a, b, c)
         check = checked(
@@ -116,6 +116,7 @@ def _make_now(real: Any, math: str) -> SimpleNamespace:
             return depth
         left = n[3] - apart(p, q, w)
         if check != own:
+            starts, lists, surface = around
             for place in range(3 * slot, 3 * slot + 3):
                 for at in range(starts[corners[place]], starts[corners[place] + 1]):
                     t = 3 * lists[at]
@@ -131,7 +132,8 @@ def _make_now(real: Any, math: str) -> SimpleNamespace:
         return min(depth, left)
 
     @device
-    def rubbed(k, a, b, c, position, before, n, w, mass_weights, loads, parameters, r, slid, press):
+    def rubbed(k, corners, position, before, n, w, masses_of, parameters, path, press):
+        (a, b, c), (mass_weights, loads), (r, slid) = corners, masses_of, path
         first = first_weight(w[0], w[1])
         masses = (
             mass_weights[k] * loads[k], split(mass_weights[a], load(first), loads[a]),
@@ -176,7 +178,7 @@ def _move(real: Any, math: str, friction: bool, surfaces: bool) -> tuple[Any, ..
                 depth = n[3] - dot(n[0], n[1], n[2], x, y, z)
                 if depth > zero:
                     r = offset(before, k, a, b, c, w[0], w[1])
-                    depth = shallower(slot, k, position, before, corners, n, r, depth, starts, lists, surface)
+                    depth = shallower(slot, k, position, before, corners, n, r, depth, (starts, lists, surface))
                 store_quad(forces, slot, zero, zero, zero, depth)
 
     def push(position, before, found, corners, normals, weights, mass_weights, loads, record, forces):
@@ -256,10 +258,10 @@ def _rub(real: Any, math: str) -> tuple[Any, ...]:
                     a, b, c = corners[3 * slot], corners[3 * slot + 1], corners[3 * slot + 2]
                     r = offset(position, k, a, b, c, w[0], w[1])
                     ox, oy, oz = offset(before, k, a, b, c, w[0], w[1])
+                    path = r, (r[0] - ox, r[1] - oy, r[2] - oz)
                     j, d, e = rubbed(
-                        k, a, b, c, position, before, n, w, mass_weights, loads, record[0], r,
-                        (r[0] - ox, r[1] - oy, r[2] - oz), press,
-                    )  # fmt: skip
+                        k, (a, b, c), position, before, n, w, (mass_weights, loads), record[0], path, press
+                    )
                     store_quad(turns, 2 * slot, d[0], d[1], d[2], zero)
                     store_quad(turns, 2 * slot + 1, e[0], e[1], e[2], zero)
                     store_quad(forces, slot, j[0], j[1], j[2], press)

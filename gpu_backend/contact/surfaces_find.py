@@ -74,10 +74,14 @@ def _make_meet(real: Any, math: str, ratios: bool) -> Any:
         )
 
     @device
-    def meet(
-        k, p, moved, triangle, before, predicted, rest, body, corners_of, owned, parameters, ratio, triangles, corners,
-        normals, weights, found,
-    ):  # fmt: skip
+    def meet(vertex, triangle, before, predicted, at_rest, surface, parameters, ratio, contacts, found):
+        """Insert the triangle among the nearest of a vertex if they may touch. Returns `found`, plus 1 if so.
+
+        `vertex`: its number, position and displacement; `at_rest`: positions and bodies of vertices; `surface`: (corners,
+        owned features); `contacts`: (triangles, corners, normals, weights).
+        """
+        (k, p, moved), (rest, body), (corners_of, owned) = vertex, at_rest, surface
+        triangles, corners, normals, weights = contacts
         a, b, c = corners_of[3 * triangle], corners_of[3 * triangle + 1], corners_of[3 * triangle + 2]
         if a == k or b == k or c == k:
             return found
@@ -157,13 +161,14 @@ def make_find(real: Any, math: str, ratios: bool = False) -> SimpleNamespace:
             parameters = record[0]
             k, count = np.int64(vertices[i]), np.int64(0)
             p, now = load_quad(before, k), load_quad(predicted, k)
-            moved = now[0] - p[0], now[1] - p[1], now[2] - p[2]
+            vertex = k, p, (now[0] - p[0], now[1] - p[1], now[2] - p[2])
+            contacts = triangles, corners, normals, weights
             for n in range(min(np.int64(numbers[i]), many)):
                 j = table[n * vertices.size + i]
                 for at in range(offsets[j], offsets[j + 1]):
                     count = meet(
-                        k, p, moved, np.int64(at_vertex[at]), before, predicted, rest, body, corners_of, owned, parameters,
-                        ratio, triangles, corners, normals, weights, count,
+                        vertex, np.int64(at_vertex[at]), before, predicted, (rest, body), (corners_of, owned), parameters,
+                        ratio, contacts, count,
                     )  # fmt: skip
             kept, first = min(count, np.int64(MAX_CONTACTS)), k * MAX_CONTACTS
             if count > kept:

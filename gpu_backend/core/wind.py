@@ -50,13 +50,15 @@ def make_wind(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
         )  # fmt: skip
 
     @inline
-    def wind_of(p, right, below, left, above, below_right, near_left, near_above, above_left, parameters, air):
-        """Return the wind on the mass p; all arguments are (x, y, z, vx, vy, vz).
+    def wind_of(p, neighbours, parameters, air):
+        """Return the wind on the mass p from (right, below, left, above, below_right, near_left, near_above,
+        above_left); each is (x, y, z, vx, vy, vz).
 
         For a cell outside the sheet one corner, which both edges share, is the mass itself: two corners then coincide,
         an edge is 0, and so is the normal, in any rounding. So the neighbour to the left and the one above occur twice:
         for the cells below and right, and for the others.
         """
+        right, below, left, above, below_right, near_left, near_above, above_left = neighbours
         a, b = corner(p, below, below_right, parameters, air), corner(p, below_right, right, parameters, air)
         x, y, z = a[0] + b[0], a[1] + b[1], a[2] + b[2]
         a, b = corner(left, below, p, parameters, air), corner(above, p, right, parameters, air)
@@ -82,7 +84,8 @@ def make_wind(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
         near_above = state_at(position, velocity, place if top else place - columns)
         above_left = state_at(position, velocity, place if top or first else place - columns - one)
         here = (p[0], p[1], p[2], v[0], v[1], v[2])
-        return wind_of(here, right, below, left, above, below_right, near_left, near_above, above_left, parameters, air)
+        neighbours = (right, below, left, above, below_right, near_left, near_above, above_left)
+        return wind_of(here, neighbours, parameters, air)
 
     return SimpleNamespace(air_now=air_now, wind_sum=wind_sum, wind_of=wind_of)
 

@@ -44,8 +44,8 @@ def make_constants(math: str) -> Any:
 
 @cache
 def make_change(real: Any, math: str, parts: frozenset[str], kind: str, axes: int) -> Any:
-    """Make change(dx, dy, dz, ex, ey, ez, reciprocal, multiplier, rest, compliance, damping) -> (change, its scale) of
-    one of a kind's constraints: d is the vector between its ends, e its change in this substep."""
+    """Make change(d, e, reciprocal, multiplier, rest, compliance, damping) -> (change, its scale) of one of a kind's
+    constraints: d is the vector between its ends, e its change in this substep."""
     formulas = device_formulas(distance.make, real, math)
     rigid, soft, damped = formulas.rigid_change, formulas.soft_change, formulas.damped_change
     squared_2d, squared_3d = formulas.squared_length_2d, formulas.squared_length_3d
@@ -54,7 +54,8 @@ def make_change(real: Any, math: str, parts: frozenset[str], kind: str, axes: in
     solid = axes == 3
 
     @inlined(math)
-    def change(dx, dy, dz, ex, ey, ez, reciprocal, multiplier, rest, compliance, damping):
+    def change(d, e, reciprocal, multiplier, rest, compliance, damping):
+        (dx, dy, dz), (ex, ey, ez) = d, e
         squared = squared_3d(dx, dy, dz) if solid else squared_2d(dx, dy)
         if has_damper:
             along, passed = along_3d(dx, dy, dz, ex, ey, ez), along_3d(ex, ey, ez, ex, ey, ez)
@@ -101,8 +102,8 @@ def make_pair(real: Any, math: str, parts: frozenset[str], family: Family, colou
             ex, ey, ez = dx - (old_q[0] - old_p[0]), dy - (old_q[1] - old_p[1]), dz - (old_q[2] - old_p[2])
         reciprocal = reciprocal_between(p[3], q[3], own)
         change, scale = change_of(
-            dx, dy, dz, ex, ey, ez, reciprocal, multiplier, own.rest, own.compliance, own.damping
-        )  # fmt: skip
+            (dx, dy, dz), (ex, ey, ez), reciprocal, multiplier, own.rest, own.compliance, own.damping
+        )
         wp, wq = one, one
         if has_pins or has_load:
             wp, wq = p[3], q[3]

@@ -56,8 +56,14 @@ def _make_pulls(real: Any, math: str, parts: frozenset[str], axes: int) -> Any:
                 multiplier = multipliers[first + slot * step]
             reciprocal = reciprocal_of(p[3] + q[3], own.stiffening, own.compliance)
             change, scale = change_of(
-                dx, dy, dz, ex, ey, ez, reciprocal, multiplier, own.rest, own.compliance, constants[own_kind].damping
-            )  # fmt: skip
+                (dx, dy, dz),
+                (ex, ey, ez),
+                reciprocal,
+                multiplier,
+                own.rest,
+                own.compliance,
+                constants[own_kind].damping,
+            )
             if has_compliance:
                 multipliers[first + slot * step] = multiplier + change
             z = zero

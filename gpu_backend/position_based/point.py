@@ -20,25 +20,24 @@ from softlab.model.formulas import distance
 
 @cache
 def make_accelerations(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """Make the accelerations of a sheet's mass without constraints, each (ax, ay, az, ...) -> (ax, ay, az) [m/s^2]:
-    `add_wind`; and `accelerate`, wind and own forces."""
+    """Make the accelerations of a sheet's mass without constraints, each -> (ax, ay, az) [m/s^2]: `add_wind(a,
+    ...)`; and `accelerate`, wind and own forces."""
     forces, wind_sum = make_forces(real, math, parts), make_wind(real, math, parts).wind_sum
     add, add_gravity, add_own = forces.add, forces.add_gravity, forces.add_own
     inline, has_wind, zero = inlined(math), "wind" in parts, real(0)
 
     @inline
-    def add_wind(ax, ay, az, position, velocity, k, cell, p, v, parameters, air):
+    def add_wind(a, position, velocity, k, cell, p, v, parameters, air):
         if has_wind:
-            fx, fy, fz = wind_sum(position, velocity, k, cell, p, v, parameters, air)
-            ax, ay, az = add((ax, ay, az), p[3], (fx, fy, fz))
-        return ax, ay, az
+            a = add(a, p[3], wind_sum(position, velocity, k, cell, p, v, parameters, air))
+        return a
 
     @inline
     def accelerate(position, velocity, k, cell, p, v, parameters, integers, step, air):
         """Return the acceleration of mass k in row i, column j, at p and with velocity v (quads), at the start of the
         substep."""
-        ax, ay, az = add_gravity(zero, zero, zero, parameters)
-        ax, ay, az = add_wind(ax, ay, az, position, velocity, k, cell, p, v, parameters, air)
+        a = add_gravity(zero, zero, zero, parameters)
+        ax, ay, az = add_wind(a, position, velocity, k, cell, p, v, parameters, air)
         return add_own(ax, ay, az, k, p[3], parameters, integers, step)
 
     return SimpleNamespace(add_wind=add_wind, accelerate=accelerate)

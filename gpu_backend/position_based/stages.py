@@ -38,9 +38,8 @@ def make_xpbd_stages(real: Any, math: str, parts: frozenset[str], axes: int) -> 
             rows, columns = np.int32(rows), np.int32(columns)
             i, j = np.int32(k // columns), np.int32(k % columns)
             p, v, b = load_quad(position, k), load_quad(velocity, k), load_quad(a, k)
-            ax, ay, az = add_wind(
-                b[0], b[1], b[2], position, velocity, k, Cell(i, j, rows, columns), p, v, parameters, air
-            )  # fmt: skip
+            cell = Cell(i, j, rows, columns)
+            ax, ay, az = add_wind((b[0], b[1], b[2]), position, velocity, k, cell, p, v, parameters, air)
             store_quad(a, k, ax, ay, az, zero)
 
     def predict(before, velocity, a, position, record, rows, columns):

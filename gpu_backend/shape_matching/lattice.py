@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -93,13 +94,13 @@ class Lattices:
             values = one.values(method.dt / method.substeps, method.iterations).astype(self.real)
             held.copy_to_device(values, stream=self.stream)
 
-    def _launch(self, kernel: Any, n: int, threads: int, *arrays: Any) -> None:
+    def _launch(self, kernel: Any, n: int, threads: int, arrays: Sequence[Any]) -> None:
         blocks = max(1, -(-threads // THREADS))
         kernel[blocks, THREADS, self.stream](
             self._held[n], self._values[n], self._tables[n], np.int32(self.clusters), *arrays
         )
 
-    def _scan(self, kernel: Any, n: int, axis: int, *arrays: Any) -> None:
+    def _scan(self, kernel: Any, n: int, axis: int, arrays: Sequence[Any]) -> None:
         """Do a pass along an axis, y or z, with as few threads per group of windows as occupy the device."""
         numbers = [int(number) for number in self._numbers[n]]
         counts, width = numbers[:3], 2 * numbers[N_REGION] + 1
@@ -107,7 +108,7 @@ class Lattices:
         span = max(1, min(width, size // BUSY))
         counts[axis] = -(-counts[axis] // width) * -(-width // span)
         threads = counts[0] * counts[1] * counts[2] * numbers[N_COPIES]
-        self._launch(kernel, n, threads, *arrays, np.int32(span))
+        self._launch(kernel, n, threads, (*arrays, np.int32(span)))
 
     def match(self, position: Any, turned: Any, look: bool = False) -> None:
         """Compute all lattices' rotations at `position`, from those of the state into `turned`; with `look` their
@@ -115,15 +116,15 @@ class Lattices:
         run = self._kernels
         for n, one in enumerate(self.copies):
             each = one.copies * one.lattice.size
-            self._launch(run.sum_lines, n, each, position, self._one)
-            self._scan(run.sum_slices, n, 1, position, self._one, self._other)
-            self._scan(run.sum_windows, n, 2, position, self._other, self._one)
-            self._launch(run.turn, n, each, position, self._one, self.rotation, turned, self.frames, look)
+            self._launch(run.sum_lines, n, each, (position, self._one))
+            self._scan(run.sum_slices, n, 1, (position, self._one, self._other))
+            self._scan(run.sum_windows, n, 2, (position, self._other, self._one))
+            self._launch(run.turn, n, each, (position, self._one, self.rotation, turned, self.frames, look))
 
     def move(self, position: Any) -> None:
         """Move the masses of all lattices, in place, after `match`."""
         run = self._kernels
         for n, one in enumerate(self.copies):
-            self._scan(run.goal_slices, n, 2, position, self._one, self._other)
-            self._scan(run.goal_lines, n, 1, position, self._other, self._one)
-            self._launch(run.move_lines, n, one.copies * one.lattice.size, position, self._one)
+            self._scan(run.goal_slices, n, 2, (position, self._one, self._other))
+            self._scan(run.goal_lines, n, 1, (position, self._other, self._one))
+            self._launch(run.move_lines, n, one.copies * one.lattice.size, (position, self._one))

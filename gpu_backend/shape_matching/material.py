@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -46,7 +47,7 @@ class ClusterMaterial:
             found = damping_factors(self._clusters, h)[self._own].astype(self._real)
             self._slowing.copy_to_device(found, stream=self._stream)
 
-    def turn(self, launch: Any, look: bool, *arguments: Any) -> None:
+    def turn(self, launch: Any, look: bool, arguments: Sequence[Any]) -> None:
         """Turn clusters (shape_matching/shapes.py). A `look` at the state does not change its strains."""
         self._turn[launch](*arguments, self._shapes, self._plastic, self._bent if look else self._plastic)
 

@@ -77,7 +77,7 @@ class Bodies(BodiesState):
         self._cluster_kernels.sum_up[blocks, THREADS, self.stream](position, *self._entries, self._sums)
         arrays = position, self._firsts, self._leans, self._sums, self.rotation, turned, self._frames
         if self._material.shaped:
-            self._material.turn(self._over(self.clusters.count, THREADS), look, *arrays)
+            self._material.turn(self._over(self.clusters.count, THREADS), look, arrays)
         else:
             self._cluster_kernels.turn[self._over(self.clusters.count, THREADS)](*arrays)
 

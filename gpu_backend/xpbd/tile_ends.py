@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import cuda
@@ -53,6 +53,16 @@ def _make_places(math: str, tile: SheetTile) -> tuple[Any, Any]:
     return mass, owned
 
 
+class Tethers(NamedTuple):
+    """Long-range attachments: positions at the substep's start, with weights; anchors and maximum distances [m] of each
+    mass, flat; their number per mass."""
+
+    state: np.ndarray
+    anchors: np.ndarray
+    reaches: np.ndarray
+    count: int
+
+
 @cache
 def make_tile_ends(real: Any, math: str, parts: frozenset[str], axes: int, tile: SheetTile) -> SimpleNamespace:
     """Make the transfers of a tile to and from shared memory; `origin` is the position of its first mass in the sheet.
@@ -70,13 +80,14 @@ def make_tile_ends(real: Any, math: str, parts: frozenset[str], axes: int, tile:
     damped, tethered, zero, inline = dampers(parts), "attachments" in parts, real(0), inlined(math)
 
     @inline
-    def open_substep(position, velocity, shared, before, origin, parameters, integers, step, air, rows, columns):
+    def open_substep(position, velocity, shared, before, origin, world, step, air, rows, columns):
+        parameters = world.parameters
         for slot in range(each):
             there, here, k, i, j = mass(slot, origin, rows, columns)
             if there:
                 p, v = load_quad(position, k), load_quad(velocity, k)
                 ax, ay, az = accelerate(
-                    position, velocity, k, Cell(i, j, rows, columns), p, v, parameters, integers, step, air
+                    position, velocity, k, Cell(i, j, rows, columns), p, v, parameters, world.integers, step, air
                 )
                 x, y, z = predict(p, v, ax, ay, az, parameters)
                 spare = p[3]
@@ -100,8 +111,9 @@ def make_tile_ends(real: Any, math: str, parts: frozenset[str], axes: int, tile:
         cuda.syncthreads()
 
     @inline
-    def attach(shared, old, state, anchors, reaches, count, origin, rows, columns):
+    def attach(shared, old, tethers, origin, rows, columns):
         if tethered:
+            state, anchors, reaches, count = tethers
             for slot in range(each):
                 there, here, k, _, _ = mass(slot, origin, rows, columns)
                 if there:

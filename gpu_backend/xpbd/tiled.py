@@ -22,14 +22,14 @@ from softlab.gpu_backend.core.world import World
 from softlab.gpu_backend.position_based.constraints import dampers, make_constants
 from softlab.gpu_backend.xpbd.sweep import copies, make_jacobi_sweep, make_sweep, register_multipliers
 from softlab.gpu_backend.xpbd.tile import SheetTile
-from softlab.gpu_backend.xpbd.tile_ends import make_multiplier_moves, make_tile_ends
+from softlab.gpu_backend.xpbd.tile_ends import Tethers, make_multiplier_moves, make_tile_ends
 from softlab.model.position_based.plan import families
 
 
 @cache
 def make_iterate(real: Any, math: str, parts: frozenset[str], axes: int, tile: SheetTile) -> Any:
-    """Make iterate(iterations, shared, before, multipliers, constants, bounds, state, anchors, reaches, count, origin,
-    rows, columns), which returns the offset of the final positions in `shared`."""
+    """Make iterate(iterations, shared, before, multipliers, constants, bounds, tethers, origin, rows, columns), which
+    returns the offset of the final positions in `shared`. `tethers`: a Tethers."""
     attach = make_tile_ends(real, math, parts, axes, tile).attach
     colours = "gauss-seidel" in parts
     sweep = make_sweep(real, math, parts, axes, tile) if colours else None
@@ -40,28 +40,22 @@ def make_iterate(real: Any, math: str, parts: frozenset[str], axes: int, tile: S
         sweep = sweep or make_sweep(real, math, parts, axes, tile)
 
         @inline
-        def iterate(
-            iterations, shared, before, multipliers, constants, bounds, state, anchors, reaches, count, origin, rows,
-            columns,
-        ):  # fmt: skip
+        def iterate(iterations, shared, before, multipliers, constants, bounds, tethers, origin, rows, columns):
             old = np.int32(0)
             for _ in range(iterations):
                 sweep(shared, before, multipliers, constants, bounds)
-                attach(shared, old, state, anchors, reaches, count, origin, rows, columns)
+                attach(shared, old, tethers, origin, rows, columns)
             return old
     else:
 
         @inline
-        def iterate(
-            iterations, shared, before, multipliers, constants, bounds, state, anchors, reaches, count, origin, rows,
-            columns,
-        ):  # fmt: skip
+        def iterate(iterations, shared, before, multipliers, constants, bounds, tethers, origin, rows, columns):
             old = np.int32(0)
             for _ in range(iterations):
                 old = jacobi_sweep(
-                    shared, old, before, multipliers, constants, bounds, state, origin, rows, columns
+                    shared, old, before, multipliers, constants, bounds, tethers.state, origin, rows, columns
                 )  # fmt: skip
-                attach(shared, old, state, anchors, reaches, count, origin, rows, columns)
+                attach(shared, old, tethers, origin, rows, columns)
             return old
 
     return iterate
@@ -90,20 +84,17 @@ def make_one_block(real: Any, math: str, parts: frozenset[str], axes: int, tile:
         multipliers = cuda.local.array(kept, real)
         rows, columns = np.int32(rows), np.int32(columns)
         bounds, origin = (no_place, rows, no_place, columns), (no_place, no_place)
-        constants = constants_of(parameters)
+        constants, tethers = constants_of(parameters), Tethers(position, anchors, reaches, count)
         for place in range(steps):
             for substep in range(substeps):
                 step, number = clock(counter, place, substeps, substep)
                 air = block_air(parameters, integers, number, zero)
                 for slot in range(kept):
                     multipliers[slot] = zero
-                open_substep(
-                    position, velocity, shared, before, origin, parameters, integers, step, air, rows, columns
-                )  # fmt: skip
+                open_substep(position, velocity, shared, before, origin, world, step, air, rows, columns)
                 old = iterate(
-                    iterations, shared, before, multipliers, constants, bounds, position, anchors, reaches, count,
-                    origin, rows, columns,
-                )  # fmt: skip
+                    iterations, shared, before, multipliers, constants, bounds, tethers, origin, rows, columns
+                )
                 close_substep(
                     shared, old, position, position, velocity, origin, world, number, rows, columns
                 )  # fmt: skip
@@ -161,14 +152,12 @@ def make_tiled(real: Any, math: str, parts: frozenset[str], axes: int, tile: She
             multipliers[slot] = zero
         if opening:
             air = block_air(parameters, integers, number, zero)
-            open_substep(state, velocity, shared, before, origin, parameters, integers, step, air, rows, columns)
+            open_substep(state, velocity, shared, before, origin, world, step, air, rows, columns)
         else:
             fetch(multipliers, planes, origin, rows, columns)
             load(source, state, shared, before, origin, rows, columns)
-        old = iterate(
-            iterations, shared, before, multipliers, constants, bounds, state, anchors, reaches, count, origin, rows,
-            columns,
-        )  # fmt: skip
+        tethers = Tethers(state, anchors, reaches, count)
+        old = iterate(iterations, shared, before, multipliers, constants, bounds, tethers, origin, rows, columns)
         if closing:
             close_substep(
                 shared, old, state, target, new_velocity, origin, world, number, rows, columns

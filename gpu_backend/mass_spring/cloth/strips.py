@@ -230,11 +230,12 @@ def _make_forces(
             north, south, _, _ = there(sides)
             west, east = sides & WEST != 0, sides & EAST != 0
             w = window
-            return wind_of(
-                here, w.right if east else here, w.below if south else here, w.left if west and south else here,
+            neighbours = (
+                w.right if east else here, w.below if south else here, w.left if west and south else here,
                 w.above if north and east else here, w.right_below if south and east else here, w.left if west else here,
-                w.above if north else here, w.left_above if north and west else here, parameters, air,
+                w.above if north else here, w.left_above if north and west else here,
             )  # fmt: skip
+            return wind_of(here, neighbours, parameters, air)
 
         return wind_on
 
