@@ -73,7 +73,7 @@ def measure(
     with Store(path) as store:
         if where is not None:
             on_cluster = component("softlab.bench.cluster.start:on_cluster", "--cluster")
-            summary = on_cluster(store, run, where, timed=timed, command=typed(), **how)
+            summary = on_cluster(store, run, where, timed=timed, command=typed(), how=how)
         else:
             summary = run(store, command=typed(), **how)
         for machine in [summary.machine] if where is None else summary.machines:

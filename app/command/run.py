@@ -263,7 +263,7 @@ def _advance(
                 batch = max(1, min(round(now * PROGRESS_SECONDS / took), 2**31))
             if progress and took > 0:
                 if shown is None and seconds / done * (steps - done) > 1:
-                    shown = Bar(*columns)
+                    shown = Bar(columns)
                     shown.start()
                     task = shown.add_task("stepping", total=steps)
                 if shown is not None:

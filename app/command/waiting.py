@@ -53,7 +53,7 @@ class _Waiting:
         with self.lock:
             if self.active and self.timer is threading.current_thread():
                 self.bar = Bar(
-                    TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn()
+                    (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn())
                 )
                 self.bar.add_task("", total=None)
                 self._update(self.bar)

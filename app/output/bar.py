@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from time import monotonic
 from typing import Any
 
@@ -16,7 +17,7 @@ class Bar(Progress):
     """A progress bar on standard error that vanishes when done; a line every LINE_SECONDS if that is no terminal;
     nothing unless `show`."""
 
-    def __init__(self, *columns: ProgressColumn, show: bool = True):
+    def __init__(self, columns: Sequence[ProgressColumn] = (), show: bool = True):
         console = Console(stderr=True)
         super().__init__(*columns, console=console, disable=not (show and console.is_interactive), transient=True)
         self._lines = show and not console.is_interactive

@@ -241,7 +241,7 @@ def _progress_bar(name: str, total: int) -> tuple[Any, Any]:
     from softlab.app.output.bar import Bar
 
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("frames"))
-    bar = Bar(*columns, TimeRemainingColumn())
+    bar = Bar((*columns, TimeRemainingColumn()))
     return bar, bar.add_task(f"drawing {name}", total=total)
 
 

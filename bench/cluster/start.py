@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 import time
 import uuid
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -35,7 +35,7 @@ def on_cluster(
     progress: bool = True,
     beat: float = 1.0,
     pool: Callable[[Path], Pool] | None = None,
-    **how: Any,
+    how: Mapping[str, Any],
 ) -> ClusterSummary:
     """Measure what the store lacks of an experiment on the workers of `where`, and return a summary.
 
@@ -56,7 +56,7 @@ def on_cluster(
         except BaseException:
             shutil.rmtree(folder.path, ignore_errors=True)
             raise
-        order = Order(run, how, command, timings, code_digests(), beat)
+        order = Order(run, dict(how), command, timings, code_digests(), beat)
         name = getattr(run, "name", None) or getattr(run, "__name__", "sweep").removeprefix("run_")
         try:
             with _shared_references(store, folder):

@@ -8,7 +8,7 @@ refused. A kernel that never returns cannot be stopped from inside its process; 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import product
 from pathlib import Path
@@ -96,14 +96,20 @@ def case_scene(case: HardCase, method: str) -> tuple[Scene, str]:
     return scene.replace({"method.dt": reduced}), f"at dt {reduced:g} s; {dt:g} s is over the limit of {limit:.4g} s"
 
 
-def judge_case(case: HardCase, method: str, backend: str = "cpu", precision: str = "float64", **how: Any) -> Outcome:
-    """Run one case and return its outcome. `how`: options of a Trial.
+def judge_case(
+    case: HardCase,
+    method: str,
+    backend: str = "cpu",
+    precision: str = "float64",
+    options: Mapping[str, Any] | None = None,
+) -> Outcome:
+    """Run one case and return its outcome. `options`: of a Trial.
 
     A crash is a verdict too. Apart from Ctrl-C it only raises BackendUnavailable, for a solver that the backend does
     not have.
     """
     scene, note = case_scene(case, method)
-    trial = Trial(scene, backend, precision, **({"live": LIVE} | how))
+    trial = Trial(scene, backend, precision, **({"live": LIVE} | dict(options or {})))
 
     def outcome(verdict: str, diagnosis: str, checks: Sequence[Check] = ()) -> Outcome:
         known = case.known_failure(method, precision)

@@ -83,7 +83,7 @@ class ParticleContacts:
         """Sweep over the contacts. `travel`: of shape_matching/particles.py, if bodies are rigid; `couples`: of
         shape_matching/couples.py, if friction turns clusters."""
         self._project(
-            self.bands, self.sweeps, before, position, weights, self.record, self.neighbours.found, self._contacts,
+            self.bands, before, position, weights, self.arrays,
             *(np.zeros_like(position) if one is None else one for one in (travel, couples)),
         )  # fmt: skip
 

@@ -137,10 +137,9 @@ def _make_sweep(
 def make_project(
     real: Any, math: str, has_friction: bool, has_adhesion: bool, has_rigid: bool, has_couples: bool = False
 ) -> Any:
-    """Make project(team, member, bands, sweeps, before, position, weights, record, lists, contacts, travel,
-    couples).
+    """Make project(team, member, bands, before, position, weights, arrays, travel, couples).
 
-    Each member of a team runs it (core/progress.py); the arrays are those of cpu_backend/contact/particles.py.
+    Each member of a team runs it (core/progress.py); `arrays`: ContactArrays.
     `travel`, with `has_rigid`, is that of shape_matching/particles.py, for rigid bodies; `couples`, with `has_couples`,
     that of shape_matching/couples.py, for friction that turns clusters.
     """
@@ -150,9 +149,9 @@ def make_project(
     tell, push, put = made.tell, made.push, made.put
 
     @compiler.compiled
-    def project_all(team, member, bands, sweeps, before, position, weights, record, lists, contacts, travel, couples):
-        count = weights.size
-        for _ in range(sweeps):
+    def project_all(team, member, bands, before, position, weights, arrays, travel, couples):
+        count, record, lists, contacts = weights.size, arrays.rows.record, arrays.search.lists, arrays.contacts
+        for _ in range(arrays.sweeps):
             for band in shares(team, member, bands):
                 tell(band, count, position, record, lists, contacts)
             for band in shares(team, member, bands):
@@ -167,8 +166,7 @@ def make_project(
 def make_project_stage(
     real: Any, math: str, has_friction: bool, has_adhesion: bool, has_rigid: bool, has_couples: bool = False
 ) -> Any:
-    """Compile project(bands, sweeps, before, position, weights, record, lists, contacts, travel, couples): see
-    make_project."""
+    """Compile project(bands, before, position, weights, arrays, travel, couples): see make_project."""
     name = f"particles_{np.dtype(real).name}_{math}{'_friction' * has_friction}{'_adhesion' * has_adhesion}"
     project_all = make_project(real, math, has_friction, has_adhesion, has_rigid, has_couples)
 

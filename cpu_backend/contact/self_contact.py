@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from softlab.cpu_backend.contact.self_find import VALUES, make_find
+from softlab.cpu_backend.contact.self_find import VALUES, Cells, make_find
 from softlab.cpu_backend.contact.self_project import FORCES, LEVERS, make_project
 from softlab.model.contact.self_contact_parameters import (
     MAX_CONTACTS,
@@ -64,8 +64,8 @@ class HeldContacts:
             return
         starts, _, links = self._links
         self._project.project_contacts(
-            self._bands, self.sweeps, position, begin, self.found, self.corners, self.values, starts, links,
-            self.weights, self.record[0], self._around, *self._scratch,
+            self._bands, self.sweeps, position, begin, (self.found, self.corners, self.values, starts, links, self._around),
+            self.weights, self.record[0], self._scratch,
         )  # fmt: skip
 
 
@@ -88,7 +88,7 @@ class Contacts(HeldContacts):
         boxes, keys = np.zeros((cells, 6), real), np.zeros(cells, np.int64)
         buckets, largest = np.zeros(cells, np.int32), np.zeros(max(1, body.rows - 1), real)
         starts, sorted_cells = np.zeros(table_size(max(1, cells)) + 1, np.int32), np.zeros(cells, np.int32)
-        self._hashed = (self._begin, move, boxes, keys, buckets, largest, starts, bands, sorted_cells)
+        self._hashed = Cells(self._begin, move, boxes, keys, buckets, largest, starts, bands, sorted_cells)
         self._searched = (self._begin, move, boxes, keys, largest, starts, sorted_cells)
         self._find = make_find(real, math)
 
@@ -100,7 +100,7 @@ class Contacts(HeldContacts):
         """Search the contacts of the substep. Both arrays are (3, rows, columns) [m], views of any strides."""
         if min(self.rows, self.columns) < 2:
             return
-        self._find.hash_cells(self._bands, before, predicted, self.record[0], *self._hashed)
+        self._find.hash_cells(self._bands, before, predicted, self.record[0], self._hashed)
         self._find.find_contacts(
             self.rows, self.columns, self.record, *self._searched, self.triangles, self.corners, self.values, self.found
         )

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import prange
@@ -21,6 +21,21 @@ from softlab.model.formulas import contact
 
 VALUES = 7  # values of a contact:
 V_B, V_C, V_NX, V_NY, V_NZ, V_HELD, V_DISTANCE = range(VALUES)
+
+
+class Cells(NamedTuple):
+    """Masses' positions and displacements in a substep; boxes, keys and buckets of the sheet's cells; largest extent of a
+    cell in each row; first cell of each bucket among the sorted ones; number of cells in each band's buckets."""
+
+    begin: np.ndarray
+    move: np.ndarray
+    boxes: np.ndarray
+    keys: np.ndarray
+    buckets: np.ndarray
+    largest: np.ndarray
+    starts: np.ndarray
+    totals: np.ndarray
+    sorted_cells: np.ndarray
 
 
 def make_slots(compiler: Compiler, count: int) -> SimpleNamespace:
@@ -152,16 +167,26 @@ def _make_hash(compiler: Compiler, real: Any, formulas: SimpleNamespace, numbers
     def center_of(a, columns, begin, axis):
         return middle(begin[a, axis], begin[a + 1, axis], begin[a + columns, axis], begin[a + columns + 1, axis])
 
-    def hash_cells(
-        team, member, bands, before, predicted, parameters, begin, move, boxes, keys, buckets, largest, starts, totals,
-        sorted_cells,
-    ):  # fmt: skip
+    def hash_cells(team, member, bands, before, predicted, parameters, table_of):
         """Copy the state before and the displacement of (3, rows, columns) by masses, and sort the sheet's cells into
         buckets.
 
         The cells of bucket b are sorted_cells[starts[b] : starts[b + 1]], in ascending order. Each thread has a range
-        of buckets and reads all cells.
+        of buckets and reads all cells. `table_of`: Cells.
         """
+        begin, move, boxes, keys, buckets = (
+            table_of.begin,
+            table_of.move,
+            table_of.boxes,
+            table_of.keys,
+            table_of.buckets,
+        )
+        largest, starts, totals, sorted_cells = (
+            table_of.largest,
+            table_of.starts,
+            table_of.totals,
+            table_of.sorted_cells,
+        )
         rows, columns = before.shape[1], before.shape[2]
         for band in shares(team, member, bands):
             for i in range(rows * band // bands, rows * (band + 1) // bands):

@@ -77,8 +77,9 @@ def _make_now(compiler: Compiler, real: Any) -> SimpleNamespace:
             split(weights[c], load(t), loads[c]),
         )  # fmt: skip
         j, second, third = rub(
-            n, r, slid, forces[slot, F_DEPTH], (first, s, t), masses, difference(points, a, b), difference(points, a, c),
-            difference(begin, a, b), difference(begin, a, c), parameters.static_friction, parameters.dynamic_friction,
+            n, r, slid, forces[slot, F_DEPTH], (first, s, t), masses,
+            (difference(points, a, b), difference(points, a, c)), (difference(begin, a, b), difference(begin, a, c)),
+            parameters.static_friction, parameters.dynamic_friction,
         )  # fmt: skip
         for axis in range(3):
             forces[slot, F_X + axis] = j[axis]
@@ -281,11 +282,12 @@ def make_project(real: Any, math: str, friction: bool, surfaces: bool = False) -
         for axis in range(3):
             points[k, axis] = position[axis, i, j]
 
-    def project_contacts(
-        team, member, bands, sweeps, position, begin, found, corners, values, starts, links, weights, parameters, around,
-        points, loads, forces,
-    ):  # fmt: skip
-        """Sweep over the contacts, all of a sweep from one state, and update `position` (3, rows, columns)."""
+    def project_contacts(team, member, bands, sweeps, position, begin, contacts, weights, parameters, scratch):
+        """Sweep over the contacts, all of a sweep from one state, and update `position` (3, rows, columns).
+
+        `contacts`: (found, corners, values, starts, links, around); `scratch`: (points, loads, forces).
+        """
+        (found, corners, values, starts, links, around), (points, loads, forces) = contacts, scratch
         rows, columns = position.shape[1], position.shape[2]
         masses = rows * columns
         for _ in range(sweeps):

@@ -58,9 +58,9 @@ class SurfaceContacts(HeldContacts):
         self._neighbours.find(self._places, self._ones, self._pairs, self._reach)
         self.found[...] = 0
         self._find(
-            self._bands, before, predicted, self._rest, self._body, self._vertices, self._neighbours.found,
-            self._at_vertex, self._surface, self.record[0], self._ratio, self.triangles, self.corners, self.values,
-            self.found, self._missed, self._seen,
+            self._bands, (before, predicted), (self._rest, self._body), self._vertices, self._neighbours.found,
+            (self._at_vertex, self._surface), self.record[0], self._ratio,
+            (self.triangles, self.corners, self.values, self.found, self._missed, self._seen),
         )  # fmt: skip
         self.lost += int(self._missed.sum())
         self._link()

@@ -127,21 +127,21 @@ def _make_triangle(compiler: Compiler, real: Any, slots: SimpleNamespace, ratios
 
 @cache
 def make_find(real: Any, math: str, ratios: bool = False) -> Any:
-    """Compile find_contacts(bands, before, predicted, rest, body, vertices, lists, at_vertex, surface, parameters,
-    ratio, triangles, corners, values, found, lost, seen), for all vertices with neighbours.
+    """Compile find_contacts(bands, states, at_rest, vertices, lists, meshes, parameters, ratio, written), for all vertices
+    with neighbours.
 
-    `lists`: the result of their search. `at_vertex`: (offsets, triangles at vertices). `surface`: (corners, owned
-    features). `found` must be 0. `seen` (bands, triangles): the last vertex that a triangle was tested for, as each of
+    `states`: (before, predicted); `at_rest`: positions and bodies of vertices; `lists`: the result of their search;
+    `meshes`: ((offsets, triangles at vertices), (corners, owned features)); `written`: (triangles, corners, values, found,
+    lost, seen). `found` must be 0. `seen` (bands, triangles): the last vertex that a triangle was tested for, as each of
     its corners leads to it.
     """
     compiler = Compiler(f"surfaces{'_of_balls' * ratios}_{np.dtype(real).name}_{math}", math)
     slots = _make_slots(compiler, real)
     meet, one_side = _make_triangle(compiler, real, slots, ratios), slots.one_side
 
-    def find_contacts(
-        band, bands, before, predicted, rest, body, vertices, lists, at_vertex, surface, parameters, ratio, triangles,
-        corners, values, found, lost, seen,
-    ):  # fmt: skip
+    def find_contacts(band, bands, states, at_rest, vertices, lists, meshes, parameters, ratio, written):
+        (before, predicted), (_, body), (at_vertex, surface) = states, at_rest, meshes
+        triangles, corners, values, found, lost, seen = written
         (offsets, of_vertices), contacts = at_vertex, (triangles, corners, values)
         entry, missed = lists.begins[band] * MAX_NEIGHBOURS, np.int64(0)
         for t in range(seen.shape[1]):
@@ -155,7 +155,7 @@ def make_find(real: Any, math: str, ratios: bool = False) -> Any:
                     if seen[band, triangle] != k:
                         seen[band, triangle] = k
                         count = meet(
-                            k, triangle, before, predicted, (rest, body), surface, parameters, ratio, contacts, count
+                            k, triangle, before, predicted, at_rest, surface, parameters, ratio, contacts, count
                         )
             entry += np.int64(lists.numbers[n])
             kept, first = min(count, np.int64(MAX_CONTACTS)), k * MAX_CONTACTS

@@ -115,12 +115,12 @@ def _make_one_wall(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
             distance, nx, ny, nz = away(body, end, parameters.support + thickness, qx, qy, qz)
             if turns:
                 wx, wy, wz = surface_velocity(
-                    wx, wy, wz, body[B_SPIN], body[B_U], body[B_V], body[B_W], qx, qy, qz, *point(body, end)
-                )  # fmt: skip
+                    (wx, wy, wz), body[B_SPIN], (body[B_U], body[B_V], body[B_W]), (qx, qy, qz), point(body, end)
+                )
             t = wall_near(beyond(distance, thickness), parameters.inverse_wall)
             share, slope = wall_density(t, parameters.wall_scale), wall_slope(t, parameters.wall_gradient)
             push = wall_push(multiplier, weight, slope, rate(share, total), parameters.inverse_dt)
-            speed = rebound(vx, vy, vz, ux, uy, uz, wx, wy, wz, nx, ny, nz, push)
+            speed = rebound((vx, vy, vz), (ux, uy, uz), (wx, wy, wz), (nx, ny, nz), push)
             total = joined_density(total, share)
             return total, without(vx, speed, nx), without(vy, speed, ny), without(vz, speed, nz)
 

@@ -79,10 +79,11 @@ def make_aways(compiler: Compiler, real: Any, parts: frozenset[str]) -> dict[str
     def of_surface(away_from: Any) -> Any:
         @compiled
         def away(body, time, reach, x, y, z):
-            return away_from(
-                body, np.int32(body[B_TREE]), body[B_X], body[B_Y], body[B_Z], body[B_VX], body[B_VY], body[B_VZ],
-                body[B_U], body[B_V], body[B_W], body[B_SPIN], body[B_TURNS], time, x, y, z, reach,
+            path = (
+                (body[B_X], body[B_Y], body[B_Z]), (body[B_VX], body[B_VY], body[B_VZ]),
+                (body[B_U], body[B_V], body[B_W]), body[B_SPIN], body[B_TURNS],
             )  # fmt: skip
+            return away_from(body, np.int32(body[B_TREE]), path, time, (x, y, z), reach)
 
         return away
 

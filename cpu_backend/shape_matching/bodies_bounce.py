@@ -85,7 +85,8 @@ def make_bodies_bounce(real: Any, math: str) -> Any:
     """Make bounce(team, member, bands, position, velocity, weights, contacts, arrays, scratch, pitch), run by each
     member of a team (core/progress.py).
 
-    As `make_bounce` of contact/particles_bounce.py. `contacts`: ContactArrays; `arrays`: those of clusters. `pitch`: numbers in a band's scratch.
+    As `make_bounce` of contact/particles_bounce.py. `contacts`: ContactArrays; `arrays`: those of clusters; `pitch`:
+    numbers in a band's scratch.
     """
     compiler = Compiler(f"bodies_bounce_all_{np.dtype(real).name}_{math}", math)
     answer = make_answer(compiler, real, True).answer

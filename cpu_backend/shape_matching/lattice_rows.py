@@ -191,7 +191,8 @@ def make_goals(compiler: Compiler, real: Any, rest: int) -> SimpleNamespace:
             out[k] = one[k] + other[k]
 
     @compiled
-    def end_goals(n, lever, count, reference, x, plane, added, sums, pitch, out, out_pitch):
+    def end_goals(n, lever, count, reference, x, plane, added, sums, pitch, target):
+        out, out_pitch = target
         for axis in range(3):
             end_goal_row(
                 n, lever, count, row_at(reference, axis * plane), row_at(x, axis * plane), row_at(added, axis * pitch),

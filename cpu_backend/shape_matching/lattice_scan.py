@@ -120,7 +120,7 @@ def make_goal_scan(compiler: Compiler, real: Any, rest: int) -> Any:
         out = values.out
         end_goals(
             n, real(i - b) * values.spacing, values.counts[i] * values.clusters, reference, x, plane, sums, half, pitch,
-            row_at(out.array, i * out.apart), out.plane,
+            (row_at(out.array, i * out.apart), out.plane),
         )  # fmt: skip
 
     return make_scan(compiler, real, 3 * (rest + 2), False, term, goals.add_goals, end)

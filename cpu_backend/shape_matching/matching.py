@@ -116,17 +116,15 @@ def make_match(compiler: Compiler, real: Any, region: int) -> Any:
         sums = row_at(room, at_sums * stride)
         clear(SUMS * stride, sums)
         here = row_at(room, PLACE * (i % ring) * stride)
-        here_y = row_at(here, stride)
         first, last = window(i, grid.rows)
         for other in range(first, last):
             offset = real(other - i) - row_table[T_CENTRE, i]
             x = row_at(room, PLACE * (other % ring) * stride)
             add_window(
-                columns, stride, row_at(x, AXES * stride), x, row_at(x, stride), here, here_y, table,
-                row_table[T_WEIGHT, other], offset, sums,
+                columns, stride, row_at(x, AXES * stride), x, here, table, row_table[T_WEIGHT, other], offset, sums,
             )  # fmt: skip
         cluster = row_at(room, (at_clusters + GOAL * (i % ring)) * stride)
-        finish(columns, stride, sums, here, here_y, row_table[T_INVERSE, i], table, cluster)
+        finish(columns, stride, sums, here, row_at(here, stride), row_table[T_INVERSE, i], table, cluster)
         sum_goals(columns, stride, cluster, table, grid.parameters.matching_rest, row_at(cluster, CLUSTER * stride))
 
     return match

@@ -41,10 +41,10 @@ def make_clear(compiler: Compiler, real: Any) -> Any:
 def make_cluster_rows(compiler: Compiler, real: Any, region: int) -> SimpleNamespace:
     """Make `sum_line`, `add_window` and `finish`.
 
-    `sum_line(columns, stride, x, y, table, line)`: the sums along a row. `add_window(columns, stride, line, x, y,
-    here_x, here_y, table, share, offset, sums)`: add the sums of row (x, y) to those of the windows around row (here_x,
-    here_y); `share`: weight of the row; `offset`: its rest offset below their centres [spacings]. `finish(columns,
-    stride, sums, here_x, here_y, inverse, table, cluster)`: the clusters.
+    `sum_line(columns, stride, x, y, table, line)`: the sums along a row. `add_window(columns, stride, line, x, here,
+    table, share, offset, sums)`: add the sums of the row of positions `x` to those of the windows around the row `here`;
+    `share`: weight of the row; `offset`: its rest offset below their centres [spacings]. `finish(columns, stride, sums,
+    here_x, here_y, inverse, table, cluster)`: the clusters.
     """
     compiled, row, clear = compiler.compiled, compiler.row, make_clear(compiler, real)
     formulas = shape_matching.make(real, compiler.inlined)
@@ -80,11 +80,11 @@ def make_cluster_rows(compiler: Compiler, real: Any, region: int) -> SimpleNames
             )
 
     @compiled
-    def add_window(columns, stride, line, x, y, here_x, here_y, table, share, offset, sums):
+    def add_window(columns, stride, line, x, here, table, share, offset, sums):
         add_row(
-            columns, line, row_at(line, stride), row_at(line, 2 * stride), row_at(line, 3 * stride), x, y, here_x, here_y,
-            row_at(table, T_MASS * stride), share, offset, sums, row_at(sums, stride), row_at(sums, 2 * stride),
-            row_at(sums, 3 * stride), row_at(sums, 4 * stride), row_at(sums, 5 * stride),
+            columns, line, row_at(line, stride), row_at(line, 2 * stride), row_at(line, 3 * stride), x, row_at(x, stride),
+            here, row_at(here, stride), row_at(table, T_MASS * stride), share, offset, sums, row_at(sums, stride),
+            row_at(sums, 2 * stride), row_at(sums, 3 * stride), row_at(sums, 4 * stride), row_at(sums, 5 * stride),
         )  # fmt: skip
 
     @row

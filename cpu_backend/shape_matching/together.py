@@ -205,10 +205,7 @@ def make_bodies_together(real: Any, math: str, parts: frozenset[str]) -> Any:
                 if has_lattices:
                     move_windows(team, member, bands, after, count, lattices)
                 if has_contacts:
-                    take_out(
-                        team, member, bands, contacts.sweeps, before, after, weights, contacts.rows.record,
-                        contacts.search.lists, contacts.contacts, travel, couples,
-                    )  # fmt: skip
+                    take_out(team, member, bands, before, after, weights, contacts, travel, couples)
             if not at_once:
                 end(team, member, bands, number, goes_on, before, after, b, contacts)
 

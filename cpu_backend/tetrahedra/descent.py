@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 
 from softlab.cpu_backend.contact.surfaces import SurfaceContacts
-from softlab.cpu_backend.position_based.mesh_kernels import make_mesh_stages
+from softlab.cpu_backend.core.steps import Steps
+from softlab.cpu_backend.position_based.mesh_kernels import World, make_mesh_stages
 from softlab.cpu_backend.tetrahedra.descent_acceleration import make_accelerate_stage
 from softlab.cpu_backend.tetrahedra.descent_contact import CarriedContacts
 from softlab.cpu_backend.tetrahedra.descent_kernels import (
@@ -87,9 +88,10 @@ class VertexBlockDescent(Tetrahedra):
             return
         method, made = self.scene.method, tuple(found.number for found in descents(self.scene))
         make_descent_advance(*self._variant(), made, self._damped)(
-            self._bands, steps, step, method.substeps, method.iterations, self._position, self._velocity, self._before,
-            self._inertial, self.parameters, self.integers, self._wind, self._descents, self._holds, self.bodies, self.kinds,
-            self.driven, self._ways, self._weights,
+            self._bands, Steps(steps, step, method.substeps, method.iterations),
+            (self._position, self._velocity, self._before, self._inertial), self._descents, self._holds,
+            World(self.parameters, self.integers, self._wind, self.bodies, self.kinds, self.driven),
+            (self._ways, self._weights),
         )  # fmt: skip
 
     def _stages(self) -> dict[str, StageRun]:

@@ -16,7 +16,7 @@ import numpy as np
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.progress import shares
 from softlab.cpu_backend.core.scratch import cloth_variant
-from softlab.cpu_backend.position_based.mesh_kernels import World, make_substep
+from softlab.cpu_backend.position_based.mesh_kernels import make_substep
 from softlab.cpu_backend.tetrahedra.descent_acceleration import make_accelerate
 from softlab.cpu_backend.tetrahedra.descent_contact import make_meeting
 from softlab.cpu_backend.tetrahedra.springs import make_springs
@@ -216,10 +216,10 @@ def make_descent_stages(real: Any, math: str, material: int, damped: bool, parts
 
 @cache
 def make_descent_advance(real: Any, math: str, parts: frozenset[str], made: tuple[int, ...], damped: bool) -> Any:
-    """Compile advance(bands, steps, step, substeps, iterations, position, velocity, before, inertial, parameters,
-    integers, wind_lists, descents, holds, bodies, kinds, driven, ways, weights): many steps in one call.
+    """Compile advance(bands, steps, state, descents, holds, world, chebyshev): many steps in one call.
 
-    `made`: the materials of the `descents`; `weights` (iterations,): of Chebyshev acceleration.
+    `steps`: a Steps; `state`: (position, velocity, before, inertial); `made`: the materials of the `descents`; `world`: a
+    World of position_based/mesh_kernels.py; `chebyshev`: (displacements, weights (iterations,)) of the acceleration.
     """
     compiler = Compiler(cloth_variant("descent", real, math, parts), math)
     whole = make_substep(compiler, real, parts)
@@ -230,17 +230,17 @@ def make_descent_advance(real: Any, math: str, parts: frozenset[str], made: tupl
     prepare, sweep = all_materials.prepare, all_materials.sweep
     accelerate, accelerated = make_accelerate(compiler, real), CHEBYSHEV in parts
 
-    def advance(
-        team, member, bands, steps, step, substeps, iterations, position, velocity, before, inertial, parameters, integers,
-        wind_lists, descents, holds, bodies, kinds, driven, ways, weights,
-    ):  # fmt: skip
-        count, world = len(position), World(parameters, integers, wind_lists, bodies, kinds, driven)
-        for pass_number in range(steps * substeps):
+    def advance(team, member, bands, steps, state, descents, holds, world, chebyshev):
+        position, velocity, before, inertial = state
+        parameters, (ways, weights) = world.parameters, chebyshev
+        count = len(position)
+        number_of_steps, step, substeps, iterations = steps
+        for pass_number in range(number_of_steps * substeps):
             number = step * substeps + pass_number
             frame = step + pass_number // substeps
             opening(team, member, bands, frame, number, position, velocity, before, inertial, world)
             prepare(team, member, bands, before, velocity, inertial, position, descents, parameters)
-            given = number, before, holds, bodies, kinds
+            given = number, before, holds, world.bodies, world.kinds
             for iteration in range(iterations):
                 sweep(team, member, bands, position, inertial, descents, parameters, given)
                 if accelerated:

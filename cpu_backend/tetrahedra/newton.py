@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from softlab.cpu_backend.core.simulation import QuadsSimulation, chosen_kernel
+from softlab.cpu_backend.core.steps import Steps
 from softlab.cpu_backend.position_based.mesh_kernels import ALWAYS
 from softlab.cpu_backend.tetrahedra.newton_arrays import Coarse, Inputs, Solver, Vectors
 from softlab.cpu_backend.tetrahedra.newton_steps import SUMS, control_type, make_newton_advance
@@ -75,7 +76,7 @@ class TetrahedraNewton(QuadsSimulation):
         method = self.scene.method
         self._control[...] = 0
         make_newton_advance(self.real, self.options.math, self.plan.parts - ALWAYS)(
-            self._bands, steps, step, method.substeps * stages_of(self.scene), method.iterations, self._floor,
+            self._bands, Steps(steps, step, method.substeps * stages_of(self.scene), method.iterations), self._floor,
             (self._position, self._velocity, self._before),
             Inputs(self.parameters, self.integers, self._lists, self.bodies, self.kinds, self.driven), self._solver,
             self._control, self.done,

@@ -201,10 +201,9 @@ def make_pass(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
 
 @cache
 def make_newton_advance(real: Any, math: str, parts: frozenset[str]) -> Any:
-    """Compile advance(bands, steps, step, solves, iterations, floor, state, given, solver, control, done): many steps
-    in one call.
+    """Compile advance(bands, steps, floor, state, given, solver, control, done): many steps in one call.
 
-    `control` (1,): control_type; `done` (DONE,) is incremented.
+    `steps`: a Steps, whose substeps are solves, and iterations those of a solve; `control` (1,): control_type; `done` (DONE,) is incremented.
     """
     compiler = Compiler(cloth_variant("newton", real, math, parts), math)
     one_pass = make_pass(compiler, real, parts)
@@ -252,11 +251,9 @@ def make_newton_advance(real: Any, math: str, parts: frozenset[str]) -> Any:
             c.solved += 1
         c.next = later
 
-    def advance(
-        team, member, bands, steps, step, solves, iterations, floor, state, given, solver, control, done
-    ):  # fmt: skip
-        position, _, _ = state
-        while control[0].solved < steps * solves:  # it only grows: a late member sees that all is done
+    def advance(team, member, bands, steps, floor, state, given, solver, control, done):
+        (position, _, _), (count, step, solves, iterations) = state, steps
+        while control[0].solved < count * solves:  # it only grows: a late member sees that all is done
             for band in shares(team, member, bands):
                 number = control[0].solved
                 frame, number = step + number // solves, step * solves + number

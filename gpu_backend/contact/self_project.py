@@ -140,9 +140,9 @@ def _make_now(real: Any, math: str) -> SimpleNamespace:
             split(mass_weights[b], load(w[0]), loads[b]), split(mass_weights[c], load(w[1]), loads[c]),
         )  # fmt: skip
         return rub(
-            (n[0], n[1], n[2]), r, slid, press, (first, w[0], w[1]), masses, difference(position, a, b),
-            difference(position, a, c), difference(before, a, b), difference(before, a, c), parameters.static_friction,
-            parameters.dynamic_friction,
+            (n[0], n[1], n[2]), r, slid, press, (first, w[0], w[1]), masses,
+            (difference(position, a, b), difference(position, a, c)), (difference(before, a, b), difference(before, a, c)),
+            parameters.static_friction, parameters.dynamic_friction,
         )  # fmt: skip
 
     @device

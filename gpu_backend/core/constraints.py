@@ -61,7 +61,7 @@ def make_projections(real: Any, math: str, projection: Projection) -> Any:
         if mine < runs:
             constants, place = constants_of(parameters), np.int32(start + mine)
             fetched = fetch(corners, values, np.int32(start // run + mine), place, count)
-            take(position, before, corners, values, multipliers, fetched, place, runs, count, fresh, constants)
+            take(position, before, (corners, values, multipliers), fetched, place, runs, count, fresh, constants)
 
     return make_kernel(project, f"{projection.name}_{variant_name(real, math)}", **kernel_options(math))
 
@@ -87,7 +87,7 @@ def make_run(real: Any, math: str, projection: Projection) -> SimpleNamespace:
     another.
 
     `fetch(corners, values, number, place, count)`: constant data of its first constraint. `take(position, before,
-    corners, values, multipliers, fetched, place, apart, count, fresh, constants)`: project the run; `corners` are quads
+    (corners, values, multipliers), fetched, place, apart, count, fresh, constants)`: project the run; `corners` are quads
     of `position` and `before`.
     """
     return (_make_around if projection.around else _make_apart)(real, math, projection)
@@ -104,8 +104,8 @@ def _make_apart(real: Any, math: str, projection: Projection) -> SimpleNamespace
         return corners_of(corners, count, place), values_of(values, count, place)
 
     @inline
-    def take(position, before, corners, values, multipliers, fetched, place, apart, count, fresh, constants):
-        ends, own = fetched
+    def take(position, before, arrays, fetched, place, apart, count, fresh, constants):
+        (ends, own), (corners, values, multipliers) = fetched, arrays
         if run == 1:
             quads = quads_of(position, ends, count, place)
             moved = one(before, multipliers, ends, quads, own, count, place, fresh, constants)
@@ -139,8 +139,9 @@ def _make_around(real: Any, math: str, projection: Projection) -> SimpleNamespac
         return own, load_quad(corners, np.int32(count // run + number)), values_of(values, count, place)
 
     @inline
-    def take(position, before, corners, values, multipliers, fetched, place, apart, count, fresh, constants):
+    def take(position, before, arrays, fetched, place, apart, count, fresh, constants):
         (a, b, c, d), (e, f, g, h), own = fetched
+        _, values, multipliers = arrays
         first, second, third, fourth = e, f, g, h
         x, p, q = load_quad(position, a), load_quad(position, f), load_quad(position, g)
         r, s = load_quad(position, h), load_quad(position, e)

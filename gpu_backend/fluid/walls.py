@@ -142,15 +142,12 @@ def make_settled(real: Any, math: str, parts: frozenset[str]) -> Any:
         distance, nx, ny, nz = surface
         wx, wy, wz = bodies[at + B_VX], bodies[at + B_VY], bodies[at + B_VZ]
         if turns:
-            ox, oy, oz = place_of(bodies, at, end)
-            wx, wy, wz = surface_velocity(
-                wx, wy, wz, bodies[at + B_SPIN], bodies[at + B_U], bodies[at + B_V], bodies[at + B_W], q[0], q[1], q[2],
-                ox, oy, oz,
-            )  # fmt: skip
+            axis = bodies[at + B_U], bodies[at + B_V], bodies[at + B_W]
+            wx, wy, wz = surface_velocity((wx, wy, wz), bodies[at + B_SPIN], axis, q, place_of(bodies, at, end))
         t = wall_near(beyond(distance, bodies[at + B_THICKNESS]), parameters.inverse_wall)
         share, slope = wall_density(t, parameters.wall_scale), wall_slope(t, parameters.wall_gradient)
         push = wall_push(multiplier, weight, slope, rate(share, total), parameters.inverse_dt)
-        speed = rebound(vx, vy, vz, u[0], u[1], u[2], wx, wy, wz, nx, ny, nz, push)
+        speed = rebound((vx, vy, vz), u, (wx, wy, wz), (nx, ny, nz), push)
         return joined_density(total, share), without(vx, speed, nx), without(vy, speed, ny), without(vz, speed, nz)
 
     each = _make_each_wall(real, math, parts, settle)
@@ -173,12 +170,13 @@ def surfaces_of(real: Any, math: str) -> tuple[Any, Any]:
     def of(away: Any) -> Any:
         @inline
         def surface(p, bodies, at, time, parameters):
-            return away(
-                bodies, np.int32(np.int32(at) + np.int32(bodies[at + B_TREE])), bodies[at + B_X], bodies[at + B_Y],
-                bodies[at + B_Z], bodies[at + B_VX], bodies[at + B_VY], bodies[at + B_VZ], bodies[at + B_U], bodies[at + B_V],
-                bodies[at + B_W], bodies[at + B_SPIN], bodies[at + B_TURNS], time, p[0], p[1], p[2],
-                parameters.support + bodies[at + B_THICKNESS],
+            path = (
+                (bodies[at + B_X], bodies[at + B_Y], bodies[at + B_Z]),
+                (bodies[at + B_VX], bodies[at + B_VY], bodies[at + B_VZ]),
+                (bodies[at + B_U], bodies[at + B_V], bodies[at + B_W]), bodies[at + B_SPIN], bodies[at + B_TURNS],
             )  # fmt: skip
+            place = np.int32(np.int32(at) + np.int32(bodies[at + B_TREE]))
+            return away(bodies, place, path, time, (p[0], p[1], p[2]), parameters.support + bodies[at + B_THICKNESS])
 
         return surface
 

@@ -148,7 +148,7 @@ def make_sweep(real: Any, math: str, projection: Projection) -> SimpleNamespace:
             n, threads = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x)
             while n < runs:
                 place = np.int32(run * start + n)
-                take(now, before, corners, values, multipliers, held, place, runs, count, fresh, constants)
+                take(now, before, (corners, values, multipliers), held, place, runs, count, fresh, constants)
                 n = np.int32(n + threads)
                 if n < runs:
                     held = fetch(corners, values, np.int32(start + n), np.int32(run * start + n), count)

@@ -186,13 +186,13 @@ def make_current(real, compiled=plain):
         return across(less(less(sum_of, along(lift, d), second), along(lift, e), third), r)
 
     @compiled
-    def rub(n, r, slid, press, weights, masses, q, w, u, v, static_friction, dynamic_friction):
+    def rub(n, r, slid, press, weights, masses, edges, before, static_friction, dynamic_friction):
         """(j, second, third): displacement of the contact's vertex, and levers on corners two and three, for a weight
         of 1, by friction after all normal impulses of the sweep.
 
         `n`: the contact's normal; `r`: from the triangle's point to the vertex; `slid`: the change of that in the
         substep [m]; `press`: the normal impulse; `weights` of the corners; `masses`: inverse ones of the vertex and the
-        corners, as split among contacts; `q`, `w`: the triangle's edges; `u`, `v`: those at the substep's start.
+        corners, as split among contacts; `edges`: of the triangle, (q, w), and `before`, at the substep's start, (u, v).
 
         Friction acts at the vertex, on the slip there. A force f at the vertex gives -A_k f to corner k, A_k f = b_k f
         + lever k of f. The slip is the transpose of that, s = d_0 - sum A_k^T d_k of the displacements d, its
@@ -203,7 +203,7 @@ def make_current(real, compiled=plain):
         its pieces, and the energy of a mean is at most the mean energy (R. Tonge et al., SIGGRAPH 2012, on splitting).
         `part` is 1 where F |s| <= static_friction press, else Coulomb's: F |s| = dynamic_friction press.
         """
-        a, b, c = weights
+        (a, b, c), (q, w), (u, v) = weights, edges, before
         second, third, lift = gradients(r, q, w)
         d, e = less(q, one, u), less(w, one, v)
         s = less(slid, one, carried(r, d, e, second, third, lift))

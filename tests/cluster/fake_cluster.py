@@ -124,7 +124,8 @@ def sweeps(path: str, name: str) -> int:
     with Store(path) as store:
         on_cluster(
             store, run_fake, Where("local"), timed=False, command="fake", progress=False, beat=BEAT,
-            pool=lambda folder: ForkPool(2, server=ForkServer()), groups=groups, log=log, seconds=seconds,
+            pool=lambda folder: ForkPool(2, server=ForkServer()),
+            how={"groups": groups, "log": log, "seconds": seconds},
         )  # fmt: skip
     return 0
 

@@ -39,7 +39,7 @@ def measured(tmp_path: Path, where: Where, losses: Sequence[str] = (), **how: An
     (tmp_path / "log").mkdir()
     how |= {"groups": GROUPS, "log": str(tmp_path / "log")}
     with Store(tmp_path / "results.sqlite") as store:
-        summary = on_cluster(store, run_fake, where, timed=False, command="fake", progress=False, beat=0.1, **how)
+        summary = on_cluster(store, run_fake, where, timed=False, command="fake", progress=False, beat=0.1, how=how)
         assert summary.measured == len(GROUPS) and not summary.abandoned, summary
         assert len(summary.losses) == len(losses), summary
         assert all(why in told for why, told in zip(losses, summary.losses, strict=True)), summary
@@ -167,7 +167,7 @@ def test_what_is_not_installed_is_named_with_the_way_to_get_it(
 ) -> None:
     monkeypatch.setitem(sys.modules, missing, None)
     with Store(tmp_path / "results.sqlite") as store, pytest.raises(BackendUnavailable, match=r"\[cluster\]") as told:
-        on_cluster(store, run_fake, where_of(cluster, None, None), command="fake", progress=False)
+        on_cluster(store, run_fake, where_of(cluster, None, None), command="fake", progress=False, how={})
     assert told.value.exit_status == 3 and not list(tmp_path.iterdir())
 
 

@@ -37,12 +37,15 @@ class Bench:
         self.path, self.log = folder / "results.sqlite", folder / "log"
         self.log.mkdir()
 
-    def run(self, slots: int = 2, groups: Any = None, pool: ForkPool | None = None, **how: Any) -> ClusterSummary:
+    def run(
+        self, slots: int = 2, groups: Any = None, pool: ForkPool | None = None, timed: bool = False, **how: Any
+    ) -> ClusterSummary:
         made = pool or ForkPool(slots)
         with Store(self.path) as store:
             return on_cluster(
-                store, run_fake, Where("local"), command="fake", progress=False, beat=BEAT, pool=lambda folder: made,
-                groups=GROUPS if groups is None else groups, log=str(self.log), **({"timed": False} | how),
+                store, run_fake, Where("local"), timed=timed, command="fake", progress=False, beat=BEAT,
+                pool=lambda folder: made,
+                how={"groups": GROUPS if groups is None else groups, "log": str(self.log)} | how,
             )  # fmt: skip
 
     def samples(self) -> list[tuple[str, str, float]]:

@@ -54,7 +54,7 @@ def after_formula(real: Any, formulas: SimpleNamespace, of: SimpleNamespace) -> 
     press = depth / max(w[0] + w[1:] @ b**2, real(1e-30))
     now = now + w[:, None] * (press * np.outer(np.append(real(1), -b), n))
     r, slid = now[0] - b @ now[1:], (now[0] - b @ now[1:]) - (before[0] - b @ before[1:])
-    edges = [tuple(p[k] - p[1]) for p in (now, before) for k in (2, 3)]
+    edges = [(tuple(p[2] - p[1]), tuple(p[3] - p[1])) for p in (now, before)]
     j, second, third = (
         np.array(force, real)
         for force in formulas.rub(

@@ -44,7 +44,7 @@ CASE = pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("precision", ["float64", "float32"])
 @CASE
 def test_the_laws_hold(name: str, precision: str) -> None:
-    outcome = judge_case(NAMES[name], MATCHING, "cpu", precision, **HOST)
+    outcome = judge_case(NAMES[name], MATCHING, "cpu", precision, HOST)
     assert outcome.verdict == "pass" and not outcome.diagnosis, outcome.diagnosis
     assert outcome.checks[0].relation and all(check.good for check in outcome.checks)
     drawn = outcome.end is not None
@@ -123,7 +123,7 @@ def test_a_wrong_bound_is_a_failed_verdict() -> None:
         first, *others = case.law(trial)
         return [replace(first, bound=0.0), *others]
 
-    outcome = judge_case(replace(case, law=tighter), MATCHING, "cpu", "float64", **HOST)
+    outcome = judge_case(replace(case, law=tighter), MATCHING, "cpu", "float64", HOST)
     assert outcome.verdict == "fail" and "must be < 0 m" in outcome.diagnosis
 
 
@@ -132,7 +132,7 @@ def test_a_wrong_bound_is_a_failed_verdict() -> None:
 
 def test_they_are_listed_filtered_kept_and_drawn(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     """By row or by name, under their method alone; what is held is not run again."""
-    monkeypatch.setattr("softlab.bench.stress.experiment.judge_case", partial(judge_case, **HOST))
+    monkeypatch.setattr("softlab.bench.stress.experiment.judge_case", partial(judge_case, options=HOST))
     how: dict[str, Any] = {"backends": ["cpu"], "precisions": ["float64"], "progress": False}
     with Store(tmp_path / "results.sqlite") as store:
         first = run_hard(store, cases=["b17 ball", "B20"], integrators=[MATCHING], **how)

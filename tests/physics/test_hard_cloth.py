@@ -28,7 +28,7 @@ HOST: dict[str, Any] = {"threads": 1, "math": "exact", "timed": False}
 
 
 def judged(case: HardCase, integrator: str, precision: str) -> Outcome:
-    return judge_case(case, integrator, "cpu", precision, **HOST)
+    return judge_case(case, integrator, "cpu", precision, HOST)
 
 
 @pytest.mark.parametrize("case", CLOTHS, ids=[case.name for case in CLOTHS])

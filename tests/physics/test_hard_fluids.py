@@ -42,7 +42,7 @@ DEAR = {"F1", "F4", "F6 drawn", "F10"}
 )
 def test_the_laws_hold(name: str, method: str, precision: str) -> None:
     case = NAMES[name]
-    outcome = judge_case(case, method, "cpu", precision, **HOST)
+    outcome = judge_case(case, method, "cpu", precision, HOST)
     reason = case.known_failure(method, precision)
     if reason and not (name == "F3" and precision == "float32"):  # there rounding is as large
         assert outcome.verdict == "known" and outcome.diagnosis == reason == REASONS[name]

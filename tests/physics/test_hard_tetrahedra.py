@@ -40,7 +40,7 @@ ONE_OF_TWO = {"B22": ["float64"], "B22 bar": ["float32"], "B22 voxels": ["float3
 )
 def test_the_laws_hold(name: str, method: str, precision: str) -> None:
     case = NAMES[name]
-    outcome = judge_case(case, method, "cpu", precision, **HOST)
+    outcome = judge_case(case, method, "cpu", precision, HOST)
     if case.known_failure(method, precision):
         assert outcome.verdict == "known" and outcome.diagnosis == SWEPT
         assert 1e-5 < outcome.checks[0].value < 1e-3  # the momentum, after a second of 20 sweeps a substep

@@ -64,7 +64,7 @@ def test_columns_of_the_table():
 
 def run(name: str, method: str, **how):
     case = replace(NAMED[name], **how)
-    outcome = hard.judge_case(case, method, "cpu", "float64", kernel="stages")
+    outcome = hard.judge_case(case, method, "cpu", "float64", {"kernel": "stages"})
     assert outcome.verdict == "pass", outcome.diagnosis
     return {check.name: check.value for check in outcome.checks}
 
@@ -97,6 +97,6 @@ def test_tethers_hold_a_long_chain(method):
     run("B13 inextensible", method, **short)
     loose = {path: value for path, value in short["changes"].items() if not path.startswith("attachments")}
     outcome = hard.judge_case(
-        replace(NAMED["B13 inextensible"], changes=loose), method, "cpu", "float64", kernel="stages"
+        replace(NAMED["B13 inextensible"], changes=loose), method, "cpu", "float64", {"kernel": "stages"}
     )
     assert outcome.verdict == "fail" and "farther from the pin" in outcome.diagnosis

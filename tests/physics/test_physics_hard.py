@@ -22,7 +22,7 @@ SINGLE = [case for case in CASES if case.row in ("B4", "B14", "B15")] + [CASES[N
 
 def judged(case: HardCase, name: str, backend: str, precision: str) -> Outcome:
     host = {"threads": 1, "kernel": "fused"} if backend == "cpu" else {}
-    return judge_case(case, name, backend, precision, math="exact", live=LIVE, timed=False, **host)
+    return judge_case(case, name, backend, precision, {"math": "exact", "live": LIVE, "timed": False, **host})
 
 
 def expected(case: HardCase, name: str) -> str:

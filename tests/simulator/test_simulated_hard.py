@@ -25,7 +25,7 @@ OF_BODIES = {  # name -> law: of a few substeps
 
 @pytest.mark.parametrize("case", TINY, ids=[case.name for case in TINY])
 def test_same_verdict_as_on_the_cpu(case) -> None:
-    cpu, gpu = (judge_case(case, "lab", backend, "float64", math="exact") for backend in ("cpu", "gpu"))
+    cpu, gpu = (judge_case(case, "lab", backend, "float64", {"math": "exact"}) for backend in ("cpu", "gpu"))
     assert gpu.verdict == cpu.verdict == case.expect, gpu.diagnosis
     assert gpu.checks == cpu.checks
 
@@ -34,7 +34,7 @@ def test_same_verdict_as_on_the_cpu(case) -> None:
 @pytest.mark.parametrize("name", OF_BODIES)
 def test_bodies_have_the_same_numbers_as_on_the_cpu(name: str, precision: str) -> None:
     case = replace(BODIES[name], law=OF_BODIES[name])
-    cpu, gpu = (judge_case(case, MATCHING, backend, precision, math="exact") for backend in ("cpu", "gpu"))
+    cpu, gpu = (judge_case(case, MATCHING, backend, precision, {"math": "exact"}) for backend in ("cpu", "gpu"))
     assert gpu.verdict == cpu.verdict == "pass", gpu.diagnosis
     assert gpu.checks == cpu.checks
 
@@ -43,6 +43,6 @@ def test_bodies_have_the_same_numbers_as_on_the_cpu(name: str, precision: str) -
 def test_two_particles_in_one_place_have_the_same_numbers(method: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(fluids, "SECONDS", 1 / 60)
     case = next(case for case in CASES if case.name == "F3 alone")
-    cpu, gpu = (judge_case(case, method, backend, "float64", math="exact") for backend in ("cpu", "gpu"))
+    cpu, gpu = (judge_case(case, method, backend, "float64", {"math": "exact"}) for backend in ("cpu", "gpu"))
     assert gpu.verdict == cpu.verdict == "pass", gpu.diagnosis
     assert gpu.checks == cpu.checks

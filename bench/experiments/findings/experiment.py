@@ -72,10 +72,10 @@ def _experiments(store: Store, backend: str) -> list[Experiment]:
 
 
 def _finding(
-    name: str, finding: str, scene: Scene, backend: str | None, measure: Callable[[], Measures], **how: Any
+    name: str, finding: str, scene: Scene, backend: str | None, measure: Callable[[], Measures], fields: dict[str, Any]
 ) -> Experiment:
-    """Return an experiment; `backend` None: it uses the reference alone."""
-    return Experiment(name, described(scene, backend or "reference", finding, **how), _sources(backend), measure)
+    """Return an experiment that varies these `fields`; `backend` None: it uses the reference alone."""
+    return Experiment(name, described(scene, backend or "reference", finding, **fields), _sources(backend), measure)
 
 
 # ---------------------------------------------------------------------- effect of an explicit damper
@@ -89,7 +89,7 @@ def _damping(store: Store) -> list[Experiment]:
     for method, dt in product(DAMPERS, STEP_SIZES[::2]):
         scene = base.replace({"method.integrator": "velocity-verlet", "method.dt": dt})
         measure = partial(_damped_error, store, scene, method)
-        experiments.append(_finding(ERROR, DAMPING, scene, None, measure, precision="float64", scheme=method))
+        experiments.append(_finding(ERROR, DAMPING, scene, None, measure, {"precision": "float64", "scheme": method}))
     return experiments
 
 
@@ -113,7 +113,7 @@ def _floor(store: Store, backend: str) -> list[Experiment]:
     for precision, method, dt in product(PRECISIONS, FLOOR_METHODS, FLOOR_STEPS):
         scene = base.replace({"method.integrator": method, "method.dt": dt})
         measure = partial(_floor_error, store, scene, backend, precision)
-        experiments.append(_finding(ERROR, FLOOR, scene, backend, measure, precision=precision))
+        experiments.append(_finding(ERROR, FLOOR, scene, backend, measure, {"precision": precision}))
     return experiments
 
 
@@ -147,7 +147,7 @@ def _far_away(backend: str) -> list[Experiment]:
     for method, offset in product(AWAY_METHODS, OFFSETS):
         scene = base.replace({"method.integrator": method, "method.dt": AWAY_DT})
         measure = partial(_away_error, scene, backend, offset)
-        experiments.append(_finding(ERROR, AWAY, scene, backend, measure, offset=offset))
+        experiments.append(_finding(ERROR, AWAY, scene, backend, measure, {"offset": offset}))
     return experiments
 
 
@@ -192,7 +192,7 @@ def amplitude_rate(positions: np.ndarray, dt: float) -> float:
 def _dissipation(backend: str) -> list[Experiment]:
     """Return one undamped oscillator for every integrator: the rate at which its amplitude changes."""
     return [
-        _finding(RATE, DISSIPATION, scene, backend, partial(_rate, scene, backend), **RATE_OPTIONS)
+        _finding(RATE, DISSIPATION, scene, backend, partial(_rate, scene, backend), RATE_OPTIONS)
         for scene in (oscillator(method, dt) for method, dt in product(INTEGRATORS, RATE_STEPS))
     ]
 

@@ -13,6 +13,7 @@ Formulas, storage and the replayed CUDA graph are those of the lab's kernel `gra
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache
 from types import SimpleNamespace
 from typing import Any
@@ -87,11 +88,11 @@ def make_scatter(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace
     y, all 0 between steps.
     """
 
-    def kernel(function: Any, *words: str) -> Any:
+    def kernel(function: Any, words: Sequence[str] = ()) -> Any:
         return make_kernel(function, variant_name(real, math, parts, *words), **kernel_options(math))
 
     colours = [
-        kernel(_colour_kernel(real, math, down, odd), "down" if down else "along", "odd" if odd else "even")
+        kernel(_colour_kernel(real, math, down, odd), ("down" if down else "along", "odd" if odd else "even"))
         for down in (False, True)
         for odd in (0, 1)
     ]

@@ -99,7 +99,7 @@ def make_pass_band(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
             if i < first:
                 continue
             if kind == START:
-                sum_else(i, step, step, blocks, layout, source, parameters, integers, air, scratch, width)
+                sum_else(i, step, step, blocks, source, sheet, air, scratch, width)
                 start_row(i, blocks, layout, source, work, parameters, scratch, width)
             elif kind == RESIDUAL:
                 residual_row(i, blocks, work, sheet, system, scratch, width)

@@ -127,7 +127,7 @@ def make_cloth_advance(real: Any, math: str, integrator: str, parts: frozenset[s
         begin_walk(first, blocks, layout, source, parameters, air, scratch, width)
         for i in range(first, last):
             here = i * stride
-            sum_forces(i, closing, step, blocks, layout, source, parameters, integers, air, scratch, width)
+            sum_forces(i, closing, step, blocks, source, sheet, air, scratch, width)
             for axis in range(AXES):
                 position, velocity = here + axis * plane, here + (AXES + axis) * plane
                 close = row_at(scratch, place(a_close, axis, width))

@@ -86,7 +86,7 @@ def make_stage_band(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any
         begin_walk(first, blocks, layout, source, parameters, air, scratch, width)
         for i in range(first, last):
             here = i * stride
-            sum_forces(i, step, step, blocks, layout, source, parameters, integers, air, scratch, width)
+            sum_forces(i, step, step, blocks, source, sheet, air, scratch, width)
             into = target
             if has_colliders and stage == 3:
                 into = spare

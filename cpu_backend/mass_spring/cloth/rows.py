@@ -240,7 +240,8 @@ def make_cloth_forces(compiler: Compiler, real: Any, integrator: str, parts: fro
             wind_cells(first - 1, blocks, layout, source, parameters, air, scratch, width)
 
     @compiler.compiled
-    def sum_forces(i, closing, opening, blocks, layout, source, parameters, integers, air, scratch, width):
+    def sum_forces(i, closing, opening, blocks, source, sheet, air, scratch, width):
+        layout, parameters, integers = sheet.layout, sheet.parameters, sheet.integers
         reach(i, True, blocks, layout, source, parameters, scratch, width)
         sum_accelerations(i, blocks, parameters, scratch, width)
         if has_wind:

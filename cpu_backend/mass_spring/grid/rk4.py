@@ -127,9 +127,7 @@ def make_advance_rk4(real: Any, math: str, parts: frozenset[str]) -> Any:
                     stage, blocks, row_at(base, velocity), rate, parameters, row_at(total, velocity), row_at(target, velocity)
                 )  # fmt: skip
             if has_pins:  # a pinned mass does not move, so any stage has its position
-                hold_pins(
-                    i, np.int64(0), blocks, source, here, plane, target, here, plane, sheet.pin_start, sheet.pin_column
-                )  # fmt: skip
+                hold_pins(i, np.int64(0), blocks, source, here, plane, target, here, plane, sheet)
             place_ghosts(np.int64(0), blocks, layout, target, here, plane)
 
     def advance(team, member, bands, steps, step, states, sheet, scratches):

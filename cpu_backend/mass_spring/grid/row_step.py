@@ -103,9 +103,7 @@ def make_row_step(compiler: Compiler, real: Any, integrator: str, parts: frozens
         )  # fmt: skip
         advance_row(kind, step, i, column, blocks, old, new, left, Walk(above, sums, width), sheet)
         if has_pins and sheet.pin_start[i] < sheet.pin_start[i + 1]:
-            hold_pins(
-                i, column, blocks, source, here, source_plane, target, there, target_plane, sheet.pin_start, sheet.pin_column
-            )  # fmt: skip
+            hold_pins(i, column, blocks, source, here, source_plane, target, there, target_plane, sheet)
         place_ghosts(column, blocks, sheet.layout, target, there, target_plane)
 
     return forces.begin_walk, step_row

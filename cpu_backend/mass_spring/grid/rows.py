@@ -162,10 +162,10 @@ def make_row_edges(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simp
     compiled, block, zero, has_springs = compiler.compiled, block_of(real), real(0), "springs" in parts
 
     @compiled
-    def hold_pins(i, column, blocks, source, here, source_plane, target, there, target_plane, pin_start, pin_column):
+    def hold_pins(i, column, blocks, source, here, source_plane, target, there, target_plane, sheet):
         """Put pinned masses of row `i` where `source` has them, at rest."""
-        for k in range(pin_start[i], pin_start[i + 1]):
-            j = pin_column[k] - column
+        for k in range(sheet.pin_start[i], sheet.pin_start[i + 1]):
+            j = sheet.pin_column[k] - column
             if j >= 0 and j < blocks * block:
                 for axis in range(2):
                     target[there + axis * target_plane + j] = source[here + axis * source_plane + j]

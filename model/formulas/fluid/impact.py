@@ -33,11 +33,12 @@ def make(real, compiled=plain):
         return (weight * (multiplier * (slope * rate))) * inverse_dt
 
     @compiled
-    def rebound(vx, vy, vz, ux, uy, uz, wx, wy, wz, nx, ny, nz, push):
+    def rebound(v, u, w, n, push):
         """Speed [m/s] to remove from v along the wall's normal n: the excess over the outward speed before the
         corrections (u) and over that of the wall (w), at most `push`."""
-        gained = (vx * nx + vy * ny) + vz * nz
-        before, wall = (ux * nx + uy * ny) + uz * nz, (wx * nx + wy * ny) + wz * nz
+        nx, ny, nz = n
+        gained = (v[0] * nx + v[1] * ny) + v[2] * nz
+        before, wall = (u[0] * nx + u[1] * ny) + u[2] * nz, (w[0] * nx + w[1] * ny) + w[2] * nz
         return min(max(gained - max(before, wall), zero), push)
 
     @compiled
@@ -46,11 +47,10 @@ def make(real, compiled=plain):
         return velocity - speed * n
 
     @compiled
-    def surface_velocity(qx, qy, qz, spin, ex, ey, ez, x, y, z, ox, oy, oz):
-        """Velocity [m/s] of a collider's point (x, y, z) [m]. Its origin o moves at q; it rotates about e at `spin`
-        [rad/s]."""
-        tx, ty, tz = cross(spin * ex, spin * ey, spin * ez, x - ox, y - oy, z - oz)
-        return qx + tx, qy + ty, qz + tz
+    def surface_velocity(q, spin, e, p, o):
+        """Velocity [m/s] of a collider's point p [m]. Its origin o moves at q; it rotates about e at `spin` [rad/s]."""
+        tx, ty, tz = cross(spin * e[0], spin * e[1], spin * e[2], p[0] - o[0], p[1] - o[1], p[2] - o[2])
+        return q[0] + tx, q[1] + ty, q[2] + tz
 
     return SimpleNamespace(
         after_impact=after_impact, wall_push=wall_push, rebound=rebound, without=without,

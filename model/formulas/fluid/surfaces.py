@@ -24,9 +24,9 @@ from softlab.model.formulas.triangle_tree import make_tree
 def make(real, compiled=plain):
     """Make `mesh_collider` and `distance_field` in the arithmetic `real`.
 
-    Both are (numbers, place, o (3), q (3), e (3), spin, turns, time, x, y, z, max_distance) -> (distance, nx, ny, nz), for a
-    point (x, y, z) [m] at `time` [s]. They return `max_distance` [m] and no normal where the distance exceeds it or has no
-    direction. `place`: the index in `numbers` at which the collider's begin; the other arguments as in frame.py.
+    Both are (numbers, place, path, time, p, max_distance) -> (distance, nx, ny, nz), for a point p [m] at `time` [s]. They
+    return `max_distance` [m] and no normal where the distance exceeds it or has no direction. `place`: the index in
+    `numbers` at which the collider's begin; `path` as in frame.py.
     """
     frame, moved = make_frame(real, compiled), make_cloth(real, compiled).moved
     rotated, sine_cosine = frame.rotated, make_motion(real, compiled).sine_cosine
@@ -36,8 +36,9 @@ def make(real, compiled=plain):
         """Wrap away(numbers, place, x, y, z, max_distance), in the collider's frame, into a function in the world's frame."""
 
         @compiled
-        def distance(numbers, place, ox, oy, oz, qx, qy, qz, ex, ey, ez, spin, turns, time, x, y, z, max_distance):
-            x, y, z = x - moved(ox, qx, time), y - moved(oy, qy, time), z - moved(oz, qz, time)
+        def distance(numbers, place, path, time, p, max_distance):
+            (ox, oy, oz), (qx, qy, qz), (ex, ey, ez), spin, turns = path
+            x, y, z = p[0] - moved(ox, qx, time), p[1] - moved(oy, qy, time), p[2] - moved(oz, qz, time)
             sine, cosine = zero, one
             if spin != zero:
                 sine, cosine = sine_cosine(turns * time)
