@@ -49,8 +49,8 @@ def advise(
         check_scene_target(write, force)  # before the work whose result it holds
     with Store(store) as opened:
         advice = measure_advice(
-            opened, scene_of(scene, settings), error, backends=backend, time=time, precisions=precisions_of(precision),
-            total_seconds=total_seconds, command=typed(),
+            opened, scene_of(scene, settings), error, time=time, total_seconds=total_seconds,
+            how={"backends": backend, "precisions": precisions_of(precision), "command": typed()},
         )  # fmt: skip
         out.print(str(advice), markup=False, soft_wrap=True)
         if advice.best is None:

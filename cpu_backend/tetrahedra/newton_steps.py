@@ -203,7 +203,8 @@ def make_pass(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
 def make_newton_advance(real: Any, math: str, parts: frozenset[str]) -> Any:
     """Compile advance(bands, steps, floor, state, given, solver, control, done): many steps in one call.
 
-    `steps`: a Steps, whose substeps are solves, and iterations those of a solve; `control` (1,): control_type; `done` (DONE,) is incremented.
+    `steps`: a Steps, whose substeps are solves, and iterations those of a solve; `control` (1,): control_type; `done`
+    (DONE,) is incremented.
     """
     compiler = Compiler(cloth_variant("newton", real, math, parts), math)
     one_pass = make_pass(compiler, real, parts)

@@ -57,7 +57,7 @@ class Body:
 
 def sheet_name(scene: Scene) -> str:
     """Return the name of the scene's sheet; `bodies` where it has bodies."""
-    return scene.name_of(*SHEETS, default="bodies")
+    return next(iter(scene.all_of(*SHEETS)), "bodies")
 
 
 Sheet = Grid | ParticleSet

@@ -101,7 +101,7 @@ def test_efforts_that_do_not_come_to_rest_are_not_recommended(monkeypatch: pytes
 def test_nothing_reaches_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(_Search, "run", run_as(lambda *_: np.inf))
     with Store(":memory:") as store:
-        found = measure_advice(store, column_scene(), 0.01, **HOW)
+        found = measure_advice(store, column_scene(), 0.01, how=HOW)
     assert isinstance(found, FluidAdvice) and found.best is None and "no answer" in str(found)
     assert all("diverges" in why for _, why in found.beaten)
 

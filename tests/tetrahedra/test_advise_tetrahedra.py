@@ -175,7 +175,7 @@ def test_measured_bars_are_told_beside_the_law(store: Store, precision: str, tol
 ])  # fmt: skip
 def test_what_has_no_answer_is_refused(store: Store, options: dict[str, float], field: str) -> None:
     with pytest.raises(SceneError) as refused:
-        measure_advice(store, bar(), **options)  # type: ignore[arg-type]
+        measure_advice(store, bar(), how={}, **options)  # type: ignore[arg-type]
     assert refused.value.field == field
 
 
