@@ -62,6 +62,7 @@ def run_report(
         "outcome": outcome_of(faults, diverged),
         **contact_report(simulation, state),
         **presentation_of(scene).report(simulation, state),
+        **simulation.counters(),
         **built_report(scene),
         **faults,
     }

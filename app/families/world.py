@@ -52,7 +52,7 @@ def _particle_name(scene: Scene, particle: int) -> str:
 
 
 def _report(simulation: Any, state: State) -> dict[str, Any]:
-    fluid = simulation.members.get("fluid")
+    fluid = simulation.scene.members.get("fluid")
     return speed_report(fluid) if fluid else {}
 
 

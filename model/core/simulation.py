@@ -22,7 +22,7 @@ from softlab.model.core import spare
 from softlab.model.core.build import Body, build
 from softlab.model.core.energy import energies
 from softlab.model.core.families import family_of, stability_limit
-from softlab.model.core.family import OF_ALL, Output, StateArray
+from softlab.model.core.family import OF_ALL, Field
 from softlab.model.core.options import PRECISIONS, Options, check_live
 from softlab.model.core.plan import Executor, Plan, StageRun
 from softlab.model.core.stability.divergence import DIVERGED_SIZE, check_interval
@@ -49,7 +49,7 @@ class Simulation(Stepping):
     _executor: Executor
 
     threads_reason: str | None = None  # reason for the number of threads, where `auto` chose it
-    lost_when_opened: Mapping[str, int] = MappingProxyType({})  # see model/contact/shortfalls.py
+    lost_when_opened: Mapping[str, int] = MappingProxyType({})  # counts of faults (`fault` in model/core/family.py)
 
     def __init__(self, scene: Scene, options: Options):
         self.scene = scene
@@ -72,14 +72,27 @@ class Simulation(Stepping):
         self._emitter_state = initial_emitter_state(scene)
 
     @cached_property
-    def outputs(self) -> Mapping[str, Output]:
-        """Outputs of `read`, by name."""
-        return {output.name: output for output in (*OF_ALL, *family_of(self.scene).outputs(self.scene))}
+    def fields(self) -> Mapping[str, Field]:
+        """The values of its scene by name: outputs, counters, arrays of the state."""
+        return {field.name: field for field in (*OF_ALL, *family_of(self.scene).fields(self.scene))}
+
+    @property
+    def outputs(self) -> Mapping[str, Field]:
+        """What `read` returns, by name."""
+        return {name: field for name, field in self.fields.items() if field.read}
 
     @cached_property
-    def state_arrays(self) -> tuple[StateArray, ...]:
-        """The arrays of the state besides positions and velocities."""
-        return family_of(self.scene).state_arrays
+    def state_fields(self) -> Sequence[tuple[Field, Simulation]]:
+        """The arrays of the state besides positions and velocities, and the simulation that has each."""
+        return [(field, self) for field in self.fields.values() if field.is_state]
+
+    def counters(self) -> dict[str, float]:
+        """Return the numbers of the run, by name (`Field`), those of `faults` included."""
+        return {name: self.read(name) for name, field in self.fields.items() if field.rows == "one"}
+
+    def faults(self) -> dict[str, int]:
+        """Return the counts since opening of what did not fit into lists of fixed length; {} without contacts."""
+        return {name: self.read(name) for name, field in self.fields.items() if field.fault}
 
     @property
     def stages(self) -> Mapping[str, StageRun]:
@@ -132,7 +145,7 @@ class Simulation(Stepping):
         position, velocity = self._download()
         self._note_waiting(position)
         inverse_mass = self.body.inverse_mass.copy()
-        arrays = {array.name: array.download(self) for array in self.state_arrays}
+        arrays = {field.name: one._download_field(field) for field, one in self.state_fields}
         return State(position, velocity, inverse_mass, self.time, self.step, clock=self._clock, **arrays)
 
     def load(self, state: State) -> None:
@@ -156,15 +169,15 @@ class Simulation(Stepping):
         same = inverse_mass is known or self._flows
         if not same and not np.allclose(inverse_mass, known, rtol=1e-6, atol=0):
             self._take_weights(inverse_mass)
-        others = checked_family_arrays(state, self.state_arrays, self.scene, self.real)
+        others = checked_family_arrays(state, self.state_fields)
         self._enter(float(state.time))
         self._set_clock(clock_of(state.clock, int(state.step), float(state.time), self.scene.method.dt))
         if len(self.body.pinned):
             arrays["velocity"] = arrays["velocity"].copy()  # the array may be the caller's
             arrays["velocity"][self.body.pinned] = self._pin_velocity(int(state.step))
         self._upload(arrays["position"], arrays["velocity"])
-        for array in self.state_arrays:
-            array.upload(self, others.get(array.name))
+        for field, one in self.state_fields:
+            one._upload_field(field, others.get(field.name))
         self.step, self.time = int(state.step), self._clock.at(int(state.step), self.scene.method.dt)
         self._put_aside()
 
@@ -264,6 +277,7 @@ class Simulation(Stepping):
             `deformation` : (clusters, 3, 3), the matrix from rest offsets to goal offsets.
             `plastic` : (clusters, 3, 3), as in State.
             `pressure` : (particles,), Pa, of fluids.
+            `contacts_lost`, ... : numbers of the run, such as those that make it incomplete; `outputs` describes all.
         into : array, optional
             Where to write: a host array, or on a GPU for position and normal anything with `__cuda_array_interface__`.
 
@@ -278,9 +292,23 @@ class Simulation(Stepping):
             The scene has no such output.
         """
         self.require_open()
-        if name not in self.outputs:
+        field = self.fields.get(name)
+        if field is None or field.read is None:
             raise SceneError("read", name, f"must be one of {', '.join(self.outputs)}")
-        return self.outputs[name].read(self, into)
+        return self._read_field(field, into)
+
+    def _read_field(self, field: Field, into: Any) -> Any:
+        """Read a field that is readable; see `Field`, as for the two methods below."""
+        assert field.read is not None
+        return field.read(self, into)
+
+    def _download_field(self, field: Field) -> np.ndarray | None:
+        assert field.download is not None
+        return field.download(self)
+
+    def _upload_field(self, field: Field, array: np.ndarray | None) -> None:
+        assert field.upload is not None
+        field.upload(self, array)
 
     def read_clusters(self) -> tuple[np.ndarray, np.ndarray]:
         """Read rotations and centres of all clusters of bodies at the same instant.

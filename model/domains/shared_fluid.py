@@ -177,18 +177,6 @@ class SharedFluid(WindowedSimulation):
         ]
         return self.exchange.gather(np.array(counts, np.float64)).astype(np.int64)
 
-    @property
-    def contacts_lost(self) -> int:
-        """Lost neighbours as in a single simulation, but those of particles in several windows count several times."""
-        counts = self._each(lambda window: float(window.contacts_lost))
-        return int(self.exchange.gather(np.array(counts).reshape(-1, 1)).sum())
-
-    @property
-    def speed_limited(self) -> int:
-        """Speed-limited particles as in a single simulation, but particles in several windows count several times."""
-        counts = self._each(lambda window: float(window.speed_limited))
-        return int(self.exchange.gather(np.array(counts).reshape(-1, 1)).sum())
-
 
 def _packed(number: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Return particles as bytes."""

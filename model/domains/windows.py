@@ -6,8 +6,11 @@ from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from typing import Any
 
+import numpy as np
+
 from softlab.model.base.errors import SceneError
 from softlab.model.core.build import Body, use_body
+from softlab.model.core.family import Field, written
 from softlab.model.core.options import Options
 from softlab.model.core.simulation import Simulation
 from softlab.model.domains.exchange import Exchange
@@ -116,6 +119,15 @@ class WindowedSimulation(Simulation):
         """Return for each window of this process the global number of its first diverged particle, or -1."""
         bad_of_each = self._each(lambda window: window._first_diverged())
         return [bad if bad < 0 else first + bad for first, bad in zip(self.firsts, bad_of_each, strict=True)]
+
+    def _read_field(self, field: Field, into: Any) -> Any:
+        """Return a number of the run as the sum over all windows: of a fluid, particles in several count several
+        times."""
+        if field.rows != "one":
+            return super()._read_field(field, into)
+        counts = self._each(lambda window: float(window._read_field(field, None)))
+        total = int(self.exchange.gather(np.array(counts).reshape(-1, 1)).sum())
+        return written(total - self.lost_when_opened.get(field.name, 0), into)
 
     def synchronize(self) -> None:
         self._each(lambda window: window.synchronize())

@@ -20,6 +20,8 @@ class FakeCloth(Simulation):
 
     backend, device, threads, kernel = "cpu", "none", 1, "fake"
     plan: Plan
+    contacts_lost = speed_limited = not_emitted = 0
+    done = (0, 0, 0, 0, 0)  # counters of Newton's method
 
     def __init__(self, scene: Scene, options: Options | None = None):
         super().__init__(scene, options or Options(live=frozenset({"gravity", "poke", "dt"})))
