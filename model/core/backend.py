@@ -81,18 +81,6 @@ class Backend(ABC):
         """
         return written(self.scene.grid.normals(self._read_position(None)).astype(self.real), into)
 
-    def _read_clusters(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return (rotation (clusters, 4), centre of mass (clusters, 3) [m]) of bodies at the current positions, as new
-        host arrays.
-
-        The state does not change.
-        """
-        raise NotImplementedError
-
-    def _weights_changed(self) -> None:
-        """Send `self.body.inverse_mass` to the device; the state itself is uploaded right after it."""
-        raise NotImplementedError
-
     def _pin_velocity(self, step: int) -> Any:
         """Return the velocity [m/s] of the pinned masses at the start of step `step`: 0, or that of their motions."""
         return 0

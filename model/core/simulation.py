@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import replace
 from functools import cached_property
 from types import MappingProxyType
 from typing import Any
@@ -17,8 +16,7 @@ from typing import Any
 import numpy as np
 
 from softlab.model.base.clock import START, Clock, clock_of
-from softlab.model.base.errors import Diverged, SceneError
-from softlab.model.core import spare
+from softlab.model.base.errors import Diverged, InputError, SceneError
 from softlab.model.core.build import Body, build
 from softlab.model.core.energy import energies
 from softlab.model.core.families import family_of, stability_limit
@@ -29,7 +27,9 @@ from softlab.model.core.stability.divergence import DIVERGED_SIZE, check_interva
 from softlab.model.core.state import State, checked_arrays, checked_family_arrays
 from softlab.model.core.stepping import Stepping
 from softlab.model.scene.scene import Scene
-from softlab.model.tables.flow import initial_emitter_state, rebased
+
+NO_BODIES = "needs bodies of clusters; this scene has none"
+STILL = (0.0, 0.0, 0.0)  # m/s
 
 
 class Simulation(Stepping):
@@ -69,7 +69,6 @@ class Simulation(Stepping):
         self._record = self._make_record(scene, self._poke_force, self._clock)
         self._snapshot_step, self._snapshot_time = 0, 0.0
         self.snapshots = 0
-        self._emitter_state = initial_emitter_state(scene)
 
     @cached_property
     def fields(self) -> Mapping[str, Field]:
@@ -143,7 +142,7 @@ class Simulation(Stepping):
         self.require_open()
         self.check()
         position, velocity = self._download()
-        self._note_waiting(position)
+        self._note_active(position)
         inverse_mass = self.body.inverse_mass.copy()
         arrays = {field.name: one._download_field(field) for field, one in self.state_fields}
         return State(position, velocity, inverse_mass, self.time, self.step, clock=self._clock, **arrays)
@@ -163,12 +162,7 @@ class Simulation(Stepping):
         """
         self.require_open()
         arrays, inverse_mass = checked_arrays(state, self.body.position.shape, self.options.precision)
-        self._note_waiting(arrays["position"])
-        known = self._body_at(float(state.time)).inverse_mass
-        # as on every reset, where comparing millions takes a while; of fluids, positions mark inactive particles
-        same = inverse_mass is known or self._flows
-        if not same and not np.allclose(inverse_mass, known, rtol=1e-6, atol=0):
-            self._take_weights(inverse_mass)
+        self._take_masses(arrays["position"], inverse_mass, float(state.time))
         others = checked_family_arrays(state, self.state_fields)
         self._enter(float(state.time))
         self._set_clock(clock_of(state.clock, int(state.step), float(state.time), self.scene.method.dt))
@@ -197,22 +191,19 @@ class Simulation(Stepping):
         self._record = self._make_record(scene, force, clock)
         self._parameters_changed()
 
-    def _take_weights(self, inverse_mass: np.ndarray) -> None:
-        """Set which bodies are inactive. Raises InputError where anything else differs."""
-        weights = spare.weights(self.scene, self.plan.parts, inverse_mass)
-        self.body = replace(self.body, inverse_mass=weights, pinned=np.flatnonzero(weights == 0))
-        self._weights_changed()
+    def _note_active(self, position: np.ndarray) -> None:
+        """Set the inverse masses of `body` from downloaded positions, in families that mark inactive particles by them."""
 
-    @property
-    def _flows(self) -> bool:
-        """True if emitters or sinks add and remove particles."""
-        return self.scene.flows
+    def _take_masses(self, position: np.ndarray, inverse_mass: np.ndarray, time: float) -> None:
+        """Take the inverse masses of a state at `time` [s]. Raises InputError where they are not possible."""
+        if not self._are_masses_at(inverse_mass, time):
+            raise InputError("inverse_mass differs from the scene's; give the scene the same masses and pins")
 
-    def _note_waiting(self, position: np.ndarray) -> None:
-        """Set the inverse masses of `body` from the positions of a fluid, which mark inactive particles."""
-        if self._flows:
-            fluids = self.scene.fluid_set
-            self.body = replace(self.body, inverse_mass=np.where(fluids.there(position), 1 / fluids.masses, 0.0))
+    def _are_masses_at(self, inverse_mass: np.ndarray, time: float) -> bool:
+        """Return True for the scene's inverse masses at `time` [s]. As on every reset the array itself is compared first:
+        comparing millions of numbers takes a while."""
+        known = self._body_at(time).inverse_mass
+        return inverse_mass is known or np.allclose(inverse_mass, known, rtol=1e-6, atol=0)
 
     def reset(self) -> None:
         """Return to the scene's start."""
@@ -220,9 +211,7 @@ class Simulation(Stepping):
         body = self._first_body
         self.load(State(body.position, body.velocity, body.inverse_mass, 0.0, 0))
 
-    def add_body(
-        self, name: str, origin: Sequence[float] | None = None, velocity: Sequence[float] = spare.STILL
-    ) -> int:
+    def add_body(self, name: str, origin: Sequence[float] | None = None, velocity: Sequence[float] = STILL) -> int:
         """Activate a spare copy of a body.
 
         Parameters
@@ -244,9 +233,7 @@ class Simulation(Stepping):
         SceneError
             There is no such body, or no spare copy is left.
         """
-        number, state = spare.added(self.scene, self.state(), name, origin, velocity)
-        self.load(state)
-        return number
+        raise SceneError("body", name, NO_BODIES)
 
     def remove_body(self, number: int) -> None:
         """Deactivate a copy of a body, which is a spare one from now on.
@@ -261,7 +248,7 @@ class Simulation(Stepping):
         SceneError
             There is no such copy, it is inactive already, or the scene has no spare copies.
         """
-        self.load(spare.removed(self.scene, self.state(), self.plan.parts, number))
+        raise SceneError("body", number, NO_BODIES)
 
     def read(self, name: str, into: Any = None) -> Any:
         """Read an output, which is computed when it is asked for. Does not check for divergence.
@@ -324,9 +311,7 @@ class Simulation(Stepping):
         SceneError
             The scene has no bodies.
         """
-        if not self.scene.copies:
-            raise SceneError("read", "clusters", "are those of bodies, and this scene has none")
-        return self._read_clusters()
+        raise SceneError("read", "clusters", NO_BODIES)
 
     def set(self, path: str, value: Any) -> None:
         """Change a live field from the next step on.
@@ -349,12 +334,14 @@ class Simulation(Stepping):
         clock = self._clock if scene.method.dt == self.scene.method.dt else Clock(self.step, self.time)
         record = self._make_record(scene, self._poke_force, clock)
         self.check()  # so that a replay never spans a change
-        if self._flows:
-            self._emitter_state = rebased(self.scene, self._emitter_state, self.time)
+        self._before_change()
         self.scene, self._record, self._clock = scene, record, clock
         self.limit = stability_limit(scene)
         self._snapshot_step, self._snapshot_time = self.step, self.time
         self._parameters_changed()
+
+    def _before_change(self) -> None:
+        """Prepare for another scene from the current step on, in families whose state refers to the present one."""
 
     def poke(self, particle: int | None, force: Sequence[float] = ()) -> None:
         """Apply a force to one particle until the next call. Needs `live` to name poke.

@@ -88,13 +88,6 @@ class PartitionedBodies(WindowedSimulation):
 
         self._each(send, self.local)
 
-    def _weights_changed(self) -> None:
-        def send(window: Any, part: Part) -> None:
-            window.body = some_of(self.body, part.particles)
-            window._weights_changed()
-
-        self._each(send, self.local)
-
     def _gathered(self, owned: Sequence[np.ndarray]) -> np.ndarray:
         """Return the rows of all particles from those of the particles that each part of this process owns."""
         rows = self.exchange.gather(np.ascontiguousarray(np.concatenate(owned)))

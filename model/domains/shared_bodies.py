@@ -16,6 +16,7 @@ from softlab.model.core.options import Options
 from softlab.model.core.sharing.bodies import Apart, Block, Division, divide
 from softlab.model.domains.windows import WindowedSimulation, refuse_targets
 from softlab.model.scene.scene import Scene
+from softlab.model.shape_matching.simulation import BodiesSimulation
 
 TURN = 64  # steps requested of one GPU before the next one: a full queue blocks the caller
 
@@ -47,7 +48,7 @@ def bodies_of(scene: Scene) -> Apart:
     return apart(scene)
 
 
-class SharedBodies(WindowedSimulation):
+class SharedBodies(BodiesSimulation, WindowedSimulation):
     """A simulation in windows of whole bodies, see model/domains/windows.py.
 
     `windows` are those of the blocks `local`. In `exact` math the bits are those of a single simulation.

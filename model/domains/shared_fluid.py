@@ -13,6 +13,7 @@ from softlab.model.core.families import scene_plan
 from softlab.model.core.options import Options, unknown_kernel
 from softlab.model.domains.slabs import Slabs, fluid_halo_of, slabs_of
 from softlab.model.domains.windows import WindowedSimulation
+from softlab.model.fluid.simulation import FluidSimulation
 from softlab.model.scene.scene import Scene
 
 BALANCED_EVERY = 64  # steps
@@ -20,7 +21,7 @@ NOTHING = np.zeros(0, np.uint8)
 PREDICTED, LAST = "predict", "limit velocities"  # stages: the bounding box is joined, owners send
 
 
-class SharedFluid(WindowedSimulation):
+class SharedFluid(FluidSimulation, WindowedSimulation):
     """A simulation in windows of slabs, see model/domains/windows.py.
 
     `windows` are those of the slabs `local`; `slabs`: the current ones. In `exact` math the bits are those of a single
