@@ -10,6 +10,7 @@ import numpy as np
 from softlab.app.output.pieces import Piece, in_space
 from softlab.app.presentation import Presentation
 from softlab.app.render import colours
+from softlab.app.render.framing import tank
 from softlab.model.base.components import named
 from softlab.model.core.state import State
 from softlab.model.fluid.measure import compression, height
@@ -80,4 +81,7 @@ FLUID = Presentation(
     quantity="Fluid",
     fastest=True,
     levels=True,
+    max_strain=lambda scene, position, arrays: None,
+    drawn=lambda scene: ("velocity",),
+    framed=tank,
 )

@@ -10,6 +10,7 @@ from softlab.app.output.pieces import Piece
 from softlab.app.presentation import Presentation
 from softlab.app.render import colours
 from softlab.app.render.drawn_springs import alike
+from softlab.app.render.legends import EDGE_TITLE
 from softlab.model.base.components import named
 from softlab.model.core.energy import spring_strain
 from softlab.model.geometry.normals import mesh_normals
@@ -53,4 +54,6 @@ TETRAHEDRA = Presentation(
     amounts=lambda scene, totals: str(scene.tetrahedra_set),
     brief=lambda scene, totals: str(scene.tetrahedra_set),
     levels=True,
+    legend=lambda scene: EDGE_TITLE,
+    materials=lambda scene: scene.tetrahedra,
 )

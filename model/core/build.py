@@ -16,7 +16,7 @@ from softlab.model.base.pins import pin_indices
 from softlab.model.geometry.arithmetic.functions import cosine, sine
 from softlab.model.geometry.particle_row import PARKED
 from softlab.model.geometry.sheets import sheet_positions
-from softlab.model.geometry.topology import mesh_of, pinned_vertices, vertex_masses
+from softlab.model.geometry.topology import mesh_of, pinned_vertices
 from softlab.model.particles.particle_set import ParticleSet
 from softlab.model.scene.scene import Scene
 from softlab.model.tables.cloth import Cloth, Fold
@@ -185,8 +185,9 @@ def masses(scene: Scene, waiting: np.ndarray | None = None) -> np.ndarray | floa
     """
     if isinstance(scene.grid, ParticleSet):
         return (scene.grid.masses if waiting is None else np.where(waiting, 0.0, scene.grid.masses))[:, None]
-    if scene.mesh and scene.mesh.density is not None:
-        return vertex_masses(scene.mesh)[:, None]
+    by_area = scene.grid.masses_by_area()
+    if by_area is not None:
+        return by_area[:, None]
     if not scene.loads:
         return scene.grid.mass
     mass = np.full((scene.grid.particle_count, 1), scene.grid.mass)

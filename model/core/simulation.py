@@ -48,6 +48,8 @@ class Simulation(Stepping):
     plan: Plan
     _executor: Executor
 
+    members: Mapping[str, Simulation] = MappingProxyType({})  # of a world, by name
+    steps_together = 1  # steps of a kernel in one pass over memory
     threads_reason: str | None = None  # reason for the number of threads, where `auto` chose it
     lost_when_opened: Mapping[str, int] = MappingProxyType({})  # counts of faults (`fault` in model/core/family.py)
 

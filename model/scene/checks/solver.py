@@ -31,8 +31,9 @@ def check_solver(scene: SceneParts) -> None:
     if solver == OF_WORLDS:
         reason = "applies to parts of several families, such as bodies beside tetrahedral ones"
         raise SceneError("method.solver", solver, reason)
+    name = scene.name_of("method")
     for field, idle in TETRAHEDRAL_FIELDS.items():
-        value = getattr(scene.method, field)
+        value = scene.value(f"{name}.{field}")
         if value != idle and scene.content != "tetrahedra":
             raise SceneError(f"method.{field}", value, "applies to tetrahedral bodies; leave it out")
     content, what = SOLVES.get(solver, (scene.content, ""))
