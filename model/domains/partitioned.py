@@ -65,8 +65,7 @@ class PartitionedBodies(WindowedSimulation):
     def _window_scene(self, scene: Scene, some: Any) -> Scene:
         """Return the `scene` with `some` in place of all its bodies, whose step is a substep of it."""
         window = scene.stepped(dt=scene.method.dt / scene.method.substeps, substeps=1)
-        vars(window).update({"grid": some, self.partitions.mesh.attribute: some})
-        return window
+        return window.with_particles(self.partitions.mesh.attribute, some)
 
     # ------------------------------------------------------------------ methods of Simulation
 

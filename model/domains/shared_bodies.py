@@ -66,7 +66,9 @@ class SharedBodies(BodiesSimulation, WindowedSimulation):
         parts = []
         for block in self.local:
             some = self._apart.some(block.first, block.end)
-            parts.append((self._apart.scene(scene, some), options, some_of(self.body, block.particles)))
+            parts.append(
+                (scene.with_particles(self._apart.attribute, some), options, some_of(self.body, block.particles))
+            )
         self._open_windows(division.count, parts)
 
     def _gathered(self, arrays: Sequence[np.ndarray]) -> np.ndarray:
@@ -94,7 +96,7 @@ class SharedBodies(BodiesSimulation, WindowedSimulation):
 
         def send(window: Any, block: Block) -> None:
             if changed:
-                window.scene = self._apart.scene(self.scene, window.scene.grid)
+                window.scene = self.scene.with_particles(self._apart.attribute, window.scene.grid)
             here = block.first_particle <= self._poke_particle < block.end_particle
             self._hand_on(window, self._poke_particle - block.first_particle if here else -1)
 

@@ -139,6 +139,15 @@ class Scene(SceneParts):
         changed.derived = self.derived | {method: self.derived.get(method, frozenset()) - fields.keys()}
         return changed
 
+    def with_particles(self, attribute: str, particles: Any) -> Scene:
+        """Return this scene with other `particles` in place of those of its `attribute` (`body_set`, ...), all its bodies.
+
+        The rest is the same, the mass unit included, and nothing is validated again.
+        """
+        changed = copy(self)
+        changed.__dict__.update({"grid": particles, attribute: particles})
+        return changed
+
     def replace(self, changes: Mapping[str, Any]) -> Scene:
         """Return a new, validated scene with some fields replaced.
 

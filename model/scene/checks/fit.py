@@ -36,10 +36,10 @@ def _check_sheet(scene: SceneParts) -> None:
     scene.refuse(FLUIDS_ONLY, NO_FLUID)
     scene.refuse(("region", "attachment", "material"), "applies to tetrahedral bodies; leave it out")
     of_cloth = {*CLOTH_KINDS, *COLLIDER_KINDS, "self_collision"} - {"cloth", *OF_MESHES}
+    refused, owner = (GRID_ONLY, "grid") if scene.cloth else (of_cloth, "cloth")
     scene.refuse(
-        GRID_ONLY if scene.cloth else of_cloth,
-        f"belongs to a {'grid' if scene.cloth else 'cloth'}; a cloth has {', '.join(SPRING_KINDS)}, wind and colliders, a "
-        f"grid has {', '.join(GRID_ONLY)}",
+        refused,
+        f"belongs to a {owner}; a cloth has {', '.join(SPRING_KINDS)}, wind and colliders, a grid has {', '.join(GRID_ONLY)}",
     )
 
 

@@ -108,8 +108,8 @@ def _check_mesh(scene: SceneParts) -> None:
 
 def _bending(scene: SceneParts) -> tuple[str, str]:
     """Return (name, model) of the bending of a cloth."""
-    model = getattr(scene.cloth_springs.get("bending"), "model", "distance")
-    return scene.name_of("bending", default="bending"), model
+    name = scene.name_of("bending", default="bending")
+    return name, scene.value(f"{name}.model", "distance")
 
 
 def _check_bending(scene: SceneParts) -> None:
