@@ -134,6 +134,7 @@ class SolverFamily:
     - `limited_by_net`: True if that limit depends on the springs' largest frequency.
     - `note(scene)`: a line on the method's effect on a motion.
     - `scheme_note(scene)`: what its scheme cannot do in this scene, or "".
+    - `warnings(scene)`: lines on what a run of the scene gets wrong with its settings, and on settings that help.
     - `stored(scene, position, arrays)`: the energy [J] in springs or clusters, and of a cloth's springs also by kind.
       `arrays`: those of the state that `fields` declares, by name.
     - `strain(scene, position, kind, arrays)`: the result of read("strain"), (springs,) or (entries,).
@@ -174,6 +175,7 @@ class SolverFamily:
     clusters: Mapping[str, str] = field(default_factory=dict)
     fields: Callable[[Scene], tuple[Field, ...]] = of_springs
     scheme_note: Callable[[Scene], str] = lambda scene: ""
+    warnings: Callable[[Scene], list[str]] = lambda scene: []
     unknown: str | None = None
     stencil: Callable[[Scene], Stencil] | None = None
     apart: Callable[[Scene], Apart] | None = None

@@ -11,7 +11,8 @@ from softlab.model.fluid.halo import fluid_halo
 from softlab.model.fluid.measure import density_errors
 from softlab.model.fluid.parameters import fluid_record, highest_viscosity, speed_limit
 from softlab.model.fluid.plan import fluid_plan
-from softlab.model.fluid.speeds import expected_speeds
+from softlab.model.fluid.shear import shear_lines
+from softlab.model.fluid.speeds import expected_speeds, speed_lines
 from softlab.model.scene.scene import Scene
 from softlab.model.tables.cloth import COLLIDER_KINDS
 
@@ -86,6 +87,11 @@ def fluid_note(scene: Scene) -> str:
     return note
 
 
+def fluid_warnings(scene: Scene) -> list[str]:
+    """Return lines on fluids, also those of a world, that are too fast for their substeps, or whose lattice resists shear."""
+    return speed_lines(scene) + shear_lines(scene)
+
+
 FLUID = SolverFamily(
     name="fluid",
     knows=frozenset({"fluid", "emitter", "sink", "domain", "foam", "gravity", "external", "method", *COLLIDER_KINDS}),
@@ -102,6 +108,7 @@ FLUID = SolverFamily(
     solvers={"cpu": "softlab.cpu_backend.fluid.solver:Fluid", "gpu": "softlab.gpu_backend.fluid.solver:Fluid"},
     passes={"cpu": "softlab.app.plan.fluid:fluid_on_cpu", "gpu": "softlab.app.plan.fluid_gpu:fluid_on_gpu"},
     reference="softlab.bench.reference.fluid",
+    warnings=fluid_warnings,
     fields=of_fluids,
     presentation="softlab.app.families.fluid:FLUID",
     halo=fluid_halo,

@@ -21,7 +21,7 @@ from softlab.model.core.family import (
 )
 from softlab.model.core.parameters import rounded_record
 from softlab.model.core.plan import Plan
-from softlab.model.fluid.family import FLUID, fluid_note
+from softlab.model.fluid.family import FLUID, fluid_note, fluid_warnings
 from softlab.model.fluid.plan import fluid_plan
 from softlab.model.scene.scene import Scene
 from softlab.model.shape_matching.family import BODIES
@@ -119,6 +119,7 @@ WORLD = SolverFamily(
     limit=_limit,
     limited_by_net=False,
     note=_note,
+    warnings=fluid_warnings,
     stored=_stored,
     strain=_strain,
     spring_count=lambda scene: sum(family.spring_count(member) for family, member in _members(scene).values()),
