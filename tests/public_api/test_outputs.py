@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 from softlab.app.driver import open_simulation
 from softlab.model.base.errors import SceneError
 from softlab.model.core.families import family_of
-from softlab.model.core.family import Field, on_host
+from softlab.model.core.family import Field
 from softlab.model.core.state import FAMILY_ARRAYS
 from softlab.model.fluid.family import FLUID
 from softlab.model.scene.scene import Scene
@@ -88,12 +89,11 @@ def test_arrays_of_families_are_attributes_of_a_state() -> None:
 
 
 def test_an_output_of_ones_own(monkeypatch: pytest.MonkeyPatch) -> None:
-    """As docs/add-a-solver.md adds one: one entry of a family, and `read` returns it."""
-    density = Field(
-        "kinetic_energy_density", "particles", (), "J/m^3", "kinetic energy over volume at rest",
-        on_host(lambda one: 500.0 * (one.read("velocity").astype(float) ** 2).sum(axis=1)),
-    )  # fmt: skip
-    declared = FLUID.fields
+    """The example in docs/add-a-solver.md: one entry of a family, and `read` returns it."""
+    page = (Path(__file__).parents[2] / "docs/add-a-solver.md").read_text(encoding="utf-8")
+    example: dict[str, Any] = {}
+    exec(page.split("## An output")[1].split("```python\n")[1].split("```")[0], example)
+    declared, density = FLUID.fields, example["DENSITY"]
     monkeypatch.setitem(vars(FLUID), "fields", lambda scene: (*declared(scene), density))
     scene = Scene({"water": WATER, "gravity": {"acceleration": 10.0}, "method": SCENES["fluid"]["method"]})
     with open_simulation(scene, "cpu", precision="float64") as simulation:
