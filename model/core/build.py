@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
-from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import cached_property
 from weakref import WeakValueDictionary
@@ -117,7 +114,6 @@ def wave(grid: Grid, amplitude: float) -> np.ndarray:
 
 
 _built: WeakValueDictionary[str, Body] = WeakValueDictionary()  # those in use by an open simulation
-_substitute: ContextVar[Body | None] = ContextVar("substitute", default=None)  # see `use_body`
 
 
 def build(scene: Scene) -> Body:
@@ -126,9 +122,6 @@ def build(scene: Scene) -> Body:
     The same Body is returned while anything refers to it, since a large one takes seconds to make. Raises SceneError
     where the masses do not fit into memory or into 32-bit indices.
     """
-    substitute = _substitute.get()
-    if substitute is not None:
-        return substitute
     key = scene.canonical()
     body = _built.get(key)
     if body is None:
@@ -143,16 +136,6 @@ def some_of(whole: Body, chosen: slice | np.ndarray, rows: int = 1) -> Body:
         rows, len(inverse_mass) // rows, whole.position[chosen], whole.velocity[chosen], inverse_mass,
         np.flatnonzero(inverse_mass == 0), whole.size,
     )  # fmt: skip
-
-
-@contextmanager
-def use_body(body: Body) -> Iterator[None]:
-    """Let `build` return `body` within the block, whatever the scene."""
-    token = _substitute.set(body)
-    try:
-        yield
-    finally:
-        _substitute.reset(token)
 
 
 def _build(scene: Scene) -> Body:

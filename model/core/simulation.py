@@ -57,7 +57,7 @@ class Simulation(Stepping):
         self.scene = scene
         self.options = options
         self.real: Any = PRECISIONS[options.precision]
-        self.body: Body = build(scene)
+        self.body: Body = options.body or build(scene)
         self._first_body = self.body  # `self.body` has the currently inactive bodies
         self.step = 0
         self.time = 0.0

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from softlab.model.base.errors import SceneError
-from softlab.model.core.build import Body, use_body
+from softlab.model.core.build import Body
 from softlab.model.core.family import Field, written
 from softlab.model.core.options import Options
 from softlab.model.core.simulation import Simulation
@@ -43,8 +44,8 @@ class WindowedSimulation(Simulation):
         self.windows = []
         try:
             for place, (scene, options, body) in enumerate(parts):
-                with self._at(place), use_body(body):
-                    window = self._open(place, scene, options)
+                with self._at(place):
+                    window = self._open(place, scene, replace(options, body=body))
                     window._bound, window._centre = self._bound, self._centre
                     self.windows.append(window)
             self.kernel, self.threads = self.windows[0].kernel, self.windows[0].threads
