@@ -13,7 +13,6 @@ from softlab.model.base.waiting import work
 from softlab.model.core.families import family_of
 from softlab.model.core.simulation import Options, Simulation, State
 from softlab.model.core.stability.diagnosis import refusal
-from softlab.model.core.stepping import lost_so_far
 from softlab.model.scene.scene import Scene, load_scene
 from softlab.model.tables.motion import RELEASE
 
@@ -109,7 +108,7 @@ def open_simulation(
         simulation = open_quickest(lambda count: _open(scene, backend, options, count), core_count())
     else:
         simulation = _open(scene, backend, options, threads)
-    simulation.lost_when_opened = lost_so_far(simulation)
+    simulation.lost_when_opened = simulation.faults()
     if initial is not None:
         try:
             simulation.load(initial)

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from softlab.model.base.components import named
+from softlab.model.core.energy import spring_strain
 from softlab.model.core.families import family_of
-from softlab.model.core.spare import Counts
+from softlab.model.core.family import Arrays
+from softlab.model.core.spare import Counts, counts
 from softlab.model.core.state import State
 from softlab.model.scene.scene import Scene
 
@@ -23,6 +25,17 @@ def no_counts(scene: Scene) -> dict[str, Any]:
 def no_report(simulation: Any, state: State) -> dict[str, Any]:
     """Return {}."""
     return {}
+
+
+def largest_strain(scene: Scene, position: np.ndarray, arrays: Arrays) -> float | None:
+    """Return the size of the largest strain; 0 where there is none."""
+    strain = spring_strain(scene, position, arrays=arrays)
+    return float(np.abs(strain).max()) if len(strain) else 0.0
+
+
+def number_of_particles(scene: Scene) -> str:
+    """Return the number of active particles."""
+    return str(counts(scene).particles)
 
 
 def worst_strain(scene: Scene, position: np.ndarray, strain: np.ndarray) -> float:
@@ -46,8 +59,14 @@ class Presentation:
     - `strain(scene, position)`: (n,) float64, the strain of those lines, or of what replaces them.
     - `pieces(scene, position, matrices, inverse_mass)`: the moving parts for a file (app/output/pieces.py).
     - `amounts(scene, counts)`: the numbers of particles, springs and so on, in words; `brief`: the same in a window.
-    - `counts(scene)`: the counts besides particles, by name.
-    - `report(simulation, state)`: what the report of a run says besides.
+    - `counts(scene)`: the counts besides particles, by name; `size`: what the catalogue says of them.
+    - `report(simulation, state)`: what the report of a run says besides; `max_strain(scene, position, arrays)`: the size of
+      the largest strain, None if it has none; `arrays`: those of the state.
+    - `drawn(scene)`: the outputs besides positions that a clip draws, of `normal` and `velocity`.
+    - `legend(scene)`: the title of the colours of its strains, None without.
+    - `framed(scene, points, bounds, time)`: further points [m] that a picture in space is to hold at `time` [s], beside those
+      of particles (n, 3) with these lowest and highest coordinates (6,).
+    - `materials(scene)`: the bodies whose material the window's keys change, by name.
     - `worst(scene, position, strain)`, `worst_text(worst, fastest)`: the number that the window shows of the state, and in
       words; `quantity`: what it is called; `fastest`: True if the largest speed is shown with it.
     - `steps_per_frame`: in a window at first; None: those that come nearest to a frame's time.
@@ -64,7 +83,15 @@ class Presentation:
     pieces: Callable[[Scene, np.ndarray, np.ndarray | None, np.ndarray | None], Any] | None = None
     view_options: Callable[[], tuple[str, ...]] = tuple
     counts: Callable[[Scene], dict[str, Any]] = no_counts
+    size: Callable[[Scene], str] = number_of_particles
     report: Callable[[Any, State], dict[str, Any]] = no_report
+    max_strain: Callable[[Scene, np.ndarray, Arrays], float | None] = largest_strain
+    drawn: Callable[[Scene], tuple[str, ...]] = lambda scene: ()
+    legend: Callable[[Scene], str | None] = lambda scene: None
+    framed: Callable[[Scene, np.ndarray, Sequence[float], float], Sequence[np.ndarray]] = (
+        lambda scene, points, bounds, time: ()
+    )
+    materials: Callable[[Scene], Mapping[str, Any]] = lambda scene: {}
     worst: Callable[[Scene, np.ndarray, np.ndarray], float] = worst_strain
     worst_text: Callable[[float, float], str] = lambda worst, fastest: f"worst strain {worst:+.4g}"
     quantity: str = "Strain"

@@ -61,7 +61,8 @@ def scene_of(name: str, settings: list[str] | None) -> Any:
     from softlab.model.scene.scene import load_scene
 
     with waiting_shown(), work(f"reading {name}"):
-        return load_scene(name).replace(parse_settings(settings))
+        scene, changes = load_scene(name), parse_settings(settings)
+        return scene.replace(changes) if changes else scene
 
 
 def note_missing_store(store: Path, whose: str) -> None:

@@ -28,6 +28,7 @@ from softlab.model.base.errors import Diverged, Incomplete, InputError, SceneErr
 from softlab.model.base.memory import available_bytes, require
 from softlab.model.base.waiting import work
 from softlab.model.contact.overlaps import overlap_lines
+from softlab.model.core.families import family_of
 from softlab.model.core.options import PRECISIONS
 from softlab.model.core.simulation import Simulation, State
 from softlab.model.core.stability.divergence import MIN_INTERVAL
@@ -35,13 +36,9 @@ from softlab.model.core.stability.laws import limit_notes
 from softlab.model.core.stability.resolution import resolution_line
 from softlab.model.domains.launched import launched_ranks
 from softlab.model.fluid.foam import FoamPoints
-from softlab.model.fluid.shear import shear_lines
-from softlab.model.fluid.speeds import speed_lines
 from softlab.model.scene.resting import resting_notes
 from softlab.model.scene.scene import Scene
 from softlab.model.scene.sheets import mesh_lines, rest_lines
-from softlab.model.tetrahedra.contact_sag import sag_lines
-from softlab.model.tetrahedra.damping_load import damping_lines
 
 WARM_UP_STEPS = 512  # on a real GPU: enough to capture every graph that a long run replays
 PROGRESS_SECONDS = 0.2  # interval of the progress bar
@@ -147,7 +144,7 @@ def run_scene(scene: Scene, request: Request, *, progress: bool = True) -> Resul
     """Run `scene` as requested. Raises SceneError, InputError, BackendUnavailable; a divergence is part of the
     result."""
     built = mesh_lines, rest_lines, body_lines, resting_notes, collider_lines
-    lines = *built, overlap_lines, limit_notes, damping_lines, sag_lines, speed_lines, shear_lines
+    lines = *built, overlap_lines, limit_notes, family_of(scene).warnings
     with work("checking the scene"):
         notes = [line for describe in lines for line in describe(scene)]
         known = request.precision in PRECISIONS  # others are refused below

@@ -5,15 +5,13 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from softlab.app.command.run_parts import built_report, contact_report
 from softlab.app.outcome import outcome_of
 from softlab.app.presentation import presentation_of
 from softlab.app.shared import sharing_report
 from softlab.model.base.errors import Diverged
 from softlab.model.contact.shortfalls import shortfalls
-from softlab.model.core.energy import energies, spring_strain
+from softlab.model.core.energy import energies
 from softlab.model.core.simulation import Simulation, State
 from softlab.model.core.spare import counts
 
@@ -25,8 +23,7 @@ def run_report(
     [m/s], strain, the solver's numbers about contacts, bodies and fluids, and which of its physics is incomplete."""
     scene = simulation.scene
     energy = energies(scene, state.position, state.velocity, state.arrays, state.inverse_mass)
-    strained = scene.springs or scene.cloth or scene.bodies or scene.tetrahedra or scene.is_world
-    strain = spring_strain(scene, state.position, arrays=state.arrays) if strained else np.zeros(0)
+    presentation = presentation_of(scene)
     speed = (state.velocity.astype("float64") ** 2).sum(axis=1)
     count = counts(scene, simulation.body.inverse_mass).particles
     faults = shortfalls(simulation, state.position, state.inverse_mass)
@@ -56,12 +53,13 @@ def run_report(
         "potential_energy": energy["potential"],
         "conserved": energy["conserved"],
         "max_speed": float(speed.max() ** 0.5),
-        "max_strain": None if scene.fluids else float(np.abs(strain).max()) if len(strain) else 0.0,
+        "max_strain": presentation.max_strain(scene, state.position, state.arrays),
         "error": None,
         "error_reason": "not judged",
         "outcome": outcome_of(faults, diverged),
         **contact_report(simulation, state),
-        **presentation_of(scene).report(simulation, state),
+        **presentation.report(simulation, state),
+        **simulation.counters(),
         **built_report(scene),
         **faults,
     }

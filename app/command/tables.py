@@ -10,7 +10,7 @@ from rich.markup import escape
 from rich.table import Column, Table
 
 from softlab.app.command.findings import Finding
-from softlab.model.core.spare import counts
+from softlab.app.presentation import presentation_of
 from softlab.model.scene.fields import about, rows_of
 from softlab.model.scene.reader import catalogue
 from softlab.model.scene.scene import load_scene
@@ -85,13 +85,7 @@ def print_scenes(console: Console) -> None:
     table = Table(*columns, box=None, pad_edge=False, collapse_padding=True)
     for name in catalogue():
         scene = load_scene(name)
-        grid, method = scene.grid, scene.method
-        size = (
-            f"{grid.rows} x {grid.columns}"
-            if scene.content == "sheet" and not scene.mesh
-            else str(counts(scene).particles)
-        )
-        table.add_row(name, escape(scene.title), size, method.name)
+        table.add_row(name, escape(scene.title), presentation_of(scene).size(scene), scene.method.name)
     console.print(table)
 
 

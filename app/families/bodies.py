@@ -9,6 +9,7 @@ import numpy as np
 from softlab.app.output.pieces import Piece, skinned
 from softlab.app.presentation import Presentation
 from softlab.app.render import colours
+from softlab.app.render.framing import landing_places
 from softlab.model.core.energy import spring_strain
 from softlab.model.core.spare import Counts, copies_there, counts
 from softlab.model.particles.body_set import Copy
@@ -103,5 +104,6 @@ BODIES = Presentation(
     particle="particle",
     particle_name=_particle_name,
     grips=True,
+    framed=landing_places,
     worst_text=lambda worst, fastest: f"largest distance from goal {worst:.3g} spacings",
 )

@@ -10,6 +10,7 @@ import numpy as np
 from softlab.app.output.pieces import Piece, in_space
 from softlab.app.presentation import Presentation
 from softlab.app.render import colours
+from softlab.app.render.framing import tank
 from softlab.model.base.components import named
 from softlab.model.core.state import State
 from softlab.model.fluid.measure import compression, height
@@ -47,19 +48,15 @@ def _worst_text(worst: float, fastest: float) -> str:
     return speed if isnan(worst) else f"largest density error {worst:+.2%}, {speed}"
 
 
-def speed_report(simulation: Any) -> dict[str, Any]:
-    """Return `speed_limit` [m/s], the smallest of all, and `speed_limited`: number of times that it slowed
-    a particle in a substep."""
-    scene = simulation.scene
-    limits = [speed_limit(scene, part) for part in scene.fluids.values()]
-    return {"speed_limit": min(limits), "speed_limited": simulation.speed_limited}
+def speed_report(scene: Scene) -> dict[str, Any]:
+    """Return `speed_limit` [m/s], the smallest of all fluids."""
+    return {"speed_limit": min(speed_limit(scene, part) for part in scene.fluids.values())}
 
 
 def fluid_report(simulation: Any, state: State) -> dict[str, Any]:
     """Return how much densities exceed that at rest, the `height` of the highest 1 % of particles above
-    the floor of the lowest one at the start, and the particles that did not fit the capacity; the limits of
-    speeds."""
-    scene, speeds = simulation.scene, speed_report(simulation)
+    the floor of the lowest one at the start, and the limit of speeds."""
+    scene, speeds = simulation.scene, speed_report(simulation.scene)
     if not np.isfinite(state.position).all():
         return speeds
     mean, largest = compression(scene, state.position)
@@ -67,7 +64,6 @@ def fluid_report(simulation: Any, state: State) -> dict[str, Any]:
         "mean_compression": mean,
         "largest_compression": largest,
         "height": height(scene, state.position),
-        **({"not_emitted": simulation.not_emitted} if scene.emitters else {}),
     } | speeds
 
 
@@ -85,4 +81,7 @@ FLUID = Presentation(
     quantity="Fluid",
     fastest=True,
     levels=True,
+    max_strain=lambda scene, position, arrays: None,
+    drawn=lambda scene: ("velocity",),
+    framed=tank,
 )

@@ -10,6 +10,7 @@ from softlab.app.output.pieces import Piece
 from softlab.app.presentation import Presentation
 from softlab.app.render import colours
 from softlab.app.render.drawn_springs import alike
+from softlab.app.render.legends import EDGE_TITLE
 from softlab.model.base.components import named
 from softlab.model.core.energy import spring_strain
 from softlab.model.geometry.normals import mesh_normals
@@ -43,16 +44,6 @@ def _counts(scene: Scene) -> dict[str, Any]:
     return counts | ({"triangles": len(bodies.sheet.mesh.triangles)} if bodies.sheet else {})
 
 
-def newton_report(simulation: Any) -> dict[str, Any]:
-    """Return, for implicit tetrahedral bodies, per solve (a substep is one, of second order two): matrices, Newton's
-    steps, and products with the matrix."""
-    if not hasattr(simulation, "done"):
-        return {}
-    solves, _, matrices, products, steps = (int(one) for one in simulation.done)
-    each = max(solves, 1)
-    return {"matrices": matrices / each, "newton_steps": steps / each, "matrix_products": products / each}
-
-
 TETRAHEDRA = Presentation(
     view=_view,
     view_options=lambda: named("softlab.app.render.tetrahedra_view:VIEW_OPTIONS"),
@@ -60,8 +51,9 @@ TETRAHEDRA = Presentation(
     strain=spring_strain,
     pieces=_pieces,
     counts=_counts,
-    report=lambda simulation, state: newton_report(simulation),
     amounts=lambda scene, totals: str(scene.tetrahedra_set),
     brief=lambda scene, totals: str(scene.tetrahedra_set),
     levels=True,
+    legend=lambda scene: EDGE_TITLE,
+    materials=lambda scene: scene.tetrahedra,
 )

@@ -9,7 +9,7 @@ import numpy as np
 
 from softlab.app.families.fluid import speed_report
 from softlab.app.families.sheets import SHEET
-from softlab.app.presentation import presentation_of
+from softlab.app.presentation import largest_strain, number_of_particles, presentation_of
 from softlab.model.core.spare import Counts, counts
 from softlab.model.core.state import State
 from softlab.model.scene.scene import Scene
@@ -40,6 +40,11 @@ def _counts(scene: Scene) -> dict[str, Any]:
     }
 
 
+def _drawn(scene: Scene) -> tuple[str, ...]:
+    """Return `velocity` if a member is drawn with it; members compute their normals themselves."""
+    return ("velocity",) if any("velocity" in presentation_of(one).drawn(one) for one in scene.members.values()) else ()
+
+
 def _amounts(scene: Scene, totals: Counts) -> str:
     members = scene.members.items()
     return "; ".join(f"{name}: {presentation_of(one).amounts(one, counts(one))}" for name, one in members)
@@ -52,11 +57,12 @@ def _particle_name(scene: Scene, particle: int) -> str:
 
 
 def _report(simulation: Any, state: State) -> dict[str, Any]:
-    fluid = simulation.members.get("fluid")
+    fluid = simulation.scene.members.get("fluid")
     return speed_report(fluid) if fluid else {}
 
 
 WORLD = replace(
-    SHEET, view=_view, lines=lambda scene: [], strain=_strain, pieces=None, counts=_counts, amounts=_amounts, report=_report,
+    SHEET, view=_view, lines=lambda scene: [], strain=_strain, pieces=None,
+    counts=_counts, amounts=_amounts, report=_report, size=number_of_particles, max_strain=largest_strain, drawn=_drawn,
     steps_per_frame=None, particle="particle", particle_name=_particle_name,
 )  # fmt: skip

@@ -69,12 +69,6 @@ def check_export(name: str, seconds: float | None, dt: float, notes: list[str]) 
     return target
 
 
-def _members_of(simulation: Simulation) -> dict[str, Simulation]:
-    """Return the members by name; for a simulation that is no world, itself alone."""
-    members: dict[str, Simulation] = getattr(simulation, "members", {"": simulation})
-    return members
-
-
 class Exporter:
     """Writes states of a run as meshes: the frames of a pattern, first the current one of `simulation`, or else the
     end."""
@@ -82,7 +76,7 @@ class Exporter:
     def __init__(self, simulation: Simulation, target: Target):
         self.target, self.every = target, target.every
         self.written: list[Path] = []
-        self._worlds = _members_of(simulation)
+        self._worlds = simulation.members or {"": simulation}
         self._frames = {name: ClusterFrames(one.scene) for name, one in self._worlds.items() if one.scene.copies}
         self.observe(simulation, 0)
 

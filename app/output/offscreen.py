@@ -154,7 +154,7 @@ class OffscreenRenderer:
 
     def show_foam(self, points: FoamPoints | None) -> None:
         """Show these spray and foam particles of a fluid."""
-        if points is not None and self.scene.fluids:
+        if points is not None:
             self._view.show_foam(points)
 
     def draw(

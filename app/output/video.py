@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from softlab.app.output.offscreen import Fitted, OffscreenRenderer, render_frame
-from softlab.app.render.fluid.framing import with_fluids
+from softlab.app.presentation import presentation_of
 from softlab.model.base.errors import BackendUnavailable, InputError
 from softlab.model.base.files import check_target, replacing
 from softlab.model.core.simulation import Simulation
@@ -187,9 +187,8 @@ def render_clip(
         )
 
     def state() -> Frame:
-        normal = simulation.read("normal") if simulation.scene.cloth else None
-        velocity = simulation.read("velocity") if with_fluids(simulation.scene) else None
-        return simulation.read("position"), simulation.time, normal, velocity
+        others = {name: simulation.read(name) for name in presentation_of(simulation.scene).drawn(simulation.scene)}
+        return simulation.read("position"), simulation.time, others.get("normal"), others.get("velocity")
 
     def states() -> Iterator[Frame]:
         yield state()
@@ -277,7 +276,7 @@ def render(
         if clip:
             return render_clip(source, path, steps, steps_per_frame, picture)
         scene, time, inverse_mass = source.scene, source.time, source.body.inverse_mass
-        velocity = source.read("velocity") if with_fluids(scene) else None
+        velocity = source.read("velocity") if "velocity" in presentation_of(scene).drawn(scene) else None
     position = source.read("position") if isinstance(source, Simulation) else source
     if scene is None:
         raise InputError("positions alone cannot be drawn; give their scene, too")

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
+from softlab.app.presentation import presentation_of
 from softlab.app.render.camera import finite_bounds
 from softlab.app.render.camera3d import box_corners
 from softlab.app.render.collider_shapes import collider_boxes
@@ -34,20 +37,26 @@ def seen_points(scene: Scene, position: np.ndarray, time: float) -> np.ndarray:
     bounds = finite_bounds(position)
     if bounds is None:
         return np.zeros((0, scene.dimensions))
-    tank = with_tank(scene, bounds, time)
     if scene.dimensions == 2:
-        return np.reshape(tank, (2, 2))
+        return np.reshape(with_tank(scene, bounds, time), (2, 2))
     points = np.asarray(position, dtype=np.float64)
     if not np.isfinite(points).all():
         points = points[np.isfinite(points).all(axis=1)]
     seen = [points, *(box_corners(low, high) for low, high in collider_boxes(scene, bounds, time))]
-    if scene.fluids:
-        seen.append(box_corners(np.array(tank[:3]), np.array(tank[3:])))
+    return np.concatenate([*seen, *presentation_of(scene).framed(scene, points, bounds, time)])
+
+
+def tank(scene: Scene, points: np.ndarray, bounds: Sequence[float], time: float) -> list[np.ndarray]:
+    """Return the corners of the tank of a fluid (`Presentation.framed`)."""
+    around = with_tank(scene, bounds, time)
+    return [box_corners(np.array(around[:3]), np.array(around[3:]))]
+
+
+def landing_places(scene: Scene, points: np.ndarray, bounds: Sequence[float], time: float) -> list[np.ndarray]:
+    """Return the points where bodies would land (`Presentation.framed`)."""
     least = bounds[1] - scene.grid.extent / 2
-    for _, collider in scene.colliders if scene.bodies else ():
-        if isinstance(collider, Plane):
-            seen.append(_landing(points, collider, time, least))
-    return np.concatenate(seen)
+    planes = [collider for _, collider in scene.colliders if isinstance(collider, Plane)]
+    return [_landing(points, plane, time, least) for plane in planes]
 
 
 def _landing(points: np.ndarray, plane: Plane, time: float, least: float) -> np.ndarray:

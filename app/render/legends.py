@@ -170,10 +170,6 @@ class Legends:
 
 
 def legend_of(scene: Scene) -> Legend | None:
-    """The legend of strains that a scene needs; None without springs and tetrahedra."""
-    if scene.tetrahedra:
-        return Legend(len(pinned_indices(scene.grid)) > 0, EDGE_TITLE)
-    if not scene.springs and not scene.cloth_springs:
-        return None
-    title = ZERO_REST_TITLE if scene.springs and not scene.springs.rest_length else STRAIN_TITLE
-    return Legend(len(pinned_indices(scene.grid)) > 0, title)
+    """The legend of strains that a scene needs; None without strains."""
+    title = presentation_of(scene).legend(scene)
+    return None if title is None else Legend(len(pinned_indices(scene.grid)) > 0, title)

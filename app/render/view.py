@@ -29,6 +29,7 @@ from softlab.app.render.vertex_arrays import uniform_matrix
 from softlab.model.core.build import rest_positions
 from softlab.model.core.simulation import Simulation
 from softlab.model.core.spare import present
+from softlab.model.fluid.foam import FoamPoints
 from softlab.model.scene.scene import Scene
 
 RING = 22.0  # pixels
@@ -114,6 +115,9 @@ class View(ABC):
     def wants_velocity(self) -> bool:
         """True if velocities are drawn, or what follows from them: speeds, foam."""
         return False
+
+    def show_foam(self, points: FoamPoints) -> None:  # noqa: B027 - others have no foam
+        """Draw these spray and foam particles of a fluid."""
 
     def toggle_foam(self) -> bool | None:
         """Show or hide spray, foam and bubbles of fluids. Returns True if they are shown now, None without fluids."""

@@ -3,7 +3,7 @@ light and on one ground; a fluid, through which the others are seen, last."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -86,10 +86,9 @@ class WorldView(View):
             part.upload(np.ascontiguousarray(position[self._slices[name]]))
 
     def upload_from(self, simulation: Simulation, position: np.ndarray | None = None) -> None:
-        members: Mapping[str, Simulation] = simulation.members  # type: ignore[attr-defined]
         for name, part in self.parts.items():
             member_position = None if position is None else np.ascontiguousarray(position[self._slices[name]])
-            part.upload_from(members[name], member_position)
+            part.upload_from(simulation.members[name], member_position)
 
     # ------------------------------------------------------------------ the frame
 

@@ -11,7 +11,7 @@ import math
 from collections.abc import Sequence
 
 from softlab.app.window.live import live_fields, stiffness_paths
-from softlab.app.window.materials import material_at, material_changes, material_text
+from softlab.app.window.materials import bodies_of, material_at, material_changes, material_text
 from softlab.app.window.spare_bodies import counts_text, drop, next_spare
 from softlab.app.window.steering import Steering
 from softlab.app.window.worlds import STEPS_PER_FRAME
@@ -65,7 +65,7 @@ class Demo(Steering):
 
     def change_stiffness(self, presses: int) -> None:
         """Change the spring stiffness by a factor of 1.25, down (-1, key {) or up (+1, key })."""
-        if self.world.scene.tetrahedra:
+        if bodies_of(self.world.scene):
             self.change_material("young_modulus", presses)
             return
         if self._blocked():
@@ -92,7 +92,7 @@ class Demo(Steering):
         """
         if self._blocked():
             return
-        if not self.world.scene.tetrahedra:
+        if not bodies_of(self.world.scene):
             self.say(f"{self.whose}this scene has no tetrahedra")
             return
         wanted = [material_changes(world.scene, field, presses) for world in self.changed]
@@ -100,7 +100,8 @@ class Demo(Steering):
 
     def change_material_to(self, field: str, value: float) -> None:
         """Set `field` of the first body to `value`; the others change by the same factor (for the panel)."""
-        if self._guard(lambda: self.world.scene.replace({f"{next(iter(self.world.scene.tetrahedra))}.{field}": value})):
+        first = next(iter(bodies_of(self.world.scene)))
+        if self._guard(lambda: self.world.scene.replace({f"{first}.{field}": value})):
             wanted = [material_at(world.scene, field, value) for world in self.changed]
             self.set_fields(wanted, lambda: material_text(self.world.scene, field))
 

@@ -37,9 +37,9 @@ def live_fields(scene: Scene) -> dict[str, Any]:
     values: dict[str, Any] = {}
     for name in live_parts(scene):
         for path in LIVE_PATHS[name]:
-            part, _, field = path.partition(".")
+            part = path.partition(".")[0]
             if part in scene.parts and name != "stiffness":
-                values[path] = getattr(scene.parts[part], field)
+                values[path] = scene.value(path)
     if scene.gravity is None:
         values |= {"gravity.enabled": False, "gravity.acceleration": Gravity().acceleration}
     return values | stiffness_paths(scene)

@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
+from softlab.app.presentation import presentation_of
 from softlab.model.scene.scene import Scene
 from softlab.model.tables.tetrahedra import LARGEST_RATIO
 
 FACTORS = {"young_modulus": 1.25, "poisson_ratio": 1.25, "damping": 2.0}  # of one press
 FIRST_DAMPING, LAST_DAMPING = 1e-3, 1e-4  # s: the first one of a body that has none, and below which there is none
 TEXTS = {"young_modulus": "E {:.3g} Pa", "poisson_ratio": "Poisson's ratio {:.3g}", "damping": "damping {:.3g} s"}
+
+
+def bodies_of(scene: Scene) -> Mapping[str, Any]:
+    """Return the bodies whose material the keys change, by name."""
+    return presentation_of(scene).materials(scene)
 
 
 def material_changes(scene: Scene, field: str, presses: int) -> dict[str, float]:
@@ -18,7 +27,7 @@ def material_changes(scene: Scene, field: str, presses: int) -> dict[str, float]
     """
     factor = FACTORS[field] ** presses
     changes = {}
-    for name, part in scene.tetrahedra.items():
+    for name, part in bodies_of(scene).items():
         value = getattr(part, field)
         if field == "poisson_ratio":
             value = min(max(0.5 - (0.5 - value) / factor, 0.0), LARGEST_RATIO)
@@ -34,7 +43,7 @@ def material_changes(scene: Scene, field: str, presses: int) -> dict[str, float]
 def material_at(scene: Scene, field: str, value: float) -> dict[str, float]:
     """Return dotted path -> value of a `field` of every body if the first one's is to be `value`: the others change by
     the same factor, or from and to 0 with it. For Poisson's ratio the factor is that of its distance from 1/2."""
-    bodies = list(scene.tetrahedra.items())
+    bodies = list(bodies_of(scene).items())
     first = getattr(bodies[0][1], field)
 
     def follows(other: float) -> float:
@@ -49,5 +58,5 @@ def material_at(scene: Scene, field: str, value: float) -> dict[str, float]:
 
 def material_text(scene: Scene, field: str) -> str:
     """Return the current values of all bodies, each value once."""
-    values = dict.fromkeys(TEXTS[field].format(getattr(part, field)) for part in scene.tetrahedra.values())
+    values = dict.fromkeys(TEXTS[field].format(getattr(part, field)) for part in bodies_of(scene).values())
     return ", ".join(values)

@@ -18,7 +18,6 @@ from softlab.model.core.build import masses
 from softlab.model.core.energy import energies
 from softlab.model.core.simulation import Simulation
 from softlab.model.core.spare import inactive, present
-from softlab.model.core.stepping import lost
 from softlab.model.scene.scene import Scene
 
 RANGE_HYSTERESIS = 2.6  # times the wanted range of colours: a legend that flickers between two ranges cannot be read
@@ -73,7 +72,7 @@ def measure(
     fastest = float(np.sqrt((state.velocity**2).sum(axis=1).max())) if presentation_of(world.scene).fastest else 0.0
     worst = presentation_of(world.scene).worst(world.scene, state.position, strain)
     bounds = _bounds(active, before)
-    faults = fault_words({**lost(world), **inverted_elements(world.scene, state.position)})
+    faults = fault_words({**world.faults(), **inverted_elements(world.scene, state.position)})
     return Statistics(energy["total"], energy["kinetic"], worst, wanted, bounds, pushed, fastest, faults)
 
 

@@ -18,12 +18,13 @@ def next_spare(world: Simulation, last: str | None) -> str:
     SceneError if there is none."""
     scene = world.scene
     names = list(scene.bodies)
-    if not any(part.spare for part in scene.bodies.values()):
+    with_copies = [name for name, part in scene.bodies.items() if part.spare]
+    if not with_copies:
         raise SceneError("spare", 0, f"this scene has no spare bodies; set spare = 5 in [{names[0]}] for five")
     active = copies_there(scene, world.body.inverse_mass)
     waiting = {copy.name for copy in scene.body_set.copies if not active[copy.number]}
     if not waiting:
-        name = next(name for name, part in scene.bodies.items() if part.spare)
+        name = with_copies[0]
         raise SceneError(
             f"{name}.spare",
             scene.bodies[name].spare,

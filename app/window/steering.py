@@ -252,8 +252,7 @@ def field_of(world: Simulation, path: str) -> Any:
         return bool(world.scene.gravity and world.scene.gravity.enabled)
     if path in (known := stiffness_paths(world.scene)):
         return known[path]
-    part, _, field = path.partition(".")
-    return getattr(world.scene.parts[part], field)
+    return world.scene.value(path)
 
 
 def _same_masses(scene: Scene, other: Scene) -> bool:

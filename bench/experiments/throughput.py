@@ -78,13 +78,14 @@ def cube(size: int, region: int) -> Scene:
 
 def kind_of(scene: Scene) -> str:
     """Return the kind of a scene, one of KINDS."""
-    if not scene.bodies:
+    kinds = {scene.kinds[name] for name in scene.bodies}
+    if not kinds:
         return "grid"
-    if "soft_lattice" in scene.kinds.values():
+    if "soft_lattice" in kinds:
         return "lattice"
     if scene.contact:
         return "heap"
-    return "rigid" if all(scene.kinds[name] == "rigid_body" for name in scene.bodies) else "soft"
+    return "rigid" if kinds == {"rigid_body"} else "soft"
 
 
 def groups(
@@ -155,7 +156,7 @@ class ThroughputPoint(RatePoint):
 def region_of(scene: Scene) -> int:
     """Return the half-width of the windows of a grid or a lattice, else 0."""
     lattices = [getattr(body, "region", 0) for body in scene.bodies.values()]
-    return max(lattices) if scene.bodies else scene.method.region
+    return max(lattices, default=scene.method.region)
 
 
 def points(stored: Iterable[Measure], every: bool = False) -> list[ThroughputPoint]:

@@ -256,9 +256,7 @@ def prepare_runs(subject: Subject, steps: int, seconds: float) -> Subject:
 
 def steps_together(simulation: Any) -> int:
     """Steps that a kernel does in one pass over memory: several of the CPU's `tiled`; a peer has its own number."""
-    if getattr(simulation, "kernel", None) == "tiled":
-        return LEVELS
-    return int(getattr(simulation, "steps_together", 1))
+    return LEVELS if simulation.kernel == "tiled" else int(simulation.steps_together)
 
 
 def _two_digits(number: float) -> int:

@@ -267,11 +267,9 @@ def _judge(store: Store, summary: HardSummary, work: _Work, first: str, ends: li
 
 
 def _shape(scene: Scene, end: Any) -> str:
-    if scene.bodies:
-        return bodies_as_text(end, scene.body_set.body)
-    if scene.tetrahedra or scene.fluids:
-        return bodies_as_text(end, np.zeros(len(end), int))
-    return as_text(end, scene.grid.rows, scene.grid.columns)
+    if scene.content == "sheet":
+        return as_text(end, scene.grid.rows, scene.grid.columns)
+    return bodies_as_text(end, scene.body_set.body if scene.copies else np.zeros(len(end), int))
 
 
 def _draw(summary: HardSummary, ends: list[tuple[_Work, Outcome]], folder: Path, show: bool) -> None:

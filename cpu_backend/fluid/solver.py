@@ -31,12 +31,13 @@ from softlab.model.fluid.flow import emitter_rows, fluid_starts, sink_rows
 from softlab.model.fluid.parameters import MAX_NEIGHBOURS, fluid_rows, most_cells
 from softlab.model.fluid.plan import SHAPES, fluid_plan
 from softlab.model.fluid.samples import Samples
+from softlab.model.fluid.simulation import FluidSimulation
 from softlab.model.geometry.particle_row import PARKED
 from softlab.model.scene.scene import Scene
 from softlab.model.tables.flow import nozzle_points
 
 
-class Fluid(ParticlesSimulation):
+class Fluid(FluidSimulation, ParticlesSimulation):
     """Fluids on CPU threads; model/core/simulation.py defines the contract. `threads`: `1x`, `2x`, `4x` or a number."""
 
     samples: Samples | None = None  # of solids: further particles behind those of the fluids

@@ -40,6 +40,7 @@ from softlab.model.particles.links import LINKS
 from softlab.model.scene.scene import Scene
 from softlab.model.shape_matching.cluster_tables import matching_factors, shaping
 from softlab.model.shape_matching.plan import body_plan
+from softlab.model.shape_matching.simulation import BodiesSimulation
 
 UNEVEN = 1.3  # work of the busiest thread relative to the mean, above which threads share bodies
 
@@ -54,7 +55,7 @@ def _quaternions(*planes: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(np.concatenate([one.reshape(QUATERNION, -1) for one in planes], axis=1).T)
 
 
-class Bodies(ParticlesSimulation):
+class Bodies(BodiesSimulation, ParticlesSimulation):
     """Bodies on CPU threads; model/core/simulation.py defines the contract. `threads`: `1x`, `2x`, `4x` or a number."""
 
     def __init__(self, scene: Scene, options: Options, threads: str | int = "1x"):

@@ -35,6 +35,7 @@ from softlab.model.core.simulation import Options
 from softlab.model.fluid.parameters import MAX_NEIGHBOURS, fluid_rows, most_cells
 from softlab.model.fluid.plan import SHAPES, SMOOTHING, fluid_plan
 from softlab.model.fluid.samples import Samples
+from softlab.model.fluid.simulation import FluidSimulation
 from softlab.model.geometry.particle_row import PARKED
 from softlab.model.scene.scene import Scene
 
@@ -43,7 +44,7 @@ FEWER = {8192: 32, 32768: 64}  # threads for at most so many particles, so that 
 QUADS = 10  # quads per particle: the state twice and its snapshot, and the arrays of a substep
 
 
-class Fluid(SubstepSimulation):
+class Fluid(FluidSimulation, SubstepSimulation):
     """Fluids on CUDA; model/core/simulation.py defines the contract. `threads` is the number of threads per block."""
 
     samples: Samples | None = None  # of solids: further particles behind those of the fluids

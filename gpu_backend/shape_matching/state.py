@@ -20,9 +20,10 @@ from softlab.model.assets.clusters import Clusters
 from softlab.model.contact.cloth_parameters import collider_numbers
 from softlab.model.formulas.shape_matching.cluster import MOMENTS
 from softlab.model.shape_matching.cluster_tables import first_particles, leans, matching_factors
+from softlab.model.shape_matching.simulation import BodiesSimulation
 
 
-class BodiesState(SubstepSimulation):
+class BodiesState(BodiesSimulation, SubstepSimulation):
     """The device arrays of a simulation of bodies (gpu_backend/shape_matching/solver.py)."""
 
     clusters: Clusters  # those in no lattice

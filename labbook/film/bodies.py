@@ -10,6 +10,7 @@ from PIL import Image
 
 from softlab.app.driver import open_simulation
 from softlab.app.output.offscreen import OffscreenRenderer
+from softlab.app.presentation import presentation_of
 from softlab.labbook.film.canvas import FAINT, INK, MARGIN, Area
 from softlab.labbook.words import count as counted
 from softlab.labbook.words import seconds
@@ -42,7 +43,7 @@ class Panel:
             self.simulation.check()
             self.took += perf_counter() - begin if self.steps else 0.0  # the first step may have compiled
             self.steps += steps
-        normal = self.simulation.read("normal") if self.scene.cloth else None
+        normal = self.simulation.read("normal") if "normal" in presentation_of(self.scene).drawn(self.scene) else None
         position = self.simulation.read("position")
         self.renderer.fit(position, self.simulation.time)
         self.renderer.draw(position, self.simulation.time, normal)

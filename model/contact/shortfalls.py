@@ -13,7 +13,6 @@ import numpy as np
 
 from softlab.model.contact.particle_parameters import G_DISTANCE, kinds_of_particles, pair_rows
 from softlab.model.contact.surface_parameters import APART, contact_surface
-from softlab.model.core.stepping import lost
 from softlab.model.geometry.neighbours import TooMany, close_pairs
 from softlab.model.scene.scene import Scene
 
@@ -191,7 +190,7 @@ def shortfalls(simulation: Any, position: np.ndarray, inverse_mass: np.ndarray) 
     contact distance (see `caught_particles`).
     """
     scene = simulation.scene
-    faults: dict[str, Any] = {**lost(simulation), **element_faults(scene, position, inverse_mass)}
+    faults: dict[str, Any] = {**simulation.faults(), **element_faults(scene, position, inverse_mass)}
     bodies, place = scene, slice(None)
     if scene.is_world and "bodies" in scene.members:
         bodies, place = scene.members["bodies"], scene.world_set.slices()["bodies"]

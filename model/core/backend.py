@@ -12,6 +12,7 @@ import numpy as np
 
 from softlab.model.base.errors import InputError
 from softlab.model.core.energy import spring_strain
+from softlab.model.core.family import written
 from softlab.model.scene.scene import Scene
 
 
@@ -21,6 +22,7 @@ class Backend(ABC):
 
     scene: Scene
     real: Any  # the numpy type of the precision
+    contacts: Any = None  # of surfaces, and the number of those that did not fit
 
     @abstractmethod
     def _run(self, steps: int) -> None:
@@ -66,11 +68,7 @@ class Backend(ABC):
     def _read_position(self, into: Any) -> Any:
         """Read the position into `into` (None: a new host array). A backend with a device overrides this for device
         targets."""
-        position, _ = self._download()
-        if into is None:
-            return position
-        into[...] = position
-        return into
+        return written(self._download()[0], into)
 
     def _read_strain(self) -> np.ndarray:
         """Return the strain of each spring, or of what replaces them, as a new host array."""
@@ -81,23 +79,7 @@ class Backend(ABC):
 
         Computed on the host in float64; a backend overrides this to compute them on its device.
         """
-        normal = self.scene.grid.normals(self._read_position(None))
-        if into is None:
-            return normal.astype(self.real)
-        into[...] = normal
-        return into
-
-    def _read_clusters(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return (rotation (clusters, 4), centre of mass (clusters, 3) [m]) of bodies at the current positions, as new
-        host arrays.
-
-        The state does not change.
-        """
-        raise NotImplementedError
-
-    def _weights_changed(self) -> None:
-        """Send `self.body.inverse_mass` to the device; the state itself is uploaded right after it."""
-        raise NotImplementedError
+        return written(self.scene.grid.normals(self._read_position(None)).astype(self.real), into)
 
     def _pin_velocity(self, step: int) -> Any:
         """Return the velocity [m/s] of the pinned masses at the start of step `step`: 0, or that of their motions."""

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
-from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import cached_property
 from weakref import WeakValueDictionary
@@ -16,7 +13,7 @@ from softlab.model.base.pins import pin_indices
 from softlab.model.geometry.arithmetic.functions import cosine, sine
 from softlab.model.geometry.particle_row import PARKED
 from softlab.model.geometry.sheets import sheet_positions
-from softlab.model.geometry.topology import mesh_of, pinned_vertices, vertex_masses
+from softlab.model.geometry.topology import mesh_of, pinned_vertices
 from softlab.model.particles.particle_set import ParticleSet
 from softlab.model.scene.scene import Scene
 from softlab.model.tables.cloth import Cloth, Fold
@@ -117,7 +114,6 @@ def wave(grid: Grid, amplitude: float) -> np.ndarray:
 
 
 _built: WeakValueDictionary[str, Body] = WeakValueDictionary()  # those in use by an open simulation
-_substitute: ContextVar[Body | None] = ContextVar("substitute", default=None)  # see `use_body`
 
 
 def build(scene: Scene) -> Body:
@@ -126,9 +122,6 @@ def build(scene: Scene) -> Body:
     The same Body is returned while anything refers to it, since a large one takes seconds to make. Raises SceneError
     where the masses do not fit into memory or into 32-bit indices.
     """
-    substitute = _substitute.get()
-    if substitute is not None:
-        return substitute
     key = scene.canonical()
     body = _built.get(key)
     if body is None:
@@ -143,16 +136,6 @@ def some_of(whole: Body, chosen: slice | np.ndarray, rows: int = 1) -> Body:
         rows, len(inverse_mass) // rows, whole.position[chosen], whole.velocity[chosen], inverse_mass,
         np.flatnonzero(inverse_mass == 0), whole.size,
     )  # fmt: skip
-
-
-@contextmanager
-def use_body(body: Body) -> Iterator[None]:
-    """Let `build` return `body` within the block, whatever the scene."""
-    token = _substitute.set(body)
-    try:
-        yield
-    finally:
-        _substitute.reset(token)
 
 
 def _build(scene: Scene) -> Body:
@@ -185,8 +168,9 @@ def masses(scene: Scene, waiting: np.ndarray | None = None) -> np.ndarray | floa
     """
     if isinstance(scene.grid, ParticleSet):
         return (scene.grid.masses if waiting is None else np.where(waiting, 0.0, scene.grid.masses))[:, None]
-    if scene.mesh and scene.mesh.density is not None:
-        return vertex_masses(scene.mesh)[:, None]
+    by_area = scene.grid.masses_by_area()
+    if by_area is not None:
+        return by_area[:, None]
     if not scene.loads:
         return scene.grid.mass
     mass = np.full((scene.grid.particle_count, 1), scene.grid.mass)

@@ -32,7 +32,7 @@ def keeps(scene: Scene) -> str:
     acting = [
         kind
         for name, kind in scene.kinds.items()
-        if kind not in STORING and getattr(scene.parts[name], rates.get(kind, "kind"), 1) != 0
+        if kind not in STORING and scene.value(f"{name}.{rates.get(kind, 'kind')}", 1) != 0
     ]
     along = any(getattr(part, "damping", 0) for part in scene.parts.values())
     if along or "damping" in acting:

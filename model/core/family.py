@@ -19,85 +19,101 @@ from softlab.model.tables.motion import RELEASE
 
 
 @dataclass(frozen=True)
-class Output:
-    """An output, computed from the current state when it is read.
+class Field:
+    """A value that the simulations of a family have under a name: an output, an array of the state, a counter of a run.
 
-    `shape`: in words. `read(simulation, into)` returns it in `into`, or in a new host array if that is None.
+    - `rows`: what it has an entry for: "particles", "springs", "clusters", "emitters", or "one", a single number.
+    - `shape`: of an entry, in numbers or "dimensions"; `unit`, `doc`.
+    - `read(simulation, into)`: its current value in `into`, or in a new host array if that is None; a number if `rows` is
+      "one". None: it is not readable.
+    - `check(scene, array, real)`: an array of a state in the arithmetic `real`, its values unchanged. Raises InputError.
+    - `download(simulation)`: what the next step reads, as a new host array; None where the scene has none.
+    - `upload(simulation, array)`: continue from it; None: from its value in the uploaded state. Called after positions and
+      velocities were uploaded, in the order of the fields.
+    - `fault`: True for a count that must be 0, or else the run is incomplete.
+
+    The last three functions belong to arrays of the state; `State` has an attribute of the same name
+    (model/core/state.py).
     """
 
     name: str
-    shape: str
+    rows: str
+    shape: tuple[int | str, ...]
     unit: str
     doc: str
-    read: Callable[[Any, Any], Any]
+    read: Callable[[Any, Any], Any] | None = None
+    check: Callable[[Scene, Any, Any], np.ndarray] | None = None
+    download: Callable[[Any], np.ndarray | None] | None = None
+    upload: Callable[[Any, np.ndarray | None], None] | None = None
+    fault: bool = False
+
+    @property
+    def is_state(self) -> bool:
+        """True if it is an array of the state."""
+        return self.upload is not None
 
 
-def on_host(compute: Callable[[Any], np.ndarray]) -> Callable[[Any, Any], Any]:
-    """Return the `read` of an output that `compute(simulation)` returns as a new host array."""
-
-    def read(simulation: Any, into: Any) -> Any:
-        result = compute(simulation)
-        if into is None:
-            return result
-        into[...] = result
-        return into
-
-    return read
+def written(result: Any, into: Any) -> Any:
+    """Return `into` with the values of `result`; `result` itself if `into` is None."""
+    if into is None:
+        return result
+    into[...] = result
+    return into
 
 
-@dataclass(frozen=True)
-class StateArray:
-    """An array of the state that only the simulations of some families have; a field of `State` has its name.
-
-    - `check(scene, array, real)`: the array in the arithmetic `real`, its values unchanged. Raises InputError.
-    - `download(simulation)`: a new host array, or None where the scene has none.
-    - `upload(simulation, array)`: continue from it; None: from its value in the uploaded state. Called after positions and
-      velocities were uploaded.
-    """
-
-    name: str
-    check: Callable[[Scene, Any, Any], np.ndarray]
-    download: Callable[[Any], np.ndarray | None]
-    upload: Callable[[Any, np.ndarray | None], None]
-
-    def of(self, member: Any) -> StateArray:
-        """Return the array of a member of a world, as one of the world's."""
-        return StateArray(
-            self.name,
-            lambda scene, array, real: self.check(member.scene, array, real),
-            lambda world: self.download(member),
-            lambda world, array: self.upload(member, array),
-        )
+def on_host(compute: Callable[[Any], Any]) -> Callable[[Any, Any], Any]:
+    """Return the `read` of a field that `compute(simulation)` returns as a new host array, or as a number."""
+    return lambda simulation, into: written(compute(simulation), into)
 
 
-POSITION = Output(
-    "position", "(particles, dimensions)", "m", "positions", lambda simulation, into: simulation._read_position(into)
+def counter(name: str, doc: str, count: Callable[[Any], float]) -> Field:
+    """Return the field of a number of a run, `count(simulation)`."""
+    return Field(name, "one", (), "1", doc, on_host(count))
+
+
+def fault(name: str, doc: str, count: Callable[[Any], int]) -> Field:
+    """Return the field of a count that must be 0. `count(simulation)` may include what happened before the simulation
+    was open: to compile, all particles may lie in one place (`lost_when_opened`)."""
+    since_opened = on_host(lambda simulation: count(simulation) - simulation.lost_when_opened.get(name, 0))
+    return Field(name, "one", (), "1", doc, since_opened, fault=True)
+
+
+POSITION = Field(
+    "position", "particles", ("dimensions",), "m", "positions", lambda simulation, into: simulation._read_position(into)
 )
-VELOCITY = Output(
-    "velocity", "(particles, dimensions)", "m/s", "velocities", on_host(lambda simulation: simulation._download()[1])
+VELOCITY = Field(
+    "velocity", "particles", ("dimensions",), "m/s", "velocities", on_host(lambda simulation: simulation._download()[1])
 )
-STRAIN = Output(
-    "strain", "(springs,)", "1", "length over rest length - 1 of springs; (tetrahedra,) of tetrahedra, (particles,) density "
-    "over rest density - 1 of fluids", on_host(lambda simulation: simulation._read_strain())
+STRAIN = Field(
+    "strain", "springs", (), "1", "length over rest length - 1 of springs; of each of the tetrahedra; density over rest "
+    "density - 1 of each particle of fluids", on_host(lambda simulation: simulation._read_strain())
 )  # fmt: skip
-NORMAL = Output(
-    "normal", "(particles, 3)", "1", "unit normals of a surface", lambda simulation, into: simulation._read_normal(into)
+NORMAL = Field(
+    "normal",
+    "particles",
+    (3,),
+    "1",
+    "unit normals of a surface",
+    lambda simulation, into: simulation._read_normal(into),
 )
+CONTACTS_LOST = fault(
+    "contacts_lost", "contacts, and vertices in the search distance, for which a search had no capacity",
+    lambda simulation: surface_contacts_lost(simulation),
+)  # fmt: skip
 OF_ALL = (POSITION, VELOCITY)
 
 
-def of_springs(scene: Scene) -> tuple[Output, ...]:
-    """Return the outputs of grids, cloths and meshes."""
-    return (STRAIN, NORMAL) if scene.dimensions == 3 else (STRAIN,)
+def surface_contacts_lost(simulation: Any) -> int:
+    """Return the contacts and neighbours of surfaces that did not fit, since the start."""
+    contacts = simulation.contacts
+    return 0 if contacts is None else int(contacts.lost) + int(getattr(contacts, "neighbours_lost", 0))
 
 
-def contacts_lost(simulation: Any) -> dict[str, int]:
-    """Return `contacts_lost`, if surfaces of the scene have contacts: contacts, and vertices in the search distance, for
-    which a search had no capacity."""
-    scene, contacts = simulation.scene, getattr(simulation, "contacts", None)
-    if scene.self_collision is None and scene.contact is None:
-        return {}
-    return {"contacts_lost": int(getattr(contacts, "lost", 0)) + int(getattr(contacts, "neighbours_lost", 0))}
+def of_springs(scene: Scene) -> tuple[Field, ...]:
+    """Return the fields of grids, cloths and meshes."""
+    normal = (NORMAL,) if scene.dimensions == 3 else ()
+    has_contacts = scene.self_collision is not None or scene.contact is not None
+    return (STRAIN, *normal, *((CONTACTS_LOST,) if has_contacts else ()))
 
 
 Arrays = Mapping[str, np.ndarray]  # of a state, those of its family, by name
@@ -118,12 +134,12 @@ class SolverFamily:
     - `limited_by_net`: True if that limit depends on the springs' largest frequency.
     - `note(scene)`: a line on the method's effect on a motion.
     - `scheme_note(scene)`: what its scheme cannot do in this scene, or "".
+    - `warnings(scene)`: lines on what a run of the scene gets wrong with its settings, and on settings that help.
     - `stored(scene, position, arrays)`: the energy [J] in springs or clusters, and of a cloth's springs also by kind.
-      `arrays`: those of the state that `state_arrays` declares, by name.
+      `arrays`: those of the state that `fields` declares, by name.
     - `strain(scene, position, kind, arrays)`: the result of read("strain"), (springs,) or (entries,).
     - `spring_count(scene)`: the number of springs, or of what replaces them.
-    - `outputs(scene)`: what `read` returns, besides positions and velocities (`Output`).
-    - `state_arrays`: what its state has besides positions and velocities (`StateArray`), in the order of their upload.
+    - `fields(scene)`: its values by name, besides positions and velocities (`Field`).
     - `solvers`, `passes`: by backend, the class that it opens and the function that describes its passes for `softlab
       plan`, as
       `module:name`, since both are in layers above the model.
@@ -136,7 +152,6 @@ class SolverFamily:
     - `apart(scene)`: the bodies of a scene in which none acts on another, for sharing by bodies
       (model/core/sharing/bodies.py).
     - `halo(scene)`: how far a substep reads [m], for sharing by slabs of space (model/domains/slabs.py).
-    - `lost(simulation)`: the counts of contacts or neighbours that did not fit into lists of fixed length, by name.
     - `partitions(scene)`: the meshes of a scene, for sharing by parts of bodies (model/core/sharing/partitions.py).
 
     The last four raise SceneError for a part that prevents sharing; None: not yet supported for the family.
@@ -158,15 +173,14 @@ class SolverFamily:
     reference: str
     presentation: str = "softlab.app.families.sheets:SHEET"
     clusters: Mapping[str, str] = field(default_factory=dict)
-    outputs: Callable[[Scene], tuple[Output, ...]] = of_springs
-    state_arrays: tuple[StateArray, ...] = ()
+    fields: Callable[[Scene], tuple[Field, ...]] = of_springs
     scheme_note: Callable[[Scene], str] = lambda scene: ""
+    warnings: Callable[[Scene], list[str]] = lambda scene: []
     unknown: str | None = None
     stencil: Callable[[Scene], Stencil] | None = None
     apart: Callable[[Scene], Apart] | None = None
     halo: Callable[[Scene], float] | None = None
     partitions: Callable[[Scene], SharedMesh] | None = None
-    lost: Callable[[Any], dict[str, int]] = contacts_lost
 
 
 ANY_SHEET = frozenset(

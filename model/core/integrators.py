@@ -15,7 +15,6 @@ import numpy as np
 
 from softlab.model.core.build import pinned_indices
 from softlab.model.core.stability.cloth_bounds import laplacian_bound
-from softlab.model.geometry.topology import vertex_masses
 from softlab.model.particles.particle_set import ParticleSet
 from softlab.model.scene.scene import Scene
 
@@ -187,15 +186,15 @@ def lightest_mass(scene: Scene) -> float:
     sheet = scene.grid
     if isinstance(sheet, ParticleSet):
         return sheet.lightest
-    by_area = scene.mesh if scene.mesh and scene.mesh.density is not None else None
-    if not scene.loads and not by_area:
+    by_area = sheet.masses_by_area()
+    if not scene.loads and by_area is None:
         return sheet.mass
     pinned = pinned_indices(sheet)
     loads = {load.at[0] * sheet.columns + load.at[1]: load.mass for load in scene.loads.values()}
     excluded = np.union1d(pinned, np.array([*loads], np.int64))
     candidates = [mass for place, mass in loads.items() if place not in pinned]
-    if by_area:
-        candidates.append(float(np.delete(vertex_masses(by_area), excluded).min(initial=inf)))
+    if by_area is not None:
+        candidates.append(float(np.delete(by_area, excluded).min(initial=inf)))
     elif len(excluded) < sheet.particle_count:
         candidates.append(sheet.mass)
     return min((mass for mass in candidates if mass < inf), default=sheet.mass)

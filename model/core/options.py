@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from softlab.model.base.errors import SceneError
+from softlab.model.core.build import Body
 from softlab.model.scene.scene import Scene
 from softlab.model.tables.cloth import CONSTRAINT_KINDS
 
@@ -30,8 +31,8 @@ LIVE_PATHS = {  # names for `live=`, and the fields whose stage is then compiled
 class Options:
     """Run options of a scene, separate from its content.
 
-    `kernel` None: the backend's own choice; `first_particle`: in a window of a larger sheet (model/domains), the number
-    of its first particle there.
+    `kernel` None: the backend's own choice. Of a window of a larger scene (model/domains): `first_particle`, its number
+    there, and `body`, the window's particles at the start; None: those of the scene.
     """
 
     precision: str = "float32"
@@ -39,6 +40,7 @@ class Options:
     kernel: str | None = None
     live: frozenset[str] = field(default_factory=frozenset)
     first_particle: int | None = None
+    body: Body | None = field(default=None, compare=False, repr=False)
 
     def __post_init__(self) -> None:
         for name, value, known in (("--precision", self.precision, tuple(PRECISIONS)), ("--math", self.math, MATHS)):

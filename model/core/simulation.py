@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import replace
 from functools import cached_property
 from types import MappingProxyType
 from typing import Any
@@ -17,19 +16,20 @@ from typing import Any
 import numpy as np
 
 from softlab.model.base.clock import START, Clock, clock_of
-from softlab.model.base.errors import Diverged, SceneError
-from softlab.model.core import spare
+from softlab.model.base.errors import Diverged, InputError, SceneError
 from softlab.model.core.build import Body, build
 from softlab.model.core.energy import energies
 from softlab.model.core.families import family_of, stability_limit
-from softlab.model.core.family import OF_ALL, Output, StateArray
+from softlab.model.core.family import OF_ALL, Field
 from softlab.model.core.options import PRECISIONS, Options, check_live
 from softlab.model.core.plan import Executor, Plan, StageRun
 from softlab.model.core.stability.divergence import DIVERGED_SIZE, check_interval
 from softlab.model.core.state import State, checked_arrays, checked_family_arrays
 from softlab.model.core.stepping import Stepping
 from softlab.model.scene.scene import Scene
-from softlab.model.tables.flow import initial_emitter_state, rebased
+
+NO_BODIES = "needs bodies of clusters; this scene has none"
+STILL = (0.0, 0.0, 0.0)  # m/s
 
 
 class Simulation(Stepping):
@@ -48,14 +48,16 @@ class Simulation(Stepping):
     plan: Plan
     _executor: Executor
 
+    members: Mapping[str, Simulation] = MappingProxyType({})  # of a world, by name
+    steps_together = 1  # steps of a kernel in one pass over memory
     threads_reason: str | None = None  # reason for the number of threads, where `auto` chose it
-    lost_when_opened: Mapping[str, int] = MappingProxyType({})  # see model/contact/shortfalls.py
+    lost_when_opened: Mapping[str, int] = MappingProxyType({})  # counts of faults (`fault` in model/core/family.py)
 
     def __init__(self, scene: Scene, options: Options):
         self.scene = scene
         self.options = options
         self.real: Any = PRECISIONS[options.precision]
-        self.body: Body = build(scene)
+        self.body: Body = options.body or build(scene)
         self._first_body = self.body  # `self.body` has the currently inactive bodies
         self.step = 0
         self.time = 0.0
@@ -69,17 +71,29 @@ class Simulation(Stepping):
         self._record = self._make_record(scene, self._poke_force, self._clock)
         self._snapshot_step, self._snapshot_time = 0, 0.0
         self.snapshots = 0
-        self._emitter_state = initial_emitter_state(scene)
 
     @cached_property
-    def outputs(self) -> Mapping[str, Output]:
-        """Outputs of `read`, by name."""
-        return {output.name: output for output in (*OF_ALL, *family_of(self.scene).outputs(self.scene))}
+    def fields(self) -> Mapping[str, Field]:
+        """The values of its scene by name: outputs, counters, arrays of the state."""
+        return {field.name: field for field in (*OF_ALL, *family_of(self.scene).fields(self.scene))}
+
+    @property
+    def outputs(self) -> Mapping[str, Field]:
+        """What `read` returns, by name."""
+        return {name: field for name, field in self.fields.items() if field.read}
 
     @cached_property
-    def state_arrays(self) -> tuple[StateArray, ...]:
-        """The arrays of the state besides positions and velocities."""
-        return family_of(self.scene).state_arrays
+    def state_fields(self) -> Sequence[tuple[Field, Simulation]]:
+        """The arrays of the state besides positions and velocities, and the simulation that has each."""
+        return [(field, self) for field in self.fields.values() if field.is_state]
+
+    def counters(self) -> dict[str, float]:
+        """Return the numbers of the run, by name (`Field`), those of `faults` included."""
+        return {name: self.read(name) for name, field in self.fields.items() if field.rows == "one"}
+
+    def faults(self) -> dict[str, int]:
+        """Return the counts since opening of what did not fit into lists of fixed length; {} without contacts."""
+        return {name: self.read(name) for name, field in self.fields.items() if field.fault}
 
     @property
     def stages(self) -> Mapping[str, StageRun]:
@@ -130,9 +144,9 @@ class Simulation(Stepping):
         self.require_open()
         self.check()
         position, velocity = self._download()
-        self._note_waiting(position)
+        self._note_active(position)
         inverse_mass = self.body.inverse_mass.copy()
-        arrays = {array.name: array.download(self) for array in self.state_arrays}
+        arrays = {field.name: one._download_field(field) for field, one in self.state_fields}
         return State(position, velocity, inverse_mass, self.time, self.step, clock=self._clock, **arrays)
 
     def load(self, state: State) -> None:
@@ -150,21 +164,16 @@ class Simulation(Stepping):
         """
         self.require_open()
         arrays, inverse_mass = checked_arrays(state, self.body.position.shape, self.options.precision)
-        self._note_waiting(arrays["position"])
-        known = self._body_at(float(state.time)).inverse_mass
-        # as on every reset, where comparing millions takes a while; of fluids, positions mark inactive particles
-        same = inverse_mass is known or self._flows
-        if not same and not np.allclose(inverse_mass, known, rtol=1e-6, atol=0):
-            self._take_weights(inverse_mass)
-        others = checked_family_arrays(state, self.state_arrays, self.scene, self.real)
+        self._take_masses(arrays["position"], inverse_mass, float(state.time))
+        others = checked_family_arrays(state, self.state_fields)
         self._enter(float(state.time))
         self._set_clock(clock_of(state.clock, int(state.step), float(state.time), self.scene.method.dt))
         if len(self.body.pinned):
             arrays["velocity"] = arrays["velocity"].copy()  # the array may be the caller's
             arrays["velocity"][self.body.pinned] = self._pin_velocity(int(state.step))
         self._upload(arrays["position"], arrays["velocity"])
-        for array in self.state_arrays:
-            array.upload(self, others.get(array.name))
+        for field, one in self.state_fields:
+            one._upload_field(field, others.get(field.name))
         self.step, self.time = int(state.step), self._clock.at(int(state.step), self.scene.method.dt)
         self._put_aside()
 
@@ -184,22 +193,19 @@ class Simulation(Stepping):
         self._record = self._make_record(scene, force, clock)
         self._parameters_changed()
 
-    def _take_weights(self, inverse_mass: np.ndarray) -> None:
-        """Set which bodies are inactive. Raises InputError where anything else differs."""
-        weights = spare.weights(self.scene, self.plan.parts, inverse_mass)
-        self.body = replace(self.body, inverse_mass=weights, pinned=np.flatnonzero(weights == 0))
-        self._weights_changed()
+    def _note_active(self, position: np.ndarray) -> None:
+        """Set the inverse masses of `body` from downloaded positions, in families that mark inactive particles by them."""
 
-    @property
-    def _flows(self) -> bool:
-        """True if emitters or sinks add and remove particles."""
-        return self.scene.flows
+    def _take_masses(self, position: np.ndarray, inverse_mass: np.ndarray, time: float) -> None:
+        """Take the inverse masses of a state at `time` [s]. Raises InputError where they are not possible."""
+        if not self._are_masses_at(inverse_mass, time):
+            raise InputError("inverse_mass differs from the scene's; give the scene the same masses and pins")
 
-    def _note_waiting(self, position: np.ndarray) -> None:
-        """Set the inverse masses of `body` from the positions of a fluid, which mark inactive particles."""
-        if self._flows:
-            fluids = self.scene.fluid_set
-            self.body = replace(self.body, inverse_mass=np.where(fluids.there(position), 1 / fluids.masses, 0.0))
+    def _are_masses_at(self, inverse_mass: np.ndarray, time: float) -> bool:
+        """Return True for the scene's inverse masses at `time` [s]. As on every reset the array itself is compared first:
+        comparing millions of numbers takes a while."""
+        known = self._body_at(time).inverse_mass
+        return inverse_mass is known or np.allclose(inverse_mass, known, rtol=1e-6, atol=0)
 
     def reset(self) -> None:
         """Return to the scene's start."""
@@ -207,9 +213,7 @@ class Simulation(Stepping):
         body = self._first_body
         self.load(State(body.position, body.velocity, body.inverse_mass, 0.0, 0))
 
-    def add_body(
-        self, name: str, origin: Sequence[float] | None = None, velocity: Sequence[float] = spare.STILL
-    ) -> int:
+    def add_body(self, name: str, origin: Sequence[float] | None = None, velocity: Sequence[float] = STILL) -> int:
         """Activate a spare copy of a body.
 
         Parameters
@@ -231,9 +235,7 @@ class Simulation(Stepping):
         SceneError
             There is no such body, or no spare copy is left.
         """
-        number, state = spare.added(self.scene, self.state(), name, origin, velocity)
-        self.load(state)
-        return number
+        raise SceneError("body", name, NO_BODIES)
 
     def remove_body(self, number: int) -> None:
         """Deactivate a copy of a body, which is a spare one from now on.
@@ -248,7 +250,7 @@ class Simulation(Stepping):
         SceneError
             There is no such copy, it is inactive already, or the scene has no spare copies.
         """
-        self.load(spare.removed(self.scene, self.state(), self.plan.parts, number))
+        raise SceneError("body", number, NO_BODIES)
 
     def read(self, name: str, into: Any = None) -> Any:
         """Read an output, which is computed when it is asked for. Does not check for divergence.
@@ -264,6 +266,7 @@ class Simulation(Stepping):
             `deformation` : (clusters, 3, 3), the matrix from rest offsets to goal offsets.
             `plastic` : (clusters, 3, 3), as in State.
             `pressure` : (particles,), Pa, of fluids.
+            `contacts_lost`, ... : numbers of the run, such as those that make it incomplete; `outputs` describes all.
         into : array, optional
             Where to write: a host array, or on a GPU for position and normal anything with `__cuda_array_interface__`.
 
@@ -278,9 +281,23 @@ class Simulation(Stepping):
             The scene has no such output.
         """
         self.require_open()
-        if name not in self.outputs:
+        field = self.fields.get(name)
+        if field is None or field.read is None:
             raise SceneError("read", name, f"must be one of {', '.join(self.outputs)}")
-        return self.outputs[name].read(self, into)
+        return self._read_field(field, into)
+
+    def _read_field(self, field: Field, into: Any) -> Any:
+        """Read a field that is readable; see `Field`, as for the two methods below."""
+        assert field.read is not None
+        return field.read(self, into)
+
+    def _download_field(self, field: Field) -> np.ndarray | None:
+        assert field.download is not None
+        return field.download(self)
+
+    def _upload_field(self, field: Field, array: np.ndarray | None) -> None:
+        assert field.upload is not None
+        field.upload(self, array)
 
     def read_clusters(self) -> tuple[np.ndarray, np.ndarray]:
         """Read rotations and centres of all clusters of bodies at the same instant.
@@ -296,9 +313,7 @@ class Simulation(Stepping):
         SceneError
             The scene has no bodies.
         """
-        if not self.scene.copies:
-            raise SceneError("read", "clusters", "are those of bodies, and this scene has none")
-        return self._read_clusters()
+        raise SceneError("read", "clusters", NO_BODIES)
 
     def set(self, path: str, value: Any) -> None:
         """Change a live field from the next step on.
@@ -321,12 +336,14 @@ class Simulation(Stepping):
         clock = self._clock if scene.method.dt == self.scene.method.dt else Clock(self.step, self.time)
         record = self._make_record(scene, self._poke_force, clock)
         self.check()  # so that a replay never spans a change
-        if self._flows:
-            self._emitter_state = rebased(self.scene, self._emitter_state, self.time)
+        self._before_change()
         self.scene, self._record, self._clock = scene, record, clock
         self.limit = stability_limit(scene)
         self._snapshot_step, self._snapshot_time = self.step, self.time
         self._parameters_changed()
+
+    def _before_change(self) -> None:
+        """Prepare for another scene from the current step on, in families whose state refers to the present one."""
 
     def poke(self, particle: int | None, force: Sequence[float] = ()) -> None:
         """Apply a force to one particle until the next call. Needs `live` to name poke.

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
 
 from softlab.model.base.clock import START, Clock
 from softlab.model.base.errors import InputError
-from softlab.model.core.family import StateArray
+from softlab.model.core.family import Field
 from softlab.model.core.options import PRECISIONS
-from softlab.model.scene.scene import Scene
+
+FAMILY = {"declared by": "a family"}  # metadata of the attributes that a family declares as a `Field`
 
 
 @dataclass(frozen=True)
@@ -44,10 +45,10 @@ class State:
     inverse_mass: np.ndarray
     time: float
     step: int
-    rotation: np.ndarray | None = None
-    plastic: np.ndarray | None = None
+    rotation: np.ndarray | None = field(default=None, metadata=FAMILY)
+    plastic: np.ndarray | None = field(default=None, metadata=FAMILY)
     clock: Clock = START
-    taps: np.ndarray | None = None
+    taps: np.ndarray | None = field(default=None, metadata=FAMILY)
 
     @property
     def arrays(self) -> dict[str, np.ndarray]:
@@ -56,8 +57,7 @@ class State:
         return {name: array for name, array in values.items() if array is not None}
 
 
-# the fields that a family declares (`StateArray`)
-FAMILY_ARRAYS = tuple(field.name for field in fields(State) if field.default is None)
+FAMILY_ARRAYS = tuple(one.name for one in fields(State) if one.metadata == FAMILY)
 
 
 def checked_arrays(state: State, shape: tuple[int, ...], precision: str) -> tuple[dict[str, np.ndarray], np.ndarray]:
@@ -90,14 +90,16 @@ def checked_arrays(state: State, shape: tuple[int, ...], precision: str) -> tupl
     return arrays, inverse_mass
 
 
-def checked_family_arrays(
-    state: State, declared: Sequence[StateArray], scene: Scene, real: Any
-) -> Mapping[str, np.ndarray]:
-    """Return the arrays of the families in the arithmetic `real`, by name. Raises InputError, also for an array that no
-    family of the scene has.
+def checked_family_arrays(state: State, declared: Sequence[tuple[Field, Any]]) -> Mapping[str, np.ndarray]:
+    """Return the arrays of the families, by name, in the arithmetic of the simulations that have them (`declared`).
+
+    Raises InputError, also for an array that none of them has.
     """
-    checks = {array.name: array.check for array in declared}
-    for name in state.arrays:
-        if name not in checks:
+    known = {one.name: (one.check, simulation) for one, simulation in declared}
+    checked = {}
+    for name, array in state.arrays.items():
+        check, simulation = known.get(name, (None, None))
+        if check is None:
             raise InputError(f"{name}: this scene has no such array; leave it out")
-    return {name: checks[name](scene, array, real) for name, array in state.arrays.items()}
+        checked[name] = check(simulation.scene, array, simulation.real)
+    return checked

@@ -14,13 +14,11 @@ from collections.abc import Mapping
 from dataclasses import replace
 from math import ceil, isqrt
 from numbers import Integral
-from typing import Any
 
 from softlab.model.base.clock import UNSEEN, Clock
 from softlab.model.base.errors import Diverged, SceneError
 from softlab.model.core.backend import Backend
 from softlab.model.core.build import Body, build
-from softlab.model.core.families import family_of
 from softlab.model.core.options import Options
 from softlab.model.core.stability.diagnosis import diagnose
 from softlab.model.core.state import State
@@ -51,6 +49,10 @@ class Releasing(Backend):
     @abstractmethod
     def load(self, state: State) -> None:
         """Continue from a state, see Simulation."""
+
+    @abstractmethod
+    def faults(self) -> dict[str, int]:
+        """Return the counts that make a run incomplete, see Simulation."""
 
     @abstractmethod
     def _apply_poke(self, particle: int, force: tuple[float, ...]) -> None:
@@ -88,7 +90,7 @@ class Releasing(Backend):
             return
         self.require_open()
 
-        poke, count, before = (self._poke_particle, self._poke_force), self.snapshots, lost(self)
+        poke, count, before = (self._poke_particle, self._poke_force), self.snapshots, self.faults()
         options, reason = self.options, self.threads_reason
         threads = (self.threads,) if self.backend == "cpu" else ()
         self.close()
@@ -103,7 +105,7 @@ class Releasing(Backend):
             self._entering = False
         self.snapshots, self.threads_reason = count, reason
         self._apply_poke(*poke)
-        self.lost_when_opened = {name: now - before.get(name, 0) for name, now in lost_so_far(self).items()}
+        self.lost_when_opened = {name: now - before.get(name, 0) for name, now in self.faults().items()}
 
 
 class Stepping(Releasing):
@@ -208,18 +210,3 @@ class Stepping(Releasing):
         """
         self._restore()
         self.step, self.time = self._snapshot_step, self._snapshot_time
-
-
-def lost(simulation: Any) -> dict[str, int]:
-    """Return `contacts_lost`, and `neighbours_lost` of fluids, since the simulation was opened.
-
-    They did not fit into lists of fixed length; a world has the sum of its members. {} where the scene has no contacts.
-    """
-    before = getattr(simulation, "lost_when_opened", {})
-    return {name: count - before.get(name, 0) for name, count in lost_so_far(simulation).items()}
-
-
-def lost_so_far(simulation: Any) -> dict[str, int]:
-    """Return the counts of `lost` including the step that compiled the kernels, in which all particles may lie in one
-    place."""
-    return family_of(simulation.scene).lost(simulation)

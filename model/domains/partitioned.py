@@ -65,8 +65,7 @@ class PartitionedBodies(WindowedSimulation):
     def _window_scene(self, scene: Scene, some: Any) -> Scene:
         """Return the `scene` with `some` in place of all its bodies, whose step is a substep of it."""
         window = scene.stepped(dt=scene.method.dt / scene.method.substeps, substeps=1)
-        vars(window).update({"grid": some, self.partitions.mesh.attribute: some})
-        return window
+        return window.with_particles(self.partitions.mesh.attribute, some)
 
     # ------------------------------------------------------------------ methods of Simulation
 
@@ -85,13 +84,6 @@ class PartitionedBodies(WindowedSimulation):
                 window.scene = self._window_scene(self.scene, window.scene.grid)
             here = np.flatnonzero(part.particles == self._poke_particle)
             self._hand_on(window, int(here[0]) if len(here) else -1)
-
-        self._each(send, self.local)
-
-    def _weights_changed(self) -> None:
-        def send(window: Any, part: Part) -> None:
-            window.body = some_of(self.body, part.particles)
-            window._weights_changed()
 
         self._each(send, self.local)
 

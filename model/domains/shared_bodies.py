@@ -11,10 +11,12 @@ import numpy as np
 from softlab.model.base.errors import SceneError
 from softlab.model.core.build import some_of
 from softlab.model.core.families import family_of, scene_plan
+from softlab.model.core.family import Field, written
 from softlab.model.core.options import Options
 from softlab.model.core.sharing.bodies import Apart, Block, Division, divide
 from softlab.model.domains.windows import WindowedSimulation, refuse_targets
 from softlab.model.scene.scene import Scene
+from softlab.model.shape_matching.simulation import BodiesSimulation
 
 TURN = 64  # steps requested of one GPU before the next one: a full queue blocks the caller
 
@@ -46,7 +48,7 @@ def bodies_of(scene: Scene) -> Apart:
     return apart(scene)
 
 
-class SharedBodies(WindowedSimulation):
+class SharedBodies(BodiesSimulation, WindowedSimulation):
     """A simulation in windows of whole bodies, see model/domains/windows.py.
 
     `windows` are those of the blocks `local`. In `exact` math the bits are those of a single simulation.
@@ -64,7 +66,9 @@ class SharedBodies(WindowedSimulation):
         parts = []
         for block in self.local:
             some = self._apart.some(block.first, block.end)
-            parts.append((self._apart.scene(scene, some), options, some_of(self.body, block.particles)))
+            parts.append(
+                (scene.with_particles(self._apart.attribute, some), options, some_of(self.body, block.particles))
+            )
         self._open_windows(division.count, parts)
 
     def _gathered(self, arrays: Sequence[np.ndarray]) -> np.ndarray:
@@ -73,12 +77,11 @@ class SharedBodies(WindowedSimulation):
         row = owned.shape[1:]
         return self.exchange.gather(owned.reshape(len(owned), prod(row))).reshape(-1, *row)
 
-    def _by_cluster(self, arrays: Sequence[np.ndarray], loose: bool = False) -> np.ndarray:
-        """Return rows of clusters in the order of the scene's; `loose`: only of those, which come first everywhere."""
+    def _by_cluster(self, arrays: Sequence[np.ndarray]) -> np.ndarray:
+        """Return rows of clusters in the order of the scene's."""
         gathered = self._gathered(arrays)
-        places = self._clusters[self._clusters < len(gathered)] if loose else self._clusters
         whole = np.empty_like(gathered)
-        whole[places] = gathered
+        whole[self._clusters] = gathered
         return whole
 
     # ------------------------------------------------------------------ methods of Simulation
@@ -93,7 +96,7 @@ class SharedBodies(WindowedSimulation):
 
         def send(window: Any, block: Block) -> None:
             if changed:
-                window.scene = self._apart.scene(self.scene, window.scene.grid)
+                window.scene = self.scene.with_particles(self._apart.attribute, window.scene.grid)
             here = block.first_particle <= self._poke_particle < block.end_particle
             self._hand_on(window, self._poke_particle - block.first_particle if here else -1)
 
@@ -117,35 +120,24 @@ class SharedBodies(WindowedSimulation):
 
         self._each(send, self.local)
 
-    def _download_rotation(self) -> np.ndarray | None:
-        rotations = self._each(lambda window: window._download_rotation())
-        return None if rotations[0] is None else self._by_cluster(rotations)
+    def _read_field(self, field: Field, into: Any) -> Any:
+        if field.rows != "clusters":
+            return super()._read_field(field, into)
+        return written(self._by_cluster(self._each(lambda window: window._read_field(field, None))), into)
 
-    def _upload_rotation(self, rotation: np.ndarray | None) -> None:
+    def _download_field(self, field: Field) -> np.ndarray | None:
+        arrays = self._each(lambda window: window._download_field(field))
+        return None if arrays[0] is None else self._by_cluster(arrays)
+
+    def _upload_field(self, field: Field, array: np.ndarray | None) -> None:
         self._each(
-            lambda window, clusters: window._upload_rotation(None if rotation is None else rotation[clusters]),
+            lambda window, clusters: window._upload_field(field, None if array is None else array[clusters]),
             self._local_clusters,
         )
-
-    def _download_plastic(self) -> np.ndarray | None:
-        if "plastic" not in self.plan.parts:
-            return None
-        plastic = self._each(lambda window: window._download_plastic())
-        empty = np.zeros((0, 3, 3), self.real)  # for a block of lattices only, which do not creep
-        return self._by_cluster([empty if one is None else one for one in plastic], loose=True)
-
-    def _upload_plastic(self, plastic: np.ndarray | None) -> None:
-        def send(window: Any, clusters: np.ndarray) -> None:
-            window._upload_plastic(None if plastic is None else plastic[clusters[clusters < len(plastic)]])
-
-        self._each(send, self._local_clusters)
 
     def _read_clusters(self) -> tuple[np.ndarray, np.ndarray]:
         both = self._each(lambda window: window._read_clusters())
         return self._by_cluster([one for one, _ in both]), self._by_cluster([one for _, one in both])
-
-    def _read_deformation(self) -> np.ndarray:
-        return self._by_cluster(self._each(lambda window: window._read_deformation()))
 
     def _pin_velocity(self, step: int) -> Any:
         """Return the velocity of the pins in this process's blocks; other processes compute those of theirs."""

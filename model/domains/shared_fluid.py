@@ -13,6 +13,7 @@ from softlab.model.core.families import scene_plan
 from softlab.model.core.options import Options, unknown_kernel
 from softlab.model.domains.slabs import Slabs, fluid_halo_of, slabs_of
 from softlab.model.domains.windows import WindowedSimulation
+from softlab.model.fluid.simulation import FluidSimulation
 from softlab.model.scene.scene import Scene
 
 BALANCED_EVERY = 64  # steps
@@ -20,7 +21,7 @@ NOTHING = np.zeros(0, np.uint8)
 PREDICTED, LAST = "predict", "limit velocities"  # stages: the bounding box is joined, owners send
 
 
-class SharedFluid(WindowedSimulation):
+class SharedFluid(FluidSimulation, WindowedSimulation):
     """A simulation in windows of slabs, see model/domains/windows.py.
 
     `windows` are those of the slabs `local`; `slabs`: the current ones. In `exact` math the bits are those of a single
@@ -176,18 +177,6 @@ class SharedFluid(WindowedSimulation):
             for owned, (number, _) in zip(self._owned, self._each(lambda window: window.particles()), strict=True)
         ]
         return self.exchange.gather(np.array(counts, np.float64)).astype(np.int64)
-
-    @property
-    def contacts_lost(self) -> int:
-        """Lost neighbours as in a single simulation, but those of particles in several windows count several times."""
-        counts = self._each(lambda window: float(window.contacts_lost))
-        return int(self.exchange.gather(np.array(counts).reshape(-1, 1)).sum())
-
-    @property
-    def speed_limited(self) -> int:
-        """Speed-limited particles as in a single simulation, but particles in several windows count several times."""
-        counts = self._each(lambda window: float(window.speed_limited))
-        return int(self.exchange.gather(np.array(counts).reshape(-1, 1)).sum())
 
 
 def _packed(number: np.ndarray, values: np.ndarray) -> np.ndarray:

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
+from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from softlab.model.base.errors import SceneError
-from softlab.model.core.build import Body, use_body
+from softlab.model.core.build import Body
+from softlab.model.core.family import Field, written
 from softlab.model.core.options import Options
 from softlab.model.core.simulation import Simulation
 from softlab.model.domains.exchange import Exchange
@@ -40,8 +44,8 @@ class WindowedSimulation(Simulation):
         self.windows = []
         try:
             for place, (scene, options, body) in enumerate(parts):
-                with self._at(place), use_body(body):
-                    window = self._open(place, scene, options)
+                with self._at(place):
+                    window = self._open(place, scene, replace(options, body=body))
                     window._bound, window._centre = self._bound, self._centre
                     self.windows.append(window)
             self.kernel, self.threads = self.windows[0].kernel, self.windows[0].threads
@@ -117,6 +121,15 @@ class WindowedSimulation(Simulation):
         """Return for each window of this process the global number of its first diverged particle, or -1."""
         bad_of_each = self._each(lambda window: window._first_diverged())
         return [bad if bad < 0 else first + bad for first, bad in zip(self.firsts, bad_of_each, strict=True)]
+
+    def _read_field(self, field: Field, into: Any) -> Any:
+        """Return a number of the run as the sum over all windows: of a fluid, particles in several count several
+        times."""
+        if field.rows != "one":
+            return super()._read_field(field, into)
+        counts = self._each(lambda window: float(window._read_field(field, None)))
+        total = int(self.exchange.gather(np.array(counts).reshape(-1, 1)).sum())
+        return written(total - self.lost_when_opened.get(field.name, 0), into)
 
     def synchronize(self) -> None:
         self._each(lambda window: window.synchronize())

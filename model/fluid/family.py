@@ -3,26 +3,19 @@
 from __future__ import annotations
 
 from math import hypot, inf, sqrt
-from typing import Any
 
-import numpy as np
-
-from softlab.model.base.errors import InputError
-from softlab.model.core.family import STRAIN, Output, SolverFamily, StateArray, on_host
+from softlab.model.core.family import SolverFamily
 from softlab.model.core.stability.laws import RESTS
+from softlab.model.fluid.fields import of_fluids
 from softlab.model.fluid.halo import fluid_halo
-from softlab.model.fluid.measure import density_errors, pressures
+from softlab.model.fluid.measure import density_errors
 from softlab.model.fluid.parameters import fluid_record, highest_viscosity, speed_limit
 from softlab.model.fluid.plan import fluid_plan
-from softlab.model.fluid.speeds import expected_speeds
+from softlab.model.fluid.shear import shear_lines
+from softlab.model.fluid.speeds import expected_speeds, speed_lines
 from softlab.model.scene.scene import Scene
 from softlab.model.tables.cloth import COLLIDER_KINDS
-from softlab.model.tables.flow import initial_emitter_state
 
-PRESSURE = Output(
-    "pressure", "(particles,)", "Pa", "pressure from the pairs of particles",
-    on_host(lambda simulation: pressures(simulation.scene, simulation._download()[0], simulation._multipliers())),
-)  # fmt: skip
 SPRINGS = 0.09  # u h / (d sqrt(iterations)) above which the averaged scheme throws drops of the speed u back
 
 
@@ -94,28 +87,10 @@ def fluid_note(scene: Scene) -> str:
     return note
 
 
-def _check_taps(scene: Scene, taps: Any, real: Any) -> np.ndarray:
-    """Return emitter states, (emitters, 2) float64."""
-    array, shape = np.array(taps, np.float64), (len(scene.emitters), 2)
-    if array.shape != shape or not np.isfinite(array).all():
-        raise InputError(f"taps has shape {array.shape}, this scene needs {shape}, of finite numbers")
-    return array
+def fluid_warnings(scene: Scene) -> list[str]:
+    """Return lines on fluids, also those of a world, that are too fast for their substeps, or whose lattice resists shear."""
+    return speed_lines(scene) + shear_lines(scene)
 
-
-def _upload_taps(simulation: Any, taps: np.ndarray | None) -> None:
-    """Set the emitter states; None: those of the scene's start."""
-    taps = initial_emitter_state(simulation.scene) if taps is None else taps
-    if not np.array_equal(taps, simulation._emitter_state):
-        simulation._emitter_state = taps
-        simulation._parameters_changed()
-
-
-TAPS = StateArray(
-    "taps",
-    _check_taps,
-    lambda simulation: simulation._emitter_state.copy() if len(simulation._emitter_state) else None,
-    _upload_taps,
-)
 
 FLUID = SolverFamily(
     name="fluid",
@@ -133,10 +108,9 @@ FLUID = SolverFamily(
     solvers={"cpu": "softlab.cpu_backend.fluid.solver:Fluid", "gpu": "softlab.gpu_backend.fluid.solver:Fluid"},
     passes={"cpu": "softlab.app.plan.fluid:fluid_on_cpu", "gpu": "softlab.app.plan.fluid_gpu:fluid_on_gpu"},
     reference="softlab.bench.reference.fluid",
-    outputs=lambda scene: (STRAIN, PRESSURE),
-    state_arrays=(TAPS,),
+    warnings=fluid_warnings,
+    fields=of_fluids,
     presentation="softlab.app.families.fluid:FLUID",
     halo=fluid_halo,
-    lost=lambda simulation: {"neighbours_lost": int(simulation.contacts_lost)},
     unknown="a fluid's particles have no converged reference; the density error is reported instead",
 )

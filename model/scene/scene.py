@@ -18,11 +18,12 @@ from softlab.model.base.words import suggestion
 from softlab.model.scene.checks.fit import check_fit
 from softlab.model.scene.checks.releases import check_releases, tables_without
 from softlab.model.scene.checks.solver import check_solver
+from softlab.model.scene.defaults import take_method_defaults
 from softlab.model.scene.reader import scene_tables
 from softlab.model.scene.resting import take_resting_defaults
 from softlab.model.scene.scene_parts import SceneParts
 from softlab.model.tables.kinds import KINDS, REMOVED, SEVERAL, SHEETS
-from softlab.model.tables.method import FIELDS_OF_SOLVER, Method
+from softlab.model.tables.method import FIELDS_OF_SOLVER
 from softlab.model.tables.motion import RELEASE, Release
 from softlab.model.tables.parts import CAMERA, CameraPart
 from softlab.model.tables.tank import TANK, Tank
@@ -74,9 +75,8 @@ class Scene(SceneParts):
                 "or bodies: soft_body, soft_sheet, soft_lattice, rigid_body, or tetrahedral_body, or fluid",
             )
         check_releases(self)
+        take_method_defaults(self)
         check_fit(self)
-        if self.one("method") is None:
-            self.parts["method"], self.kinds["method"] = Method(), "method"
         check_solver(self)
         if not self.is_world:
             take_resting_defaults(self)
@@ -137,6 +137,15 @@ class Scene(SceneParts):
         method = self.name_of("method")
         changed.parts = self.parts | {method: self.method.model_copy(update=fields)}
         changed.derived = self.derived | {method: self.derived.get(method, frozenset()) - fields.keys()}
+        return changed
+
+    def with_particles(self, attribute: str, particles: Any) -> Scene:
+        """Return this scene with other `particles` in place of those of its `attribute` (`body_set`, ...), all its bodies.
+
+        The rest is the same, the mass unit included, and nothing is validated again.
+        """
+        changed = copy(self)
+        changed.__dict__.update({"grid": particles, attribute: particles})
         return changed
 
     def replace(self, changes: Mapping[str, Any]) -> Scene:

@@ -151,13 +151,14 @@ class SceneParts:
         """Return the part of a kind that occurs at most once, or None."""
         return next((self.parts[name] for name, known in self.kinds.items() if known == kind), None)
 
-    def name_of(self, kind: str, default: str = "") -> str:
-        """Return the name of the scene's first part of this kind; `default` where it has none."""
-        return next(iter(self.all_of(kind)), default)
+    def value(self, path: str, default: Any = None) -> Any:
+        """Return the value of the field `part.field`; `default` where there is none."""
+        name, _, field = path.partition(".")
+        return getattr(self.parts.get(name), field, default)
 
-    def sheet_name(self) -> str:
-        """Return the name of the scene's first grid or cloth; `grid` where it has none."""
-        return next(iter(self.all_of("grid", "cloth")), "grid")
+    def name_of(self, *kinds: str, default: str = "") -> str:
+        """Return the name of the scene's first part of these kinds; `default` where it has none."""
+        return next(iter(self.all_of(*kinds)), default)
 
     def refuse(self, kinds: Collection[str], why: str) -> None:
         """Raise SceneError for the first part of one of the `kinds`."""

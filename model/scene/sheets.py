@@ -16,12 +16,13 @@ MANY_EDGES = 256  # at a vertex: each costs a barrier of threads or a launch per
 
 def mesh_lines(scene: Scene) -> list[str]:
     """Return the lines on a mesh from a file: sizes, and all repairs."""
-    if scene.mesh is None or scene.mesh.file is None:
+    part = scene.mesh
+    if part is None or part.file is None:
         return []
-    mesh = mesh_of(scene.mesh)
+    mesh = mesh_of(part)
     lines = mesh.lines()
-    if scene.mesh.pinned == "top":
-        pins = len(pinned_vertices(scene.mesh))
+    if part.pinned == "top":
+        pins = len(pinned_vertices(part))
         hangs = "; list vertices to hold more" if pins < FEW_PINS else ""
         lines.append(f'pinned = "top" holds {pins} of {len(mesh.position)} vertices, the highest{hangs}')
     meeting = np.bincount(mesh.edges.edges.ravel())
@@ -32,7 +33,7 @@ def mesh_lines(scene: Scene) -> list[str]:
             f"{meeting[hub]} edges meet at vertex {hub} (counted from 0, at ({x}, {y}, {z})): each is projected after the "
             f"other, which is slow on a GPU and on several threads; {RINGS}"
         )
-    return [f"{Path(scene.mesh.file).name}: {line}" for line in lines]
+    return [f"{Path(part.file).name}: {line}" for line in lines]
 
 
 def rest_lines(scene: Scene) -> list[str]:

@@ -16,7 +16,7 @@ from softlab.model.scene.checks.solver import MATCHED
 from softlab.model.scene.scene import Scene
 from softlab.model.shape_matching.apart import bodies_apart
 from softlab.model.shape_matching.energy import goal_strain, window_energy
-from softlab.model.shape_matching.outputs import STATE_ARRAYS, of_bodies
+from softlab.model.shape_matching.fields import of_bodies
 from softlab.model.shape_matching.plan import body_plan, window_plan
 
 
@@ -63,14 +63,12 @@ BODIES = replace(
     limited_by_net=False,
     stored=_stored_in_bodies,
     strain=lambda scene, position, kind, arrays: goal_strain(scene, position, arrays.get("plastic")),
-    state_arrays=STATE_ARRAYS,
     spring_count=lambda scene: 0,
     solvers={backend: f"softlab.{backend}_backend.shape_matching.solver:Bodies" for backend in ("cpu", "gpu")},
     passes={"cpu": "softlab.app.plan.xpbd:bodies_on_cpu", "gpu": "softlab.app.plan.xpbd:bodies_on_gpu"},
     clusters={},
-    outputs=of_bodies,
+    fields=of_bodies,
     apart=bodies_apart,
-    lost=lambda simulation: {"contacts_lost": int(simulation.contacts_lost)} if simulation.scene.contact else {},
     unknown="shape-matching bodies have no converged reference: clusters are their material; softlab bar compares it with "
     "closed forms, softlab throughput measures its speed",
 )

@@ -10,7 +10,7 @@ from pydantic import field_validator, model_validator
 
 from softlab.model.base.table import Count, Part, Positive
 from softlab.model.geometry.normals import mesh_normals
-from softlab.model.geometry.topology import describe, mesh_of
+from softlab.model.geometry.topology import describe, mesh_of, vertex_masses
 from softlab.model.tables.cloth import Cloth
 from softlab.model.tables.mesh_source import OF_FILES
 from softlab.model.tables.parts import Grid
@@ -87,6 +87,10 @@ class Mesh(Cloth):
     def triangles(self) -> np.ndarray:
         """Return the triangles, (triangles, 3) uint32, as in the file."""
         return mesh_of(self).triangles.astype(np.uint32)
+
+    def masses_by_area(self) -> np.ndarray | None:
+        """Return the masses of the vertices by `density`, see Grid."""
+        return None if self.density is None else vertex_masses(self)
 
     def normals(self, position: np.ndarray) -> np.ndarray:
         """Return the unit normals of the vertices at `position` (particles, 3), (particles, 3) float64."""

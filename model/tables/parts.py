@@ -72,6 +72,10 @@ class Grid(Part):
         """Return the triangles, (triangles, 3) uint32, counter-clockwise from the front."""
         return sheet_triangles(self.rows, self.columns)
 
+    def masses_by_area(self) -> np.ndarray | None:
+        """Return the mass [kg] of each particle by the area around it, (particles,) float64; None where all have `mass`."""
+        return None
+
     def normals(self, position: np.ndarray) -> np.ndarray:
         """Return the unit normals of the masses at `position` (particles, 3), (particles, 3) float64."""
         return vertex_normals(position, self.rows, self.columns)

@@ -19,6 +19,8 @@ from softlab.model.tables.cloth import COLLIDER_KINDS, CONSTRAINT_KINDS
 from softlab.model.tables.motion import RELEASE
 from softlab.model.tetrahedra.apart import tetrahedra_apart
 from softlab.model.tetrahedra.constraints import CONSTANTS, constraint_sets, tetrahedra_plan, through_note
+from softlab.model.tetrahedra.contact_sag import sag_lines
+from softlab.model.tetrahedra.damping_load import damping_lines
 from softlab.model.tetrahedra.material import energies
 from softlab.model.tetrahedra.partitions import tetrahedra_partitions
 
@@ -72,6 +74,7 @@ TETRAHEDRA = SolverFamily(
     limit=projection_limit,
     limited_by_net=False,
     note=lambda scene: projection_note(scene) + through_note(scene),
+    warnings=lambda scene: damping_lines(scene) + sag_lines(scene),
     stored=_stored,
     strain=_strain,
     spring_count=lambda scene: sum(len(one.corners) for one in constraint_sets(scene) if one.kind != KIND),

@@ -19,13 +19,14 @@ import numpy as np
 from softlab.model.base.clock import START, Clock
 from softlab.model.base.errors import SceneError
 from softlab.model.contact.substep_parameters import XPBD_FIELDS, xpbd_values
+from softlab.model.core.family import Field, counter
 from softlab.model.core.own_forces import own_forces
 from softlab.model.core.parameters import rounded_record
 from softlab.model.core.plan import Node, Plan, Stage
 from softlab.model.core.stability.projection import projection_limit, with_limit
 from softlab.model.formulas import colliders, distance
 from softlab.model.formulas.constraints.tetrahedron import MATERIALS
-from softlab.model.formulas.elastic import deformation, stages, tangent
+from softlab.model.formulas.elastic import deformation, newton, stages, tangent
 from softlab.model.geometry.arithmetic.ordered import total
 from softlab.model.particles.tetrahedra_set import TetrahedraSet
 from softlab.model.position_based.mesh_plan import PINS, with_friction_in_place
@@ -171,6 +172,28 @@ def newton_note(scene: Scene) -> str:
     return with_limit(scene, text) + through_note(scene)
 
 
+def _per_solve(name: str, place: int, doc: str) -> Field:
+    """Return the mean number per solve (a substep is one, of second order two) of what is counted at a `place` in
+    `done`."""
+
+    def count(simulation: Any) -> float:
+        done = simulation.done
+        return float(done[place] / max(done[newton.SOLVES], 1))
+
+    return counter(name, f"{doc} per solve", count)
+
+
+PER_SOLVE = (
+    _per_solve("matrices", newton.MATRICES, "matrices"),
+    _per_solve("newton_steps", newton.STEPS, "steps of Newton's method"),
+    _per_solve("matrix_products", newton.PRODUCTS, "products with the matrix"),
+)
+
+
+def _fields(scene: Scene) -> tuple[Field, ...]:
+    return *TETRAHEDRA.fields(scene), *PER_SOLVE
+
+
 TETRAHEDRA_NEWTON = replace(
     TETRAHEDRA,
     name="tetrahedral body, implicit",
@@ -185,6 +208,7 @@ TETRAHEDRA_NEWTON = replace(
     },
     passes={"cpu": "softlab.app.plan.mesh:newton_on_cpu", "gpu": "softlab.app.plan.mesh:newton_on_gpu"},
     reference="softlab.bench.reference.tetrahedra_newton",
+    fields=_fields,
     apart=none_apart,
     partitions=none_apart,
 )

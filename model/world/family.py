@@ -9,14 +9,22 @@ from typing import Any
 import numpy as np
 
 from softlab.model.base.clock import START, Clock
-from softlab.model.core.family import Arrays, SolverFamily, contacts_lost, of_springs
+from softlab.model.core.family import (
+    CONTACTS_LOST,
+    Arrays,
+    Field,
+    SolverFamily,
+    counter,
+    fault,
+    of_springs,
+    surface_contacts_lost,
+)
 from softlab.model.core.parameters import rounded_record
 from softlab.model.core.plan import Plan
-from softlab.model.fluid.family import FLUID, fluid_note
+from softlab.model.fluid.family import FLUID, fluid_note, fluid_warnings
 from softlab.model.fluid.plan import fluid_plan
 from softlab.model.scene.scene import Scene
 from softlab.model.shape_matching.family import BODIES
-from softlab.model.shape_matching.outputs import of_bodies
 from softlab.model.tetrahedra.family import TETRAHEDRA
 from softlab.model.tetrahedra.vbd import TETRAHEDRA_VBD
 from softlab.model.world.plan import coupled, world_plan
@@ -80,14 +88,24 @@ def _strain(scene: Scene, position: np.ndarray, kind: str, arrays: Arrays) -> np
     return np.concatenate(strains)
 
 
-def _lost(simulation: Any) -> dict[str, int]:
-    """Return the sums over contacts between members and those of each member."""
-    found = contacts_lost(simulation)
-    members = _members(simulation.scene)
-    for name, member in getattr(simulation, "members", {}).items():
-        for what, count in members[name][0].lost(member).items():
-            found[what] = found.get(what, 0) + count
-    return found
+def _fields(scene: Scene) -> tuple[Field, ...]:
+    """Return the fields of a world: those of its surfaces, and the numbers of its members, added up."""
+    numbers = {}
+    for family, member in _members(scene).values():
+        numbers |= {field.name: field for field in family.fields(member) if field.rows == "one"}
+    direct = {field.name: field for field in of_springs(scene)}
+    return tuple((direct | {name: _added(field) for name, field in numbers.items()}).values())
+
+
+def _added(number: Field) -> Field:
+    """Return a number of members as one of the world's, which may have contacts of surfaces between members."""
+
+    def total(simulation: Any) -> int:
+        between = surface_contacts_lost(simulation) if number.name == CONTACTS_LOST.name else 0
+        members = simulation.members.values()
+        return between + sum(member.read(number.name) for member in members if number.name in member.fields)
+
+    return (fault if number.fault else counter)(number.name, number.doc, total)
 
 
 WORLD = SolverFamily(
@@ -101,6 +119,7 @@ WORLD = SolverFamily(
     limit=_limit,
     limited_by_net=False,
     note=_note,
+    warnings=fluid_warnings,
     stored=_stored,
     strain=_strain,
     spring_count=lambda scene: sum(family.spring_count(member) for family, member in _members(scene).values()),
@@ -108,7 +127,6 @@ WORLD = SolverFamily(
     passes={"cpu": "softlab.app.plan.world:world_on_cpu", "gpu": "softlab.app.plan.world:world_on_gpu"},
     reference="softlab.bench.reference.world",
     presentation="softlab.app.families.world:WORLD",
-    lost=_lost,
-    outputs=lambda scene: of_bodies(scene) if scene.bodies else of_springs(scene),
+    fields=_fields,
     unknown="a world of several families has no converged reference",
 )

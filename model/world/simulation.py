@@ -4,6 +4,7 @@ involve all of them: states, energies, pokes, live changes."""
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
 
@@ -11,7 +12,7 @@ import numpy as np
 
 from softlab.model.base.clock import Clock
 from softlab.model.base.errors import InputError
-from softlab.model.core.family import StateArray
+from softlab.model.core.family import Field
 from softlab.model.core.plan import StageRun
 from softlab.model.core.simulation import Options, Simulation
 from softlab.model.core.state import State, checked_arrays, checked_family_arrays
@@ -99,15 +100,15 @@ class WorldSimulation(Simulation):
         time = float(state.time)
         if not np.allclose(inverse_mass, self._body_at(time).inverse_mass, rtol=1e-6, atol=0):
             raise InputError("inverse_mass differs from the scene's; give the scene the same masses and pins")
-        others = checked_family_arrays(state, self.state_arrays, self.scene, self.real)
+        others = checked_family_arrays(state, self.state_fields)
         self._enter(time)
         for name, member in self.members.items():
             place = self.slices[name]
-            names = [array.name for array in member.state_arrays]
+            of_member = {field.name: others.get(field.name) for field, _ in member.state_fields}
             member.load(
                 State(
                     arrays["position"][place], arrays["velocity"][place], inverse_mass[place], state.time, state.step,
-                    clock=state.clock, **{name: others.get(name) for name in names},
+                    clock=state.clock, **of_member,
                 )
             )  # fmt: skip
         first = next(iter(self.members.values()))
@@ -125,9 +126,9 @@ class WorldSimulation(Simulation):
             member._upload(position[self.slices[name]], velocity[self.slices[name]])
 
     @cached_property
-    def state_arrays(self) -> tuple[StateArray, ...]:
+    def state_fields(self) -> Sequence[tuple[Field, Simulation]]:
         """The arrays of all members."""
-        return tuple(array.of(member) for member in self.members.values() for array in member.state_arrays)
+        return [pair for member in self.members.values() for pair in member.state_fields]
 
     # ------------------------------------------------------------------ other methods of Simulation
 

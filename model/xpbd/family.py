@@ -66,6 +66,7 @@ SHEET = SolverFamily(
 MESH = replace(
     SHEET,
     name="position-based mesh",
+    presentation="softlab.app.families.sheets:MESH",
     knows=ANY_SHEET | {"mesh", "wind", "attachments", *COLLIDER_KINDS, *CONSTRAINT_KINDS} - {"shear"},
     accepts=lambda scene: scene.mesh is not None and not scene.tetrahedra,
     plan=xpbd_mesh_plan,

@@ -25,7 +25,6 @@ from softlab.bench.store.marks import is_wrong
 from softlab.model.base.errors import Diverged
 from softlab.model.contact.shortfalls import FAULTS, Elements, can_fall_short, caught_in, inverted
 from softlab.model.core.simulation import State
-from softlab.model.core.stepping import lost
 from softlab.model.scene.scene import Scene, load_scene
 
 BOX = {"kind": "tetrahedral_body", "shape": {"name": "box", "sides": [0.2, 0.1, 0.1]}, "edge": 0.1}
@@ -112,10 +111,10 @@ def test_neighbours_of_a_fluid_that_are_lost_end_a_run_as_incomplete() -> None:
     with open_simulation(scene, threads=1) as simulation:
         state = simulation.state()
         crowd = State(0.01 * state.position, state.velocity, state.inverse_mass, 0.0, 0)
-        assert lost(simulation) == {"neighbours_lost": 0} and incomplete(simulation) == []
+        assert simulation.faults() == {"neighbours_lost": 0} and incomplete(simulation) == []
         subject = Subject(simulation, "crowd", start=crowd, steps=1)
         sample = subject.sample(Neighbours())
-        assert lost(simulation)["neighbours_lost"] > 0
+        assert simulation.faults()["neighbours_lost"] > 0
     assert sample.suspect and is_wrong(sample.suspect) and "incomplete: " in sample.suspect
     assert "neighbours lost" in sample.suspect
 

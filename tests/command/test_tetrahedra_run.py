@@ -14,8 +14,8 @@ from tetrahedra_scenes import tetrahedra_scene
 
 from softlab.app.command.run_parts import newton_notes
 from softlab.app.command.scene_file import scene_toml
-from softlab.app.families.tetrahedra import newton_report
 from softlab.app.output.files import read_state
+from softlab.model.tetrahedra.newton import PER_SOLVE
 
 
 def test_the_strain_is_of_the_edge_that_is_stretched_most(command: Any, tmp_path: Path) -> None:  # noqa: F811
@@ -44,6 +44,6 @@ def test_the_strain_is_of_the_edge_that_is_stretched_most(command: Any, tmp_path
 def test_a_solver_that_finds_no_step_says_so(done: tuple[int, ...], told: bool) -> None:
     """(solves, looks, matrices, products, steps), of one that its matrices are no numbers of, and of others."""
     simulation: Any = SimpleNamespace(done=np.array(done))
-    report = newton_report(simulation)
+    report = {field.name: field.read(simulation, None) for field in PER_SOLVE if field.read}
     assert report["newton_steps"] == pytest.approx(done[4] / done[0])
     assert bool(newton_notes(report)) == told and newton_notes({}) == []

@@ -11,7 +11,7 @@ from softlab.app.window.live import live_fields, live_parts
 from softlab.app.window.materials import material_at
 from softlab.app.window.measures import Statistics
 from softlab.app.window.panel.history import LENGTH, History
-from softlab.app.window.panel.parameters import parameters_of, value_of
+from softlab.app.window.panel.parameters import parameters_of
 from softlab.app.window.panel.sliders import fraction_of, rounded
 from softlab.model.core.options import LIVE_PATHS
 from softlab.model.scene.reader import catalogue
@@ -27,7 +27,7 @@ def test_every_field_of_the_catalogue_has_a_range_that_holds_it(name: str) -> No
     paths = [one.path for one in found]
     assert len(paths) == len(set(paths)) and "method.dt" in paths
     for one in found:
-        value = value_of(scene, one.path)
+        value = scene.value(one.path)
         assert one.live == (not one.why), one.path
         if one.kind in ("number", "whole"):
             assert one.low < one.high and one.low <= value <= one.high and math.isfinite(one.high), one

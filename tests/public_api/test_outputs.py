@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,9 @@ import pytest
 
 from softlab.app.driver import open_simulation
 from softlab.model.base.errors import SceneError
-from softlab.model.core.family import Output, on_host
+from softlab.model.core.families import family_of
+from softlab.model.core.family import Field
+from softlab.model.core.state import FAMILY_ARRAYS
 from softlab.model.fluid.family import FLUID
 from softlab.model.scene.scene import Scene
 
@@ -32,23 +35,24 @@ SCENES: dict[str, dict[str, Any]] = {
     "bodies": {"jelly": JELLY, "method": MATCHING},
     "plastic bodies": {"jelly": {**JELLY, "plastic_creep": 1.0}, "method": MATCHING},
     "tetrahedra": {"beam": BEAM, "method": XPBD},
+    "implicit tetrahedra": {"beam": BEAM, "method": {"solver": "newton", "dt": 0.01}},
     "fluid": {"water": WATER, "method": {"solver": "pbf", "dt": 0.01}},
     "world": {"beam": BEAM, "water": WATER, "method": {**XPBD, "solver": "world"}},
 }
 OWN = {
     "grid": {"strain"}, "cloth": {"strain", "normal"}, "bodies": {"rotation", "centre", "deformation"},
     "plastic bodies": {"rotation", "centre", "deformation", "plastic"}, "tetrahedra": {"strain", "normal"},
-    "fluid": {"strain", "pressure"}, "world": {"strain", "normal"},
+    "fluid": {"strain", "pressure", "neighbours_lost", "speed_limited"},
+    "world": {"strain", "normal", "neighbours_lost", "speed_limited"},
+    "implicit tetrahedra": {"strain", "normal", "matrices", "newton_steps", "matrix_products"},
 }  # fmt: skip
 
 
-def shape_of(output: Output, simulation: Any) -> tuple[int | None, ...]:
-    """Return the shape that the declaration names; None for a number that only the family knows."""
+def shape_of(field: Field, simulation: Any) -> tuple[int | str, ...]:
+    """Return the shape that the declaration names, with the number of rows in words where only the family knows it."""
     particles, dimensions = simulation.body.position.shape
-    known = {"particles": particles, "dimensions": dimensions}
-    return tuple(
-        known.get(word) or (int(word) if word.isdigit() else None) for word in output.shape.strip("(),").split(", ")
-    )
+    rows: tuple[int | str, ...] = (particles,) if field.rows == "particles" else (field.rows,)
+    return (*rows, *(dimensions if side == "dimensions" else side for side in field.shape))
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -56,28 +60,41 @@ def test_each_output_has_its_shape_and_no_other_is_read(name: str) -> None:
     with open_simulation(Scene(SCENES[name]), "cpu") as simulation:
         simulation.advance(1)
         assert set(simulation.outputs) == {"position", "velocity"} | OWN[name]
-        for output in simulation.outputs.values():
-            found = simulation.read(output.name)
-            wanted = shape_of(output, simulation)
-            assert found.ndim == len(wanted) and all(
-                b in (None, a) for a, b in zip(found.shape, wanted, strict=True)
-            ), output
-            into = np.full_like(found, np.nan)
-            assert simulation.read(output.name, into) is into and np.array_equal(into, found)
-            assert output.doc and output.unit
-        for absent in {"pressure", "normal", "rotation", "nonsense"} - set(simulation.outputs):
+        for field in simulation.outputs.values():
+            value = simulation.read(field.name)
+            assert field.doc and field.unit
+            if field.rows == "one":
+                assert isinstance(value, int | float) and value == simulation.counters()[field.name]
+                continue
+            shape = shape_of(field, simulation)
+            assert value.shape == tuple(
+                b if isinstance(b, int) else a for a, b in zip(value.shape, shape, strict=True)
+            ), field
+            into = np.full_like(value, np.nan)
+            assert simulation.read(field.name, into) is into and np.array_equal(into, value)
+        for absent in {"pressure", "normal", "rotation", "taps", "nonsense"} - set(simulation.outputs):
             with pytest.raises(SceneError, match=f"must be one of {', '.join(simulation.outputs)}$"):
                 simulation.read(absent)
 
 
+def test_arrays_of_families_are_attributes_of_a_state() -> None:
+    """Each array of a state that a family declares is one of State's, and the other way round."""
+    emitter = {"kind": "emitter", "fluid": "water", "radius": 0.1}
+    pour = {"water": {**WATER, "capacity": 100}, "tap": emitter, "method": SCENES["fluid"]["method"]}
+    declared = set()
+    for tables in (*SCENES.values(), pour):
+        scene = Scene(tables)
+        declared |= {field.name for field in family_of(scene).fields(scene) if field.is_state}
+    assert declared == set(FAMILY_ARRAYS)
+
+
 def test_an_output_of_ones_own(monkeypatch: pytest.MonkeyPatch) -> None:
-    """As docs/add-a-solver.md adds one: one entry of a family, and `read` returns it."""
-    density = Output(
-        "kinetic_energy_density", "(particles,)", "J/m^3", "kinetic energy over volume at rest",
-        on_host(lambda one: 500.0 * (one.read("velocity").astype(float) ** 2).sum(axis=1)),
-    )  # fmt: skip
-    declared = FLUID.outputs
-    monkeypatch.setitem(vars(FLUID), "outputs", lambda scene: (*declared(scene), density))
+    """The example in docs/add-a-solver.md: one entry of a family, and `read` returns it."""
+    page = (Path(__file__).parents[2] / "docs/add-a-solver.md").read_text(encoding="utf-8")
+    example: dict[str, Any] = {}
+    exec(page.split("## An output")[1].split("```python\n")[1].split("```")[0], example)
+    declared, density = FLUID.fields, example["DENSITY"]
+    monkeypatch.setitem(vars(FLUID), "fields", lambda scene: (*declared(scene), density))
     scene = Scene({"water": WATER, "gravity": {"acceleration": 10.0}, "method": SCENES["fluid"]["method"]})
     with open_simulation(scene, "cpu", precision="float64") as simulation:
         simulation.advance(1)

@@ -13,7 +13,6 @@ import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -42,7 +41,7 @@ class Still(FakeCloth):
     """A solver that moves nothing."""
 
     kernel = "still"
-    contacts_lost, contacts, runs = 0, SimpleNamespace(lost=0), 0
+    runs = 0
 
     def __init__(self, scene: Any, options: Any):
         self.plan = scene_plan(scene, options.live)

@@ -9,17 +9,20 @@ import numpy as np
 from softlab.model.base.errors import SceneError
 from softlab.model.core.families import scene_plan
 from softlab.model.core.plan import Plan
-from softlab.model.core.simulation import Options, Simulation
+from softlab.model.core.simulation import Options
 from softlab.model.scene.scene import Scene
+from softlab.model.shape_matching.simulation import BodiesSimulation
 
 DAMPING = 100.0  # 1/s: a pull that is renewed once a frame of 0.01 s settles, with no neighbours to hold the mass
 
 
-class FakeCloth(Simulation):
+class FakeCloth(BodiesSimulation):
     """Every mass under gravity, the poke and a strong damper. `asked`: the names that were read, in order."""
 
     backend, device, threads, kernel = "cpu", "none", 1, "fake"
     plan: Plan
+    contacts_lost = speed_limited = not_emitted = 0
+    done = (0, 0, 0, 0, 0)  # counters of Newton's method
 
     def __init__(self, scene: Scene, options: Options | None = None):
         super().__init__(scene, options or Options(live=frozenset({"gravity", "poke", "dt"})))
@@ -80,6 +83,9 @@ class FakeCloth(Simulation):
 
     def _download_rotation(self) -> None:
         return None
+
+    def _read_clusters(self) -> tuple[np.ndarray, np.ndarray]:
+        raise NotImplementedError
 
     def _download_plastic(self) -> None:
         return None

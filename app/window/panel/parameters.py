@@ -71,12 +71,6 @@ class Parameter:
         )
 
 
-def value_of(scene: Scene, path: str) -> Any:
-    """Return the current value of a field of a scene, or None if the scene has no such field."""
-    part, _, field = path.partition(".")
-    return getattr(scene.parts.get(part), field, None)
-
-
 def parameters_of(scene: Scene, initial: Scene, live: Collection[str]) -> list[Parameter]:
     """Return the parameters of a scene, live ones first, in the order of its tables. Ranges follow from the values of the
     `initial` scene. `live`: names of LIVE_PATHS."""
@@ -99,7 +93,7 @@ def _parameter(scene: Scene, initial: Scene, part: str, field: str, live: bool) 
     note, info = _notes(type(table)).get(field, ""), type(table).model_fields[field]
     unit = matched.group() if (matched := UNIT.match(note)) else ""
     why = "" if live else _why(kind_of_part, field)
-    path, initial_value = f"{part}.{field}", value_of(initial, f"{part}.{field}")
+    path, initial_value = f"{part}.{field}", initial.value(f"{part}.{field}")
     words = _words(info)
     if isinstance(value, bool):
         return Parameter(path, "truth", live=live, why=why, note=note)

@@ -11,7 +11,7 @@ from typing import Any
 
 from softlab.model.base.errors import SceneError
 from softlab.model.core.families import family_of
-from softlab.model.core.integrators import IMPLICIT, INTEGRATORS
+from softlab.model.core.integrators import IMPLICIT, INTEGRATORS, integrators_for
 from softlab.model.scene.scene import Scene
 
 XPBD = ("xpbd gauss-seidel", "xpbd jacobi", "xpbd averaged-jacobi")
@@ -37,7 +37,7 @@ def fits(scene: Scene, name: str) -> bool:
     """True if the method can step the scene's sheet: implicit Euler needs a cloth, a load needs xpbd."""
     if scene.loads and not position_based(name):
         return False
-    return name not in OF_CLOTHS or scene.cloth is not None
+    return position_based(name) or name in integrators_for(scene)
 
 
 def admitted(scene: Scene) -> str:

@@ -7,7 +7,6 @@ stepped by the scene's own kernels, and nothing is sent until the state is read.
 from __future__ import annotations
 
 from collections.abc import Callable
-from copy import copy
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -34,13 +33,6 @@ class Apart:
     attribute: str
     some: Callable[[int, int], Any]
     clusters: Callable[[int, int], np.ndarray]
-
-    def scene(self, whole: Any, some: Any) -> Any:
-        """Return `whole` with `some` in place of all its bodies; everything else is unchanged, including the mass
-        unit."""
-        changed = copy(whole)
-        vars(changed).update({"grid": some, self.attribute: some})
-        return changed
 
 
 def require_apart(scene: Any) -> None:

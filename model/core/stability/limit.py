@@ -222,9 +222,8 @@ def _free_bound(scene: Scene) -> float:
     the lightest.
     """
     grid, springs, mass = scene.grid, scene.springs, lightest_mass(scene)
-    if scene.cloth:
+    if springs is None:
         return frequency_bound(scene)
-    assert springs is not None
     if springs.alternate:
         most = [0.0, 0.0, springs.stiffness, springs.stiffness + springs.largest_stiffness]
         return sqrt(2 * sum(most[min(count, 3)] for count in (grid.rows, grid.columns)) / mass)

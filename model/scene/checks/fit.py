@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from softlab.model.base.errors import SceneError
 from softlab.model.scene.checks.flow import check_flow
 from softlab.model.scene.checks.fluids import check_among_solids, check_fluids
@@ -15,14 +13,13 @@ from softlab.model.scene.scene_parts import SceneParts
 from softlab.model.tables.bodies import BODY_KINDS
 from softlab.model.tables.cloth import CLOTH_KINDS, COLLIDER_KINDS, SPRING_KINDS
 from softlab.model.tables.kinds import KINDS
-from softlab.model.tables.method import OF_FLUIDS, OF_WORLDS, Method
+from softlab.model.tables.method import OF_FLUIDS, OF_WORLDS
 from softlab.model.tables.particle_contact import MAX_KINDS
 
 GRID_ONLY = ("springs",)
 FLUIDS_ONLY = ("domain", "emitter", "sink", "foam")
 NO_FLUID = "applies to fluids; leave it out"
 WITH_FLUIDS = ("fluid", "emitter", "sink", "domain", "foam", "gravity", "external", "method", *COLLIDER_KINDS)
-OF_A_FLUID: dict[str, Any] = {"solver": OF_FLUIDS, "dt": 1 / 60, "substeps": 4, "iterations": 10}  # defaults
 OF_BODIES = (*BODY_KINDS, "contact", "damping", "gravity", "method", *COLLIDER_KINDS)  # supported together with bodies
 
 
@@ -36,10 +33,10 @@ def _check_sheet(scene: SceneParts) -> None:
     scene.refuse(FLUIDS_ONLY, NO_FLUID)
     scene.refuse(("region", "attachment", "material"), "applies to tetrahedral bodies; leave it out")
     of_cloth = {*CLOTH_KINDS, *COLLIDER_KINDS, "self_collision"} - {"cloth", *OF_MESHES}
+    refused, owner = (GRID_ONLY, "grid") if scene.cloth else (of_cloth, "cloth")
     scene.refuse(
-        GRID_ONLY if scene.cloth else of_cloth,
-        f"belongs to a {'grid' if scene.cloth else 'cloth'}; a cloth has {', '.join(SPRING_KINDS)}, wind and colliders, a "
-        f"grid has {', '.join(GRID_ONLY)}",
+        refused,
+        f"belongs to a {owner}; a cloth has {', '.join(SPRING_KINDS)}, wind and colliders, a grid has {', '.join(GRID_ONLY)}",
     )
 
 
@@ -51,17 +48,12 @@ def _check_tetrahedra(scene: SceneParts) -> None:
 def _check_world(scene: SceneParts) -> None:
     """Raise SceneError for a part that a world does not support: one that no member knows, or that one of them
     refuses."""
-    method, wet = scene.one("method"), "fluid" in members_of(scene.kinds)
-    if method is None:
-        usual: dict[str, Any] = OF_A_FLUID if wet else {}
-        scene.parts["method"], scene.kinds["method"] = Method(**usual | {"solver": OF_WORLDS}), "method"
-    elif method.solver != OF_WORLDS:
+    method = scene.method
+    if method.solver != OF_WORLDS:
         reason = f"must be {OF_WORLDS} where {' and '.join(members_of(scene.kinds))} are in one scene"
         raise SceneError("method.solver", method.solver, reason)
-    elif method.tetrahedra != "xpbd" and "tetrahedra" not in members_of(scene.kinds):
+    if method.tetrahedra != "xpbd" and "tetrahedra" not in members_of(scene.kinds):
         raise SceneError("method.tetrahedra", method.tetrahedra, "applies to tetrahedral bodies; this scene has none")
-    elif wet:
-        _take_untold(scene, method)
     for name, part in scene.all_of(*BODY_KINDS).items():
         if part.spare:
             raise SceneError(
@@ -79,20 +71,9 @@ def _check_fluids(scene: SceneParts) -> None:
     reason = f"is not supported together with fluids, which take {', '.join(WITH_FLUIDS)}"
     scene.refuse(KINDS.keys() - WITH_FLUIDS, reason)
     check_fluids(scene.fluids, scene.domain, scene.name_of("domain"))
-    method = scene.one("method")
-    if method is None:
-        scene.parts["method"], scene.kinds["method"] = Method(**OF_A_FLUID), "method"
-    elif method.solver != OF_FLUIDS:
-        raise SceneError("method.solver", method.solver, f"must be {OF_FLUIDS} for fluids")
-    else:
-        _take_untold(scene, method)
+    if scene.method.solver != OF_FLUIDS:
+        raise SceneError("method.solver", scene.method.solver, f"must be {OF_FLUIDS} for fluids")
     check_flow(scene)
-
-
-def _take_untold(scene: SceneParts, method: Method) -> None:
-    """Give the method the defaults of fluids in the fields that the scene does not state."""
-    untold = {field: value for field, value in OF_A_FLUID.items() if field not in method.model_fields_set}
-    scene.parts[scene.name_of("method")] = method.model_copy(update=untold)
 
 
 def _check_bodies(scene: SceneParts) -> None:
@@ -100,11 +81,8 @@ def _check_bodies(scene: SceneParts) -> None:
     scene.refuse(FLUIDS_ONLY, NO_FLUID)
     scene.refuse(KINDS.keys() - OF_BODIES, f"is not supported together with bodies, which take {', '.join(OF_BODIES)}")
     _check_contact(scene)
-    method = scene.one("method")
-    if method is None:
-        scene.parts["method"], scene.kinds["method"] = Method(solver="shape-matching"), "method"
-    elif not method.matches_shapes:
-        raise SceneError("method.solver", method.solver, "must be shape-matching for bodies")
+    if not scene.method.matches_shapes:
+        raise SceneError("method.solver", scene.method.solver, "must be shape-matching for bodies")
 
 
 def _check_contact(scene: SceneParts) -> None:

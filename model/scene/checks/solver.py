@@ -31,8 +31,9 @@ def check_solver(scene: SceneParts) -> None:
     if solver == OF_WORLDS:
         reason = "applies to parts of several families, such as bodies beside tetrahedral ones"
         raise SceneError("method.solver", solver, reason)
+    name = scene.name_of("method")
     for field, idle in TETRAHEDRAL_FIELDS.items():
-        value = getattr(scene.method, field)
+        value = scene.value(f"{name}.{field}")
         if value != idle and scene.content != "tetrahedra":
             raise SceneError(f"method.{field}", value, "applies to tetrahedral bodies; leave it out")
     content, what = SOLVES.get(solver, (scene.content, ""))
@@ -107,8 +108,8 @@ def _check_mesh(scene: SceneParts) -> None:
 
 def _bending(scene: SceneParts) -> tuple[str, str]:
     """Return (name, model) of the bending of a cloth."""
-    model = getattr(scene.cloth_springs.get("bending"), "model", "distance")
-    return scene.name_of("bending", default="bending"), model
+    name = scene.name_of("bending", default="bending")
+    return name, scene.value(f"{name}.model", "distance")
 
 
 def _check_bending(scene: SceneParts) -> None:

@@ -13,7 +13,6 @@ from softlab.model.tables.attachment import check_attachment
 from softlab.model.tables.cloth import COLLIDER_KINDS, CONSTRAINT_KINDS
 from softlab.model.tables.kinds import KINDS
 from softlab.model.tables.method import OF_TETRAHEDRA as TETRAHEDRAL_SOLVERS
-from softlab.model.tables.method import Method
 from softlab.model.tables.motion import RELEASE
 from softlab.model.tables.particle_contact import MAX_KINDS
 from softlab.model.tables.regions import Region
@@ -39,13 +38,11 @@ def check_tetrahedra(scene: SceneParts) -> None:
             check_word(f"{name}.pinned", word, scene.regions)
     for name, material in scene.materials.items():
         check_material(name, material, scene.tetrahedra, scene.regions)
-    method = scene.one("method")
-    if method is None:
-        scene.parts["method"], scene.kinds["method"] = Method(solver="xpbd"), "method"
-    elif method.solver not in SOLVERS_OF_TETRAHEDRA:
+    method = scene.method
+    if method.solver not in SOLVERS_OF_TETRAHEDRA:
         reason = " or ".join(SOLVERS_OF_TETRAHEDRA)
         raise SceneError("method.solver", method.solver, f"must be {reason} for tetrahedral bodies")
-    elif method.ordering != "gauss-seidel":
+    if method.ordering != "gauss-seidel":
         raise SceneError("method.ordering", method.ordering, "must be gauss-seidel for tetrahedral bodies")
     colliders = dict(scene.all_of(*COLLIDER_KINDS))
     for name, attachment in scene.attachment_parts.items():

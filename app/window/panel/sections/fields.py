@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from itertools import groupby
 
-from softlab.app.window.materials import FACTORS
-from softlab.app.window.panel.parameters import Parameter, parameters_of, value_of
+from softlab.app.window.materials import FACTORS, bodies_of
+from softlab.app.window.panel.parameters import Parameter, parameters_of
 from softlab.app.window.panel.sections.frame import PanelFrame
 
 ANEW = "Changing one of these reopens the scene when you release the slider. The state is kept if the masses stay the same."
@@ -25,7 +25,7 @@ def parameters(frame: PanelFrame) -> None:
         if rows.check("Gravity on", demo.gravity, "Key G."):
             demo.toggle_gravity()
     _rows(frame, [one for one in fields if one.live][:DEAR])
-    if scene.tetrahedra:
+    if bodies_of(scene):
         _material(frame, fields)
     fixed = [one for one in fields if not one.live][:DEAR]
     if not fixed:
@@ -48,15 +48,15 @@ def parameters(frame: PanelFrame) -> None:
 def _material(frame: PanelFrame, fields: list[Parameter]) -> None:
     """Lay out the material of all tetrahedral bodies, in three rows."""
     demo, rows, scene = frame.demo, frame.rows, frame.demo.world.scene
-    bodies = list(scene.tetrahedra)
-    initial = demo.scenes[demo.current].tetrahedra.get(bodies[0])
+    bodies = list(bodies_of(scene))
+    initial = demo.scenes[demo.current]
     rows.heading(bodies[0] if len(bodies) == 1 else f"material of {len(bodies)} bodies (changed together)")
     for field in FACTORS:
         one = next((one for one in fields if one.path == f"{bodies[0]}.{field}"), None)
         if one is None:
             continue
-        row = replace(one, path=f"{bodies[0]}.{field} ")  # a row of its own, beside that of the table
-        new = rows.parameter(row, getattr(scene.tetrahedra[bodies[0]], field), getattr(initial, field, None))
+        row = replace(one, path=f"{one.path} ")  # a row of its own, beside that of the table
+        new = rows.parameter(row, scene.value(one.path), initial.value(one.path))
         if new is not None:
             demo.change_material_to(field, new)
 
@@ -68,7 +68,7 @@ def _rows(frame: PanelFrame, fields: list[Parameter], headed: bool = True) -> No
         if headed:
             rows.heading(part)
         for one in of_part:
-            new = rows.parameter(one, value_of(scene, one.path), value_of(initial, one.path))
+            new = rows.parameter(one, scene.value(one.path), initial.value(one.path))
             if new is not None and demo.set_field(one.path, new):
                 if one.path == "method.dt":
                     demo.say(f"dt {demo.world.scene.method.dt:.4g} s, {demo.limit_text()}")

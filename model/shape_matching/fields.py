@@ -1,4 +1,4 @@
-"""What bodies of clusters add to `Simulation.read` and to the state."""
+"""The fields of bodies of clusters: rotations, centres, deformations, plastic deformations, lost contacts."""
 
 from __future__ import annotations
 
@@ -8,39 +8,11 @@ from typing import Any
 import numpy as np
 
 from softlab.model.base.errors import InputError
-from softlab.model.core.family import Output, StateArray, on_host
+from softlab.model.core.family import Field, fault, on_host
 from softlab.model.geometry.arithmetic.ordered import determinant, dot
 from softlab.model.scene.scene import Scene
 
 UNIT = 1e-3  # tolerance of a quaternion's length: float32 rounding, or a text file with three digits
-
-ROTATION = Output(
-    "rotation",
-    "(clusters, 4)",
-    "1",
-    "unit quaternions (w, x, y, z) of clusters",
-    on_host(lambda one: one.read_clusters()[0]),
-)
-CENTRE = Output(
-    "centre", "(clusters, 3)", "m", "centres of mass of clusters", on_host(lambda one: one.read_clusters()[1])
-)
-DEFORMATION = Output(
-    "deformation", "(clusters, 3, 3)", "1", "matrices from rest offsets to goal offsets of clusters",
-    on_host(lambda one: one._read_deformation()),
-)  # fmt: skip
-PLASTIC = Output(
-    "plastic", "(clusters, 3, 3)", "1", "plastic deformation of rest offsets, of determinant 1",
-    on_host(lambda one: next(array for array in one.state_arrays if array.name == "plastic").download(one)),
-)  # fmt: skip
-
-
-def of_bodies(scene: Scene) -> tuple[Output, ...]:
-    """Return the outputs of a scene with bodies of clusters."""
-    is_plastic = "plastic" in scene.body_set.clusters.parts
-    return ROTATION, CENTRE, DEFORMATION, *((PLASTIC,) if is_plastic else ())
-
-
-# ---------------------------------------------------------------------- arrays of the state
 
 
 def _checked(
@@ -70,10 +42,7 @@ def _check_rotation(scene: Scene, rotation: Any, real: Any) -> np.ndarray:
 
 def _check_plastic(scene: Scene, plastic: Any, real: Any) -> np.ndarray:
     """Return plastic deformations of determinant 1, (clusters, 3, 3)."""
-    clusters = scene.body_set.clusters
-    if "plastic" not in clusters.parts:
-        raise InputError("plastic: this scene has no plastic bodies; plastic_creep makes them so")
-    return _checked("plastic", plastic, (clusters.count, 3, 3), real, _volumes, ("matrix", "volume"))
+    return _checked("plastic", plastic, (scene.body_set.clusters.count, 3, 3), real, _volumes, ("matrix", "volume"))
 
 
 def _lengths(quaternions: np.ndarray) -> np.ndarray:
@@ -84,24 +53,45 @@ def _volumes(matrices: np.ndarray) -> np.ndarray:
     return determinant(matrices.astype(np.float64))
 
 
-def _download_plastic(simulation: Any) -> np.ndarray | None:
+def _download_plastic(simulation: Any) -> np.ndarray:
     """Return the plastic deformation of all clusters, from that of loose ones: lattices have none."""
     loose, count = simulation._download_plastic(), simulation.scene.body_set.clusters.count
-    if loose is None or len(loose) == count:
-        return loose
-    return np.concatenate([loose, np.tile(np.eye(3, dtype=loose.dtype), (count - len(loose), 1, 1))])
+    every = np.tile(np.eye(3, dtype=simulation.real), (count, 1, 1))
+    if loose is not None:
+        every[: len(loose)] = loose
+    return every
 
 
 def _upload_plastic(simulation: Any, plastic: np.ndarray | None) -> None:
     simulation._upload_plastic(None if plastic is None else plastic[: simulation.scene.body_set.loose.count])
 
 
-STATE_ARRAYS = (
-    StateArray("plastic", _check_plastic, _download_plastic, _upload_plastic),
-    StateArray(
-        "rotation",
-        _check_rotation,
-        lambda simulation: simulation._download_rotation(),
-        lambda simulation, rotation: simulation._upload_rotation(rotation),
-    ),
+ROTATION = Field(
+    "rotation", "clusters", (4,), "1", "unit quaternions (w, x, y, z); in the state, those from which the next ones are "
+    "computed",
+    read=on_host(lambda simulation: simulation.read_clusters()[0]),
+    check=_check_rotation,
+    download=lambda simulation: simulation._download_rotation(),
+    upload=lambda simulation, rotation: simulation._upload_rotation(rotation),
+)  # fmt: skip
+CENTRE = Field(
+    "centre", "clusters", (3,), "m", "centres of mass", on_host(lambda simulation: simulation.read_clusters()[1])
 )
+DEFORMATION = Field(
+    "deformation", "clusters", (3, 3), "1", "matrices from rest offsets to goal offsets",
+    on_host(lambda simulation: simulation._read_deformation()),
+)  # fmt: skip
+PLASTIC = Field(
+    "plastic", "clusters", (3, 3), "1", "plastic deformation of rest offsets, of determinant 1",
+    on_host(_download_plastic), _check_plastic, _download_plastic, _upload_plastic,
+)  # fmt: skip
+CONTACTS_LOST = fault(
+    "contacts_lost", "neighbours of particles that did not fit into their lists",
+    lambda simulation: int(simulation.contacts_lost),
+)  # fmt: skip
+
+
+def of_bodies(scene: Scene) -> tuple[Field, ...]:
+    """Return the fields of a scene with bodies of clusters."""
+    plastic = (PLASTIC,) if "plastic" in scene.body_set.clusters.parts else ()
+    return (*plastic, ROTATION, CENTRE, DEFORMATION, *((CONTACTS_LOST,) if scene.contact else ()))
