@@ -42,11 +42,16 @@ class SceneWinner:
 
 
 def winner_tables(results: Results) -> list[Table]:
-    """Return one table with a row per scene and winner: the fastest of all machines that timed it.
+    """Return the table of the reader's machines, then that of the committed ones if there are both.
 
-    The reader's own machines and committed ones; empty if no accuracy runs were timed.
+    A table has a row per scene and winner: the fastest of its machines. Empty if no accuracy runs were timed.
     """
-    runs = {label: _runs(results, label) for label in ORDER}
+    return [made for sources in (results.featured, results.background) for made in _winner_table(sources)]
+
+
+def _winner_table(sources: Sequence[Source]) -> list[Table]:
+    """Return the table of some machines; nothing if they timed no accuracy runs."""
+    runs = {label: _runs(sources, label) for label in ORDER}
     runs = {label: scene_runs for label, scene_runs in runs.items() if any(point.seconds for point, _ in scene_runs)}
     winners = [entry for label, scene_runs in runs.items() for entry in _winners(label, scene_runs)]
     used = dict.fromkeys(source for entry in winners for _, source in _shown(entry))
@@ -70,13 +75,10 @@ def winner_tables(results: Results) -> list[Table]:
     return [table(title, HEAD, rows, left=2, group=2, notes=1)]
 
 
-def _runs(results: Results, label: str) -> list[Run]:
-    """Return the runs of a scene in both maths, on every machine."""
+def _runs(sources: Sequence[Source], label: str) -> list[Run]:
+    """Return the runs of a scene in both maths, on these machines."""
     return [
-        (point, source)
-        for source in results.everyone
-        for math in ("fast", "exact")
-        for point in points(source, label, math)
+        (point, source) for source in sources for math in ("fast", "exact") for point in points(source, label, math)
     ]
 
 
