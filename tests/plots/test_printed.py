@@ -26,7 +26,7 @@ BOOK = (
 UNITS = {"ns": 1e-9, "µs": 1e-6, "ms": 1e-3, "s": 1.0, "%": 0.01, "": 1.0}
 DIGITS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-")
 TIMES = "\N{MULTIPLICATION SIGN}"
-NUMBER = rf"\d[\d  ]*(?:\.\d+)?(?:\s?{TIMES}\s?10[⁰¹²³⁴⁵⁶⁷⁸⁹⁻]+)?"
+NUMBER = rf"\d[\d \u202f]*(?:\.\d+)?(?:\s?{TIMES}\s?10[⁰¹²³⁴⁵⁶⁷⁸⁹⁻]+)?"
 TIE = 0.15
 NONE = "\N{EN DASH}"  # a cell without a value
 pytestmark = pytest.mark.filterwarnings("error")
@@ -46,7 +46,7 @@ def value(text: str) -> tuple[float, float]:
     """(the value, half a unit of its last digit) of e.g. `6.0 × 10⁻⁴`, `31 µs?`, `1 024` or `12 %`."""
     found = re.match(rf"({NUMBER})\s?(ns|µs|ms|s|%)?", text.replace("\N{NO-BREAK SPACE}", " "))
     assert found, text
-    mantissa, _, exponent = re.sub(r"[  ]", "", found[1]).replace(f"{TIMES}10", "e").partition("e")
+    mantissa, _, exponent = re.sub(r"[ \u202f]", "", found[1]).replace(f"{TIMES}10", "e").partition("e")
     scale = UNITS[found[2] or ""] * 10.0 ** int(exponent.translate(DIGITS) or 0)
     return float(mantissa) * scale, 0.5 * 10.0 ** -len(mantissa.partition(".")[2]) * scale
 
