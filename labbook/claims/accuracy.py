@@ -38,10 +38,14 @@ def lab_newton(results: Results) -> Claim:
     flat = abs(order) < NEAR
     text = (
         f"In {SCENE}, its error against Newton's law is {number(coarse.error, 2)} spacings at "
-        f"{seconds(coarse.dt, 2)} and {number(fine.error, 2)} at {seconds(fine.dt, 2)}: observed order {order:.2f}, "
+        f"{seconds(coarse.dt, 2)} and {number(fine.error, 2)} at {seconds(fine.dt, 2)}: observed order {_order(order)}, "
     )
     text += "so smaller steps do not help." if flat else "so the step size does change it."
     return Claim(text, {"order": order, "coarse": coarse.error, "fine": fine.error}, flat)
+
+
+def _order(order: float) -> str:
+    return f"{order:.2f}".replace("-", words.MINUS)
 
 
 def lab_half(results: Results) -> Claim:
