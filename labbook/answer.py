@@ -48,7 +48,7 @@ def winner_tables(results: Results) -> list[Table]:
     A table has a row per scene and winner: on the first machine that timed all that any of them did, else the fastest of
     its machines. Empty if no accuracy runs were timed.
     """
-    return [made for sources in (results.featured, results.background) for made in _winner_table(_complete(sources))]
+    return [one for sources in (results.featured, results.background) for one in _winner_table(_complete(sources))]
 
 
 def _complete(sources: Sequence[Source]) -> Sequence[Source]:

@@ -10,6 +10,7 @@ import hashlib
 import json
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -89,7 +90,7 @@ def compile_ahead(cases: Iterable[Any], progress: bool, workers: int | None = No
     if len(missing) < FEWEST:
         return 0
     done = run_in_processes(
-        {key: (compile_case, case) for key, case in missing.items()}, workers, progress, "compiling"
+        {key: partial(compile_case, case) for key, case in missing.items()}, workers, progress, "compiling"
     )
     with suppress(OSError), replacing(place / KNOWN) as file:
         file.write_text(json.dumps(sorted(known | set(done))), encoding="utf-8")

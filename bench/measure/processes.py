@@ -6,15 +6,14 @@ import multiprocessing
 import signal
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
-from typing import Any
 
 from softlab.bench.measure.progress import progress_bar
 
 
 def run_in_processes(
-    tasks: Mapping[str, tuple[Callable[..., object], *tuple[Any, ...]]], workers: int, progress: bool, title: str
+    tasks: Mapping[str, Callable[[], object]], workers: int, progress: bool, title: str
 ) -> Sequence[str]:
-    """Run (function, *arguments) of each task, first ones first, and return the names of those that raised nothing.
+    """Run the tasks, first ones first, and return the names of those that raised nothing.
 
     What is raised in a process is dropped: whoever needs the result meets the error again. Ctrl-C ends the processes and
     is raised.
@@ -24,7 +23,7 @@ def run_in_processes(
     workers = min(workers, len(tasks))
     pool = ProcessPoolExecutor(workers, context, signal.signal, (signal.SIGINT, signal.SIG_IGN))
     try:
-        futures: dict[Future[object], str] = {pool.submit(*task): name for name, task in tasks.items()}
+        futures: dict[Future[object], str] = {pool.submit(task): name for name, task in tasks.items()}
         with progress_bar(progress) as bar:
             shown = bar.add_task(f"{title} on {workers} processes", total=len(tasks))
             for future in as_completed(futures):

@@ -108,18 +108,17 @@ def renderer(results: Results) -> Claim:
     source = results.first(lambda one: any(measure.name == DRAWN_BY for measure in one.measures))
     if source is None:
         return Claim("The store does not say which renderer drew.")
-    ways: dict[str, Counter[tuple[str, str]]] = {}
-    for measure in source.measures:
-        if measure.name == DRAWN_BY:
-            name, way = re.fullmatch(r"(.*), (\d+ x \d+ pixels, .*)", measure.reason or "").groups()  # type: ignore[union-attr]
-            ways.setdefault(measure.backend, Counter())[name, way] += 1
-    usual = {backend: counts.most_common(1)[0][0] for backend, counts in sorted(ways.items())}
+    paths: dict[str, Counter[tuple[str, str]]] = {}
+    for measure in (one for one in source.measures if one.name == DRAWN_BY):
+        for name, path in re.findall(r"(.*), (\d+ x \d+ pixels, .*)", measure.reason or ""):
+            paths.setdefault(measure.backend, Counter())[name, path] += 1
+    usual = {backend: counts.most_common(1)[0][0] for backend, counts in sorted(paths.items())}
     parts = []
     for name in dict.fromkeys(name for name, _ in usual.values()):
         kind = "a renderer in software" if by_software(name) else "a graphics processor"
-        of_state = [f"{way}, for the {backend.upper()}" for backend, (who, way) in usual.items() if who == name]
+        of_state = [f"{path}, for the {backend.upper()}" for backend, (drawn, path) in usual.items() if drawn == name]
         parts.append(f"{name} ({kind}; {'; '.join(of_state)})")
-    numbers = {backend: float(sum(counts.values())) for backend, counts in ways.items()}
+    numbers = {backend: float(sum(counts.values())) for backend, counts in paths.items()}
     machine = named(source, "gpu" if source.gpu else "cpu")
     return Claim(f"On the machine of the {machine} the pictures were drawn by {words.listed(parts)}.", numbers, True)
 

@@ -7,8 +7,8 @@ at large steps (bench/experiments/accuracy/solver_error.py).
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from pathlib import Path
-from typing import Any
 
 from softlab.bench.experiments.accuracy.cases import Case
 from softlab.bench.experiments.accuracy.points import AT_REST, end_of
@@ -20,7 +20,7 @@ from softlab.model.core.build import build
 
 FEWEST = 16  # tasks: fewer are done before the processes have started
 
-Task = tuple[Callable[..., object], *tuple[Any, ...]]
+Task = Callable[[], object]
 
 
 def references_ahead(folder: Path | None, cases: Iterable[Case], progress: bool) -> int:
@@ -39,12 +39,12 @@ def tasks_of(cases: Iterable[Case], folder: Path) -> dict[str, Task]:
     for case in cases:
         of_motion = case.label, motion_of(case.scene), end_of(case.label), folder
         for make in (converged_for, half_for, growth_for):
-            tasks.setdefault(f"{case.label} {make.__name__}", (make, *of_motion))
+            tasks.setdefault(f"{case.label} {make.__name__}", partial(make, *of_motion))
         method = case.scene.method
         if method.position_based and case.label not in AT_REST:
             odd = method.iterations // (method.iterations & -method.iterations)  # doubling keeps the odd factor
             iterated.setdefault(f"{case.label} {method.name} {method.dt:g} {odd}", []).append(case)
-    return tasks | {name: (iterate, same, folder) for name, same in iterated.items()}
+    return tasks | {name: partial(iterate, same, folder) for name, same in iterated.items()}
 
 
 def iterate(cases: Sequence[Case], folder: Path) -> None:

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import hashlib
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -32,8 +31,9 @@ ORDERINGS = {"jacobi": "weighted-jacobi"}  # the name of this ordering in bench/
 
 
 def _end(scene: Scene, steps: int) -> np.ndarray:
-    how: dict[str, Any] = {"precision": "float64", "math": "exact", "allow_unstable": True}
-    with open_simulation(scene, "cpu", threads=1, **how) as simulation:  # threads would only wait for each other
+    with open_simulation(  # on one thread: more would only wait for each other
+        scene, "cpu", threads=1, precision="float64", math="exact", allow_unstable=True
+    ) as simulation:
         simulation.advance(steps)
         return simulation.state().position
 

@@ -84,8 +84,8 @@ def test_iterations_leave_less_and_less(name, tmp_path):
 
 
 def test_references_ahead_are_all_that_a_measurement_reads(tmp_path, monkeypatch):
-    """Four cases of a small S1 have five references, in one folder; judging the cases adds none. Diverged runs end a task
-    alone. Processes are started for many tasks only."""
+    """Four cases of a small S1 have six tasks, which store all in one folder: judging the cases adds nothing. Processes are
+    started for many tasks only."""
     cases = [
         make_case("S1", solved(small(), name, n, 0.01), "cpu", **EXACT)
         for name in (GAUSS_SEIDEL, JACOBI)
@@ -93,10 +93,10 @@ def test_references_ahead_are_all_that_a_measurement_reads(tmp_path, monkeypatch
     ]
     cases += [make_case("S1", solved(small(), JACOBI, 20, 0.01), "cpu", **EXACT)]
     tasks = tasks_of(cases, tmp_path)
-    assert [task[0] for task in tasks.values()] == [converged_for, half_for, growth_for, *[iterate] * 3]
+    assert [task.func for task in tasks.values()] == [converged_for, half_for, growth_for, *[iterate] * 3]
     assert references_ahead(tmp_path, cases, progress=False) == 0 and not list(tmp_path.iterdir())
-    for run, *arguments in tasks.values():
-        run(*arguments)
+    for run in tasks.values():
+        run()
     stored = {file.name for file in tmp_path.iterdir()}
     with Store(tmp_path.parent / f"{tmp_path.name}.sqlite") as store:
         monkeypatch.setattr("softlab.bench.experiments.accuracy.experiment.references", lambda store: tmp_path)
