@@ -15,7 +15,7 @@ def run_in_processes(
 ) -> Sequence[str]:
     """Run the tasks, first ones first, and return the names of those that raised nothing.
 
-    What is raised in a process is dropped: whoever needs the result meets the error again. Ctrl-C ends the processes and
+    An error in a process is dropped; it is raised again where the result is needed. Ctrl-C ends the processes and
     is raised.
     """
     context = multiprocessing.get_context("spawn")  # a fork would share a CUDA context, which none survives
