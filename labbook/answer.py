@@ -11,7 +11,7 @@ from itertools import groupby
 from math import isinf
 
 from softlab.bench.experiments.accuracy.methods import admitted, changes
-from softlab.bench.experiments.accuracy.points import CLOTHS, SCENES, SIZES, SUSPECT_NOTE, method_words
+from softlab.bench.experiments.accuracy.points import CLOTHS, SCENES, SIZES, method_words
 from softlab.labbook import words
 from softlab.labbook.tables import DASH, Table, table
 from softlab.labbook.words import number, seconds
@@ -27,6 +27,7 @@ ORDER = ("S1-16", "S1", "S1-64", "S4", "S5", "S6-still", "S6")
 HEAD = (
     "Scene", "Masses", "Error at most", "Method", "Step", "Limit", "Processor", "Error", "One run", "Simulated second", "Tie"
 )  # fmt: skip
+SUSPECT = "?: suspect, see the first page"
 Run = tuple[Point, Source]
 
 
@@ -42,11 +43,27 @@ class SceneWinner:
 
 
 def winner_tables(results: Results) -> list[Table]:
-    """Return one table with a row per scene and winner: the fastest of all machines that timed it.
+    """Return the table of the reader's machines, then that of the committed ones if there are both.
 
-    The reader's own machines and committed ones; empty if no accuracy runs were timed.
+    A table has a row per scene and winner: on the first machine that timed all that any of them did, else the fastest of
+    its machines. Empty if no accuracy runs were timed.
     """
-    runs = {label: _runs(results, label) for label in ORDER}
+    return [one for sources in (results.featured, results.background) for one in _winner_table(_complete(sources))]
+
+
+def _complete(sources: Sequence[Source]) -> Sequence[Source]:
+    """Return the first machine alone that timed every scene which any of these timed on any backend; else all of them."""
+    timed = [
+        {(label, point.backend) for label in ORDER for point, _ in _runs([source], label) if point.seconds}
+        for source in sources
+    ]
+    every = set().union(*timed)
+    return next(([source] for source, scenes in zip(sources, timed, strict=True) if scenes == every), sources)
+
+
+def _winner_table(sources: Sequence[Source]) -> list[Table]:
+    """Return the table of some machines; nothing if they timed no accuracy runs."""
+    runs = {label: _runs(sources, label) for label in ORDER}
     runs = {label: scene_runs for label, scene_runs in runs.items() if any(point.seconds for point, _ in scene_runs)}
     winners = [entry for label, scene_runs in runs.items() for entry in _winners(label, scene_runs)]
     used = dict.fromkeys(source for entry in winners for _, source in _shown(entry))
@@ -66,17 +83,14 @@ def winner_tables(results: Results) -> list[Table]:
         f"rows. {_processors(marks)}"
     )
     if any("?" in cell for row in rows for cell in row[-3:]):
-        title += f". {SUSPECT_NOTE}"
+        title += f". {SUSPECT}"
     return [table(title, HEAD, rows, left=2, group=2, notes=1)]
 
 
-def _runs(results: Results, label: str) -> list[Run]:
-    """Return the runs of a scene in both maths, on every machine."""
+def _runs(sources: Sequence[Source], label: str) -> list[Run]:
+    """Return the runs of a scene in both maths, on these machines."""
     return [
-        (point, source)
-        for source in results.everyone
-        for math in ("fast", "exact")
-        for point in points(source, label, math)
+        (point, source) for source in sources for math in ("fast", "exact") for point in points(source, label, math)
     ]
 
 

@@ -65,7 +65,7 @@ NEW_PAGE = ("answer",)  # these begin on a new page
 NOT_PRINTED = (  # figures that softlab figures draws for those who run their experiment
     "ablation", "bar-clusters", "convergence", "crossover", "findings-determinism", "fluids-phases", "hard-bodies",
     "hard-states",
-    "joules", "projections", "roofline", "tetrahedra", "tetrahedra-mesh", "tetrahedra-total", "throughput",
+    "joules", "projections", "roofline", "tetrahedra", "tetrahedra-mesh", "throughput",
 )  # fmt: skip
 PICTURES = FOLDER / "pictures"  # of six scenes, by docs/gallery.py
 OPTIONAL = (  # claims whose paragraph is only printed if they were measured

@@ -36,7 +36,7 @@ QUICK_OTHERS: tuple[Shape, ...] = ((32, 128), (128, 32), (100, 100))
 QUICK_DRAWN = tuple((n, n) for n in QUICK_SQUARES[:-1])  # the other shapes are not drawn
 ODD: tuple[Shape, ...] = ((100, 100), (1000, 37), (37, 1000), (1023, 1025), (3001, 2999))
 STRETCHED = (64, 256, 1024, 4096)  # squares whose mass counts are measured at 4:1 and 1:4 too
-THREADS = ("1x", "2x", "4x")
+THREADS = ("1x", "2x", "4x", 1)  # one thread: the baseline of every speed-up
 QUICK = Effort(3, 0.02, 3.0, 75.0)
 FULL = Effort(5, 0.1, 30.0, None)
 

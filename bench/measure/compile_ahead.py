@@ -8,17 +8,15 @@ from __future__ import annotations
 
 import hashlib
 import json
-import multiprocessing
-import signal
-from collections.abc import Iterable, Iterator, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from softlab.bench.measure.gpu import gpu_simulated
 from softlab.bench.measure.partition import Alone, use_partition
-from softlab.bench.measure.progress import progress_bar
+from softlab.bench.measure.processes import run_in_processes
 from softlab.cpu_backend.core.threads import core_count
 from softlab.model.base.errors import SoftlabError
 from softlab.model.base.files import replacing
@@ -91,32 +89,12 @@ def compile_ahead(cases: Iterable[Any], progress: bool, workers: int | None = No
     missing = {key: case for key, case in kinds.items() if key not in known}
     if len(missing) < FEWEST:
         return 0
-    done = _compiled(missing, min(workers, len(missing)), progress)
+    done = run_in_processes(
+        {key: partial(compile_case, case) for key, case in missing.items()}, workers, progress, "compiling"
+    )
     with suppress(OSError), replacing(place / KNOWN) as file:
         file.write_text(json.dumps(sorted(known | set(done))), encoding="utf-8")
     return len(done)
-
-
-def _compiled(missing: dict[str, Any], workers: int, progress: bool) -> Sequence[str]:
-    """The keys of the cases that processes have compiled. Ctrl-C ends the processes and is raised."""
-    context = multiprocessing.get_context("spawn")  # a fork would share a CUDA context, which none survives
-    done: list[str] = []
-    pool = ProcessPoolExecutor(workers, context, signal.signal, (signal.SIGINT, signal.SIG_IGN))
-    try:
-        futures: dict[Future[None], str] = {pool.submit(compile_case, case): key for key, case in missing.items()}
-        with progress_bar(progress) as bar:
-            task = bar.add_task(f"compiling on {workers} processes", total=len(missing))
-            for future in as_completed(futures):
-                if future.exception() is None:
-                    done.append(futures[future])
-                bar.update(task, advance=1)
-    except BaseException:
-        for process in list((pool._processes or {}).values()):
-            process.terminate()
-        raise
-    finally:
-        pool.shutdown(cancel_futures=True)
-    return done
 
 
 def _known(place: Path) -> set[str]:

@@ -19,7 +19,7 @@ from softlab.bench.keys.enter import enter_keys, same_kernels
 from softlab.bench.measure.compile_ahead import compile_ahead
 from softlab.bench.measure.gpu import gpu_or_reason, gpu_simulated
 from softlab.bench.measure.machine import enter_machine
-from softlab.bench.measure.partition import current_partition
+from softlab.bench.measure.partition import current_partition, measures_all
 from softlab.bench.measure.progress import progress_bar
 from softlab.bench.measure.timing import MEASUREMENT
 from softlab.bench.store.database import Store
@@ -156,6 +156,7 @@ def resume(
     command: str,
     worth: Callable[[One], float] = lambda case: 1,
     whole: bool = False,
+    prepare: Callable[[Sequence[One]], object] = lambda cases: None,
 ) -> SummaryType:
     """Measure the cases that the store lacks, group by group, in a run of its own, and return the summary.
 
@@ -163,7 +164,8 @@ def resume(
     InputError (the store) and the errors of `measure`.
 
     `is_stored(case)`: the store has it; `measure(group, report)`: measures the cases of a group that it lacks, or (`whole`)
-    the whole group; `worth(case)`: its length on the bar, which `progress` shows.
+    the whole group; `worth(case)`: its length on the bar, which `progress` shows; `prepare(cases)`: what one process that
+    measures everything does with all lacking cases first.
     """
 
     def lacking(group: Sequence[One]) -> Sequence[One]:
@@ -180,6 +182,8 @@ def resume(
         plan = {name: (worths[name], str(groups[k][0])) for name, k in named.items()}
         current_partition().planned(store, summary.machine, plan)
         compile_ahead((case for group in missing for case in group), progress)
+        if measures_all():
+            prepare([case for group in missing for case in group])
         with progress_bar(progress and bool(named)) as bar:
             task = bar.add_task(summary.name, total=sum(worths.values()) or 1)
             for name, k in named.items():

@@ -43,6 +43,11 @@ def current_partition() -> Partition:
     return _current[-1]
 
 
+def measures_all() -> bool:
+    """Return True if this process measures every group, now."""
+    return type(current_partition()) is Alone
+
+
 @contextmanager
 def use_partition(partition: Partition) -> Iterator[None]:
     """Make `partition` that of this process inside this context."""

@@ -5,6 +5,11 @@ Rules in labbook/claims/claim.py.
 
 from __future__ import annotations
 
+import re
+from collections import Counter
+
+from softlab.app.render.detail import by_software
+from softlab.bench.experiments.group import DRAWN_BY
 from softlab.bench.peers.registry import label
 from softlab.labbook import words
 from softlab.labbook.claims.claim import MARK, SUSPECT, Claim, Claims, cpu_source, named, on, on_gpu, trusted, where
@@ -96,6 +101,26 @@ def drawing(results: Results) -> Claim:
         return Claim("Nothing was timed with graphics" + (f": {reason.rstrip('.')}." if reason else "."))
     text = words.listed(parts)
     return Claim(text[0].upper() + text[1:] + ".", numbers, True)
+
+
+def renderer(results: Results) -> Claim:
+    """Renderer of the pictures that were timed, and how the state of each backend got to it."""
+    source = results.first(lambda one: any(measure.name == DRAWN_BY for measure in one.measures))
+    if source is None:
+        return Claim("The store does not say which renderer drew.")
+    paths: dict[str, Counter[tuple[str, str]]] = {}
+    for measure in (one for one in source.measures if one.name == DRAWN_BY):
+        for name, path in re.findall(r"(.*), (\d+ x \d+ pixels, .*)", measure.reason or ""):
+            paths.setdefault(measure.backend, Counter())[name, path] += 1
+    usual = {backend: counts.most_common(1)[0][0] for backend, counts in sorted(paths.items())}
+    parts = []
+    for name in dict.fromkeys(name for name, _ in usual.values()):
+        kind = "a renderer in software" if by_software(name) else "a graphics processor"
+        of_state = [f"{path}, for the {backend.upper()}" for backend, (drawn, path) in usual.items() if drawn == name]
+        parts.append(f"{name} ({kind}; {'; '.join(of_state)})")
+    numbers = {backend: float(sum(counts.values())) for backend, counts in paths.items()}
+    machine = named(source, "gpu" if source.gpu else "cpu")
+    return Claim(f"On the machine of the {machine} the pictures were drawn by {words.listed(parts)}.", numbers, True)
 
 
 def overtakes_drawing(results: Results) -> Claim:
@@ -205,6 +230,7 @@ CLAIMS: Claims = {
     "peers": peers,
     "overtakes": overtakes,
     "drawing": drawing,
+    "renderer": renderer,
     "overtakes-drawing": overtakes_drawing,
     "crossing-drawing": crossing_drawing,
     "shape": shape,

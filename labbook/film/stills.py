@@ -95,9 +95,9 @@ def draw_figure(results: Results, name: str, area: Area, count: int, fps: int) -
 
 
 def answers(results: Results) -> tuple[list[list[str]], str]:
-    """Return (the rows of the book's first table, with the scene in each, whose measurements they are)."""
+    """Return (the rows of the book's first table, with the scene in each, the machine that they were measured on)."""
     rows, scene, whose = [], ["", ""], ""
-    for table in winner_tables(results):
+    for table in winner_tables(results)[:1]:
         whose = table["title"].rpartition(". ")[2]
         for row in table["rows"]:
             scene = list(row[:2]) if row[0] else scene

@@ -79,7 +79,7 @@ def test_experiments_that_are_gathered_measure_nothing_and_share_a_pool(
     """Two experiments with half of their kernels in common: one pool, each kind once, and none when they are measured."""
     pools: list[list[str]] = []
     monkeypatch.setattr(ahead, "core_count", lambda: 2)
-    monkeypatch.setattr(ahead, "_compiled", lambda missing, *_: pools.append(list(missing)) or list(missing))
+    monkeypatch.setattr(ahead, "run_in_processes", lambda tasks, *_: pools.append(list(tasks)) or list(tasks))
     measured: list[Fake] = []
     every = fakes(tmp_path)
 
@@ -104,7 +104,7 @@ def test_what_cannot_be_opened_is_left_to_the_measurement(place: Path, tmp_path:
 
 
 def test_nothing_is_started_where_it_does_not_pay(place: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ahead, "_compiled", lambda *_: pytest.fail("started"))
+    monkeypatch.setattr(ahead, "run_in_processes", lambda *_: pytest.fail("started"))
     assert ahead.compile_ahead(fakes(tmp_path), False, workers=1) == 0
     assert ahead.compile_ahead(fakes(tmp_path)[:3], False, workers=8) == 0
     monkeypatch.setattr(ahead, "folder", lambda: None)

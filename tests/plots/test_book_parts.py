@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import filecmp
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from matplotlib.text import Text
 from synthetic_store import GPU_RECORD, Maker, cpu_store, gpu_store
 
+from softlab.bench.experiments.group import DRAWN_BY
 from softlab.bench.store.database import Store
+from softlab.bench.store.results import Measure
 from softlab.labbook import grid_tables, listings
 from softlab.labbook.build import FOLDER, NOT_PRINTED, PICTURES
-from softlab.labbook.claims.comparison import crossing_drawing
+from softlab.labbook.claims.comparison import crossing_drawing, renderer
 from softlab.labbook.facts import facts
 from softlab.model.base.digest import ROOT
 from softlab.plots.core.colours import METHODS
@@ -55,6 +58,24 @@ def test_the_table_of_graphics_names_the_fastest_threads_and_marks_suspect_times
     (marked,) = grid_tables.graphics_tables(measured("load: busy"))
     assert {words(row[4]) for row in marked["rows"]} == {"100 µs?"} and marked["title"].endswith("?: suspect")
     assert grid_tables.graphics_tables(load(cpu_store())) == []
+
+
+def test_the_renderer_is_named_with_the_path_of_the_state() -> None:
+    results = measured()
+    (source,) = results.sources
+    drawn = [
+        Measure("g", "c", "s", "r", {"backend": backend}, DRAWN_BY, None, "", f"{name}, 800 x 600 pixels, {path}")
+        for backend, name, path in (
+            ("cpu", "llvmpipe (LLVM 15, 256 bits)", "in the host's memory"), ("gpu", "Made-up GPU", "on the GPU")
+        )
+    ]  # fmt: skip
+    made = renderer(Results((replace(source, measures=tuple(drawn)),)))
+    assert made.sentence == (
+        "On the machine of the Made-up GPU the pictures were drawn by llvmpipe (LLVM 15, 256 bits) (a renderer in software; "
+        "800 x 600 pixels, in the host's memory, for the CPU) and Made-up GPU (a graphics processor; 800 x 600 pixels, on "
+        "the GPU, for the GPU)."
+    )
+    assert not renderer(results).supported
 
 
 def test_the_crossing_with_graphics_is_where_two_power_laws_meet() -> None:

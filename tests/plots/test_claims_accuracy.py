@@ -63,6 +63,14 @@ def test_families_are_told_by_how_long_each_takes_to_the_error(monkeypatch: pyte
     assert "position-based methods take 15\N{NO-BREAK SPACE}times as long" in made.sentence
 
 
+def test_a_cloth_in_a_game_takes_the_fastest_method_within_a_tenth(monkeypatch: pytest.MonkeyPatch) -> None:
+    """6 s of wall time a simulated second are 0.1 s for a frame of 1/60 s; the faster run is too far off."""
+    runs = [("rk4", "gpu", 0.05, 6.0, None), ("lab", "cpu", 0.5, 1.0, None), ("implicit-euler", "cpu", 0.05, 9.0, None)]
+    made = accuracy_claims.game_cloth(on_a_stiff_scene(monkeypatch, *runs))
+    assert made.supported and made.numbers == {"frame": pytest.approx(0.1), "error": 0.05}
+    assert "rk4" in made.sentence and "on the Made-up GPU" in made.sentence
+
+
 def test_a_rope_is_told_by_the_processor_that_is_sooner(monkeypatch: pytest.MonkeyPatch) -> None:
     runs = [("xpbd gauss-seidel", "gpu", 0.05, 6.0, 4), ("xpbd gauss-seidel", "cpu", 0.05, 2.0, 4)]
     made = accuracy_claims.rope(on_a_stiff_scene(monkeypatch, *runs))

@@ -9,13 +9,14 @@ from __future__ import annotations
 
 import json
 import re
+import statistics
 import subprocess
 import sys
 from functools import cache
 from typing import Any
 
 import pytest
-from raw_exports import Run, exports, numbers, runs
+from raw_exports import Run, exports, numbers, runs, samples
 
 BOOK = (
     "import json, sys; from softlab.labbook.build import book_data, committed_data; "
@@ -25,7 +26,7 @@ BOOK = (
 UNITS = {"ns": 1e-9, "µs": 1e-6, "ms": 1e-3, "s": 1.0, "%": 0.01, "": 1.0}
 DIGITS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-")
 TIMES = "\N{MULTIPLICATION SIGN}"
-NUMBER = rf"\d[\d  ]*(?:\.\d+)?(?:\s?{TIMES}\s?10[⁰¹²³⁴⁵⁶⁷⁸⁹⁻]+)?"
+NUMBER = rf"\d[\d \u202f]*(?:\.\d+)?(?:\s?{TIMES}\s?10[⁰¹²³⁴⁵⁶⁷⁸⁹⁻]+)?"
 TIE = 0.15
 NONE = "\N{EN DASH}"  # a cell without a value
 pytestmark = pytest.mark.filterwarnings("error")
@@ -45,7 +46,7 @@ def value(text: str) -> tuple[float, float]:
     """(the value, half a unit of its last digit) of e.g. `6.0 × 10⁻⁴`, `31 µs?`, `1 024` or `12 %`."""
     found = re.match(rf"({NUMBER})\s?(ns|µs|ms|s|%)?", text.replace("\N{NO-BREAK SPACE}", " "))
     assert found, text
-    mantissa, _, exponent = re.sub(r"[  ]", "", found[1]).replace(f"{TIMES}10", "e").partition("e")
+    mantissa, _, exponent = re.sub(r"[ \u202f]", "", found[1]).replace(f"{TIMES}10", "e").partition("e")
     scale = UNITS[found[2] or ""] * 10.0 ** int(exponent.translate(DIGITS) or 0)
     return float(mantissa) * scale, 0.5 * 10.0 ** -len(mantissa.partition(".")[2]) * scale
 
@@ -220,6 +221,80 @@ def test_total_error_of_tetrahedra() -> None:
             best = min(able, key=lambda bar: bar["cost_seconds"])
             assert best["solver"] == solver and prints(seconds, best["cost_seconds"]) and prints(error, best["total"])
             checked += 1
+    assert checked
+
+
+# ---------------------------------------------------------------------- the tables of the hand-out's grid
+
+
+def steps(machine: str, graphics: bool) -> dict[tuple[str, int | None, int], float]:
+    """(backend, threads, masses) -> median time [s] of a step of the swept square grids in float32, kernels by choice."""
+    medians: dict[tuple[str, int | None, int], float] = {}
+    for export in exports():
+        for (where, key), (seconds, _, _) in samples(export, "step").items():
+            what = export.configurations[key]
+            rows, threads = what.get("scene.grid.rows"), what["threads"]
+            swept = (what["precision"], what["kernel"], what["peer"]) == ("float32", "auto", "null")
+            if where == machine and swept and rows and rows == what["scene.grid.columns"]:
+                if what["graphics"] == str(graphics).lower():
+                    count = None if threads == "null" else int(threads)
+                    medians[what["backend"], count, int(rows) ** 2] = statistics.median(seconds)
+    return medians
+
+
+def test_the_table_with_and_without_graphics() -> None:
+    """Times of both processors at every size, the CPU's with its fastest number of threads, and their ratio."""
+    (made,) = book()["tables"]["graphics"]
+    title = made["title"].replace("\N{NO-BREAK SPACE}", " ")
+    cpu, gpu = re.search(r"CPU: the (.+?, \d+ cores?)(?: \(committed\))? with .*GPU: the (.+?)\. Ratio", title).groups()  # type: ignore[union-attr]
+    (machine,) = (key for key in machines(cpu) & machines(gpu) if steps(key, False))
+    checked = 0
+    for row in made["rows"]:
+        masses = round(value(row[0])[0])
+        for cells, graphics in ((row[1:4], False), (row[4:], True)):
+            measured = {key: second for key, second in steps(machine, graphics).items() if key[2] == masses}
+            on_gpu = measured.get(("gpu", None, masses))
+            on_cpu = min((second for key, second in measured.items() if key[0] == "cpu"), default=None)
+            if on_gpu is None or on_cpu is None:
+                assert cells == [NONE] * 3
+                continue
+            assert prints(cells[0], on_cpu) and prints(cells[1], on_gpu), (row, on_cpu, on_gpu)
+            assert prints(cells[2].strip("()"), on_cpu / on_gpu), row
+            checked += 1
+    assert checked >= 12
+
+
+def threads_print(row: list[str], ratios: list[tuple[float, float]]) -> bool:
+    """True if a row such as `4`, `3.2 (80 %)` prints these speed-ups and efficiencies."""
+    return all(
+        prints(cell, ratio) and prints(cell.partition("(")[2], efficiency)
+        for cell, (ratio, efficiency) in zip(row[1:], ratios, strict=True)
+    )
+
+
+def test_the_tables_of_threads() -> None:
+    """Speed-up over the fewest threads that were timed, and efficiency, on each machine."""
+    checked = 0
+    for made in book()["tables"]["threads"]:
+        title = made["title"].replace("\N{NO-BREAK SPACE}", " ")
+        (name,) = (
+            one for one in processors() if re.search(rf"\b{re.escape(one)}\b", re.sub(r" [A-Z](?=, \d)", "", title))
+        )
+        sizes = [round(value(cell)[0]) for cell in made["head"][1:]]
+        counts = [int(row[0]) for row in made["rows"]]
+        candidates = [
+            [
+                [
+                    (ratio := times["cpu", counts[0], n] / times["cpu", count, n], ratio * counts[0] / count)
+                    for n in sizes
+                ]
+                for count in counts
+            ]
+            for times in (steps(machine, False) for machine in machines(name))
+            if all(("cpu", count, n) in times for count in counts for n in sizes)
+        ]
+        assert any(all(map(threads_print, made["rows"], ratios)) for ratios in candidates), title
+        checked += len(counts)
     assert checked
 
 

@@ -148,17 +148,19 @@ def test_a_limit_that_others_disturbed_is_marked() -> None:
 
 
 def test_rows_of_several_machines_are_marked_by_numbers(tmp_path: Path) -> None:
-    """S1 by the user, its other size by a committed machine."""
+    """S1 of one committed machine, its other size of another; the reader's machine has a table of its own."""
     other, mine = Store(":memory:"), Store(":memory:")
     changes = {"grid.rows": 16, "grid.columns": 16, "method.integrator": "rk4", "method.dt": 0.01}
     Maker(other, GPU_RECORD, "g").point_of(load_scene("lab-curtain").replace(changes), 1e-5, 1e-3, backend="gpu")
     Maker(mine, CPU_RECORD, "c").point("lab-curtain", "rk4", 0.01, 1e-5, 1e-3, None, "float64", "cpu")
     export(other, tmp_path / "gpu.csv")
-    (table,) = winner_tables(load(mine, [tmp_path / "gpu.csv"]))
+    export(mine, tmp_path / "cpu.csv")
+    (table,) = winner_tables(load(None, [tmp_path / "gpu.csv", tmp_path / "cpu.csv"]))
     marks = {row[6] for row in table["rows"] if row[6] != "\N{EN DASH}"}
     assert marks == {"GPU (1), float64", "CPU (2), float64"} and "(1) GPU Made-up GPU" in table["title"]
-    (alone,) = winner_tables(load(mine))
-    assert {row[6] for row in alone["rows"]} == {"CPU, float64"}
+    first, second = winner_tables(load(mine, [tmp_path / "gpu.csv"]))
+    for table, processor in ((first, "CPU, float64"), (second, "GPU, float64")):
+        assert {row[6] for row in table["rows"]} - {"\N{EN DASH}"} == {processor}
 
 
 # ---------------------------------------------------------------------- what is held, and no more

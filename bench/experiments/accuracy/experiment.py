@@ -30,6 +30,7 @@ import statistics
 import time
 from collections.abc import Sequence
 from contextlib import ExitStack
+from functools import partial
 from typing import Any
 
 from softlab.bench.experiments.accuracy.cases import Case, cases
@@ -46,7 +47,8 @@ from softlab.bench.experiments.accuracy.points import (
     end_of,
     point,
 )
-from softlab.bench.experiments.accuracy.references import converged_for, growth_for, motion_of, references
+from softlab.bench.experiments.accuracy.references import converged_for, growth_for, half_for, motion_of, references
+from softlab.bench.experiments.accuracy.references_ahead import references_ahead
 from softlab.bench.experiments.accuracy.solver_error import Iterated, solver_numbers
 from softlab.bench.experiments.growth import Growth
 from softlab.bench.measure.experiment import Report, backends_here, chosen, resume, store_measures
@@ -59,7 +61,6 @@ from softlab.bench.store.schema import configuration_hash
 from softlab.model.base.errors import Diverged
 from softlab.model.core.simulation import PRECISIONS, Simulation
 
-HALF_ACCELERATION = 2.0  # inertia factor of the equation that the hand-out's step converges to
 COPIES = 3  # copies of the state to the host; their median is stored
 STAGE = "accuracy runs"  # stage of the samples in the store, different from the sweep's
 OLDER_STAGE = "accuracy"  # samples of runs that went on far beyond the time of the error
@@ -108,6 +109,7 @@ def run_accuracy(
         _Group(store, summary, repeats, seconds, report).measure(group)
 
     how: dict[str, Any] = {"progress": progress, "command": command, "worth": lambda case: 2}
+    how["prepare"] = partial(references_ahead, references(store), progress=progress)
     resume(store, summary, list(groups.values()), is_stored, measure, **how)
     summary.points = _points(store, summary.machine, everything)
     summary.stop()
@@ -129,9 +131,7 @@ class _Group:
         label = group[0].label
         scene, end = motion_of(group[0].scene), end_of(label)
         self.report(f"{label}: converged reference", 0)
-        right, half = converged_for(label, scene, end, self.folder), None
-        if not scene.cloth:
-            half = cache.cached_reference(scene, end, self.folder, inertia=HALF_ACCELERATION)
+        right, half = (make(label, scene, end, self.folder) for make in (converged_for, half_for))
         growth = growth_for(label, scene, end, self.folder)
         with ExitStack() as stack:
             subjects = []

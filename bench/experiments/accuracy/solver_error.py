@@ -31,7 +31,9 @@ ORDERINGS = {"jacobi": "weighted-jacobi"}  # the name of this ordering in bench/
 
 
 def _end(scene: Scene, steps: int) -> np.ndarray:
-    with open_simulation(scene, "cpu", precision="float64", math="exact", allow_unstable=True) as simulation:
+    with open_simulation(  # on one thread: more would only wait for each other
+        scene, "cpu", threads=1, precision="float64", math="exact", allow_unstable=True
+    ) as simulation:
         simulation.advance(steps)
         return simulation.state().position
 

@@ -10,6 +10,8 @@ from softlab.bench.experiments.accuracy import cases as accuracy_cases
 from softlab.bench.experiments.accuracy.cases import make_case
 from softlab.bench.experiments.accuracy.experiment import run_accuracy
 from softlab.bench.experiments.accuracy.judgement import BALANCE, CONSTRAINT, SOLVER
+from softlab.bench.experiments.accuracy.references import converged_for, growth_for, half_for
+from softlab.bench.experiments.accuracy.references_ahead import iterate, references_ahead, tasks_of
 from softlab.bench.experiments.accuracy.solver_error import (
     CHANGE_FRACTION,
     FLOOR,
@@ -79,6 +81,28 @@ def test_iterations_leave_less_and_less(name, tmp_path):
             "softlab.bench.experiments.accuracy.solver_error.open_simulation", lambda *a, **k: pytest.fail("run again")
         )
         kept.end(solved(scene, name, 4, 0.01), 20)
+
+
+def test_references_ahead_are_all_that_a_measurement_reads(tmp_path, monkeypatch):
+    """Four cases of a small S1 have six tasks, which store all in one folder: judging the cases adds nothing. Processes are
+    started for many tasks only."""
+    cases = [
+        make_case("S1", solved(small(), name, n, 0.01), "cpu", **EXACT)
+        for name in (GAUSS_SEIDEL, JACOBI)
+        for n in (1, 4)
+    ]
+    cases += [make_case("S1", solved(small(), JACOBI, 20, 0.01), "cpu", **EXACT)]
+    tasks = tasks_of(cases, tmp_path)
+    assert [task.func for task in tasks.values()] == [converged_for, half_for, growth_for, *[iterate] * 3]
+    assert references_ahead(tmp_path, cases, progress=False) == 0 and not list(tmp_path.iterdir())
+    for run in tasks.values():
+        run()
+    stored = {file.name for file in tmp_path.iterdir()}
+    with Store(tmp_path.parent / f"{tmp_path.name}.sqlite") as store:
+        monkeypatch.setattr("softlab.bench.experiments.accuracy.experiment.references", lambda store: tmp_path)
+        monkeypatch.setattr("softlab.bench.experiments.accuracy.experiment.cases", lambda *_: cases)
+        assert run_accuracy(store, progress=False).measured == len(cases)
+    assert {file.name for file in tmp_path.iterdir()} == stored
 
 
 def test_residuals_of_one_constraint_vanish():
