@@ -30,6 +30,8 @@ import statistics
 import time
 from collections.abc import Sequence
 from contextlib import ExitStack
+from functools import partial
+from pathlib import Path
 from typing import Any
 
 from softlab.bench.experiments.accuracy.cases import Case, cases
@@ -46,10 +48,11 @@ from softlab.bench.experiments.accuracy.points import (
     end_of,
     point,
 )
-from softlab.bench.experiments.accuracy.references import converged_for, growth_for, motion_of, references
-from softlab.bench.experiments.accuracy.solver_error import Iterated, solver_numbers
+from softlab.bench.experiments.accuracy.references import motion_of, references, references_for
+from softlab.bench.experiments.accuracy.solver_error import Iterated, iterate, solver_numbers
 from softlab.bench.experiments.growth import Growth
-from softlab.bench.measure.experiment import Report, backends_here, chosen, resume, store_measures
+from softlab.bench.measure.compile_ahead import Job
+from softlab.bench.measure.experiment import Report, backends_here, chosen, resume, source_hash, store_measures
 from softlab.bench.measure.samples import in_turns
 from softlab.bench.measure.timing import Subject, prepare_runs
 from softlab.bench.reference import cache
@@ -59,7 +62,6 @@ from softlab.bench.store.schema import configuration_hash
 from softlab.model.base.errors import Diverged
 from softlab.model.core.simulation import PRECISIONS, Simulation
 
-HALF_ACCELERATION = 2.0  # inertia factor of the equation that the hand-out's step converges to
 COPIES = 3  # copies of the state to the host; their median is stored
 STAGE = "accuracy runs"  # stage of the samples in the store, different from the sweep's
 OLDER_STAGE = "accuracy"  # samples of runs that went on far beyond the time of the error
@@ -107,11 +109,29 @@ def run_accuracy(
     def measure(group: Sequence[Case], report: Report) -> None:
         _Group(store, summary, repeats, seconds, report).measure(group)
 
-    how: dict[str, Any] = {"progress": progress, "command": command, "worth": lambda case: 2}
+    def before(missing: Sequence[Case]) -> list[Job]:
+        return _reference_jobs(missing, references(store))
+
+    how: dict[str, Any] = {"progress": progress, "command": command, "worth": lambda case: 2, "before": before}
     resume(store, summary, list(groups.values()), is_stored, measure, **how)
     summary.points = _points(store, summary.machine, everything)
     summary.stop()
     return summary
+
+
+def _reference_jobs(missing: Sequence[Case], folder: Path | None) -> list[Job]:
+    """Return the jobs that store in `folder` what these cases are compared with (None: none can)."""
+    if folder is None:
+        return []
+    jobs = []
+    for case in missing:
+        scene, end = motion_of(case.scene), end_of(case.label)
+        key = str(folder), case.label, cache.key(scene, end, 1.0, cache.TOLERANCE), source_hash("cpu")
+        jobs.append(Job(("references", *key), partial(references_for, case.label, scene, end, folder)))
+        if case.scene.method.position_based and case.label not in AT_REST:
+            method = repr(case.scene.method.model_dump())
+            jobs.append(Job(("iterated", *key, method), partial(iterate, case.scene, case.steps, folder)))
+    return jobs
 
 
 class _Group:
@@ -129,10 +149,7 @@ class _Group:
         label = group[0].label
         scene, end = motion_of(group[0].scene), end_of(label)
         self.report(f"{label}: converged reference", 0)
-        right, half = converged_for(label, scene, end, self.folder), None
-        if not scene.cloth:
-            half = cache.cached_reference(scene, end, self.folder, inertia=HALF_ACCELERATION)
-        growth = growth_for(label, scene, end, self.folder)
+        right, half, growth = references_for(label, scene, end, self.folder)
         with ExitStack() as stack:
             subjects = []
             for case in group:

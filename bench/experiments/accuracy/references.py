@@ -39,6 +39,7 @@ from softlab.model.core.integrators import damping_rate, frequency_bound
 from softlab.model.core.simulation import Simulation, State
 from softlab.model.scene.scene import Scene
 
+HALF_ACCELERATION = 2.0  # inertia factor of the equation that the hand-out's step converges to
 CLOTH_TOLERANCE = 2e-7  # spacings; RK4 at dt 0.0005 on S4 has an error of 3e-6, which shall be resolved tenfold
 ROPE_TOLERANCE = 2e-6
 ROPE_STEPS_PER_RADIAN = 0.4  # RK4 is stable from 0.36 on
@@ -76,6 +77,17 @@ def converged_for(label: str, scene: Scene, end: float, folder: Path | None) -> 
     if scene.cloth:
         return cache.cached_reference(scene, end, folder, tolerance=CLOTH_TOLERANCE)
     return cache.cached_reference(scene, end, folder)
+
+
+def references_for(
+    label: str, motion: Scene, end: float, folder: Path | None
+) -> tuple[cache.Converged, cache.Converged | None, Growth]:
+    """Return the converged state of an accuracy scene's `motion_of` at `end` [s], that of half the acceleration (None for
+    cloths) and the growth of a disturbance, stored in `folder` (None: not stored)."""
+    right, half = converged_for(label, motion, end, folder), None
+    if not motion.cloth:
+        half = cache.cached_reference(motion, end, folder, inertia=HALF_ACCELERATION)
+    return right, half, growth_for(label, motion, end, folder)
 
 
 def growth_for(label: str, scene: Scene, end: float, folder: Path | None) -> Growth:

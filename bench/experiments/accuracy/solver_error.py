@@ -21,6 +21,7 @@ from softlab.bench.experiments.accuracy.methods import why_unknown
 from softlab.bench.measure.experiment import source_hash
 from softlab.bench.reference import cache, xpbd
 from softlab.bench.reference.steps import masses
+from softlab.model.core.build import build
 from softlab.model.core.simulation import State
 from softlab.model.scene.scene import Scene
 
@@ -64,6 +65,11 @@ class Iterated:
             if change <= max(CHANGE_FRACTION * error, FLOOR) or iterations >= MAX_ITERATIONS:
                 return after, change, iterations
             before = after
+
+
+def iterate(scene: Scene, steps: int, folder: Path) -> None:
+    """Store in `folder` the end states with more and more iterations to which `solver_numbers` compares a run."""
+    Iterated(folder).converged(scene, steps, build(scene).inverse_mass > 0)
 
 
 def solver_numbers(
