@@ -97,8 +97,8 @@ def make_film(console: Console, store: Path, path: Path, *, quick: bool, voice: 
 def whole_lab(console: Console, *, quick: bool, store_path: Path, command: str) -> None:
     """Run the whole lab and print a table of the files.
 
-    The parts are doctor, kernels, sweep, accuracy, stability, hard cases (unless quick), figures, lab book. What the machine
-    lacks is skipped with its reason. Raises InputError (the store, the folders).
+    The parts are doctor, kernels and references, sweep, accuracy, stability, hard cases (unless quick), figures, lab book.
+    What the machine lacks is skipped with its reason. Raises InputError (the store, the folders).
     """
     from softlab.app.command.doctor import examine
     from softlab.app.command.tables import print_findings
@@ -198,7 +198,7 @@ def _measurements(console: Console, store: Any, quick: bool, command: str) -> di
                     raise KeyboardInterrupt
 
     parts: dict[str, Callable[[], Any]] = {
-        "kernels: compiling what is measured": kernels,
+        "kernels and references: made before anything is measured": kernels,
         "sweep: time per step": job(run_sweep, print_sweep, quick=quick),
         "accuracy: speed against error": job(run_accuracy, quick=quick),
         "findings: the small experiments": findings,

@@ -16,6 +16,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+from softlab.cpu_backend.core.threads import core_count
 from softlab.model.base.errors import InputError
 from softlab.plots.core.data import Results
 from softlab.plots.core.files import SUFFIXES, save
@@ -51,6 +52,8 @@ from softlab.plots.figures.fluids import truth as fluid_truth
 from softlab.plots.figures.scaling import gpus, threads
 from softlab.plots.findings import determinism as findings_determinism
 from softlab.plots.findings import float32 as findings_float32
+
+MAX_HELPERS = 3  # each takes a second or two to start and to read the results
 
 DRAWN: dict[str, tuple[str, Callable[[Results], Drawing | str]]] = {  # name -> title, function that draws it
     "time-per-step": (time_per_step.TITLE, time_per_step.draw),
@@ -123,8 +126,8 @@ def draw_figures(
 ) -> list[FigureFiles]:
     """Draw all figures, or those of these `names`, whose data the results have into an existing folder.
 
-    `footer`: print machine, commit and date on the figure itself; `suffixes`: the formats; `helped`: with a second
-    process (for programs whose main module may be imported again); `report` is called after each figure. A figure without
+    `footer`: print machine, commit and date on the figure itself; `suffixes`: the formats; `helped`: with further
+    processes (for programs whose main module may be imported again); `report` is called after each figure. A figure without
     data is left out, with its reason, and an older file of its name is removed, so that the folder never mixes two
     states. Raises InputError if the folder cannot be written.
     """
@@ -135,9 +138,9 @@ def draw_figures(
     files: dict[str, FigureFiles] = {}
     gc.freeze()  # 100 000 measures stay in memory; scanning them for garbage takes as long as half of the figures
     try:
-        with settings(), Helper(results if helped else None, wanted, folder, footer, suffixes) as helper:
-            for name in reversed(wanted):  # from the end backwards, until it reaches the helper
-                files[name] = helper.result(name) or _draw(results, name, folder, footer, suffixes)
+        with settings(), Helpers(results if helped else None, wanted, folder, footer, suffixes) as helpers:
+            for name in reversed(wanted):  # from the end backwards, until it reaches the helpers
+                files[name] = helpers.result(name) or _draw(results, name, folder, footer, suffixes)
                 report(name)
     finally:
         gc.unfreeze()
@@ -158,8 +161,8 @@ def _draw(results: Results, name: str, folder: Path, footer: bool, suffixes: Seq
     return FigureFiles(name, drawing.title, tuple(paths), drawing.short_caption, None, height)
 
 
-class Helper:
-    """Second process that draws figures from the first one on; a context manager. Without results there is no helper."""
+class Helpers:
+    """Processes that draw figures from the first one on; a context manager. Without results there are none."""
 
     def __init__(
         self, results: Results | None, names: Sequence[str], folder: Path, footer: bool, suffixes: Sequence[str]
@@ -168,12 +171,13 @@ class Helper:
         self.folder, self.footer, self.suffixes = folder, footer, suffixes
         self.begun: dict[str, Future[FigureFiles]] = {}
 
-    def __enter__(self) -> Helper:
+    def __enter__(self) -> Helpers:
         if self.results is None:
             return self
         with suppress(OSError, ImportError):  # on a machine without semaphores one process draws all
             context = multiprocessing.get_context("spawn")  # a fork would inherit locks of threads that it lacks
-            self.pool = ProcessPoolExecutor(1, context, _begin_helping, (self.results,))
+            helpers = max(1, min(core_count() - 1, MAX_HELPERS))
+            self.pool = ProcessPoolExecutor(helpers, context, _begin_helping, (self.results,))
             self.begun = {
                 name: self.pool.submit(_help, name, self.folder, self.footer, self.suffixes) for name in self.names
             }
@@ -184,7 +188,7 @@ class Helper:
             self.pool.shutdown(cancel_futures=True)
 
     def result(self, name: str) -> FigureFiles | None:
-        """Return the helper's figure, or None if it had not begun it, or failed; it will not touch that figure any
+        """Return a helper's figure, or None if none had begun it, or it failed; no helper will touch that figure any
         more.
         """
         if name not in self.begun or self.begun[name].cancel():
@@ -195,11 +199,11 @@ class Helper:
             return None
 
 
-_inputs: list[Results] = []  # input of the helper process
+_inputs: list[Results] = []  # input of a helper
 
 
 def _begin_helping(results: Results) -> None:
-    """Initialise the helper's process."""
+    """Initialise a helper's process."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is handled by the main process
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     gc.freeze()

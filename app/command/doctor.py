@@ -102,7 +102,7 @@ def _opengl() -> Finding:
 
 def _display() -> Finding:
     if platform.system() != "Linux" or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
-        return Finding("window", True, "a display is there for softlab demo")
+        return Finding("window", True, "a display is available for softlab demo")
     return Finding(
         "window", False, "no display", "run on a desktop, or draw without one: softlab run SCENE --render frame.png"
     )

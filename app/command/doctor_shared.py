@@ -25,11 +25,11 @@ def gpus_together() -> Finding:
     except BackendUnavailable as missing:
         return Finding(name, False, missing.missing, missing.remedy)
     except ImportError:
-        return Finding(name, False, "not known how they are linked: NVML is not installed", "pip install nvidia-ml-py")
+        return Finding(name, False, "the GPUs' links are unknown: NVML is not installed", "pip install nvidia-ml-py")
     if links.count < 2:
         return Finding(name, False, str(links), hint)
     if links.apart:
-        return Finding(name, False, str(links), "softlab run --link nccl goes another way between those")
+        return Finding(name, False, str(links), "softlab run --link nccl exchanges through NCCL between those")
     return Finding(name, True, str(links))
 
 

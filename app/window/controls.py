@@ -65,7 +65,7 @@ class Controls:
             key.MOTION_UP: (0, 1),
             key.MOTION_DOWN: (0, -1),
         }
-        self._while_compiling = (key.ESCAPE, key.H, key.N, key.V)  # ask nothing of a world
+        self._while_compiling = (key.ESCAPE, key.A, key.H, key.N, key.V)  # ask nothing of a world
         self._pointer: tuple[float, float] | None = None  # window coordinates, while it is over the window
         self._corner = (0, 0)  # pixels, of the pane in which a button went down last
         self._enter_keys = (key.ENTER, key.NUM_ENTER)

@@ -40,7 +40,7 @@ def numbers_text(
     if demo.compiling is not None:
         return (
             f"compiling this scene: {demo.compiling:.0f} s so far\n"
-            "the result is cached for the next run; Escape closes the window, most other keys wait"
+            "the result is cached for the next run; only Escape, A, H, N and V work until then"
         )
     world, scene = demo.world, demo.world.scene
     threads = (

@@ -1,33 +1,50 @@
-"""Compiling the kernels of many cases before the first is measured, on several processes at once.
+"""Making what many cases need before the first is measured, on several processes at once: kernels, converged references.
 
-Kernels are kept on disk by their content (model/base/kernel_cache.py), so that the process that measures only loads what
-others compiled. One after another, compiling is most of a first `softlab lab --quick`.
+Kernels are kept on disk by their content (model/base/kernel_cache.py), references beside the store, so that the process that
+measures only loads what others made. One after another, this is most of a first `softlab lab --quick`.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterable, Iterator
+import multiprocessing
+import signal
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from softlab.bench.measure.gpu import gpu_simulated
 from softlab.bench.measure.partition import Alone, use_partition
-from softlab.bench.measure.processes import run_in_processes
+from softlab.bench.measure.progress import progress_bar
 from softlab.cpu_backend.core.threads import core_count
 from softlab.model.base.errors import SoftlabError
 from softlab.model.base.files import replacing
 from softlab.model.base.kernel_cache import folder
 
-FEWEST = 4  # kinds of simulations: fewer are compiled before a process has started
+FEWEST = 4  # jobs: fewer are done before a process has started
 MAX_WORKERS = 12
 MAX_PARTICLES = 300_000  # of a case that is opened only to compile it
-KNOWN = "ahead.json"  # beside the machine code: the kinds that were compiled
+KNOWN = "ahead.json"  # beside the machine code: keys of the jobs that were done
 Kind = tuple[str, ...]
-_gathered: list[list[Any]] = []  # cases of the `gathering` under way
+_gathered: list[list[Job]] = []  # jobs of the `gathering` under way
+
+
+@dataclass(frozen=True)
+class Job:
+    """Work whose result `run`, in any process, leaves on disk. Jobs of one `kind` leave the same."""
+
+    kind: Kind
+    run: Callable[[], Any]
+
+    @property
+    def key(self) -> str:
+        """24 hexadecimal digits of the kind."""
+        return hashlib.blake2b(repr(self.kind).encode(), digest_size=12).hexdigest()
 
 
 class _Nothing(Alone):
@@ -40,7 +57,7 @@ class _Nothing(Alone):
 
 @contextmanager
 def gathering(progress: bool) -> Iterator[None]:
-    """Let experiments inside this context measure nothing; at its end one pool of processes compiles the kernels they lack.
+    """Let experiments inside this context measure nothing; at its end one pool of processes makes what they lack.
 
     A pool for each experiment would import numba and CUDA anew in every process, and wait for its slowest kernel.
     """
@@ -49,8 +66,8 @@ def gathering(progress: bool) -> Iterator[None]:
         with use_partition(_Nothing()):
             yield
     finally:
-        cases = _gathered.pop()
-    compile_ahead(cases, progress)
+        jobs = _gathered.pop()
+    do_ahead(jobs, progress)
 
 
 def kind_of(case: Any) -> Kind:
@@ -71,30 +88,55 @@ def compile_case(case: Any) -> None:
         simulation.warm_up()
 
 
-def compile_ahead(cases: Iterable[Any], progress: bool, workers: int | None = None) -> int:
-    """Compile one case of each kind that this machine has not compiled yet. Returns the number of kinds compiled: 0 where
-    that would not pay (one core, few kinds, no place for machine code, the CUDA simulator)."""
+def compilations(cases: Iterable[Any]) -> Iterator[Job]:
+    """Yield the compilation of each case; not of cases that are too large to be opened for nothing else."""
+    for case in cases:
+        if hasattr(case, "open") and case.scene.grid.particle_count <= MAX_PARTICLES:
+            yield Job(kind_of(case), partial(compile_case, case))
+
+
+def do_ahead(jobs: Iterable[Job], progress: bool, workers: int | None = None) -> int:
+    """Do one job of each kind that this machine has not done yet. Returns their number: 0 where that would not pay (one
+    core, few jobs, no place for machine code, the CUDA simulator)."""
     if _gathered:
-        _gathered[-1].extend(cases)
+        _gathered[-1].extend(jobs)
         return 0
     place, workers = folder(), min(core_count(), MAX_WORKERS) if workers is None else workers
     if place is None or workers < 2 or gpu_simulated():
         return 0
     known = _known(place)
-    kinds: dict[str, Any] = {}
-    for case in cases:
-        if not hasattr(case, "open") or case.scene.grid.particle_count > MAX_PARTICLES:
-            continue
-        kinds.setdefault(hashlib.blake2b(repr(kind_of(case)).encode(), digest_size=12).hexdigest(), case)
-    missing = {key: case for key, case in kinds.items() if key not in known}
+    kinds: dict[Kind, Job] = {}
+    for job in jobs:
+        kinds.setdefault(job.kind, job)
+    missing = {job.key: job for job in kinds.values() if job.key not in known}
     if len(missing) < FEWEST:
         return 0
-    done = run_in_processes(
-        {key: partial(compile_case, case) for key, case in missing.items()}, workers, progress, "compiling"
-    )
+    done = _done(missing, min(workers, len(missing)), progress)
     with suppress(OSError), replacing(place / KNOWN) as file:
         file.write_text(json.dumps(sorted(known | set(done))), encoding="utf-8")
     return len(done)
+
+
+def _done(missing: Mapping[str, Job], workers: int, progress: bool) -> Sequence[str]:
+    """Return the keys of the jobs that processes have done. Ctrl-C ends the processes and is raised."""
+    context = multiprocessing.get_context("spawn")  # a fork would share a CUDA context, which none survives
+    done: list[str] = []
+    pool = ProcessPoolExecutor(workers, context, signal.signal, (signal.SIGINT, signal.SIG_IGN))
+    try:
+        futures: dict[Future[None], str] = {pool.submit(job.run): key for key, job in missing.items()}
+        with progress_bar(progress) as bar:
+            task = bar.add_task(f"preparing on {workers} processes", total=len(missing))
+            for future in as_completed(futures):
+                if future.exception() is None:
+                    done.append(futures[future])
+                bar.update(task, advance=1)
+    except BaseException:
+        for process in list((pool._processes or {}).values()):
+            process.terminate()
+        raise
+    finally:
+        pool.shutdown(cancel_futures=True)
+    return done
 
 
 def _known(place: Path) -> set[str]:

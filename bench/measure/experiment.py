@@ -10,16 +10,16 @@ from __future__ import annotations
 import hashlib
 import re
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any, Self, TypeVar
 
 from softlab.bench.keys.enter import enter_keys, same_kernels
-from softlab.bench.measure.compile_ahead import compile_ahead
+from softlab.bench.measure.compile_ahead import Job, compilations, do_ahead
 from softlab.bench.measure.gpu import gpu_or_reason, gpu_simulated
 from softlab.bench.measure.machine import enter_machine
-from softlab.bench.measure.partition import current_partition, measures_all
+from softlab.bench.measure.partition import current_partition, is_alone
 from softlab.bench.measure.progress import progress_bar
 from softlab.bench.measure.timing import MEASUREMENT
 from softlab.bench.store.database import Store
@@ -156,7 +156,7 @@ def resume(
     command: str,
     worth: Callable[[One], float] = lambda case: 1,
     whole: bool = False,
-    prepare: Callable[[Sequence[One]], object] = lambda cases: None,
+    before: Callable[[Sequence[One]], Iterable[Job]] = lambda missing: (),
 ) -> SummaryType:
     """Measure the cases that the store lacks, group by group, in a run of its own, and return the summary.
 
@@ -164,8 +164,8 @@ def resume(
     InputError (the store) and the errors of `measure`.
 
     `is_stored(case)`: the store has it; `measure(group, report)`: measures the cases of a group that it lacks, or (`whole`)
-    the whole group; `worth(case)`: its length on the bar, which `progress` shows; `prepare(cases)`: what one process that
-    measures everything does with all lacking cases first.
+    the whole group; `worth(case)`: its length on the bar, which `progress` shows; `before(cases)`: jobs beside compiling to
+    be done before these cases are measured, where no other process measures.
     """
 
     def lacking(group: Sequence[One]) -> Sequence[One]:
@@ -174,16 +174,15 @@ def resume(
 
     with ending_cleanly(summary):
         missing = [lacking(group) for group in groups]
-        if _take_same(store, summary, [case for group in missing for case in group], command):
+        if _take_same(store, summary, _joined(missing), command):
             missing = [lacking(group) for group in groups]
         summary.stored = sum(map(len, groups)) - sum(map(len, missing))
         named = {group_name(k, group): k for k, group in enumerate(groups) if missing[k]}
         worths = {name: sum(worth(case) for case in missing[k]) for name, k in named.items()}
         plan = {name: (worths[name], str(groups[k][0])) for name, k in named.items()}
         current_partition().planned(store, summary.machine, plan)
-        compile_ahead((case for group in missing for case in group), progress)
-        if measures_all():
-            prepare([case for group in missing for case in group])
+        first = before(_joined(missing)) if is_alone() else ()
+        do_ahead([*first, *compilations(_joined(missing))], progress)
         with progress_bar(progress and bool(named)) as bar:
             task = bar.add_task(summary.name, total=sum(worths.values()) or 1)
             for name, k in named.items():
@@ -195,6 +194,11 @@ def resume(
         if summary.run:
             enter_keys(store, summary.run, summary.name)
     return summary
+
+
+def _joined(groups: Sequence[Sequence[One]]) -> list[One]:
+    """Return the cases of all groups."""
+    return [case for group in groups for case in group]
 
 
 def _take_same(store: Store, summary: Summary, cases: Sequence[Any], command: str) -> bool:

@@ -43,9 +43,9 @@ def current_partition() -> Partition:
     return _current[-1]
 
 
-def measures_all() -> bool:
-    """Return True if this process measures every group, now."""
-    return type(current_partition()) is Alone
+def is_alone() -> bool:
+    """Return True if no other process measures a part of the groups."""
+    return isinstance(current_partition(), Alone)
 
 
 @contextmanager

@@ -53,13 +53,12 @@ class Options:
 
 def check_live(scene: Scene, live: Iterable[str], path: str, value: Any) -> None:
     """Raise SceneError for a field that is not `live`, or for which the scene has no code."""
-    allowed: list[str] = [p for name in live for p in LIVE_PATHS[name]]
-    if "taps" in live:
-        allowed += [f"{name}.speed" for name in scene.emitters]
-    if path not in allowed:
-        raise SceneError(
-            path, value, f"not live; live here: {', '.join(sorted(allowed)) or 'nothing'}; others need a new simulation"
-        )
+    names = [name for name, paths in LIVE_PATHS.items() if path in paths]
+    if path in (f"{name}.speed" for name in scene.emitters):
+        names.append("taps")
+    if not set(names) & set(live):
+        remedy = f'with live=("{names[0]}",)' if names else "with this value, since it cannot change while it runs"
+        raise SceneError(path, value, f"not live; open the simulation {remedy}")
     part = path.partition(".")[0]
     if part in ("springs", *CONSTRAINT_KINDS, "wind") and part not in scene.parts:
         raise SceneError(path, value, "the scene has no such part, so no code for it was compiled")

@@ -121,6 +121,16 @@ def test_the_outline_of_a_row_of_particles_is_a_line() -> None:
     assert scallop > 4.5 and np.ptp(top) <= 1
 
 
+def test_particles_that_stick_out_of_a_body_leave_its_outline_smooth() -> None:
+    """Every third ball of the top row is 0.6 radii higher, over 6 pixels: less than a third of that is left."""
+    camera, along = Camera3D(SIDE, SIDE, distance=3.0, yaw=0.0, pitch=0.0), np.arange(-24, 25) * 0.08
+    wall = np.stack(np.meshgrid(along, [0.0, -0.08, -0.16, -0.24, -0.32], [0.0]), axis=-1).reshape(-1, 3)
+    wall[wall[:, 1] == 0.0, 1] += np.where(np.arange(len(along)) % 3 == 0, 0.6 * 0.09, 0.0)
+    image = seen(wall, 0.09, "none", camera)
+    top = np.argmax(image[:, 40:-40, 3] > 0, axis=0)
+    assert 0.6 * 0.09 * camera.scale > 6.0 and np.ptp(top) <= 0.6 * 0.09 * camera.scale / 3
+
+
 def test_drops_holes_and_gaps_in_depth_stay() -> None:
     """A ball alone covers its disc; a hole of five radii stays open; what is far behind one another is not joined."""
     camera, radius = Camera3D(SIDE, SIDE, distance=3.0, yaw=0.0, pitch=0.0), 0.08

@@ -61,16 +61,21 @@ def fakes(folder: Path) -> list[Fake]:
     return [Fake(scene, folder, precision) for scene in scenes for precision in ("float32", "float64")]
 
 
+def compile_ahead(cases: list[Fake], workers: int) -> int:
+    """Return the number of kinds that were compiled."""
+    return ahead.do_ahead(ahead.compilations(cases), False, workers)
+
+
 def test_each_kind_is_compiled_once_elsewhere_and_known_afterwards(place: Path, tmp_path: Path) -> None:
     found = tmp_path / "found"
     found.mkdir()
-    assert ahead.compile_ahead(fakes(found), False, workers=2) == 4
+    assert compile_ahead(fakes(found), workers=2) == 4
     made = sorted(file.name.split("-", 1) for file in found.iterdir())
     assert sorted(name for _, name in made) == [f"{rows}-0.01-{p}" for rows in (2, 3) for p in ("float32", "float64")]
     assert str(os.getpid()) not in {process for process, _ in made}
-    assert ahead.compile_ahead(fakes(found), False, workers=2) == 0
+    assert compile_ahead(fakes(found), workers=2) == 0
     changed = [replace(fake, sources="other") for fake in fakes(found)]
-    assert ahead.compile_ahead(changed, False, workers=2) == 4
+    assert compile_ahead(changed, workers=2) == 4
 
 
 def test_experiments_that_are_gathered_measure_nothing_and_share_a_pool(
@@ -79,7 +84,7 @@ def test_experiments_that_are_gathered_measure_nothing_and_share_a_pool(
     """Two experiments with half of their kernels in common: one pool, each kind once, and none when they are measured."""
     pools: list[list[str]] = []
     monkeypatch.setattr(ahead, "core_count", lambda: 2)
-    monkeypatch.setattr(ahead, "run_in_processes", lambda tasks, *_: pools.append(list(tasks)) or list(tasks))
+    monkeypatch.setattr(ahead, "_done", lambda missing, *_: pools.append(list(missing)) or list(missing))
     measured: list[Fake] = []
     every = fakes(tmp_path)
 
@@ -100,15 +105,15 @@ def test_experiments_that_are_gathered_measure_nothing_and_share_a_pool(
 
 
 def test_what_cannot_be_opened_is_left_to_the_measurement(place: Path, tmp_path: Path) -> None:
-    assert ahead.compile_ahead([replace(fake, fails=True) for fake in fakes(tmp_path)], False, workers=2) == 4
+    assert compile_ahead([replace(fake, fails=True) for fake in fakes(tmp_path)], workers=2) == 4
 
 
 def test_nothing_is_started_where_it_does_not_pay(place: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ahead, "run_in_processes", lambda *_: pytest.fail("started"))
-    assert ahead.compile_ahead(fakes(tmp_path), False, workers=1) == 0
-    assert ahead.compile_ahead(fakes(tmp_path)[:3], False, workers=8) == 0
+    monkeypatch.setattr(ahead, "_done", lambda *_: pytest.fail("started"))
+    assert compile_ahead(fakes(tmp_path), workers=1) == 0
+    assert compile_ahead(fakes(tmp_path)[:3], workers=8) == 0
     monkeypatch.setattr(ahead, "folder", lambda: None)
-    assert ahead.compile_ahead(fakes(tmp_path), False, workers=8) == 0
+    assert compile_ahead(fakes(tmp_path), workers=8) == 0
 
 
 def test_a_map_has_few_kinds() -> None:

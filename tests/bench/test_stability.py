@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
-from math import pi, sin, sqrt
+from math import inf, pi, sin, sqrt
 
 import pytest
 
@@ -89,6 +89,16 @@ def test_slow_growth_is_not_called_bounded(opened):
         found = outcome(simulation, 0.0003, 10.0, 0.003)
     assert found.code in (GROWS, DIVERGED)
     assert found.steps > stability_runs.steps_of(0.0003)
+
+
+@pytest.mark.parametrize("limit", [0.0004, 0.0015, 0.2, 0.256, 3.0, 400.0, 3000.0])
+def test_the_search_finds_an_edge_on_either_side_of_where_it_begins(opened, monkeypatch, limit):
+    """dt w of a scheme that grows exactly above it; below and above the range of the search there is none to find."""
+    with opened(chain(0.03), live=LIVE, precision="float64") as simulation:
+        monkeypatch.setattr(stability_runs, "grows", lambda simulation, start, dt, w, gamma: dt * w > limit)
+        edge = measured_edge(simulation)
+    outside = {0.0004: 0.0, 3000.0: inf}
+    assert edge == outside.get(limit, pytest.approx(limit / CHAIN, rel=stability_runs.TOLERANCE))
 
 
 def test_edges_of_a_net_need_its_fastest_mode():

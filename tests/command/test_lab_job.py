@@ -93,8 +93,8 @@ def test_it_says_how_long_it_took_last_time(tmp_path: Path) -> None:
     assert "last time this took 42 s" in lab(tmp_path)
     assert "last time" not in lab(tmp_path, quick=False)  # which takes another time
     assert set(last_seconds("lab --quick")) == {  # of the second one now
-        "doctor", "kernels: compiling what is measured", "sweep: time per step", "accuracy: speed against error",
-        "stability: where it breaks",
+        "doctor", "kernels and references: made before anything is measured", "sweep: time per step",
+        "accuracy: speed against error", "stability: where it breaks",
         "figures and lab book",
     }  # fmt: skip
 

@@ -34,7 +34,7 @@ def test_outcomes_are_the_cpus(dt, code, monkeypatch):
 def test_an_edge_is_found_on_the_gpu(monkeypatch):
     """Few steps and a wide interval: within it, the analytic one, 2 / w."""
     monkeypatch.setattr(stability_runs, "UNDAMPED_STEPS", 32)
-    monkeypatch.setattr(stability_runs, "SMALLEST", 1.0)
+    monkeypatch.setattr(stability_runs, "FIRST", 1.0)
     scene = linear(small("velocity-verlet")).replace({"damping.coefficient": 0.0, "grid.columns": 1})
     with open_simulation(scene, "gpu", precision="float64", live=LIVE, allow_unstable=True) as simulation:
         edge = measured_edge(simulation, 0.3)

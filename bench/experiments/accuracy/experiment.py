@@ -31,6 +31,7 @@ import time
 from collections.abc import Sequence
 from contextlib import ExitStack
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 from softlab.bench.experiments.accuracy.cases import Case, cases
@@ -47,11 +48,11 @@ from softlab.bench.experiments.accuracy.points import (
     end_of,
     point,
 )
-from softlab.bench.experiments.accuracy.references import converged_for, growth_for, half_for, motion_of, references
-from softlab.bench.experiments.accuracy.references_ahead import references_ahead
-from softlab.bench.experiments.accuracy.solver_error import Iterated, solver_numbers
+from softlab.bench.experiments.accuracy.references import motion_of, references, references_for
+from softlab.bench.experiments.accuracy.solver_error import Iterated, iterate, solver_numbers
 from softlab.bench.experiments.growth import Growth
-from softlab.bench.measure.experiment import Report, backends_here, chosen, resume, store_measures
+from softlab.bench.measure.compile_ahead import Job
+from softlab.bench.measure.experiment import Report, backends_here, chosen, resume, source_hash, store_measures
 from softlab.bench.measure.samples import in_turns
 from softlab.bench.measure.timing import Subject, prepare_runs
 from softlab.bench.reference import cache
@@ -108,12 +109,34 @@ def run_accuracy(
     def measure(group: Sequence[Case], report: Report) -> None:
         _Group(store, summary, repeats, seconds, report).measure(group)
 
-    how: dict[str, Any] = {"progress": progress, "command": command, "worth": lambda case: 2}
-    how["prepare"] = partial(references_ahead, references(store), progress=progress)
+    def before(missing: Sequence[Case]) -> list[Job]:
+        return _reference_jobs(missing, references(store))
+
+    how: dict[str, Any] = {"progress": progress, "command": command, "worth": lambda case: 2, "before": before}
     resume(store, summary, list(groups.values()), is_stored, measure, **how)
     summary.points = _points(store, summary.machine, everything)
     summary.stop()
     return summary
+
+
+def _reference_jobs(missing: Sequence[Case], folder: Path | None) -> list[Job]:
+    """Return the jobs that store in `folder` what these cases are compared with (None: none can)."""
+    if folder is None:
+        return []
+    jobs, iterated = [], {}
+    for case in missing:
+        scene, end = motion_of(case.scene), end_of(case.label)
+        key = str(folder), case.label, cache.key(scene, end, 1.0, cache.TOLERANCE), source_hash("cpu")
+        jobs.append(Job(("references", *key), partial(references_for, case.label, scene, end, folder)))
+        method = case.scene.method
+        if method.position_based and case.label not in AT_REST:
+            odd = method.iterations // (method.iterations & -method.iterations)  # doubling keeps the odd factor
+            same = iterated.setdefault((*key, method.name, f"{method.dt:g}", str(odd)), {})
+            same[method.iterations] = (case.scene, case.steps)
+    for names, same in iterated.items():
+        kind = ("iterated", *names, *(str(iterations) for iterations in sorted(same)))
+        jobs.append(Job(kind, partial(iterate, tuple(same.values()), folder)))
+    return jobs
 
 
 class _Group:
@@ -131,8 +154,7 @@ class _Group:
         label = group[0].label
         scene, end = motion_of(group[0].scene), end_of(label)
         self.report(f"{label}: converged reference", 0)
-        right, half = (make(label, scene, end, self.folder) for make in (converged_for, half_for))
-        growth = growth_for(label, scene, end, self.folder)
+        right, half, growth = references_for(label, scene, end, self.folder)
         with ExitStack() as stack:
             subjects = []
             for case in group:

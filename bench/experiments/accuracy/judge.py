@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import floor, log10
+
 import numpy as np
 
 from softlab.bench.experiments.accuracy.methods import why_unknown
@@ -54,7 +56,8 @@ def judge_run(scene: Scene, state: State, diverged: Diverged | None = None) -> t
     # h and h/2, and h/4 to determine the order
     cost = (3 if smooth(scene) else 7) * steps * 4 * evaluation_seconds(scene)
     if cost > BUDGET:
-        short = state.time * BUDGET / cost
+        unit = 10 ** (floor(log10(state.time * BUDGET / cost)) - 1)
+        short = floor(state.time * BUDGET / cost / unit) * unit  # rounded down, so that such a run is affordable
         return (
             None,
             f"its converged reference would take about {cost:.0f} s; a run of at most {short:.2g} s (--time) has one",

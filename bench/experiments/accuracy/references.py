@@ -39,11 +39,11 @@ from softlab.model.core.integrators import damping_rate, frequency_bound
 from softlab.model.core.simulation import Simulation, State
 from softlab.model.scene.scene import Scene
 
+HALF_ACCELERATION = 2.0  # inertia factor of the equation that the hand-out's step converges to
 CLOTH_TOLERANCE = 2e-7  # spacings; RK4 at dt 0.0005 on S4 has an error of 3e-6, which shall be resolved tenfold
 ROPE_TOLERANCE = 2e-6
 ROPE_STEPS_PER_RADIAN = 0.4  # RK4 is stable from 0.36 on
 STILL_STEPS_PER_RADIAN = 0.002  # implicit Euler is stable at any step; the rope's end swings at 1.75 rad/s
-HALF_ACCELERATION = 2.0  # inertia factor of the equation that the hand-out's step converges to
 LEFT = 1e-8  # m: what is left of the swing at the time of S6-still
 FINER = 512  # steps of the contact reference to one step at the stability limit
 LAB_SECONDS = 6e-9  # s per mass and force evaluation, rounded up
@@ -79,11 +79,15 @@ def converged_for(label: str, scene: Scene, end: float, folder: Path | None) -> 
     return cache.cached_reference(scene, end, folder)
 
 
-def half_for(label: str, scene: Scene, end: float, folder: Path | None) -> cache.Converged | None:
-    """Return the state at `end` [s] of x'' = a / 2, to which the hand-out's step converges; None for cloths and ropes."""
-    if scene.cloth:
-        return None
-    return cache.cached_reference(scene, end, folder, inertia=HALF_ACCELERATION)
+def references_for(
+    label: str, motion: Scene, end: float, folder: Path | None
+) -> tuple[cache.Converged, cache.Converged | None, Growth]:
+    """Return the converged state of an accuracy scene's `motion_of` at `end` [s], that of half the acceleration (None for
+    cloths) and the growth of a disturbance, stored in `folder` (None: not stored)."""
+    right, half = converged_for(label, motion, end, folder), None
+    if not motion.cloth:
+        half = cache.cached_reference(motion, end, folder, inertia=HALF_ACCELERATION)
+    return right, half, growth_for(label, motion, end, folder)
 
 
 def growth_for(label: str, scene: Scene, end: float, folder: Path | None) -> Growth:

@@ -10,6 +10,7 @@ converge to slightly different states, because a projection goes along the const
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +22,7 @@ from softlab.bench.experiments.accuracy.methods import why_unknown
 from softlab.bench.measure.experiment import source_hash
 from softlab.bench.reference import cache, xpbd
 from softlab.bench.reference.steps import masses
+from softlab.model.core.build import build
 from softlab.model.core.simulation import State
 from softlab.model.scene.scene import Scene
 
@@ -66,6 +68,14 @@ class Iterated:
             if change <= max(CHANGE_FRACTION * error, FLOOR) or iterations >= MAX_ITERATIONS:
                 return after, change, iterations
             before = after
+
+
+def iterate(cases: Sequence[tuple[Scene, int]], folder: Path) -> None:
+    """Store in `folder` the end states with more and more iterations to which `solver_numbers` compares runs of these
+    scenes, which differ in their iterations only, after so many steps."""
+    iterated = Iterated(folder)
+    for scene, steps in cases:
+        iterated.converged(scene, steps, build(scene).inverse_mass > 0)
 
 
 def solver_numbers(

@@ -44,11 +44,12 @@ TOLERANCE = 1e-3  # relative width of the interval in which an edge is found
 GROWN, DECAYED = 1e4, 1e-3  # ratio to the initial amplitude at which growth or decay is decided
 RISE = 1.02  # ratio of the second half's largest amplitude to the first half's: growth, if neither was reached
 RISE_UNDAMPED = 2.0  # without damping, amplitudes fluctuate below the edge and grow fast above it
-FALL, FALL_STEPS = 0.9, 2**12  # a fall to this ratio after that many steps: decay, decided early
+EARLY_STEPS = 2**12  # with damping, a rise or fall by RISE decides after that many steps
 UNDAMPED_STEPS = 2**13  # without damping the slowest growth, of rk4, is 0.7 % per step at 1e-3 above the edge
 DAMPED_STEPS = 2**17  # with damping that of explicit Euler, gamma dt / 2 times the excess: 1e-6 per step
 STRAY = 1e-3  # amplitude of every other mode in the start, in case one of them grows first
 SMALLEST, LARGEST = 1e-3, 1e3  # range of dt w in which an edge is searched
+FIRST = 2**8 * SMALLEST  # where the search begins: near most edges, and few steps decide there
 
 
 @dataclass(frozen=True)
@@ -128,7 +129,7 @@ def edge_start(scene: Scene) -> tuple[np.ndarray, float]:
 def measured_edge(simulation: Simulation, tolerance: float = TOLERANCE) -> float:
     """Return the step size [s] above which a linear net (opened with LIVE on its `linear` scene) grows.
 
-    0: it grows at the smallest step; infinite: it never grew. Found by doubling from a small step size, then by
+    0: it grows at the smallest step; infinite: it never grew. Found by halving or doubling from FIRST / w, then by
     bisection to `tolerance`. Only meaningful for schemes that are stable at some step size: explicit Euler without a
     damper always grows.
     """
@@ -136,14 +137,18 @@ def measured_edge(simulation: Simulation, tolerance: float = TOLERANCE) -> float
     shape, w = edge_start(scene)
     gamma = damping_rate(scene)
     start = State(shape, np.zeros_like(shape), simulation.body.inverse_mass, 0.0, 0)
-    low = SMALLEST / w
-    if grows(simulation, start, low, w, gamma):
-        return 0.0
-    high = 2 * low
-    while not grows(simulation, start, high, w, gamma):
-        low, high = high, 2 * high
-        if high * w > LARGEST:
+    low, high = FIRST / w, inf
+    while grows(simulation, start, low, w, gamma):
+        low, high = low / 2, low
+        if low * w < 0.75 * SMALLEST:
+            return 0.0
+    while high == inf:
+        if 2 * low * w > LARGEST:
             return inf
+        if grows(simulation, start, 2 * low, w, gamma):
+            high = 2 * low
+        else:
+            low *= 2
     while high - low > tolerance * low:
         middle = sqrt(low * high)
         low, high = (low, middle) if grows(simulation, start, middle, w, gamma) else (middle, high)
@@ -174,8 +179,8 @@ def grows(simulation: Simulation, start: State, dt: float, w: float, gamma: floa
         if amplitude < DECAYED * first:
             return False
         amplitudes.append((simulation.step, amplitude))
-        if gamma > 0 and simulation.step > FALL_STEPS and _rise(amplitudes) < FALL:
-            return False
+        if gamma > 0 and simulation.step > EARLY_STEPS and not 1 / RISE <= _rise(amplitudes) <= RISE:
+            break
     return _rise(amplitudes) > (RISE if gamma > 0 else RISE_UNDAMPED)
 
 

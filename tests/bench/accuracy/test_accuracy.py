@@ -1,6 +1,7 @@
 """Speed against error: the Pareto front as a pure function, and the grid of cases run small into a store."""
 
 import math
+import re
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +12,7 @@ from hypothesis import strategies as st
 from softlab.app.command.scene_file import write_scene
 from softlab.bench.experiments.accuracy import cases as accuracy_cases
 from softlab.bench.experiments.accuracy import experiment as accuracy
+from softlab.bench.experiments.accuracy import judge
 from softlab.bench.experiments.accuracy import points as accuracy_points
 from softlab.bench.experiments.accuracy.experiment import run_accuracy
 from softlab.bench.experiments.accuracy.judge import distance
@@ -19,6 +21,7 @@ from softlab.bench.reference import cache
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import measures
 from softlab.model.core.families import stability_limit
+from softlab.model.core.simulation import State
 from softlab.model.scene.scene import load_scene
 from softlab.plots.core.accuracy_points import points
 from softlab.plots.core.read import load
@@ -86,6 +89,22 @@ def test_references_are_kept(tmp_path, monkeypatch):
     file.write_bytes(file.read_bytes()[:100])
     assert np.array_equal(cache.cached_reference(scene, 0.1, folder).position, made.position)
     assert [f.name for f in folder.iterdir()] == [file.name]
+
+
+@pytest.mark.parametrize("time", [7.3, 20.0, 1e3])
+def test_a_run_that_is_too_long_names_a_time_that_is_not(monkeypatch, time):
+    """Rounded to two digits, but never up."""
+    scene = load_scene("lab-curtain")
+    monkeypatch.setattr(judge, "converged", lambda *_, **__: pytest.fail("affordable"))
+
+    def judged(seconds: float) -> str:
+        count = scene.grid.particle_count
+        state = State(np.zeros((count, 2)), np.zeros((count, 2)), np.ones(count), seconds, 100)
+        return str(judge.judge_run(scene, state)[1])
+
+    short = re.search(r"a run of at most ([\d.e+-]+) s", judged(time))
+    with pytest.raises(pytest.fail.Exception, match="affordable"):
+        judged(float(short[1]))
 
 
 @pytest.fixture(scope="module")

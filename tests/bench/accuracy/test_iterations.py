@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 from test_accuracy_xpbd import GAUSS_SEIDEL, JACOBI, small, solved
 
+from softlab.bench.experiments import growth as growth_module
 from softlab.bench.experiments.accuracy import cases as accuracy_cases
+from softlab.bench.experiments.accuracy import experiment as accuracy
+from softlab.bench.experiments.accuracy import solver_error
 from softlab.bench.experiments.accuracy.cases import make_case
 from softlab.bench.experiments.accuracy.experiment import run_accuracy
 from softlab.bench.experiments.accuracy.judgement import BALANCE, CONSTRAINT, SOLVER
-from softlab.bench.experiments.accuracy.references import converged_for, growth_for, half_for
-from softlab.bench.experiments.accuracy.references_ahead import iterate, references_ahead, tasks_of
+from softlab.bench.experiments.accuracy.references import motion_of, references_for
 from softlab.bench.experiments.accuracy.solver_error import (
     CHANGE_FRACTION,
     FLOOR,
@@ -19,8 +21,10 @@ from softlab.bench.experiments.accuracy.solver_error import (
     next_residuals,
     solver_numbers,
 )
+from softlab.bench.reference import cache
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import measures
+from softlab.model.core.build import build
 from softlab.model.scene.scene import Scene
 from softlab.plots.core.accuracy_points import points
 from softlab.plots.core.read import load
@@ -83,28 +87,6 @@ def test_iterations_leave_less_and_less(name, tmp_path):
         kept.end(solved(scene, name, 4, 0.01), 20)
 
 
-def test_references_ahead_are_all_that_a_measurement_reads(tmp_path, monkeypatch):
-    """Four cases of a small S1 have six tasks, which store all in one folder: judging the cases adds nothing. Processes are
-    started for many tasks only."""
-    cases = [
-        make_case("S1", solved(small(), name, n, 0.01), "cpu", **EXACT)
-        for name in (GAUSS_SEIDEL, JACOBI)
-        for n in (1, 4)
-    ]
-    cases += [make_case("S1", solved(small(), JACOBI, 20, 0.01), "cpu", **EXACT)]
-    tasks = tasks_of(cases, tmp_path)
-    assert [task.func for task in tasks.values()] == [converged_for, half_for, growth_for, *[iterate] * 3]
-    assert references_ahead(tmp_path, cases, progress=False) == 0 and not list(tmp_path.iterdir())
-    for run in tasks.values():
-        run()
-    stored = {file.name for file in tmp_path.iterdir()}
-    with Store(tmp_path.parent / f"{tmp_path.name}.sqlite") as store:
-        monkeypatch.setattr("softlab.bench.experiments.accuracy.experiment.references", lambda store: tmp_path)
-        monkeypatch.setattr("softlab.bench.experiments.accuracy.experiment.cases", lambda *_: cases)
-        assert run_accuracy(store, progress=False).measured == len(cases)
-    assert {file.name for file in tmp_path.iterdir()} == stored
-
-
 def test_residuals_of_one_constraint_vanish():
     """One spring is solved by one iteration, exactly: both residuals are rounding, of 1 m and 0.01 kg."""
     scene = Scene(
@@ -120,6 +102,35 @@ def test_residuals_of_one_constraint_vanish():
         simulation.advance(7)
         constraint, balance = next_residuals(scene, simulation.state())
     assert constraint < 1e-14 and balance < 1e-16
+
+
+def test_jobs_before_a_measurement_leave_all_that_it_is_compared_with(tmp_path, monkeypatch):
+    """After them neither a reference nor a run with more iterations is computed, and the references are the same."""
+    monkeypatch.setattr(accuracy, "end_of", lambda label: 0.05)
+    monkeypatch.setattr(accuracy_cases, "end_of", lambda label: 0.05)
+    case = make_case("S1", solved(small(), JACOBI, 1, 0.01), "cpu", "float64")
+    compared = case.label, motion_of(case.scene), 0.05
+    right, half, growth = references_for(*compared, None)
+    jobs = accuracy._reference_jobs([case, case], tmp_path)
+    assert len({job.kind for job in jobs}) == 2 and accuracy._reference_jobs([case], None) == []
+    series = [
+        (GAUSS_SEIDEL, 1),
+        (GAUSS_SEIDEL, 4),
+        (JACOBI, 1),
+        (JACOBI, 4),
+        (JACOBI, 20),
+    ]  # a job for one that doubles
+    several = [make_case("S1", solved(small(), *method, 0.01), "cpu", "float64") for method in series]
+    assert len({job.kind for job in accuracy._reference_jobs(several, tmp_path)}) == 4
+    for job in jobs:
+        job.run()
+    for module, name in ((cache, "converged"), (growth_module, "measure_growth"), (solver_error, "_end")):
+        monkeypatch.setattr(module, name, lambda *_, **__: pytest.fail("computed again"))
+    stored, stored_half, stored_growth = references_for(*compared, tmp_path)
+    assert np.array_equal(stored.position, right.position) and np.array_equal(stored_half.position, half.position)
+    assert np.array_equal(stored_growth.factors, growth.factors)
+    free = build(case.scene).inverse_mass > 0
+    assert Iterated(tmp_path).converged(case.scene, case.steps, free)[2] > 1
 
 
 # ---------------------------------------------------------------------- into the store
