@@ -67,8 +67,8 @@ def test_states_are_the_references(iterations: int) -> None:
 
 
 def test_the_height_at_rest_tends_to_that_of_the_implicit_step() -> None:
-    """Each doubling of the iterations more than halves what is left; 16 leave less than a twentieth of one's: scalar rows end
-    some per cent off."""
+    """Each doubling of the iterations more than halves what is left, as `contact_sag` assumes; 16 leave less than a twentieth
+    of one's: scalar rows end some per cent off."""
     implicit = centres(cube(0.0, solver="newton", iterations=20)[0], 240)[0][0][1]
     off = [abs(centres(cube(0.0, iterations=n)[0], 240)[0][0][1] - implicit) for n in (1, 2, 4, 8, 16)]
     assert off[0] > 0.01, "one iteration leaves the weight on the floor to the lowest elements"
