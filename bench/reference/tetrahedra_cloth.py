@@ -109,8 +109,12 @@ def motion(scene: Scene, steps: int, position: np.ndarray, velocity: np.ndarray,
         multipliers = [np.zeros(3 if "isometric" in item.of.__qualname__ else 1) for item in cloth]
         joint_multipliers = [np.zeros(3) for _ in joints]
         touching = surface_contacts.find(scene, distance, before, p).nearest(most) if scene.contact else None
-        p = yield before, p
+        p, pushed = (yield before, p), np.zeros_like(p)
         for _ in range(method.iterations):
+            if scene.colliders and method.iterations > 1:  # on positions without what colliders did to them so far
+                bare = p - pushed
+                p = np.where(free, _collided(fine, before, bare, (bare - before) / h, number)[0], bare)
+                pushed = p - bare
             for sweep, (_, order) in zip(sweeps, bodies, strict=True):
                 for members in order:
                     sweep.project(members, p, "blocks" if method.rows == "blocks" else "rows")
@@ -122,8 +126,18 @@ def motion(scene: Scene, steps: int, position: np.ndarray, velocity: np.ndarray,
                 assert touching is not None and scene.contact is not None
                 p = projected.project(scene.contact, touching, before, p, inverse_mass, surface_contacts)  # type: ignore[arg-type]
             p = yield before, p
+        p = p - pushed
         v = np.where(free, (p - before) / h, 0.0)
         if scene.colliders:
-            collided = cloth_colliders.collide(fine, before[None], p[None], v[None], number, in_place=True)
-            p, v = np.where(free, collided[0][0], p), np.where(free, collided[1][0], 0.0)
+            position, velocity = _collided(fine, before, p, v, number)
+            p, v = np.where(free, position, p), np.where(free, velocity, 0.0)
     return p, v
+
+
+def _collided(
+    scene: Scene, before: np.ndarray, position: np.ndarray, velocity: np.ndarray, number: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return (position, velocity) (particles, 3) after the colliders of substep `number`, of `method.dt` s."""
+    state = before[None], position[None], velocity[None]
+    settled, answered = cloth_colliders.collide(scene, *state, number, in_place=True)
+    return settled[0], answered[0]

@@ -21,7 +21,7 @@ from softlab.model.geometry.tables import wind_lists
 from softlab.model.geometry.topology import mesh_of
 from softlab.model.particles.constraints import ConstraintSet, Projection
 from softlab.model.position_based.mesh_constraints import attachment_set, constraint_sets, projections_of
-from softlab.model.position_based.mesh_plan import stage_name, xpbd_mesh_plan
+from softlab.model.position_based.mesh_plan import RELEASE, TOUCH, TOUCHING, stage_name, xpbd_mesh_plan
 from softlab.model.scene.scene import Scene
 
 
@@ -47,6 +47,8 @@ class MeshPositionBased(QuadsSimulation):
         self._wind = self._wind_lists("wind" in self.plan.parts)
         self._sets, self._projections = self._constraints()
         self._set_arrays = tuple(set_arrays(*both, real) for both in zip(self._sets, self._projections, strict=True))
+        touching = len(self._position) if TOUCHING in self.plan.parts else 0
+        self._pushes = np.zeros((touching, 3), real)  # m, by colliders within a substep
         staged = self.kernel == "stages"
         self._executor = Executor(self.plan, self._stages() if staged else {}, None if staged else self._advance)
         self.reset()
@@ -74,7 +76,7 @@ class MeshPositionBased(QuadsSimulation):
         make_mesh_advance(*self._variant(), self._projections)(
             self._bands, Steps(steps, step, method.substeps, method.iterations), self._position, self._velocity,
             self._before, self._set_arrays or no_sets(self.real),
-            World(self.parameters, self.integers, self._wind, self.bodies, self.kinds, self.driven),
+            World(self.parameters, self.integers, self._wind, self.bodies, self.kinds, self.driven), self._pushes,
         )  # fmt: skip
 
     def _stages(self) -> dict[str, StageRun]:
@@ -99,8 +101,14 @@ class MeshPositionBased(QuadsSimulation):
         def collide(moment: Moment) -> None:
             stage.collide(bands, moment.number, before, position, velocity, self.parameters, self.bodies, self.kinds)
 
+        def touch(moment: Moment) -> None:
+            given = before, position, self._pushes, self.parameters, self.bodies, self.kinds
+            stage.touch(bands, moment.number, moment.fresh, *given)
+
         found: dict[str, StageRun] = {
             "predict": predict,
+            TOUCH: touch,
+            RELEASE: lambda moment: stage.release(bands, position, self._pushes),
             "update velocity": lambda moment: stage.update(bands, before, position, velocity, self.parameters),
             "collide": collide,
             "pins": lambda moment: stage.pins(

@@ -22,7 +22,7 @@ from softlab.cpu_backend.core.scratch import cloth_variant
 from softlab.cpu_backend.core.wind import make_air, make_triangle
 from softlab.model.formulas import distance
 from softlab.model.particles.constraints import Projection
-from softlab.model.position_based.mesh_plan import BODY_DAMPING
+from softlab.model.position_based.mesh_plan import BODY_DAMPING, TOUCHING
 from softlab.model.tables.cloth import COLLIDER_KINDS
 
 AXES = 3  # a velocity's fourth number is its particle's own damping rate, 1/s
@@ -135,6 +135,46 @@ def make_end(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleName
     return SimpleNamespace(update=update, collide=collide)
 
 
+def make_touching(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
+    """Make the actions of colliders within iterations, on the masses `first` to before `last`.
+
+    `touch(first, last, substep, fresh, before, position, pushes, parameters, bodies, kinds)`: positions after colliders;
+    `pushes` (masses, 3) [m]: their displacement by colliders so far, 0 if `fresh`. Colliders act on the position without
+    it, so that they hold a mass by what all constraints did to it since the substep began. `release(first, last,
+    position, pushes)`: positions without that, for velocities and colliders of the substep's end.
+    """
+    rate = distance.make(real, compiler.compiled).rate
+    collide_mass = make_collide_mass(compiler, real, parts - {"restitution"})  # velocities are the end's
+    zero = real(0)
+
+    @compiler.compiled
+    def touch(first, last, substep, fresh, before, position, pushes, parameters, bodies, kinds):
+        inverse_h = parameters.inverse_substep
+        for k in range(first, last):
+            if before[k, 3] == zero:
+                continue
+            x, y, z = position[k, 0], position[k, 1], position[k, 2]
+            if not fresh:
+                x, y, z = x - pushes[k, 0], y - pushes[k, 1], z - pushes[k, 2]
+            velocity = (
+                rate(x, before[k, 0], inverse_h),
+                rate(y, before[k, 1], inverse_h),
+                rate(z, before[k, 2], inverse_h),
+            )
+            old = before[k, 0], before[k, 1], before[k, 2]
+            (px, py, pz), _ = collide_mass(bodies, kinds, substep, parameters, old, (x, y, z), velocity)
+            position[k, 0], position[k, 1], position[k, 2] = px, py, pz
+            pushes[k, 0], pushes[k, 1], pushes[k, 2] = px - x, py - y, pz - z
+
+    @compiler.compiled
+    def release(first, last, position, pushes):
+        for k in range(first, last):
+            for axis in range(AXES):
+                position[k, axis] = position[k, axis] - pushes[k, axis]
+
+    return SimpleNamespace(touch=touch, release=release)
+
+
 def make_substep(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
     """Make `opening` and `closing`, run by all threads of a team before and after a substep's constraints.
 
@@ -178,11 +218,14 @@ def make_substep(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
 
 @cache
 def make_mesh_stages(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """Compile the stages, one parallel loop each: `predict`; `update`, `collide` and `pins` as the functions that they
-    call, with the number of `bands` instead of a range. core/constraints.py has those of constraints."""
+    """Compile the stages, one parallel loop each: `predict`; `update`, `collide`, `pins`, `touch` and `release` as the
+    functions that they call, with the number of `bands` instead of a range. core/constraints.py has those of
+    constraints."""
     compiler = Compiler(cloth_variant("mesh_stages", real, math, parts), math)
     begin, ends = make_begin(compiler, real, parts), make_end(compiler, real, parts)
     update_some, collide_some, drive = ends.update, ends.collide, make_drive(compiler, real)
+    touching = make_touching(compiler, real, parts)
+    touch_some, release_some = touching.touch, touching.release
 
     def predict(team, member, bands, step, substep, position, velocity, before, parameters, integers, wind_lists):
         count = len(position)
@@ -207,33 +250,55 @@ def make_mesh_stages(real: Any, math: str, parts: frozenset[str]) -> SimpleNames
         many = driven.size
         drive(many * band // bands, many * (band + 1) // bands, number, position, velocity, parameters, bodies, driven)
 
-    banded = {one.__name__: compiler.banded(one) for one in (update, collide, pins)}
+    def touch(band, bands, substep, fresh, before, position, pushes, parameters, bodies, kinds):
+        count = len(position)
+        first, last = count * band // bands, count * (band + 1) // bands
+        touch_some(first, last, substep, fresh, before, position, pushes, parameters, bodies, kinds)
+
+    def release(band, bands, position, pushes):
+        count = len(position)
+        release_some(count * band // bands, count * (band + 1) // bands, position, pushes)
+
+    banded = {one.__name__: compiler.banded(one) for one in (update, collide, pins, touch, release)}
     return SimpleNamespace(predict=compiler.team(predict), **banded)
 
 
 @cache
 def make_mesh_advance(real: Any, math: str, parts: frozenset[str], projections: tuple[Projection, ...]) -> Any:
-    """Compile advance(bands, steps, position, velocity, before, sets, world): many steps in one call, `steps`: a Steps.
+    """Compile advance(bands, steps, position, velocity, before, sets, world, pushes): many steps in one call, `steps`: a Steps.
 
     `world`: a World; `sets`: (corners, values, multipliers, starts) of each set of constraints, in the order of
-    `projections`.
+    `projections`; `pushes`: of make_touching.
     """
     compiler = Compiler(cloth_variant("mesh", real, math, parts), math)
     substep, rows = make_substep(compiler, real, parts), make_rows(compiler)
     opening, closing = substep.opening, substep.closing
     projects = [make_projections(compiler, real, projection, rows) for projection in projections]
     sweep = make_colours(compiler, projects, [projection.run for projection in projections])
-    has_constraints = bool(projects)
+    has_constraints, has_touching = bool(projects), TOUCHING in parts
+    touching = make_touching(compiler, real, parts)
+    touch, release = touching.touch, touching.release
 
-    def advance(team, member, bands, steps, position, velocity, before, sets, world):
+    def advance(team, member, bands, steps, position, velocity, before, sets, world, pushes):
         count, step, substeps, iterations = steps
+        particles = len(position)
         for pass_number in range(count * substeps):
             number = step * substeps + pass_number
             frame = step + pass_number // substeps
             opening(team, member, bands, frame, number, position, velocity, before, position, world)
             if has_constraints:
                 for iteration in range(iterations):
-                    sweep(team, member, bands, position, position, before, sets, iteration == 0, world.parameters)
+                    fresh = iteration == 0
+                    if has_touching:
+                        for band in shares(team, member, bands):
+                            first, last = particles * band // bands, particles * (band + 1) // bands
+                            touch(
+                                first, last, number, fresh, before, position, pushes, world.parameters, world.bodies, world.kinds
+                            )  # fmt: skip
+                    sweep(team, member, bands, position, position, before, sets, fresh, world.parameters)
+            if has_touching:
+                for band in shares(team, member, bands):
+                    release(particles * band // bands, particles * (band + 1) // bands, position, pushes)
             closing(team, member, bands, number, position, velocity, before, world)
 
     return compiler.team(advance)

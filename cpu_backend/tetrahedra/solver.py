@@ -20,6 +20,7 @@ from softlab.cpu_backend.tetrahedra.sleep import make_sleep_stages
 from softlab.model.core.plan import Executor, Moment, Plan, StageRun
 from softlab.model.particles.constraints import ConstraintSet, Projection
 from softlab.model.particles.tetrahedra.topology import neighbours
+from softlab.model.position_based.mesh_plan import TOUCHING
 from softlab.model.scene.scene import Scene
 from softlab.model.tetrahedra.constraints import SLEEP, SLEEPING, constraint_sets, projections_of, tetrahedra_plan
 from softlab.model.tetrahedra.tables import cloth_lists
@@ -118,7 +119,7 @@ class Tetrahedra(MeshPositionBased):
         stage = make_mesh_stages(*self._variant())
         sweep = make_sweep_stage(self.real, self.options.math, self._projections)
         position, velocity, before, parameters = self._position, self._velocity, self._before, self.parameters
-        driven = "motion" in self.plan.parts
+        driven, touching = "motion" in self.plan.parts, TOUCHING in self.plan.parts
         for number in range(step * method.substeps, (step + steps) * method.substeps):
             now, lists = number // method.substeps, self._wind
             stage.predict(bands, now, number, position, velocity, before, parameters, self.integers, lists)
@@ -126,8 +127,13 @@ class Tetrahedra(MeshPositionBased):
                 stage.pins(bands, number, position, velocity, parameters, self.bodies, self.driven)
             contacts.find(before, position)
             for iteration in range(method.iterations):
+                if touching:
+                    given = before, position, self._pushes, parameters, self.bodies, self.kinds
+                    stage.touch(bands, number, iteration == 0, *given)
                 sweep(bands, position, position, before, self._set_arrays, iteration == 0, parameters)
                 contacts.project(before, position)
+            if touching:
+                stage.release(bands, position, self._pushes)
             stage.update(bands, before, position, velocity, parameters)
             if self.scene.colliders:
                 stage.collide(bands, number, before, position, velocity, parameters, self.bodies, self.kinds)

@@ -1,9 +1,9 @@
 """Position-based dynamics (XPBD, PBD) of a triangle mesh on CUDA: constraints in index arrays sorted by colour.
 
 M. Macklin et al., "XPBD", MIG 2016, algorithm 1, in substeps. A substep: `begin` predicts positions; `iterations` times
-every colour of the edges, the hinges, the long-range attachments is projected by a launch (core/constraints.py); `end`
-computes velocities and collisions. Kernels: `launch`, and `graph`, the same captured as a CUDA graph; `stages`, stage
-by stage. In `exact` math all give the same bits as the CPU.
+colliders act where the plan says so (touching.py), and every colour of the edges, the hinges, the long-range attachments
+is projected by a launch (core/constraints.py); `end` computes velocities and collisions. Kernels: `launch`, and `graph`,
+the same captured as a CUDA graph; `stages`, stage by stage. In `exact` math all give the same bits as the CPU.
 """
 
 from __future__ import annotations
@@ -27,13 +27,14 @@ from softlab.gpu_backend.core.substeps import SubstepSimulation, launched_kernel
 from softlab.gpu_backend.position_based.kernels import make_end
 from softlab.gpu_backend.position_based.mesh_kernels import make_mesh_begin, make_slow
 from softlab.gpu_backend.position_based.stages import make_xpbd_stages
+from softlab.gpu_backend.position_based.touching import make_touching
 from softlab.model.core.plan import Executor, Moment, Plan, StageRun
 from softlab.model.core.simulation import Options
 from softlab.model.geometry.tables import wind_lists
 from softlab.model.geometry.topology import mesh_of
 from softlab.model.particles.constraints import ConstraintSet, Projection
 from softlab.model.position_based.mesh_constraints import attachment_set, constraint_sets, projections_of
-from softlab.model.position_based.mesh_plan import BODY_DAMPING, stage_name, xpbd_mesh_plan
+from softlab.model.position_based.mesh_plan import BODY_DAMPING, RELEASE, TOUCH, TOUCHING, stage_name, xpbd_mesh_plan
 from softlab.model.scene.scene import Scene
 
 THREADS = 128  # per block: small blocks distribute a colour's few thousand constraints over more processors
@@ -110,7 +111,9 @@ class MeshPositionBased(DrivenSimulation, SubstepSimulation):
         variant, parts = (self.real, self.options.math), forces_of(self.plan.parts)
         self._begin, self._end = make_mesh_begin(*variant, parts), make_end(*variant, parts, AXES)
         self._pins = make_drive(*variant) if self._first_pin else None
-        self._slow, self._rates = None, None
+        self._slow, self._rates, self._touching = None, None, None
+        if TOUCHING in self.plan.parts:
+            self._touching, self._pushes = make_touching(*variant, parts), self.new_array()
         if BODY_DAMPING in self.plan.parts:
             self._slow = make_slow(*variant)
             self._rates = self.on_device(self.scene.tetrahedra_set.damping_rates.astype(self.real))
@@ -170,6 +173,18 @@ class MeshPositionBased(DrivenSimulation, SubstepSimulation):
         if self._slow is not None:
             self._slow[self._flat](velocity, self._rates, self.record)
 
+    def _touch(self, before: Any, position: Any, fresh: bool, time: tuple[Any, ...]) -> None:
+        """Launch the colliders before an iteration."""
+        if self._touching is not None:
+            self._touching.touch[self._flat](
+                before, position, self._pushes, np.int32(fresh), self.record, self.bodies, self.integers, *time
+            )
+
+    def _release(self, position: Any) -> None:
+        """Launch the end of colliders within iterations."""
+        if self._touching is not None:
+            self._touching.release[self._flat](position, self._pushes)
+
     def _when(self, place: int, substep: int) -> tuple[Any, ...]:
         """Return the arguments of kernels about the time of a substep."""
         return self._counter, np.int64(place), np.int64(self.scene.method.substeps), np.int64(substep)
@@ -179,7 +194,7 @@ class MeshPositionBased(DrivenSimulation, SubstepSimulation):
         before, velocity = self.position[self._current], self.velocity[self._current]
         self._current = 1 - self._current
         now, new_velocity = self.position[self._current], self.velocity[self._current]
-        time = self._when(place, substep)
+        time = self._substep_time = self._when(place, substep)
         self._brake(velocity)
         self._begin[self._flat](before, velocity, now, *self._lists, self.record, self.integers, *time)
         self._drive(now, new_velocity, time)
@@ -189,6 +204,7 @@ class MeshPositionBased(DrivenSimulation, SubstepSimulation):
     def iterate(self, iteration: int) -> None:
         """Launch an iteration (SubstepSimulation)."""
         before, now = self.substep_start, self.position[self._current]
+        self._touch(before, now, iteration == 0, self._substep_time)
         for _, project in self._colours:
             project(before, now, iteration == 0)
         if self.contacts:
@@ -198,6 +214,7 @@ class MeshPositionBased(DrivenSimulation, SubstepSimulation):
         """Launch the stages after the iterations (SubstepSimulation)."""
         before, now, velocity = self.substep_start, self.position[self._current], self.velocity[self._current]
         time = self._when(place, substep)
+        self._release(now)
         self._end[self._flat](before, now, velocity, self.record, self.bodies, self.integers, *time)
         self._drive(now, velocity, time)
 
@@ -207,8 +224,9 @@ class MeshPositionBased(DrivenSimulation, SubstepSimulation):
         method, find, project = self.scene.method, 0, 0
         if self.contacts:
             find, project = self.contacts.finding, self.contacts.projecting
-        more = 2 * (self._pins is not None) + (self._slow is not None)
-        return method.substeps * (2 + more + find + method.iterations * (len(self._colours) + project))
+        touching = self._touching is not None
+        more = 2 * (self._pins is not None) + (self._slow is not None) + touching
+        return method.substeps * (2 + more + find + method.iterations * (len(self._colours) + project + touching))
 
     def _stages(self) -> dict[str, StageRun]:
         """Return the function of each stage of the plan. The state stays in its buffer; the positions at the start of a
@@ -239,6 +257,10 @@ class MeshPositionBased(DrivenSimulation, SubstepSimulation):
             time = self._counter, np.int64(0), np.int64(moment.substeps), np.int64(moment.substep)
             self._drive(position, velocity, time)
 
+        def touch(moment: Moment) -> None:
+            time = self._counter, np.int64(0), np.int64(moment.substeps), np.int64(moment.substep)
+            self._touch(before, position, moment.fresh, time)
+
         contacts = self.contacts
         touching: dict[str, StageRun] = {}
         if contacts:
@@ -247,6 +269,7 @@ class MeshPositionBased(DrivenSimulation, SubstepSimulation):
         return (
             {name: colour(project) for name, project in self._colours}
             | touching
+            | {TOUCH: touch, RELEASE: lambda moment: self._release(position)}
             | {"predict": predict, "pins": pins, "update velocity": update, "collide": collide}
         )
 

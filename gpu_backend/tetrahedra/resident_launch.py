@@ -19,13 +19,22 @@ from softlab.gpu_backend.tetrahedra.slabs import MOST_THREADS, Slabs, make_slabs
 from softlab.model.base.errors import BackendUnavailable, SceneError
 from softlab.model.contact.attachments import CORNERS, part_of
 from softlab.model.particles.constraints import ConstraintSet, Projection
-from softlab.model.position_based.mesh_plan import BODY_DAMPING
+from softlab.model.position_based.mesh_plan import BODY_DAMPING, TOUCHING
 from softlab.model.scene.scene import Scene
 from softlab.model.tetrahedra.constraints import CLOTH, SLEEPING, WHOLE, constraint_sets, tetrahedra_of_sets
 
 RUNS = 1 << 17  # maximum number of voxels of a set that may be divided into slabs
 
-LAUNCHED_ONLY = ("wind", "motion", CLOTH, BODY_DAMPING, SLEEPING, WHOLE, *map(part_of, CORNERS))  # parts of a plan
+LAUNCHED_ONLY = (
+    "wind",
+    "motion",
+    CLOTH,
+    BODY_DAMPING,
+    SLEEPING,
+    WHOLE,
+    TOUCHING,
+    *map(part_of, CORNERS),
+)  # parts of a plan
 
 
 def launched_only(scene: Scene, parts: Collection[str]) -> str | None:

@@ -21,6 +21,8 @@ from softlab.model.scene.scene import Scene
 
 BODY_DAMPING = "body-damping"  # a part: bodies have their own damping rates
 PROJECT_CONTACTS = "project contacts"  # a stage
+TOUCHING = "colliders-in-iterations"  # a part: colliders act before each iteration, too
+TOUCH, RELEASE = "touch colliders", "release colliders"  # its stages
 PINS = Stage("pins", 0, 0, 0, 1.0)  # following a motion: their position and velocity at a substep's end
 
 
@@ -48,6 +50,12 @@ def with_friction_in_place(parts: frozenset[str]) -> frozenset[str]:
     within a substep, so that sticking bodies would creep.
     """
     return parts | {FRICTION_IN_PLACE} if "friction" in parts else parts
+
+
+def with_touching(scene: Scene, parts: frozenset[str]) -> frozenset[str]:
+    """Return the parts with colliders that act before each of several iterations, so that these converge to a step in
+    which constraints and contacts hold together."""
+    return parts | {TOUCHING} if scene.colliders and scene.method.iterations > 1 else parts
 
 
 def stage_name(kind: str, model: str, colour: int) -> str:
@@ -85,6 +93,12 @@ def constrained_plan(scene: Scene, parts: frozenset[str], sets: Sequence[tuple[C
         colours.append(Stage(stage_name("attachments", "tether", 0), 1, 1, operations))
     pins = (PINS,) if "motion" in parts else ()
     search: list[Stage] = []
+    touched = sum(colliders.OPERATIONS[kind] for kind, _ in scene.colliders)
+    touched += len(scene.colliders) * colliders.OPERATIONS_SLID * (FRICTION_IN_PLACE in parts)
+    released: tuple[Stage, ...] = ()
+    if TOUCHING in parts:
+        colours.insert(0, Stage(TOUCH, 3, 2, touched + 3 * (2 + distance.OPERATIONS_UPDATE), 1.0))
+        released = (Stage(RELEASE, 2, 1, 3),)
     if scene.contact:  # of surfaces
         search.append(Stage("find contacts", 3, 2, LOOKED_AT * contact.OPERATIONS_NEAREST))
         colours.append(Stage(PROJECT_CONTACTS, 2, 1, scene.contact.sweeps * contact.OPERATIONS_CONTACT))
@@ -93,12 +107,11 @@ def constrained_plan(scene: Scene, parts: frozenset[str], sets: Sequence[tuple[C
         *pins,
         *search,
         Node("iteration", tuple(colours), method.iterations),
+        *released,
         Stage("update velocity", 2, 1, 3 * distance.OPERATIONS_UPDATE),
         *pins,
     ]
     if scene.colliders:
-        touched = sum(colliders.OPERATIONS[kind] for kind, _ in scene.colliders)
-        touched += len(scene.colliders) * colliders.OPERATIONS_SLID * (FRICTION_IN_PLACE in parts)
         stages.append(Stage("collide", 2, 2, touched, 1.0))
     substep = Node("substep", tuple(stages), method.substeps)
     return Plan(Node("step", (substep,)), 4 * method.substeps, parts, dimensions=3)

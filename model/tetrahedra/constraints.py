@@ -16,7 +16,13 @@ from softlab.model.geometry.colouring import colour
 from softlab.model.particles.constraints import ConstraintSet, Projection
 from softlab.model.particles.tetrahedra_set import TetrahedraSet
 from softlab.model.position_based import mesh_constraints as of_cloths
-from softlab.model.position_based.mesh_plan import BODY_DAMPING, constrained_plan, model_parts, with_friction_in_place
+from softlab.model.position_based.mesh_plan import (
+    BODY_DAMPING,
+    constrained_plan,
+    model_parts,
+    with_friction_in_place,
+    with_touching,
+)
 from softlab.model.position_based.plan import xpbd_parts
 from softlab.model.scene.scene import Scene
 from softlab.model.tetrahedra.material import constraint_values, material_of, voxel_values
@@ -200,7 +206,7 @@ def tetrahedra_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
     sets = constraint_sets(scene)
     kinds = {SHAPES, *KINDS.values()}
     runs = {part_of_run(rows.model, rows.run, rows.kind == SHAPES) for rows in sets if rows.kind in kinds}
-    parts = with_friction_in_place(tetrahedra_parts(scene, live) | runs)
+    parts = with_touching(scene, with_friction_in_place(tetrahedra_parts(scene, live) | runs))
     operations = [operations_of(one) for one in projections_of(parts)]
     plan = constrained_plan(scene, parts, list(zip(sets, operations, strict=True)))
     return with_sleep(plan, scene.method.substeps) if SLEEPING in parts else plan

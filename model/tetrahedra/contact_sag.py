@@ -1,4 +1,4 @@
-"""Weight of xpbd tetrahedra on colliders, which push after the solve of a substep: how far it shortens the lowest ones."""
+"""Weight of xpbd tetrahedra on colliders, which push after each iteration: how far it shortens the lowest ones."""
 
 from __future__ import annotations
 
@@ -13,18 +13,20 @@ SAG = 0.03  # of `contact_sag`: up to it cubes of 2 to 4 voxels stick on slopes 
 
 
 def contact_sag(scene: Scene) -> np.ndarray:
-    """Return 2 g h^2 H / e^2 of each body, (bodies,): the additional strain of its lowest elements at rest.
+    """Return 2 g h^2 H / (n e^2) of each body, (bodies,): the additional strain of its lowest elements at rest.
 
-    Within a substep h, elements push the particles that lie on a collider, of the mass m_l, down by the weight M g: by
-    g h^2 M/m_l. Then the collider puts them back, as a spring of m_l / h^2 would. In a body of the height H, with the
-    mean edge e of its surface, M/m_l is 2 H/e: half of each element's mass lies at its lower end.
+    Within a substep h of one iteration, elements push the particles that lie on a collider, of the mass m_l, down by the
+    weight M g: by g h^2 M/m_l. Then the collider puts them back, as a spring of m_l / h^2 would. In a body of the height
+    H, with the mean edge e of its surface, M/m_l is 2 H/e: half of each element's mass lies at its lower end. Of n
+    iterations each finds the particles put back by the last one: at most 1/n of the strain is left (measured, not
+    derived: tests/tetrahedra/test_colliders_in_iterations.py).
     """
     found, method = scene.tetrahedra_set, scene.method
     gravity = scene.gravity.acceleration if scene.gravity is not None and scene.gravity.enabled else 0.0
     ends = np.append(found.first_particle, found.particle_count)[: len(found.parts) + 1]
     height = np.array([np.ptp(found.position[a:b, 1]) for a, b in pairwise(ends)])
     edge = contact_surface(found).edge[: len(found.parts)]
-    return 2 * abs(gravity) * (method.dt / method.substeps) ** 2 * height / edge**2
+    return 2 * abs(gravity) * (method.dt / method.substeps) ** 2 * height / (method.iterations * edge**2)
 
 
 def sag_lines(scene: Scene) -> list[str]:
@@ -36,8 +38,10 @@ def sag_lines(scene: Scene) -> list[str]:
     if not sag[worst] > SAG:
         return []
     substeps = int(np.ceil(scene.method.substeps * (sag[worst] / SAG) ** 0.5))
+    iterations = int(np.ceil(scene.method.iterations * sag[worst] / SAG))
     return [
-        f"{scene.tetrahedra_set.names[worst]}: colliders push after the solve of a substep, so that on them its weight "
+        f"{scene.tetrahedra_set.names[worst]}: colliders push after each iteration, so that on them its weight "
         f"shortens the lowest elements by up to {100 * sag[worst]:.0f} % more than their stiffness says; it rebounds from "
-        f"that, and may slide or tip over where friction would hold it; use method.substeps = {substeps} or larger edges"
+        f"that, and may slide or tip over where friction would hold it; use method.substeps = {substeps} or "
+        f"method.iterations = {iterations}, or larger edges"
     ]

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from kernel_text import entry_of, record_of
 
+from softlab.model.contact.sheet_plan import FRICTION_IN_PLACE
 from softlab.model.formulas.constraints.tetrahedron import MATERIALS
 from softlab.model.particles.constraints import Projection
 from softlab.model.tetrahedra.constraints import BLOCKS, DAMPED, ITERATED, part_of_run, projections_of
@@ -103,6 +104,23 @@ def test_blocks_compile_likewise() -> None:
 def test_multipliers_are_only_there_where_they_are_kept() -> None:
     once, kept = (text_of("fixed-corotated", np.float32, "fast", *more) for more in ((), (ITERATED,)))
     assert once.count("st.global.f32") == 0 and kept.count("st.global.f32") == 2
+
+
+@pytest.mark.parametrize("real,math", [(np.float32, "fast"), (np.float32, "exact"), (np.float64, "exact")])
+def test_colliders_in_iterations_compile_likewise(real: Any, math: str) -> None:
+    from numba import types
+
+    from softlab.gpu_backend.position_based.touching import make_touching
+
+    reals, wide = (types.float32 if real is np.float32 else types.float64)[::1], types.int64
+    parts = frozenset({"gravity", "load", "pins", "plane", "sphere", "friction", "restitution", FRICTION_IN_PLACE})
+    kernels = make_touching(real, math, parts)
+    time = types.int64[::1], wide, wide, wide
+    arguments = reals, reals, reals, types.int32, record_of(real, "tetrahedra"), reals, types.uint64[::1], *time
+    for kernel, given in ((kernels.touch, arguments), (kernels.release, (reals, reals))):
+        body = entry_of(kernel.py_func, given, math)
+        assert ".local" not in body and "call" not in body
+        assert ".f64" not in body if real is np.float32 else "fma.rn.f64" not in body
 
 
 @pytest.mark.parametrize("real,math", [(np.float32, "fast"), (np.float32, "exact"), (np.float64, "exact")])

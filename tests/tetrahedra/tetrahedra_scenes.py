@@ -47,9 +47,10 @@ PARTS: dict[str, dict[str, Any]] = {
         "third": FREE | {"material": "corotated", "origin": [0.5, 0.2, 0.0], "angle": 30.0},
     } | AIR,
 }  # fmt: skip
+PARTS["everything once"] = PARTS["everything"] | {"method": METHOD | {"iterations": 1}}
 
 
-LAUNCHED = ("free", "voxels", "hookean voxels")  # whose kernel is not `resident`
+LAUNCHED = ("free", "voxels", "hookean voxels", "everything")  # whose kernel is not `resident`
 
 
 def tetrahedra_scene(name: str, **changes: Any) -> Scene:

@@ -46,13 +46,14 @@ def test_materials_and_dampers(blocks_together: None, changes: dict[str, Any]) -
 
 
 def test_several_bodies_and_every_part(blocks_together: None) -> None:  # noqa: F811
-    scene = tetrahedra_scene("everything")
+    scene = tetrahedra_scene("everything once")
     assert_same(end_state(scene, "gpu", kernel="resident"), end_state(scene, "cpu", threads=1))
 
 
 def test_what_cannot_be_resident_is_refused() -> None:
     for kernel, scene, why in (
         ("resident", tetrahedra_scene("free"), "bodies of voxels"),
+        ("resident", tetrahedra_scene("everything"), "colliders-in-iterations"),
         ("resident:3", bar(), "even"),
         ("resident:two", bar(), "even"),
         ("slabs", bar(), "resident, graph, launch, stages"),
