@@ -207,6 +207,15 @@ def test_particles_without_a_mass(kind: str, field: dict[str, float]) -> None:
         Scene({"b": body}).body_set  # noqa: B018
 
 
+@pytest.mark.parametrize("density", [1e-320, 1e-306, 1e308])
+def test_fluids_whose_particles_have_no_usable_mass(density: float) -> None:
+    water = {"kind": "fluid", "size": [0.2, 0.2, 0.2], "rest_distance": 1e4 if density > 1 else 0.1}
+    water["size"] = [2 * water["rest_distance"]] * 3
+    tables = {"water": water, "oil": water | {"density": density}, "method": {"solver": "pbf"}}
+    with pytest.raises(SceneError, match=r"^oil\.density = \S+: gives particles of .* kg; "):
+        build(Scene(tables))
+
+
 def test_pairs_end() -> None:
     from softlab.model.geometry import neighbours as nearby
 
