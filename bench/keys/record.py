@@ -8,6 +8,7 @@ imports the lab, so that this file can be loaded beside the code of an older com
 from __future__ import annotations
 
 import hashlib
+import sys
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
@@ -19,6 +20,7 @@ import numpy as np
 
 # Constants of grids in former versions, which only the manufactured force read: no measured kernel has it
 MANUFACTURED = ("amplitude", "inertia", "spacing")
+BUILDING = {"squared_distances", "start_threads"}  # call compiled functions to sample a distance field, before any step
 
 
 @dataclass(frozen=True)
@@ -31,16 +33,24 @@ class Launch:
 
 @contextmanager
 def recorded() -> Iterator[list[Launch]]:
-    """Record the calls of compiled CPU functions and the launches of CUDA kernels inside, without running them."""
+    """Record the calls of compiled CPU functions and the launches of CUDA kernels inside, without running them.
+
+    Calls that build what a simulation starts from are run and not recorded: their results are among the arrays.
+    """
     from numba.core.registry import CPUDispatcher
 
     calls: list[Launch] = []
+    run = CPUDispatcher.__call__
 
     def note(kernel: Any, *arguments: Any) -> None:
         calls.append(Launch(kernel, arguments))
 
+    def note_or_run(kernel: Any, *arguments: Any) -> Any:
+        building = sys._getframe(1).f_code.co_name in BUILDING
+        return run(kernel, *arguments) if building else note(kernel, *arguments)
+
     with ExitStack() as stack:
-        stack.enter_context(patch.object(CPUDispatcher, "__call__", note, create=True))
+        stack.enter_context(patch.object(CPUDispatcher, "__call__", note_or_run, create=True))
         with suppress(ImportError):
             from numba.cuda.dispatcher import CUDADispatcher
 

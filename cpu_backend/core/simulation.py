@@ -154,9 +154,13 @@ class ParticlesSimulation(CpuSimulation):
         return None
 
     def _first_diverged(self) -> int:
+        return self._first_diverged_of(*self._places())
+
+    def _first_diverged_of(self, *places: Any) -> int:
+        """Return the index of the first diverged particle among `places`, see `_places`, or -1."""
         numba.set_num_threads(self._bands)
-        look = make_first_diverged_of(self.real, self.scene.dimensions)
-        look(*self._places(), self.real(self._bound), self._centre.astype(self.real), self._bands, self._bad)
+        check = make_first_diverged_of(self.real, self.scene.dimensions)
+        check(*places, self.real(self._bound), self._centre.astype(self.real), self._bands, self._bad)
         bad = self._bad[self._bad >= 0]
         return int(bad[0]) if len(bad) else -1
 

@@ -209,6 +209,12 @@ class Fluid(FluidSimulation, ParticlesSimulation):
         slots[self._state.number[: self.there]] = np.arange(self.there)
         return self._state.position, self._state.velocity, slots, self._room
 
+    def _first_diverged(self) -> int:
+        position, velocity, slots, stride = self._places()
+        active = np.flatnonzero(slots != self._world.sizes.nobody)
+        bad = self._first_diverged_of(position, velocity, slots[active], stride)
+        return bad if bad < 0 else int(active[bad])
+
     def _parameters_changed(self) -> None:
         self.integers[POKED] = self._poke_particle + 1
         self._fluids[:] = fluid_rows(self.scene, self.real, self.samples is not None).reshape(-1)

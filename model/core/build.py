@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from weakref import WeakValueDictionary
 
 import numpy as np
@@ -17,6 +16,7 @@ from softlab.model.geometry.topology import mesh_of, pinned_vertices
 from softlab.model.particles.particle_set import ParticleSet
 from softlab.model.scene.scene import Scene
 from softlab.model.tables.cloth import Cloth, Fold
+from softlab.model.tables.flow import spatial
 from softlab.model.tables.kinds import SHEETS
 from softlab.model.tables.mesh import Mesh
 from softlab.model.tables.parts import Grid
@@ -30,7 +30,8 @@ class Body:
     """Arrays from which a solver starts, read-only: simulations of one scene share them.
 
     `position`, `velocity`: (particles, dimensions) float64; `inverse_mass`: (particles,) float64, 0 where pinned;
-    `pinned`: sorted indices (int64); `size`: length [m] that scales the divergence limit, from the `centre`.
+    `pinned`: sorted indices (int64); `size`: length [m] that scales the divergence limit, from the `centre` [m] of the
+    scene (dimensions,).
     """
 
     rows: int
@@ -40,16 +41,18 @@ class Body:
     inverse_mass: np.ndarray
     pinned: np.ndarray
     size: float
+    centre: np.ndarray
 
-    @cached_property
-    def centre(self) -> np.ndarray:
-        """Centre [m] of the bounding box of all particles at time 0 without those that wait for an emitter,
-        (dimensions,)."""
-        position = self.position[self.position[:, 0] != PARKED]
-        if not len(position):
-            return np.zeros(self.position.shape[1])
-        low, high = position.min(axis=0), position.max(axis=0)
-        return low + (high - low) / 2
+
+def starts(scene: Scene, position: np.ndarray) -> np.ndarray:
+    """Return where particles start, (places, dimensions) [m]: the active ones of `position`, and the centres of emitters.
+
+    Without any of them it is the origin.
+    """
+    active = position[position[:, 0] != PARKED]
+    emitters = [spatial(emitter.center)[: scene.dimensions] for emitter in scene.emitters.values()]
+    places = np.concatenate([active, emitters]) if emitters else active
+    return places if len(places) else np.zeros((1, scene.dimensions))
 
 
 def sheet_name(scene: Scene) -> str:
@@ -130,11 +133,12 @@ def build(scene: Scene) -> Body:
 
 
 def some_of(whole: Body, chosen: slice | np.ndarray, rows: int = 1) -> Body:
-    """Return the particles `chosen` of the whole in `rows` rows, with its `size`. A slice gives views of its arrays."""
+    """Return the particles `chosen` of the whole in `rows` rows, with its `size` and `centre`. A slice gives views of its
+    arrays."""
     inverse_mass = whole.inverse_mass[chosen]
     return Body(
         rows, len(inverse_mass) // rows, whole.position[chosen], whole.velocity[chosen], inverse_mass,
-        np.flatnonzero(inverse_mass == 0), whole.size,
+        np.flatnonzero(inverse_mass == 0), whole.size, whole.centre,
     )  # fmt: skip
 
 
@@ -157,8 +161,10 @@ def _build(scene: Scene) -> Body:
     if scene.perturbation:
         position[free] += wave(grid, scene.perturbation.amplitude)[free]
     rest_length = scene.springs.rest_length if scene.springs else 0.0
-    size = max(grid.extent, max(grid.rows, grid.columns) * rest_length)
-    return Body(grid.rows, grid.columns, position, velocity, inverse_mass, pinned, size)
+    places = starts(scene, position)
+    low, high = places.min(axis=0), places.max(axis=0)
+    size = max(grid.extent, float((high - low).max()), max(grid.rows, grid.columns) * rest_length)
+    return Body(grid.rows, grid.columns, position, velocity, inverse_mass, pinned, size, low + (high - low) / 2)
 
 
 def masses(scene: Scene, waiting: np.ndarray | None = None) -> np.ndarray | float:

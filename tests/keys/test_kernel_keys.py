@@ -8,11 +8,14 @@ import os
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from softlab.bench.keys.ask import keys_at
+from softlab.bench.keys.record import recorded
 from softlab.bench.store.results import configuration
 from softlab.model.base.digest import ROOT
+from softlab.model.geometry.signed_distance import squared_distances
 from softlab.model.scene.scene import load_scene
 
 SCENES = {
@@ -111,6 +114,15 @@ def test_a_start_state_changes_the_key_of_the_arrays_alone() -> None:
     keys = keys_at(ROOT, {"as it is": told, "moved": moved, "heavier": heavier})
     assert len({kernels for kernels, _ in keys.values()}) == 1
     assert keys["heavier"][1] != keys["as it is"][1]
+
+
+def test_a_distance_field_is_sampled_while_launches_are_recorded() -> None:
+    """It is built by a compiled function; without its values the key of the arrays was another one at every run."""
+    triangle = np.array([[[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [0.0, 4.0, 0.0]]])
+    with recorded() as calls:
+        squared = squared_distances(triangle, np.array([1.0, 1.0, 0.0]), np.array([1, 1, 4]), 0.5)
+    np.testing.assert_array_equal(squared, [[[0.0, 0.25, 1.0, 2.25]]])
+    assert calls == []
 
 
 def test_a_colouring_changes_the_key_of_the_arrays(tree: Path) -> None:

@@ -92,6 +92,23 @@ def test_what_leaves_its_place_is_found_wherever_that_is(name: str, side: int) -
                 simulation.reset()
 
 
+@pytest.mark.parametrize("size", [None, [0.2, 0.2, 0.2]])  # m: starts empty, or far from its nozzle
+def test_a_far_nozzle_belongs_to_the_place_of_a_scene(size: list[float] | None) -> None:
+    """Three steps of 20 ms at 2 m/s: a layer of a hundred millimetres leaves the nozzle at a height of 5000 km."""
+    tables = {
+        "water": {"kind": "fluid", "capacity": 20, "rest_distance": 0.1} | ({"size": size} if size else {}),
+        "nozzle": {"kind": "emitter", "center": [0.0, 5e6, 0.0], "radius": 0.1, "speed": 2.0},
+        "gravity": {}, "method": {"solver": "pbf", "dt": 0.02, "substeps": 1, "iterations": 1},
+    }  # fmt: skip
+    scene = Scene(tables, "nozzle")
+    with open_simulation(scene, threads=1, precision="float64") as simulation:
+        simulation.advance(3)
+        simulation.check()
+        height = simulation.read("position")[:, 1]
+    assert np.any(np.abs(height - 5e6) < 0.2)
+    assert "5e+06 m" in str(resolution_line(scene, "float32")) and resolution_line(scene, "float64") is None
+
+
 def test_a_far_scene_that_does_diverge_is_found() -> None:
     scene = far((0.0, 5e6, 0.0))["cloth"].replace({"structural.stiffness": 1e6, "method.dt": 0.1})
     with open_simulation(scene, threads=1, precision="float64", allow_unstable=True) as simulation:
@@ -130,11 +147,13 @@ def test_where_a_fall_is_lost_in_rounding_the_run_says_so() -> None:
     assert np.ptp(result.state.position[:, 1] - fine.state.position[:, 1]) < 1e-3  # either hangs or falls as a whole
 
 
-def test_the_note_is_about_the_largest_coordinate_and_the_substep() -> None:
+def test_the_note_is_about_the_height_and_the_substep() -> None:
     assert falling(-1e4)[1] is not None and falling(100.0)[1] is None
     assert falling(1e4, substeps=1)[1] is None  # g h^2 is 2.7e-3 m
     assert falling(9e8, "float64", substeps=1000)[1] is not None and falling(9e8, "float64")[1] is None
     assert resolution_line(far((1e4, 0.0, 0.0))["rows"], "float32") is None  # nothing falls
+    east = falling(100.0)[0].replace({"box.origin": [1e4, 100.0, 0.0]})
+    assert resolution_line(east, "float32") is None  # heights are small, and gravity changes nothing else
 
 
 def test_a_velocity_that_is_kept_for_itself_falls_for_longer() -> None:

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from sys import float_info
 from typing import Any
 
 from softlab.model.base.errors import SceneError
 from softlab.model.base.memory import MAX_PARTICLES, available_bytes, require
+from softlab.model.geometry.arithmetic.functions import whole_power
 from softlab.model.tables.fluid import REPEATED, WIDER, Domain, Fluid
 
 PARTICLE_BYTES = 700  # on the host: state, sorted copies, a list of 64 neighbours
 OF_ALL = ("dimensions", "rest_distance", "support_radius")  # fields in which fluids of a scene must agree
 MAX_FLUIDS = 64
+LIGHTEST = float_info.min  # kg: of a particle, so that its inverse is a number
 
 
 def particle_count(parts: Mapping[str, Fluid]) -> int:
@@ -28,6 +31,11 @@ def check_fluids(parts: Mapping[str, Fluid], domain: Domain | None, domain_name:
             if getattr(other, field) != getattr(one, field):
                 reason = f"must be that of {first}, {getattr(one, field):g}: fluids of a scene meet"
                 raise SceneError(f"{name}.{field.removesuffix('_radius')}", getattr(other, field), reason)
+    for name, part in parts.items():
+        mass = part.density * whole_power(part.rest_distance, part.dimensions)
+        if not LIGHTEST <= mass <= 1 / LIGHTEST:
+            reason = f"gives particles of {mass:.3g} kg; a particle has {LIGHTEST:.3g} to {1 / LIGHTEST:.3g} kg"
+            raise SceneError(f"{name}.density", part.density, reason)
     if len(parts) > MAX_FLUIDS:
         raise SceneError(first, len(parts), f"at most {MAX_FLUIDS} fluids")
     count = particle_count(parts)
