@@ -82,7 +82,8 @@ def _borne(world: Scene, fluid: Scene) -> list[str]:
     """
     fluids = fluid.fluid_set
     water = fluids.position[fluids.there(fluids.position)]
-    if "bodies" not in world.members or not len(water):
+    pushing = fluids.parts[0].density * fluids.parts[0].buoyancy
+    if "bodies" not in world.members or not len(water) or pushing <= 0:
         return []
     top, bodies = water[:, 1].max() + fluids.spacing / 2, world.members["bodies"].body_set
     lines: dict[str, str] = {}
@@ -93,9 +94,9 @@ def _borne(world: Scene, fluid: Scene) -> list[str]:
             continue
         (a, _, b), depth = high - low, top - (low[1] + high[1]) / 2
         density = bodies.masses[copy.particles].sum() / (len(position) * spacing**3)
-        excess = abs(density / fluids.parts[0].density - 1)
+        excess = abs(density / pushing - 1)
         strain = excess * a * b / (2 * (a + b)) / (largest_shear(fluid) * depth)
-        if excess > NEUTRAL and strain < BORNE:
+        if excess > NEUTRAL and 0 < strain < BORNE:
             lines[copy.name] = (
                 f"{copy.name}: the lattice of {fluids.names[0]} bears the body's weight in it at a shear of {strain:.2g}: it "
                 "rises or sinks too slowly, or stays where it is; a body whose density differs more does not"
