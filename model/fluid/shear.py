@@ -19,6 +19,8 @@ from softlab.model.geometry.arithmetic.ordered import norm, total
 from softlab.model.scene.scene import Scene
 from softlab.model.tables.fluid import AMONG_BODIES
 
+BORNE = 1.0  # shear of a fluid's lattice below which it may bear a body (tests/world/test_rising.py)
+NEUTRAL = 1e-3  # relative difference of densities at which a body has no weight in a fluid to speak of
 FLOWS = 0.05  # of the pressure: largest modulus at which denser fluid sinks through lighter (tests/fluid/test_fluid_shear.py)
 
 
@@ -55,10 +57,13 @@ def largest_shear(scene: Scene) -> float:
 
 def shear_lines(scene: Scene) -> list[str]:
     """Return notes on denser fluid that starts above a lighter one, and on bodies in a fluid, where its lattice resists."""
-    bodies = {"bodies", "tetrahedra"} & scene.members.keys() if scene.is_world else set()
+    world = scene
     scene = scene.members.get("fluid", scene) if scene.is_world else scene
-    if not scene.fluids or not (scene.gravity and scene.gravity.enabled) or largest_shear(scene) <= FLOWS:
+    if not scene.fluids or not (scene.gravity and scene.gravity.enabled):
         return []
+    if largest_shear(scene) <= FLOWS:
+        return _borne(world, scene) if world.is_world else []
+    bodies = {"bodies", "tetrahedra"} & world.members.keys() if world.is_world else set()
     fluids, freely = scene.fluid_set, max(shear_over_pressure(AMONG_BODIES, scene.dimensions))
     note = (
         f"on its lattice a fluid resists shear by up to {largest_shear(scene):.2g} of its pressure with this support "
@@ -67,6 +72,36 @@ def shear_lines(scene: Scene) -> list[str]:
     )
     lines = [f"{above}: {note}it may stay above {below}, which is lighter" for above, below in _stacked(scene)]
     return lines + [f"{next(iter(scene.fluids))}: {note}bodies rise and sink in it too slowly"] * bool(bodies)
+
+
+def _borne(world: Scene, fluid: Scene) -> list[str]:
+    """Return notes on submerged bodies of particles whose weight in the fluid its lattice may bear.
+
+    A box of the sides a and b, whose density differs from the fluid's by the fraction e, is held by the shear stress
+    e rho g a b / (2 (a + b)) on its sides. There, at the depth z, the lattice has the modulus `largest_shear` rho g z.
+    """
+    fluids = fluid.fluid_set
+    water = fluids.position[fluids.there(fluids.position)]
+    pushing = fluids.parts[0].density * fluids.parts[0].buoyancy
+    if "bodies" not in world.members or not len(water) or pushing <= 0:
+        return []
+    top, bodies = water[:, 1].max() + fluids.spacing / 2, world.members["bodies"].body_set
+    lines: dict[str, str] = {}
+    for copy in bodies.copies:
+        position, spacing = bodies.position[copy.particles], copy.baked.spacing
+        low, high = position.min(axis=0) - spacing / 2, position.max(axis=0) + spacing / 2
+        if copy.waits or high[1] > top:
+            continue
+        (a, _, b), depth = high - low, top - (low[1] + high[1]) / 2
+        density = bodies.masses[copy.particles].sum() / (len(position) * spacing**3)
+        excess = abs(density / pushing - 1)
+        strain = excess * a * b / (2 * (a + b)) / (largest_shear(fluid) * depth)
+        if excess > NEUTRAL and 0 < strain < BORNE:
+            lines[copy.name] = (
+                f"{copy.name}: the lattice of {fluids.names[0]} bears the body's weight in it at a shear of {strain:.2g}: it "
+                "rises or sinks too slowly, or stays where it is; a body whose density differs more does not"
+            )
+    return list(lines.values())
 
 
 def _stacked(scene: Scene) -> list[tuple[str, str]]:
