@@ -57,7 +57,7 @@ class Bars(Bar):
     def __init__(self, show: bool):
         self.whole, self.whole_task = Whole.current, None  # first: `Progress` asks for what to show at once
         columns = (TextColumn("{task.description}"), BarColumn(None), TimeElapsedColumn(), TimeRemainingColumn())
-        super().__init__(*columns, show=show)
+        super().__init__(columns, show=show)
         self.watching = ExitStack()
         if self.whole:
             self.whole_task = super().add_task(str(self.whole), total=sum(self.whole.expected.values()) or 1)
