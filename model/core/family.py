@@ -17,6 +17,8 @@ from softlab.model.core.sharing.partitions import SharedMesh
 from softlab.model.scene.scene import Scene
 from softlab.model.tables.motion import RELEASE
 
+Read = Callable[[Any, Any], Any]  # (simulation, into)
+
 
 @dataclass(frozen=True)
 class Field:
@@ -41,7 +43,7 @@ class Field:
     shape: tuple[int | str, ...]
     unit: str
     doc: str
-    read: Callable[[Any, Any], Any] | None = None
+    read: Read | None = None
     check: Callable[[Scene, Any, Any], np.ndarray] | None = None
     download: Callable[[Any], np.ndarray | None] | None = None
     upload: Callable[[Any, np.ndarray | None], None] | None = None
@@ -61,7 +63,7 @@ def written(result: Any, into: Any) -> Any:
     return into
 
 
-def on_host(compute: Callable[[Any], Any]) -> Callable[[Any, Any], Any]:
+def on_host(compute: Callable[[Any], Any]) -> Read:
     """Return the `read` of a field that `compute(simulation)` returns as a new host array, or as a number."""
     return lambda simulation, into: written(compute(simulation), into)
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
-from typing import Any
 
 import numpy as np
 
 from softlab.model.base.clock import START, Clock
 from softlab.model.base.errors import InputError
+from softlab.model.core.backend import Backend
 from softlab.model.core.family import Field
 from softlab.model.core.options import PRECISIONS
 
@@ -90,16 +90,17 @@ def checked_arrays(state: State, shape: tuple[int, ...], precision: str) -> tupl
     return arrays, inverse_mass
 
 
-def checked_family_arrays(state: State, declared: Sequence[tuple[Field, Any]]) -> Mapping[str, np.ndarray]:
+def checked_family_arrays(state: State, declared: Sequence[tuple[Field, Backend]]) -> Mapping[str, np.ndarray]:
     """Return the arrays of the families, by name, in the arithmetic of the simulations that have them (`declared`).
 
     Raises InputError, also for an array that none of them has.
     """
-    known = {one.name: (one.check, simulation) for one, simulation in declared}
+    known = {one.name: (one, simulation) for one, simulation in declared}
     checked = {}
     for name, array in state.arrays.items():
-        check, simulation = known.get(name, (None, None))
-        if check is None:
+        if name not in known:
             raise InputError(f"{name}: this scene has no such array; leave it out")
-        checked[name] = check(simulation.scene, array, simulation.real)
+        one, simulation = known[name]
+        assert one.check is not None
+        checked[name] = one.check(simulation.scene, array, simulation.real)
     return checked
