@@ -5,7 +5,7 @@ Depth is the distance from the eye along the line of view [m], in 32-bit float; 
 
 from __future__ import annotations
 
-from math import pi as PI
+from math import pi
 
 MOST_PIXELS = 96.0  # that filters look to each side, at most
 BELL_SAMPLES = 8  # of a bell, to each side
@@ -109,8 +109,8 @@ void main() {{
     float spread = sqrt(max(sum.b - sum.g * sum.g, 0.0));
     float level = {LEVEL} * (here > 0.0 ? 1.0 : max(1.0, spread / apart)), beside = 0.0;
     for (int k = 0; k < 8; k++) {{
-        vec2 way = {BESIDE} * wide * vec2(cos(0.25 * {PI} * float(k)), sin(0.25 * {PI} * float(k)));
-        beside = max(beside, bell(ivec2(round(at + way))).r);
+        vec2 aside = {BESIDE} * wide * vec2(cos(0.25 * {pi} * float(k)), sin(0.25 * {pi} * float(k)));
+        beside = max(beside, bell(ivec2(round(at + aside))).r);
     }}
     float alone = 1.0 - smoothstep({DROP}, {BODY}, beside);
     float cover = clamp((sum.r - level) * wide * float(cell) / {STEEPNESS} + 0.5, 0.0, 1.0), near = 0.0;
