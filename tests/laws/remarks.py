@@ -93,13 +93,13 @@ REMARKS: tuple[Remark, ...] = (
     ),
     Remark(
         "tetrahedra, xpbd on colliders",
-        "colliders push after an iteration: with one, the weight shortens the lowest elements by a further g h^2 M/m, m "
-        "the mass that lies there, M all of it: 0.15 of an edge for 3 layers of 0.1 m with one substep a frame, 0.01 with 4. "
-        "With several, colliders act before each of them, too, and what is left is more than halved by twice as many, down to the "
-        "step of Newton's method. Above 0.03, which a run notes, a body rebounds from that, and may slide or tip over where "
-        "friction would hold it: a cube of 3 voxels that starts without strain on a slope of tan a = 0.9 mu = 0.45 goes 967, "
-        "78, 43 and 39 mm with 1, 2, 4 and 8 substeps of one iteration (1e5 Pa, no damping), 49 and 29 mm with one substep "
-        "of 4 and 8, and stays there but for the first",
+        "colliders push after an iteration: with one, the weight shortens the lowest elements by a further g h^2 M/m, m"
+        " the mass that lies there, M all of it: 0.15 of an edge for 3 layers of 0.1 m with one substep a frame, 0.01 "
+        "with 4. With several, colliders act before each of them, too, and what is left is more than halved by twice as"
+        " many, down to the step of Newton's method. Above 0.03, which a run notes, a body rebounds from that, and may "
+        "slide or tip over where friction would hold it: a cube of 3 voxels that starts without strain on a slope of "
+        "tan a = 0.9 mu = 0.45 goes 967, 78, 43 and 39 mm with 1, 2, 4 and 8 substeps of one iteration (1e5 Pa, no "
+        "damping), 49 and 29 mm with one substep of 4 and 8, and stays there but for the first",
         "elements move what lies there by M g h^2/m, and a collider takes that back, as a spring of m/h^2 would; "
         "model/tetrahedra/contact_sag.py, tests/core/test_damping_load.py, tests/tetrahedra/test_colliders_in_iterations.py",
     ),
