@@ -78,10 +78,10 @@ class BodiesState(SubstepSimulation):
             self._rebounds = Rebounds(*those, *variant, self.stream)
         self._couples: Couples | None = None
         if "couples" in self.plan.parts:
-            every, given = scene.body_set.clusters, (self._entries, self._leans, self._gathered[:2])
+            every, arrays = scene.body_set.clusters, (self._entries, self._leans, self._gathered[:2])
             if every.count > clusters.count:  # windows of lattices
-                given = self._entries_of(every), self.on_device(leans(every, real)), self._clusters_of_particles(every)
-            self._couples = Couples(every, given, self.particle_count, self.plan.parts, *variant, self.stream)
+                arrays = self._entries_of(every), self.on_device(leans(every, real)), self._clusters_of_particles(every)
+            self._couples = Couples(every, arrays, self.particle_count, self.plan.parts, *variant, self.stream)
         self._lattices = Lattices(scene.body_set, *variant, self.stream)
         self._lattices.change(scene.method)
         given = scene.body_set, scene.method, *variant, self.stream
