@@ -114,7 +114,7 @@ def motion(
                     p = contacts.sweep(before, p)
                 p = yield before, p
             if contacts and contacts.part.static_friction > 0:
-                rotated = cluster_material.couple_displacements(scene.body_set.loose, p, contacts.couples)
+                rotated = cluster_material.couple_displacements(scene.body_set.clusters, p, contacts.couples)
                 p = np.where(free, p + rotated, p)
             if contacts:
                 p = contacts.ended(before, p)

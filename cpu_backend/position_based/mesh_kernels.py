@@ -265,9 +265,9 @@ def make_mesh_stages(real: Any, math: str, parts: frozenset[str]) -> SimpleNames
 
 @cache
 def make_mesh_advance(real: Any, math: str, parts: frozenset[str], projections: tuple[Projection, ...]) -> Any:
-    """Compile advance(bands, steps, position, velocity, before, sets, world, pushes): many steps in one call, `steps`: a Steps.
+    """Compile advance(bands, steps, position, velocity, before, sets, world, pushes): many steps in one call.
 
-    `world`: a World; `sets`: (corners, values, multipliers, starts) of each set of constraints, in the order of
+    `steps`: a Steps; `world`: a World; `sets`: (corners, values, multipliers, starts) of each set of constraints, in the order of
     `projections`; `pushes`: of make_touching.
     """
     compiler = Compiler(cloth_variant("mesh", real, math, parts), math)
@@ -293,7 +293,8 @@ def make_mesh_advance(real: Any, math: str, parts: frozenset[str], projections: 
                         for band in shares(team, member, bands):
                             first, last = particles * band // bands, particles * (band + 1) // bands
                             touch(
-                                first, last, number, fresh, before, position, pushes, world.parameters, world.bodies, world.kinds
+                                first, last, number, fresh, before, position, pushes, world.parameters, world.bodies,
+                                world.kinds,
                             )  # fmt: skip
                     sweep(team, member, bands, position, position, before, sets, fresh, world.parameters)
             if has_touching:

@@ -55,13 +55,14 @@ class RigidMotion(NamedTuple):
 
 class Couples(NamedTuple):
     """Clusters of each particle: first of each particle, clusters, weights; the clusters' turns, SPIN each; couples of
-    particles, three planes."""
+    particles, three planes; entries of these clusters, to which the windows of lattices belong."""
 
     starts: np.ndarray
     clusters: np.ndarray
     weights: np.ndarray
     spins: np.ndarray
     sums: np.ndarray
+    entries: ClusterArrays
 
 
 class ClusterArrays(NamedTuple):

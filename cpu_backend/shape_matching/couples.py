@@ -60,7 +60,7 @@ def make_couples(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
 
     @compiler.compiled
     def is_coupled(c, count, arrays):
-        starts, slots, couples = arrays.starts, arrays.slots, arrays.couples.sums
+        starts, slots, couples = arrays.couples.entries.starts, arrays.couples.entries.slots, arrays.couples.sums
         for e in range(starts[c], starts[c + 1]):
             k = slots[e]
             if couples[k] != zero or couples[count + k] != zero or couples[2 * count + k] != zero:
@@ -74,25 +74,26 @@ def make_couples(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
             for number in range(SPIN):
                 spins[n + number] = zero
             return
-        starts, slots, members, couples = arrays.starts, arrays.slots, arrays.members, arrays.couples.sums
-        start, entries, k = starts[c], members.size // 4, np.int64(arrays.firsts[c])
+        couples, entries = arrays.couples.sums, arrays.couples.entries
+        starts, slots, members = entries.starts, entries.slots, entries.members
+        start, masses, k = starts[c], 3 * (members.size // 4), np.int64(entries.firsts[c])
         x, y, z = position[k], position[count + k], position[2 * count + k]
         couple_rows(
             (starts[c + 1] - start) // LANES, x, y, z, row_at(slots, start), position, row_at(position, count),
             row_at(position, 2 * count), couples, row_at(couples, count), row_at(couples, 2 * count),
-            row_at(members, 3 * entries + start), scratch,
+            row_at(members, masses + start), scratch,
         )  # fmt: skip
         spins[n], spins[n + 1], spins[n + 2], spins[n + 3], spins[n + 4], spins[n + 5] = spin(
             (sum_of(scratch, 0), sum_of(scratch, 1), sum_of(scratch, 2)),
             (sum_of(scratch, 3), sum_of(scratch, 4), sum_of(scratch, 5)),
             (sum_of(scratch, 6), sum_of(scratch, 7), sum_of(scratch, 8), sum_of(scratch, 9), sum_of(scratch, 10),
              sum_of(scratch, 11)),
-            arrays.centres[4 * c + 3], (x, y, z),
+            entries.centres[4 * c + 3], (x, y, z),
         )  # fmt: skip
 
     @compiler.compiled
     def turn(first, last, position, travel, weights, count, arrays):
-        starts, clusters, cluster_weights, spins, couples = arrays.couples
+        starts, clusters, cluster_weights, spins, couples, _ = arrays.couples
         for i in range(first, last):
             j, k = count + i, 2 * count + i
             couples[i], couples[j], couples[k] = zero, zero, zero
@@ -135,7 +136,7 @@ def make_couples_stage(real: Any, math: str, parts: frozenset[str]) -> Any:
     gather, turn_some = made.gather, made.turn
 
     def turn(team, member, bands, position, travel, weights, count, arrays, scratch, pitch):
-        clusters = arrays.centres.size // 4
+        clusters = arrays.couples.entries.centres.size // 4
         for band in shares(team, member, bands):
             room = row_at(scratch, np.int64(pitch * band))
             for c in range(clusters * band // bands, clusters * (band + 1) // bands):

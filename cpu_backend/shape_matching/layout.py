@@ -71,6 +71,32 @@ class Layout:
         return float(np.diff(ends).max() * threads / max(1, ends[-1]))
 
 
+def entries_of(clusters: Clusters, slots: np.ndarray, real: Any) -> tuple[ClusterArrays, np.ndarray]:
+    """Return the arrays of clusters, none of them known to be straight, and the place of each entry in them."""
+    sizes = np.diff(clusters.offsets)
+    starts = blocks_of(sizes)
+    place = np.arange(len(clusters.indices)) + np.repeat(starts[:-1] - clusters.offsets[:-1], sizes)
+    firsts = np.zeros(clusters.count, np.int32) if not len(slots) else slots[first_particles(clusters)].astype(np.int32)
+    entry_slots = np.repeat(firsts, np.diff(starts))
+    entry_slots[place] = slots[clusters.indices]
+    members = np.zeros((4, int(starts[-1])))
+    members[:3, place], members[3, place] = clusters.rest.T, clusters.masses
+    arrays = ClusterArrays(
+        starts, firsts, np.zeros(clusters.count, np.uint8), entry_slots.astype(np.int32),
+        members.astype(real).reshape(-1), leans(clusters, real).reshape(-1),
+    )  # fmt: skip
+    return arrays, place
+
+
+def clusters_of_particles(clusters: Clusters, slots: np.ndarray, count: int) -> tuple[np.ndarray, ...]:
+    """Return (starts (count + 1,), clusters, entries) of the particles at `slots` of `count` places, ghosts included."""
+    offsets, entries = clusters.of_particle
+    counts = np.zeros(count, np.int64)
+    counts[slots] = np.diff(offsets)
+    starts = np.concatenate([[0], np.cumsum(counts)]).astype(np.int32)
+    return starts, clusters.owner[entries], entries.astype(np.int64)
+
+
 def layout_of(clusters: Clusters, bounds: Bounds, real: Any, threads: int) -> Layout:
     """Return the layout of bodies, each with consecutive particles and clusters, in groups for `threads` threads."""
     first_particle, first_cluster = bounds
@@ -78,33 +104,18 @@ def layout_of(clusters: Clusters, bounds: Bounds, real: Any, threads: int) -> La
     count = int(begins[-1])
     slots = np.arange(first_particle[-1]) + np.repeat(begins[:-1] - first_particle[:-1], particles)
     sizes = np.diff(clusters.offsets)
-    starts = blocks_of(sizes)
-    place = np.arange(len(clusters.indices)) + np.repeat(starts[:-1] - clusters.offsets[:-1], sizes)
+    arrays, place = entries_of(clusters, slots, real)
+    starts, firsts = arrays.starts, arrays.firsts
     body_end = np.repeat(begins[1:], np.diff(first_cluster))  # of each cluster's body
-    firsts = np.zeros(clusters.count, np.int32) if not len(slots) else slots[first_particles(clusters)].astype(np.int32)
-
-    entry_slots = np.repeat(firsts, np.diff(starts))
-    entry_slots[place] = slots[clusters.indices]
-    steady = entry_slots[place] == np.repeat(firsts - clusters.offsets[:-1], sizes) + np.arange(len(place))
+    steady = arrays.slots[place] == np.repeat(firsts - clusters.offsets[:-1], sizes) + np.arange(len(place))
     straight = np.bincount(clusters.owner, ~steady, clusters.count) == 0
     straight &= firsts + np.diff(starts) <= body_end
-    members = np.zeros((4, int(starts[-1])))
-    members[:3, place], members[3, place] = clusters.rest.T, clusters.masses
     of_entry = np.full(int(starts[-1]), -1)
     of_entry[place] = np.arange(len(place))
 
-    own_offsets, own_entries = clusters.of_particle
-    own_count = np.zeros(count, np.int64)
-    own_count[slots] = np.diff(own_offsets)
-    own = (
-        np.concatenate([[0], np.cumsum(own_count)]).astype(np.int32),
-        clusters.owner[own_entries],
-        np.ascontiguousarray(clusters.rest[own_entries], real).reshape(-1),
-    )
-    arrays = ClusterArrays(
-        starts, firsts, straight.astype(np.uint8), entry_slots.astype(np.int32), members.astype(real).reshape(-1),
-        leans(clusters, real).reshape(-1),
-    )  # fmt: skip
+    own_starts, owners, own_entries = clusters_of_particles(clusters, slots, count)
+    own = own_starts, owners, np.ascontiguousarray(clusters.rest[own_entries], real).reshape(-1)
+    arrays = arrays._replace(straight=straight.astype(np.uint8))
 
     one = (np.diff(first_cluster) == 1) & (particles > 0)
     lone = np.zeros(len(particles), bool)
@@ -118,7 +129,7 @@ def layout_of(clusters: Clusters, bounds: Bounds, real: Any, threads: int) -> La
         costs.append(work[first:last].sum())
     return Layout(
         slots, count, np.array(groups, np.int64).reshape(-1, 5), np.array(costs, np.int64), arrays, own, of_entry,
-        own_entries.astype(np.int64),
+        own_entries,
     )  # fmt: skip
 
 

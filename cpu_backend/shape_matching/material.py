@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from softlab.cpu_backend.shape_matching.arrays import Couples, Damping, Rebound, RigidMotion, Shapes
-from softlab.cpu_backend.shape_matching.layout import SCATTERED, Layout
+from softlab.cpu_backend.shape_matching.layout import SCATTERED, Layout, clusters_of_particles, entries_of
 from softlab.cpu_backend.shape_matching.shapes import ENTRIES
 from softlab.model.assets.clusters import Clusters, whole_clusters
 from softlab.model.formulas.shape_matching.couple import SPIN
@@ -28,7 +28,7 @@ class ClusterMaterial:
     the arrays that contacts change besides positions.
     """
 
-    def __init__(self, clusters: Clusters, layout: Layout, parts: frozenset[str], real: Any):
+    def __init__(self, clusters: Clusters, every: Clusters, layout: Layout, parts: frozenset[str], real: Any):
         self._clusters, self._of_own = clusters, layout.of_own
         self.plastic = np.zeros(ENTRIES * clusters.count if "plastic" in parts else 0, real)
         self._shapes = np.zeros(SHAPE * clusters.count if shaping(parts) else 0, real)
@@ -56,11 +56,19 @@ class ClusterMaterial:
             )
         self.couples = np.zeros(3 * layout.count if "couples" in parts else 0, real)
         if "couples" in parts:
-            weights, spins = clusters.weights[layout.of_own].astype(real), np.zeros(SPIN * clusters.count, real)
-            steps = steps._replace(couples=Couples(starts, owners, weights, spins, self.couples))
+            steps = steps._replace(couples=self._coupled(every, layout, real))
         self.touched, self.steps, self.look = (self.travel, self.couples), steps, steps
         if isinstance(steps.shapes, Shapes):
             self.look = steps._replace(shapes=steps.shapes._replace(plastic_after=np.zeros_like(self.plastic)))
+
+    def _coupled(self, every: Clusters, layout: Layout, real: Any) -> Couples:
+        """Return the arrays of `every` cluster that friction turns, windows of lattices included."""
+        entries, (starts, owners, _), order = layout.arrays, layout.own, layout.of_own
+        if every.count > self._clusters.count:
+            entries, _ = entries_of(every, layout.slots, real)
+            starts, owners, order = clusters_of_particles(every, layout.slots, layout.count)
+        weights, spins = every.weights[order].astype(real), np.zeros(SPIN * every.count, real)
+        return Couples(starts, owners, weights, spins, self.couples, entries)
 
     def change(self, method: Method) -> None:
         """Update the tables that depend on the length of a substep."""

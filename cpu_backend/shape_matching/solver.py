@@ -85,7 +85,7 @@ class Bodies(BodiesSimulation, ParticlesSimulation):
         ends = self.layout.slots[links.ends].astype(np.int32)
         self._lattices = Lattices(body_set, self.layout.slots, count, self._bands, real)
         self._apart = self._apart and not body_set.lattices
-        self._material = ClusterMaterial(self.clusters, self.layout, self.plan.parts, real)
+        self._material = ClusterMaterial(self.clusters, body_set.clusters, self.layout, self.plan.parts, real)
         self._kept = [np.zeros_like(array) for array in self._state()]
         self._links = ends, np.zeros((links.count, 2), real), np.zeros((links.count, 1), real), links.starts
         self.contacts: ParticleContacts | None = None

@@ -61,9 +61,10 @@ def make_substep_end(compiler: Compiler, real: Any, math: str, parts: frozenset[
         travel = arrays.rigid.travel if keeps else weights
         scattered = arrays.rigid.scattered[0] if keeps else False
         if has_couples:
+            coupled = arrays.couples.entries.centres.size // 4
             for band in shares(team, member, bands):
                 room = row_at(scratch, np.int64(SCRATCH * LANES * band))
-                for c in range(clusters * band // bands, clusters * (band + 1) // bands):
+                for c in range(coupled * band // bands, coupled * (band + 1) // bands):
                     gather_couples(c, after, count, arrays, room)
         if rates_apart:
             for band in shares(team, member, bands):

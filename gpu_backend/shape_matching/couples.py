@@ -118,24 +118,27 @@ def make_couples(real: Any, math: str, has_rigid: bool) -> SimpleNamespace:
 
 
 class Couples:
-    """Couples of `clusters`; `own` (entries,): entries in the particles' order. `sums`: quads of particles, 0 between
-    substeps."""
+    """Couples of `clusters`, with their device arrays: entries, centres, and the clusters of each particle. `sums`: quads of
+    particles, 0 between substeps."""
 
     launches = 2  # of `turn`
 
     def __init__(
-        self, clusters: Clusters, own: np.ndarray, particles: int, parts: frozenset[str], real: Any, math: str, stream: Any
+        self, clusters: Clusters, arrays: tuple[Any, ...], particles: int, parts: frozenset[str], real: Any, math: str,
+        stream: Any,
     ):  # fmt: skip
+        self._entries, self._leans, self._gathered = arrays
+        own = clusters.of_particle[1]
         self._blocks = max(1, -(-clusters.count // TOGETHER)), THREADS, stream
         self._flat = max(1, -(-particles // THREADS)), THREADS, stream
-        arrays = np.zeros(SIZE * particles, real), np.zeros(QUADS * SIZE * clusters.count, real)
+        zeros = np.zeros(SIZE * particles, real), np.zeros(QUADS * SIZE * clusters.count, real)
         self.sums, self._spins, self._shares = (
-            cuda.to_device(array, stream=stream) for array in (*arrays, clusters.weights[own].astype(real))
+            cuda.to_device(array, stream=stream) for array in (*zeros, clusters.weights[own].astype(real))
         )
         self._kernels = make_couples(real, math, "rigid-motion" in parts)
 
-    def turn(self, position: Any, entries: tuple[Any, ...], leans: Any, gathered: tuple[Any, ...], travel: Any) -> None:
+    def turn(self, position: Any, travel: Any) -> None:
         """Turn particles after the substep's contacts are projected; `travel`: of rigid bodies, or None."""
-        self._kernels.gather[self._blocks](position, self.sums, *entries, leans, self._spins)
-        given = position, self.sums, *gathered[:2], self._shares, self._spins
+        self._kernels.gather[self._blocks](position, self.sums, *self._entries, self._leans, self._spins)
+        given = position, self.sums, *self._gathered, self._shares, self._spins
         self._kernels.turn[self._flat](*given, *(() if travel is None else (travel,)))

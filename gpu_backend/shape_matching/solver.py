@@ -124,7 +124,7 @@ class Bodies(BodiesState):
         time = self._counter, np.int64(place), np.int64(self.scene.method.substeps), np.int64(substep)
         last = self.record, self.bodies, self.integers, *time
         if self._couples:
-            self._couples.turn(now, self._entries, self._leans, self._gathered, self.inertial)
+            self._couples.turn(now, self.inertial)
         if self._rigid:
             self._end_rigid(before, now, new_velocity)
             if self._rebounds and self._rebounds.turns:

@@ -34,7 +34,7 @@ def bind_bodies_stages(sim: Any) -> dict[str, StageRun]:
         sim.contacts.project(before, position, sim.inertial, sim.couples)
 
     def turn(moment: Moment) -> None:
-        sim._couples.turn(position, sim._entries, sim._leans, sim._gathered, sim.inertial)
+        sim._couples.turn(position, sim.inertial)
 
     def update(moment: Moment) -> None:
         if sim.contacts and sim.contacts.bounces:

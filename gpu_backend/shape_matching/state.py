@@ -38,6 +38,9 @@ class BodiesState(BodiesSimulation, SubstepSimulation):
         needed += 4 * (2 * entries + self.particle_count + 2 * clusters) + lattice_bytes(self.scene.body_set, item)
         if self.scene.contact:
             needed += particle_contact_bytes(self.scene, item)
+        every = self.scene.body_set.clusters
+        if "couples" in self.plan.parts and every.count > clusters:
+            needed += len(every.indices) * ((SIZE + 1) * item + 8) + every.count * (3 * SIZE * item + 8)
         self._require_memory(needed, "bodies", f"{self.particle_count} particles, {entries} entries of clusters")
 
     def _kernel_parts(self) -> frozenset[str]:
@@ -52,21 +55,16 @@ class BodiesState(BodiesSimulation, SubstepSimulation):
         self._allocate_quads(collider_numbers(scene, real))
         self.rotation, self.turned, self.kept_rotation = (self._zeros(SIZE * clusters.count) for _ in range(3))
         self._weight = (self.body.inverse_mass * scene.grid.mass).astype(real)
-        members = np.concatenate([clusters.rest, clusters.masses[:, None]], axis=1).astype(real)
-        self._firsts = self.on_device(first_particles(clusters))
-        self._entries = (
-            self.on_device(clusters.offsets), self._firsts, self.on_device(clusters.indices), self.on_device(members)
-        )  # fmt: skip
+        self._entries = self._entries_of(clusters)
+        self._firsts = self._entries[1]
         self._leans = self.on_device(leans(clusters, real))
         self._sums, self._frames = self._zeros(MOMENTS * clusters.count), self._zeros(ROWS * SIZE * clusters.count)
         self.contacts: ParticleContacts | None = None
         if scene.contact:
             self.contacts = ParticleContacts(scene, real, self.options.math, self.stream, self.plan.parts)
-        starts, self._own = clusters.of_particle
+        self._own = clusters.of_particle[1]
         self._own_members = self.on_device(self._in_own_order())
-        self._gathered = (
-            self.on_device(starts), self.on_device(clusters.owner[self._own]), self._own_members, self._frames
-        )  # fmt: skip
+        self._gathered = (*self._clusters_of_particles(clusters), self._own_members, self._frames)
 
         variant = real, self.options.math
         self._material = ClusterMaterial(clusters, self._own, self._kernel_parts(), *variant, self.stream)
@@ -81,12 +79,25 @@ class BodiesState(BodiesSimulation, SubstepSimulation):
             self._rebounds = Rebounds(*those, *variant, self.stream)
         self._couples: Couples | None = None
         if "couples" in self.plan.parts:
-            masses = clusters, self._own, self.particle_count, self.plan.parts
-            self._couples = Couples(*masses, *variant, self.stream)
+            every, arrays = scene.body_set.clusters, (self._entries, self._leans, self._gathered[:2])
+            if every.count > clusters.count:  # windows of lattices
+                arrays = self._entries_of(every), self.on_device(leans(every, real)), self._clusters_of_particles(every)
+            self._couples = Couples(every, arrays, self.particle_count, self.plan.parts, *variant, self.stream)
         self._lattices = Lattices(scene.body_set, *variant, self.stream)
         self._lattices.change(scene.method)
         given = scene.body_set, scene.method, *variant, self.stream
         self._links: Any = DeviceLinks(*given) if scene.body_set.links.count else None
+
+    def _entries_of(self, clusters: Clusters) -> tuple[Any, ...]:
+        """Return the device arrays of clusters: offsets, first particles, particles, rest offsets and masses."""
+        members = np.concatenate([clusters.rest, clusters.masses[:, None]], axis=1).astype(self.real)
+        arrays = clusters.offsets, first_particles(clusters), clusters.indices, members
+        return tuple(self.on_device(array) for array in arrays)
+
+    def _clusters_of_particles(self, clusters: Clusters) -> tuple[Any, ...]:
+        """Return the device arrays of the particles' clusters: first of each particle, clusters."""
+        starts, entries = clusters.of_particle
+        return self.on_device(starts), self.on_device(clusters.owner[entries])
 
     @property
     def inertial(self) -> Any:

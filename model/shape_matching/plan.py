@@ -41,9 +41,9 @@ def body_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset[st
 
 
 def has_turning(scene: Scene) -> bool:
-    """Return True if a loose cluster has several particles, so that a friction couple can rotate it."""
-    found = scene.body_set.alike.loose
-    return bool((found.offsets[1:] - found.offsets[:-1] > 1).any())
+    """Return True if a cluster has several particles, so that a friction couple can rotate it."""
+    offsets = scene.body_set.alike.clusters.offsets
+    return bool((offsets[1:] - offsets[:-1] > 1).any())
 
 
 def lattice_stages(region: int) -> tuple[Stage, ...]:
@@ -120,9 +120,10 @@ def momentum_stage(scene: Scene) -> Stage:
 def couple_stage(scene: Scene) -> Stage:
     """Return the stage in which clusters gather the couples of their particles, and these turn with their clusters.
 
-    The couples are three scalars that contacts write, the turn six; the gathered couples are reset to 0.
+    The couples are three scalars that contacts write, the turn six; the gathered couples are reset to 0. Windows of
+    lattices are among the clusters.
     """
-    clusters, particles = scene.body_set.loose, scene.body_set.particle_count
+    clusters, particles = scene.body_set.clusters, scene.body_set.particle_count
     overlap, each = len(clusters.indices) / particles, clusters.count / particles
     reads = overlap * (6 + 2) + overlap * (6 + 2) + 3
     operations = overlap * (couple.OPERATIONS_MEMBER + couple.OPERATIONS_TURN) + each * couple.OPERATIONS_SPIN

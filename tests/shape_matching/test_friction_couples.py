@@ -26,6 +26,7 @@ CUBE: dict[str, Any] = {
 KINDS: dict[str, dict[str, Any]] = {
     "rigid": {"kind": "rigid_body"},
     "soft": {"kind": "soft_body", "cluster_stiffness": 1e5},
+    "lattice": {"kind": "soft_lattice", "region": 1, "cluster_stiffness": 1e5},
 }
 BOTH = pytest.mark.parametrize("kind", list(KINDS))
 STEPS, SUBSTEPS = 2, 8
@@ -76,7 +77,9 @@ def test_couples_are_what_keeps_it(kind: str, monkeypatch: pytest.MonkeyPatch) -
 
 @pytest.mark.parametrize("friction", [0.5, 2.0])
 @pytest.mark.parametrize(
-    "kinds", [("rigid",) * 2, ("soft",) * 2, ("rigid", "soft"), ("rigid",) * 3, ("soft", "rigid", "soft")], ids="-".join
+    "kinds",
+    [("rigid",) * 2, ("soft",) * 2, ("rigid", "soft"), ("lattice", "rigid"), ("rigid",) * 3, ("soft", "rigid", "soft")],
+    ids="-".join,
 )
 def test_impacts_of_what_spins_end_with_no_more_energy(kinds: tuple[str, ...], friction: float) -> None:
     """Nor is it above the start after any step, in flight without a source, of bricks that spin at 4 rad/s or so. (Within an
@@ -128,7 +131,7 @@ def test_no_random_contact_adds_energy(kind: str) -> None:
         ways[own] -= [0.0, 10 ** random.uniform(-2.8, -1.8), 0.0]
         contacts.find(start + ways)
         now = contacts.project(start, start + ways)
-        now = now + cluster_material.couple_displacements(scene.body_set.loose, now, contacts.couples)
+        now = now + cluster_material.couple_displacements(scene.body_set.clusters, now, contacts.couples)
         if contacts.couples.any():
             gains.append(float((mass * (now - start) ** 2).sum() / (mass * ways**2).sum() - 1))
     assert len(gains) > 50 and max(gains) < 1e-12
@@ -174,10 +177,10 @@ def test_what_is_squashed_hardly_turns(size: float) -> None:
 
 
 def test_who_has_couples() -> None:
-    """Where there is friction, and a cluster of several particles that is no window of a lattice."""
+    """Where there is friction, and a cluster of several particles, also as a window of a lattice."""
     with_them, smooth = impact("soft", 0.5), impact("soft", 0.0)
     assert "couples" in body_parts(with_them) and body_plan(with_them).has("turn by friction")
     assert "couples" not in body_parts(smooth) and not body_plan(smooth).has("turn by friction")
     assert "couples" not in body_parts(lone_points([[0.0, 0.0, 0.0]], [[0.0, 0.0, 0.0]]))
-    assert "couples" not in body_parts(bodies_scene(one=block(), other=block(), contact={}))
+    assert "couples" in body_parts(bodies_scene(one=block(), other=block(), contact={}))
     assert "couples" not in body_parts(bodies_scene(one=CUBE | KINDS["rigid"]))

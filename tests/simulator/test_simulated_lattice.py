@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from bodies_scenes import blocks, end_state, opened, same
+from bodies_scenes import block, blocks, bodies_scene, end_state, method, opened, same
 
 
 @pytest.mark.parametrize(
@@ -15,6 +15,20 @@ def test_the_bits_of_the_cpu(counts: tuple[int, int, int], region: int, precisio
     scene = blocks(1, 2, counts, region)
     host = end_state(scene, poked=True, precision=precision, steps=2)
     assert same(host, end_state(scene, "gpu", poked=True, precision=precision, kernel=kernel, steps=2))
+
+
+@pytest.mark.parametrize("precision", ["float32", "float64"])
+@pytest.mark.parametrize("kernel", ["launch", "stages"])
+def test_friction_turns_windows(precision: str, kernel: str) -> None:
+    """Two lattices hit each other aside: their windows gather the couples of friction and turn, to the bits of the CPU."""
+    coming = {"origin": [0.06, 0.29, 0.02], "velocity": [0.5, -4.0, 0.0]}
+    one, other = block((2, 3, 1), 1, cluster_stiffness=4000.0), block((2, 3, 1), 1, cluster_stiffness=4000.0, **coming)
+    contact = {"static_friction": 0.5, "dynamic_friction": 0.5}
+    scene = bodies_scene(one=one, other=other, contact=contact, gravity=0.0, method=method(2, 1))
+    host = end_state(scene, precision=precision, steps=2)
+    assert same(host, end_state(scene, "gpu", precision=precision, kernel=kernel, steps=2))
+    smooth = scene.replace({"contact.static_friction": 0.0, "contact.dynamic_friction": 0.0})
+    assert np.abs(host.velocity[:, 0] - end_state(smooth, precision=precision, steps=2).velocity[:, 0]).max() > 0.01
 
 
 def test_windows_in_turn(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,8 +12,8 @@ the axis of a line all of it is lost, since nothing there could rotate. As I is 
 not spin fast, and nothing turns farther than FARTHEST in a substep. Positions are moved, before velocities follow from
 them, to first order in h.
 
-Particles without a cluster and those of lattices get no couples: there an impact changes angular momentum by at most
-sum |c|, half of mu times the distance times the normal impulse, for each of a pair.
+Particles without a cluster get no couples: there an impact changes angular momentum by at most sum |c|, half of mu
+times the distance times the normal impulse, for each of a pair. The windows of a lattice are clusters like others here.
 """
 
 from __future__ import annotations
