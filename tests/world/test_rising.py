@@ -102,7 +102,7 @@ def test_deeper_water_holds_a_body_back_more() -> None:
     assert remains[1] < remains[0] - 0.1, remains
 
 
-def test_a_run_notes_bodies_that_the_packing_bears() -> None:
+def test_a_run_notes_bodies_that_the_lattice_supports() -> None:
     """The same cubes: those of 900 and 1100 kg/m^3, not one of 500, nor one of the water's own density."""
     notes = {density: shear_lines(submerged(density, 4)) for density in (500.0, 900.0, 1000.0, 1100.0)}
     assert notes[500.0] == [] == notes[1000.0]
