@@ -19,7 +19,7 @@ from softlab.model.geometry.arithmetic.ordered import norm, total
 from softlab.model.scene.scene import Scene
 from softlab.model.tables.fluid import AMONG_BODIES
 
-BORNE = 1.0  # shear of a fluid's lattice below which it may bear a body (tests/world/test_rising.py)
+SUPPORTED_SHEAR = 1.0  # shear of a fluid's lattice below which it may support a body (tests/world/test_rising.py)
 NEUTRAL = 1e-3  # relative difference of densities at which a body has no weight in a fluid to speak of
 FLOWS = 0.05  # of the pressure: largest modulus at which denser fluid sinks through lighter (tests/fluid/test_fluid_shear.py)
 
@@ -62,7 +62,7 @@ def shear_lines(scene: Scene) -> list[str]:
     if not scene.fluids or not (scene.gravity and scene.gravity.enabled):
         return []
     if largest_shear(scene) <= FLOWS:
-        return _borne(world, scene) if world.is_world else []
+        return _supported_bodies(world, scene) if world.is_world else []
     bodies = {"bodies", "tetrahedra"} & world.members.keys() if world.is_world else set()
     fluids, freely = scene.fluid_set, max(shear_over_pressure(AMONG_BODIES, scene.dimensions))
     note = (
@@ -74,16 +74,16 @@ def shear_lines(scene: Scene) -> list[str]:
     return lines + [f"{next(iter(scene.fluids))}: {note}bodies rise and sink in it too slowly"] * bool(bodies)
 
 
-def _borne(world: Scene, fluid: Scene) -> list[str]:
-    """Return notes on submerged bodies of particles whose weight in the fluid its lattice may bear.
+def _supported_bodies(world: Scene, fluid: Scene) -> list[str]:
+    """Return notes on submerged bodies of particles whose weight in the fluid its lattice may support.
 
     A box of the sides a and b, whose density differs from the fluid's by the fraction e, is held by the shear stress
     e rho g a b / (2 (a + b)) on its sides. There, at the depth z, the lattice has the modulus `largest_shear` rho g z.
     """
     fluids = fluid.fluid_set
     water = fluids.position[fluids.there(fluids.position)]
-    pushing = fluids.parts[0].density * fluids.parts[0].buoyancy
-    if "bodies" not in world.members or not len(water) or pushing <= 0:
+    buoyant_density = fluids.parts[0].density * fluids.parts[0].buoyancy
+    if "bodies" not in world.members or not len(water) or buoyant_density <= 0:
         return []
     top, bodies = water[:, 1].max() + fluids.spacing / 2, world.members["bodies"].body_set
     lines: dict[str, str] = {}
@@ -94,12 +94,12 @@ def _borne(world: Scene, fluid: Scene) -> list[str]:
             continue
         (a, _, b), depth = high - low, top - (low[1] + high[1]) / 2
         density = bodies.masses[copy.particles].sum() / (len(position) * spacing**3)
-        excess = abs(density / pushing - 1)
+        excess = abs(density / buoyant_density - 1)
         strain = excess * a * b / (2 * (a + b)) / (largest_shear(fluid) * depth)
-        if excess > NEUTRAL and 0 < strain < BORNE:
+        if excess > NEUTRAL and 0 < strain < SUPPORTED_SHEAR:
             lines[copy.name] = (
-                f"{copy.name}: the lattice of {fluids.names[0]} bears the body's weight in it at a shear of {strain:.2g}: it "
-                "rises or sinks too slowly, or stays where it is; a body whose density differs more does not"
+                f"{copy.name}: the lattice of {fluids.names[0]} supports the body's weight in it at a shear of {strain:.2g}: "
+                "it rises or sinks too slowly, or stays where it is; a body whose density differs more does not"
             )
     return list(lines.values())
 

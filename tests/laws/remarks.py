@@ -126,9 +126,9 @@ REMARKS: tuple[Remark, ...] = (
         "the lattice of particles resists shear by up to 0.41 of the pressure at the default support of 1 / 0.55 rest "
         "distances and 0.033 at 2, the default among bodies: with the former, water stays on oil on which it starts, a cube "
         "of 500 kg/m^3 (6 layers of 2.5 cm) gains 2.2 m/s^2 over 0.1 s and one of 900 stops a tenth of a layer higher; with "
-        "the latter, water is under the oil after 3 s, and the first cube gains 3.1 where potential flow leaves 3.8. It "
+        "the latter, water is under the oil after 3 s, and the first cube gains 3.4 where potential flow leaves 3.8. It "
         "begins as that says, within a tenth; then the packing resists, the more the deeper it lies, and bears cubes of 900 "
-        "and 1100 after 0.4 to 0.5 of a layer. A run notes more than 0.05, and submerged bodies that the lattice bears",
+        "and 1100 after a layer and 0.3 of one. A run notes more than 0.05, and submerged bodies that the lattice bears",
         "model/fluid/shear.py; tests/fluid/test_fluid_shear.py, tests/world/test_rising.py",
     ),
     Remark(
