@@ -102,10 +102,10 @@ class MeshPositionBased(QuadsSimulation):
             stage.collide(bands, moment.number, before, position, velocity, self.parameters, self.bodies, self.kinds)
 
         def touch(moment: Moment) -> None:
-            given = before, position, self._pushes, self.parameters, self.bodies, self.kinds
-            stage.touch(bands, moment.number, moment.fresh, *given)
+            arguments = before, position, self._pushes, self.parameters, self.bodies, self.kinds
+            stage.touch(bands, moment.number, moment.fresh, *arguments)
 
-        found: dict[str, StageRun] = {
+        stages: dict[str, StageRun] = {
             "predict": predict,
             TOUCH: touch,
             RELEASE: lambda moment: stage.release(bands, position, self._pushes),
@@ -117,5 +117,5 @@ class MeshPositionBased(QuadsSimulation):
         }
         for place, one in enumerate(self._sets):
             for colour in range(one.colours):
-                found[stage_name(one.kind, one.model, colour)] = project(place, colour)
-        return found
+                stages[stage_name(one.kind, one.model, colour)] = project(place, colour)
+        return stages

@@ -92,7 +92,7 @@ class World(NamedTuple):
     kinds: np.ndarray
 
 
-class Own(NamedTuple):
+class ParticleClusters(NamedTuple):
     """Clusters of each particle: first of each particle, clusters, rest offsets, factors."""
 
     starts: np.ndarray
@@ -108,7 +108,7 @@ class BodyArrays(NamedTuple):
     weights: np.ndarray
     clusters: ClusterArrays
     factors: np.ndarray
-    own: Own
+    own: ParticleClusters
     rotation: np.ndarray
     frames: np.ndarray
     scratch: np.ndarray

@@ -30,7 +30,7 @@ from softlab.gpu_backend.core.wind import make_wind
 from softlab.gpu_backend.core.world import World
 from softlab.gpu_backend.mass_spring.cloth.moves import make_cloth_kicks
 from softlab.gpu_backend.mass_spring.cloth.point import make_accelerations
-from softlab.gpu_backend.mass_spring.cloth.tiling import fields, needs_velocities, plane_shape, reach_of
+from softlab.gpu_backend.mass_spring.cloth.tiling import fields, needs_velocities, plane_shape, stencil_rows
 from softlab.model.base.tuples import reader
 from softlab.model.contact.cloth_parameters import CLOTH_PARAMETERS
 
@@ -251,14 +251,19 @@ def _make_mass(
     kicks = make_cloth_kicks(real, math, integrator, parts)
     kick = kicks.get("middle", kicks.get("step"))
     has_gravity, has_wind, has_pins = "gravity" in parts, "wind" in parts, "pins" in parts
-    strip, reach, (_, pitch), moving = tile.strip, reach_of(parts), plane_shape(tile, parts), needs_velocities(parts)
+    strip, stencil, (_, pitch), moving = (
+        tile.strip,
+        stencil_rows(parts),
+        plane_shape(tile, parts),
+        needs_velocities(parts),
+    )
     zero, inline = real(0), inlined(math)
 
     def make_mass(r: int) -> Any:
         spring_sum, wind_on = make_springs(r), make_air(r)
         bit, distance = np.int32(1 << r), r * pitch
         last, put = r == strip - 1, make_put(distance, moving)
-        load_below_2 = make_load((r + 3) * pitch if reach == 2 else r * pitch)
+        load_below_2 = make_load((r + 3) * pitch if stencil == 2 else r * pitch)
         load_below_next = make_load((r + 2) * pitch)
         after = None if last else make_mass(r + 1)
 
@@ -276,7 +281,7 @@ def _make_mass(
             if not last:  # loaded before this mass is stored, since no load may overtake a store
                 next_here = window.below
                 next_window = Window(
-                    here, window.below_2 if reach == 2 else load_below_next(shared, places.here),
+                    here, window.below_2 if stencil == 2 else load_below_next(shared, places.here),
                     load_below_2(shared, places.here), window.left, window.left_below, load_below_next(shared, places.west),
                     window.right, window.right_below, load_below_next(shared, places.east),
                 )  # fmt: skip
@@ -328,7 +333,7 @@ def make_cloth_strips(
     first_mass = _make_mass(real, math, integrator, parts, tile, publish, planes, make_there)(0)
     put, (_, pitch) = make_put(0, fields(tile, parts) == 6), plane_shape(tile, parts)
     load_here, load_above, load_below = make_load(0), make_load(-pitch), make_load(pitch)
-    load_two_below = make_load(2 * pitch if reach_of(parts) == 2 else 0)
+    load_two_below = make_load(2 * pitch if stencil_rows(parts) == 2 else 0)
     zero, one, two, inline = real(0), np.int32(1), np.int32(2), inlined(math)
 
     @inline

@@ -77,7 +77,7 @@ def make_reads(real: Any, math: str, parts: frozenset[str], tile: Tile) -> Simpl
 
     - `constants(parameters)`: the record's values, read once;
     - `read(position, velocity, vx, vy, both, place, cell)`: its strip from device memory;
-    - `held_bits(pinned, cell)`: bit r is set if mass r of the strip is pinned.
+    - `pin_bits_of(pinned, cell)`: bit r is set if mass r of the strip is pinned.
     """
     has_pins, strip, width = "pins" in parts, tile.strip, np.int32(tile.columns)
     pair = np.complex64 if real is np.float32 else np.complex128
@@ -96,7 +96,7 @@ def make_reads(real: Any, math: str, parts: frozenset[str], tile: Tile) -> Simpl
             store_pair(both, place + np.int32(r) * width, p.real, p.imag)
 
     @inline
-    def held_bits(pinned, cell):
+    def pin_bits_of(pinned, cell):
         i, j, rows, columns = cell.i, cell.j, cell.rows, cell.columns
         bits = np.int32(0)
         if has_pins:
@@ -107,7 +107,7 @@ def make_reads(real: Any, math: str, parts: frozenset[str], tile: Tile) -> Simpl
                         bits = bits | np.int32(1 << r)
         return bits
 
-    return SimpleNamespace(constants=reader(ON_TILES, inline), read=read, held_bits=held_bits)
+    return SimpleNamespace(constants=reader(ON_TILES, inline), read=read, pin_bits_of=pin_bits_of)
 
 
 def make_step(
@@ -125,7 +125,7 @@ def make_step(
     inline = inlined(math)
 
     @inline
-    def hold(both, old, new, state):
+    def pin(both, old, new, state):
         """Reset pinned masses to their old positions."""
         for r in range(strip):
             if state.pinned & np.int32(1 << r):
@@ -179,6 +179,6 @@ def make_step(
             p, q, left_p, right_p = q, next_q, next_left, next_right
         if has_pins:
             if state.pinned != 0:
-                hold(both, old, new, state)
+                pin(both, old, new, state)
 
     return step

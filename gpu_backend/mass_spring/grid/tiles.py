@@ -112,7 +112,7 @@ def make_tile_parts(real: Any, math: str, integrator: str, parts: frozenset[str]
 
     runs = {name: make_run(move) for name, move in make_moves(real, math, integrator, parts).items()}
     return SimpleNamespace(
-        constants=reads.constants, read=reads.read, held_bits=reads.held_bits, axis=axis, place_of=place_of, runs=runs,
+        constants=reads.constants, read=reads.read, pin_bits_of=reads.pin_bits_of, axis=axis, place_of=place_of, runs=runs,
         write=write, bits_between=strips.make_bits_between(math, strip),
     )  # fmt: skip
 
@@ -139,7 +139,7 @@ def make_tile_pass(
     are its opening and its closing.
     """
     f = make_tile_parts(real, math, integrator, parts, tile, cut)
-    constants, read, held_bits, place_of = f.constants, f.read, f.held_bits, f.place_of
+    constants, read, pin_bits_of, place_of = f.constants, f.read, f.pin_bits_of, f.place_of
     write, bits_between = f.write, f.bits_between
     verlet = "middle" in f.runs
     run = f.runs["middle"] if verlet else f.runs["step"]
@@ -160,8 +160,8 @@ def make_tile_pass(
         row_first, row_end, column_first, column_end = owned
         values = constants(parameters)
         read(position, velocity, vx, vy, both, place, Cell(i, j, rows, columns))
-        held = held_bits(pinned, Cell(i, j, rows, columns))
-        state = strips.StripState(i, j, place, left, right, above, below, vx, vy, held)
+        pin_bits = pin_bits_of(pinned, Cell(i, j, rows, columns))
+        state = strips.StripState(i, j, place, left, right, above, below, vx, vy, pin_bits)
         cuda.syncthreads()
         old = zero
         if ends:
@@ -172,8 +172,8 @@ def make_tile_pass(
         if ends:
             old = closing(1, pass_number + passes, old, both, state, values, integers, counter, rows, columns)
         if j >= column_first and j < column_end:
-            mine = bits_between(row_first, row_end, i)
-            write(new_position, new_velocity, zero, mine, both, old, state, columns)
+            owned_rows = bits_between(row_first, row_end, i)
+            write(new_position, new_velocity, zero, owned_rows, both, old, state, columns)
 
     bounds = (tile.threads, 1 if whole else blocks_together(real, tile))
     variant = variant_name(real, math, integrator, parts, tile.name, cut, whole)
