@@ -220,11 +220,11 @@ def _make_search(compiler: Compiler, real: Any, formulas: SimpleNamespace, numbe
     add_contact = _make_triangle(compiler, real, formulas, numbers)
 
     @compiler.compiled
-    def beside(x, y, z, contact_range, boxes, q):
-        """Return True if a point is farther than `contact_range` from the box of cell q along an axis."""
+    def beside(x, y, z, radius, boxes, q):
+        """Return True if a point is farther than `radius` from the box of cell q along an axis."""
         return (
-            x < boxes[q, 0] - contact_range or x > boxes[q, 3] + contact_range or y < boxes[q, 1] - contact_range or y > boxes[q, 4] + contact_range
-            or z < boxes[q, 2] - contact_range or z > boxes[q, 5] + contact_range
+            x < boxes[q, 0] - radius or x > boxes[q, 3] + radius or y < boxes[q, 1] - radius or y > boxes[q, 4] + radius
+            or z < boxes[q, 2] - radius or z > boxes[q, 5] + radius
         )  # fmt: skip
 
     def find_contacts(
@@ -241,8 +241,8 @@ def _make_search(compiler: Compiler, real: Any, formulas: SimpleNamespace, numbe
             for j in range(columns):
                 k, count = i * columns + j, np.int64(0)
                 x, y, z = begin[k, 0], begin[k, 1], begin[k, 2]
-                contact_range = record[0].thickness + record[0].margin + relative(move, k, reference)
-                search_radius = min(contact_range + extent, record[0].reach)
+                radius = record[0].thickness + record[0].margin + relative(move, k, reference)
+                search_radius = min(radius + extent, record[0].reach)
                 lowest = (
                     floor(scaled(x - search_radius, record[0].inverse_cell)),
                     floor(scaled(y - search_radius, record[0].inverse_cell)),
@@ -258,7 +258,7 @@ def _make_search(compiler: Compiler, real: Any, formulas: SimpleNamespace, numbe
                     key, bucket = key_of(cx, cy, cz), bucket_of(cx, cy, cz, mask)
                     for entry in range(starts[bucket], starts[bucket + 1]):
                         q = np.int64(sorted_cells[entry])
-                        if keys[q] == key and not beside(x, y, z, contact_range, boxes, q):
+                        if keys[q] == key and not beside(x, y, z, radius, boxes, q):
                             for second in range(2):
                                 count = add_contact(
                                     k, i, np.int64(j), 2 * q + second, begin, move, columns, record[0], triangles, corners,

@@ -278,8 +278,8 @@ def make_project(real: Any, math: str, friction: bool, surfaces: bool = False) -
             points[k, axis] = position[axis, i, j]
 
     def project_contacts(
-        team, member, bands, sweeps, position, begin, contact_counts, corners, values, starts, links, weights, parameters, around,
-        points, loads, forces,
+        team, member, bands, sweeps, position, begin, contact_counts, corners, values, starts, links, weights,
+        parameters, around, points, loads, forces,
     ):  # fmt: skip
         """Sweep over the contacts, all of a sweep from one state, and update `position` (3, rows, columns)."""
         rows, columns = position.shape[1], position.shape[2]

@@ -98,7 +98,8 @@ def _make_factors(compiler: Compiler, real: Any, parts: frozenset[str], search: 
             )  # fmt: skip
             if has_walls:
                 wall_rows(
-                    bodies, kinds, end, parameters, *vector_at(place, capacity, base), wall_part, *vector_at(wall, capacity, base)
+                    bodies, kinds, end, parameters, *vector_at(place, capacity, base), wall_part,
+                    *vector_at(wall, capacity, base)
                 )  # fmt: skip
             factor_rows(
                 parameters.relaxation, parameters.softness, row_at(fluid, base), fluids, gx, gy, gz, squares,
@@ -161,7 +162,8 @@ def _make_constrain(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any
             )  # fmt: skip
             if has_walls:
                 wall_rows(
-                    bodies, kinds, end, parameters, *vector_at(place, capacity, base), wall_part, *vector_at(work.wall, capacity, base)
+                    bodies, kinds, end, parameters, *vector_at(place, capacity, base), wall_part,
+                    *vector_at(work.wall, capacity, base)
                 )  # fmt: skip
             relax(
                 parameters.lattice_sum, parameters.density_scale, total, wall_part, row_at(work.factor, base),

@@ -43,11 +43,11 @@ def make_approach(compiler: Compiler, real: Any, parts: frozenset[str], sides_of
         for lane in range(LANES):
             total[lane] = zero
         approaches(
-            many, base, row_at(lists.entries, base * most), place, row_at(place, capacity), row_at(place, 2 * capacity), vector,
-            row_at(vector, capacity), row_at(vector, 2 * capacity), row_at(place, base), row_at(place, capacity + base),
-            row_at(place, 2 * capacity + base), row_at(vector, base), row_at(vector, capacity + base),
-            row_at(vector, 2 * capacity + base), sides_of(parameters), parameters.support, parameters.inverse_support,
-            parameters.gradient_scale, total,
+            many, base, row_at(lists.entries, base * most), place, row_at(place, capacity), row_at(place, 2 * capacity),
+            vector, row_at(vector, capacity), row_at(vector, 2 * capacity), row_at(place, base),
+            row_at(place, capacity + base), row_at(place, 2 * capacity + base), row_at(vector, base),
+            row_at(vector, capacity + base), row_at(vector, 2 * capacity + base), sides_of(parameters),
+            parameters.support, parameters.inverse_support, parameters.gradient_scale, total,
         )  # fmt: skip
 
     @compiled

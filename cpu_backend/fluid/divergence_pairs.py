@@ -33,8 +33,8 @@ def make_approaches(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any
 
     @compiler.row
     def approaches(
-        many, first, entries, x, y, z, u, v, w, centre_x, centre_y, centre_z, centre_u, centre_v, centre_w, sides, support, inverse, scale,
-        total,
+        many, first, entries, x, y, z, u, v, w, centre_x, centre_y, centre_z, centre_u, centre_v, centre_w, sides,
+        support, inverse, scale, total,
     ):  # fmt: skip
         for k in range(many):
             for lane in range(LANES):
@@ -116,8 +116,8 @@ def make_accelerate(compiler: Compiler, real: Any, parts: frozenset[str], sides_
             if smooths:
                 entry_row = row_at(world.lists.entries, np.int64(i // LANES) * (LANES * most) + i % LANES)
                 u, v, w = smooth_of(
-                    i, neighbours[i], entry_row, capacity, place, predicted_velocity, unsorted.before, unsorted.position, sides, parameters,
-                    in_order.fluid, fluids,
+                    i, neighbours[i], entry_row, capacity, place, predicted_velocity, unsorted.before,
+                    unsorted.position, sides, parameters, in_order.fluid, fluids,
                 )  # fmt: skip
             else:
                 u, v, w = predicted_velocity[i], predicted_velocity[capacity + i], predicted_velocity[2 * capacity + i]

@@ -55,7 +55,8 @@ def _make_picked(compiler: Compiler, real: Any, parts: frozenset[str], most: int
 
     @compiler.compiled
     def picked(
-        i, self_index, lane, neighbour_count, x, y, z, many, near_x, near_y, near_z, squares, who, sides, limit, entries, fluid, sampled
+        i, self_index, lane, neighbour_count, x, y, z, many, near_x, near_y, near_z, squares, who, sides, limit,
+        entries, fluid, sampled
     ):  # fmt: skip
         """Append to the list of i those of the `many` gathered particles that are near; i is number `self_index` among them.
 
@@ -201,8 +202,8 @@ def make_find(compiler: Compiler, real: Any, parts: frozenset[str], most: int) -
                 x, y, z = place[i], place[capacity + i], place[2 * capacity + i]
                 if holds:
                     neighbour_count = picked(
-                        i, i + self_offset, lane, neighbour_count, x, y, z, many, near_x, near_y, near_z, squares, who, sides, limit,
-                        entry_row, world.in_order.fluid, sampled,
+                        i, i + self_offset, lane, neighbour_count, x, y, z, many, near_x, near_y, near_z, squares, who,
+                        sides, limit, entry_row, world.in_order.fluid, sampled,
                     )  # fmt: skip
                 else:  # in batches of AROUND particles
                     for n in range(0, ends, 2):
@@ -211,8 +212,8 @@ def make_find(compiler: Compiler, real: Any, parts: frozenset[str], most: int) -
                             many = gathered(np.int64(0), begin, end, capacity, place, near_x, near_y, near_z, who)
                             filled_up(many, near_x)
                             neighbour_count = picked(
-                                i, i - np.int64(begin), lane, neighbour_count, x, y, z, many, near_x, near_y, near_z, squares, who,
-                                sides, limit, entry_row, world.in_order.fluid, sampled,
+                                i, i - np.int64(begin), lane, neighbour_count, x, y, z, many, near_x, near_y, near_z,
+                                squares, who, sides, limit, entry_row, world.in_order.fluid, sampled,
                             )  # fmt: skip
                 missed += max(neighbour_count - most, 0)
                 neighbours[i] = np.int32(min(neighbour_count, most))

@@ -41,8 +41,8 @@ def make_pairs(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNa
 
     @compiler.row
     def gradients(
-        many, first, entries, quads, x, y, z, w, centre_x, centre_y, centre_z, sides, support, inverse, scale, fluid, fluids, gx, gy,
-        gz, squares, total,
+        many, first, entries, quads, x, y, z, w, centre_x, centre_y, centre_z, sides, support, inverse, scale, fluid,
+        fluids, gx, gy, gz, squares, total,
     ):  # fmt: skip
         for k in range(many):
             read_quads(quads, entries, np.int64(k * LANES), x, y, z, w)
@@ -62,8 +62,8 @@ def make_pairs(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNa
 
     @compiler.row
     def corrections(
-        many, first, entries, quads, x, y, z, w, centre_x, centre_y, centre_z, centre_delta, sides, support, inverse, scale, tensile,
-        inverse_tensile, ax, ay, az,
+        many, first, entries, quads, x, y, z, w, centre_x, centre_y, centre_z, centre_delta, sides, support, inverse,
+        scale, tensile, inverse_tensile, ax, ay, az,
     ):  # fmt: skip
         for k in range(many):
             read_quads(quads, entries, np.int64(k * LANES), x, y, z, w)

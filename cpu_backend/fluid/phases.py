@@ -30,7 +30,8 @@ def make_order(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNa
         table = world.table
         first, last = count * part // shared, count * (part + 1) // shared
         world.lists.counts[shared + part] += predict_some(
-            part, first, last, step, number, capacity, state, unsorted, table.boxes, parameters, fluids, integers, bodies, kinds
+            part, first, last, step, number, capacity, state, unsorted, table.boxes, parameters, fluids, integers,
+            bodies, kinds
         )  # fmt: skip
 
     @compiled

@@ -39,7 +39,8 @@ def make_solid_pairs(compiler: Compiler, real: Any, parts: frozenset[str]) -> Si
 
     @compiler.row
     def gradients(
-        many, first, entries, x, y, z, centre_x, centre_y, centre_z, support, inverse, scale, volume, lightness, gx, gy, gz, squares
+        many, first, entries, x, y, z, centre_x, centre_y, centre_z, support, inverse, scale, volume, lightness, gx, gy,
+        gz, squares
     ):  # fmt: skip
         for k in range(many):
             for lane in range(LANES):
@@ -56,8 +57,8 @@ def make_solid_pairs(compiler: Compiler, real: Any, parts: frozenset[str]) -> Si
 
     @compiler.row
     def corrections(
-        many, first, entries, x, y, z, delta, volume, grip, centre_x, centre_y, centre_z, centre_delta, centre_volume, centre_grip, support,
-        inverse, scale, tensile, inverse_tensile, ax, ay, az,
+        many, first, entries, x, y, z, delta, volume, grip, centre_x, centre_y, centre_z, centre_delta, centre_volume,
+        centre_grip, support, inverse, scale, tensile, inverse_tensile, ax, ay, az,
     ):  # fmt: skip
         for k in range(many):
             for lane in range(LANES):

@@ -157,13 +157,15 @@ def _make_factors(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
             for lane in range(LANES):
                 gx[lane], gy[lane], gz[lane], squares[lane] = zero, zero, zero, zero
             gradients(
-                longest[s], base, row_at(entries, base * most), place, row_at(place, capacity), row_at(place, 2 * capacity),
-                *vector_at(place, capacity, base), parameters.support, parameters.inverse_support, parameters.gradient_scale, kinds,
-                row_at(kinds, K_LIGHTNESS * capacity), gx, gy, gz, squares,
+                longest[s], base, row_at(entries, base * most), place, row_at(place, capacity),
+                row_at(place, 2 * capacity), *vector_at(place, capacity, base), parameters.support,
+                parameters.inverse_support, parameters.gradient_scale, kinds, row_at(kinds, K_LIGHTNESS * capacity), gx,
+                gy, gz, squares,
             )  # fmt: skip
             if has_walls:
                 wall_rows(
-                    bodies, kinds_of, end, parameters, *vector_at(place, capacity, base), wall_part, *vector_at(wall, capacity, base)
+                    bodies, kinds_of, end, parameters, *vector_at(place, capacity, base), wall_part,
+                    *vector_at(wall, capacity, base)
                 )  # fmt: skip
             factor_rows(
                 parameters.relaxation, parameters.softness, row_at(fluid, base), fluids, gx, gy, gz, squares,
@@ -203,7 +205,8 @@ def _make_constrain(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any
             )  # fmt: skip
             if has_walls:
                 wall_rows(
-                    bodies, kinds_of, end, parameters, *vector_at(place, capacity, base), wall_part, *vector_at(wall, capacity, base)
+                    bodies, kinds_of, end, parameters, *vector_at(place, capacity, base), wall_part,
+                    *vector_at(wall, capacity, base)
                 )  # fmt: skip
             relax(
                 parameters.lattice_sum, parameters.density_scale, total, wall_part, row_at(world.work.factor, base),
@@ -245,16 +248,16 @@ def _make_correct(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
             for lane in range(LANES):
                 ax[lane], ay[lane], az[lane] = zero, zero, zero
             corrections(
-                longest[s], base, row_at(entries, base * most), place, row_at(place, capacity), row_at(place, 2 * capacity), delta,
-                kinds, grip, *vector_at(place, capacity, base), row_at(delta, base), row_at(kinds, base), row_at(grip, base),
-                parameters.support, parameters.inverse_support, parameters.gradient_scale, parameters.tensile,
-                parameters.inverse_tensile, ax, ay, az,
+                longest[s], base, row_at(entries, base * most), place, row_at(place, capacity),
+                row_at(place, 2 * capacity), delta, kinds, grip, *vector_at(place, capacity, base), row_at(delta, base),
+                row_at(kinds, base), row_at(grip, base), parameters.support, parameters.inverse_support,
+                parameters.gradient_scale, parameters.tensile, parameters.inverse_tensile, ax, ay, az,
             )  # fmt: skip
             for lane in range(min(LANES, count - base)):
                 i = base + lane
                 cx, cy, cz = frictions(
-                    i, neighbours[i], row_at(entries, base * most + lane), capacity, place, before, parameters.inverse_support,
-                    grip, lightness, fluid, fluids, ax[lane], ay[lane], az[lane],
+                    i, neighbours[i], row_at(entries, base * most + lane), capacity, place, before,
+                    parameters.inverse_support, grip, lightness, fluid, fluids, ax[lane], ay[lane], az[lane],
                 )  # fmt: skip
                 px, py, pz = place[i], place[capacity + i], place[2 * capacity + i]
                 sample = np.int64(numbers[i]) - first

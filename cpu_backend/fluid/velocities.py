@@ -39,8 +39,8 @@ def make_velocities(compiler: Compiler, real: Any, parts: frozenset[str], sides_
         for i in range(count * part // shared, count * (part + 1) // shared):
             entry_row = row_at(world.lists.entries, np.int64(i // LANES) * (LANES * most) + i % LANES)
             shape_of(
-                i, neighbours[i], entry_row, capacity, place, predicted_velocity, unsorted.before, unsorted.position, sides, parameters,
-                in_order.fluid,
+                i, neighbours[i], entry_row, capacity, place, predicted_velocity, unsorted.before, unsorted.position,
+                sides, parameters, in_order.fluid,
             )  # fmt: skip
 
     @compiled
@@ -55,8 +55,8 @@ def make_velocities(compiler: Compiler, real: Any, parts: frozenset[str], sides_
             if smooths:
                 entry_row = row_at(world.lists.entries, np.int64(i // LANES) * (LANES * most) + i % LANES)
                 u, v, w = smooth_of(
-                    i, neighbours[i], entry_row, capacity, place, predicted_velocity, unsorted.before, unsorted.position, sides, parameters,
-                    in_order.fluid, fluids,
+                    i, neighbours[i], entry_row, capacity, place, predicted_velocity, unsorted.before,
+                    unsorted.position, sides, parameters, in_order.fluid, fluids,
                 )  # fmt: skip
             else:
                 u, v, w = predicted_velocity[i], predicted_velocity[capacity + i], predicted_velocity[2 * capacity + i]
@@ -101,7 +101,8 @@ def _make_update(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
 
     @compiled
     def update(part, shared, number, place, world, parameters, fluids, bodies, kinds):
-        """Derive velocities from positions and colliders, and write them into `predicted_velocity`, which no other phase reads."""
+        """Derive velocities from positions and colliders, and write them into `predicted_velocity`,
+        which no other phase reads."""
         count, capacity, in_order = world.sizes.particles, world.sizes.room, world.in_order
         before, predicted_velocity, fluid, slices = (
             in_order.before,
@@ -114,8 +115,8 @@ def _make_update(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
         for s in range(slices * part // shared, slices * (part + 1) // shared):
             base = np.int64(s) * LANES
             velocities(
-                parameters.inverse_dt, row_at(fluid, base), fluids, *vector_at(place, capacity, base), *vector_at(before, capacity, base),
-                *vector_at(predicted_velocity, capacity, base), *sums,
+                parameters.inverse_dt, row_at(fluid, base), fluids, *vector_at(place, capacity, base),
+                *vector_at(before, capacity, base), *vector_at(predicted_velocity, capacity, base), *sums,
             )  # fmt: skip
             if has_bodies:
                 at_walls(base, number, world, parameters, fluids, bodies, kinds, *sums)
@@ -148,9 +149,9 @@ def _make_at_walls(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
         for lane in range(min(LANES, world.sizes.particles - base)):
             i, row = base + lane, row_of(in_order.fluid, base + lane)
             qx, qy, qz, mx, my, mz, vx, vy, vz = impact_of(
-                bodies, kinds, number, parameters, before[i], before[capacity + i], before[2 * capacity + i], predicted_velocity[i],
-                predicted_velocity[capacity + i], predicted_velocity[2 * capacity + i], x[lane], y[lane], z[lane], u[lane], v[lane], w[lane],
-                fluids[row + F_CHANGE],
+                bodies, kinds, number, parameters, before[i], before[capacity + i], before[2 * capacity + i],
+                predicted_velocity[i], predicted_velocity[capacity + i], predicted_velocity[2 * capacity + i], x[lane],
+                y[lane], z[lane], u[lane], v[lane], w[lane], fluids[row + F_CHANGE],
             )  # fmt: skip
             u[lane], v[lane], w[lane] = settled(
                 bodies, kinds, number, parameters, qx, qy, qz, vx, vy, vz, mx, my, mz, world.work.multiplier[i],

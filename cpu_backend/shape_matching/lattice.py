@@ -134,8 +134,8 @@ def make_turn(compiler: Compiler, real: Any) -> Any:
             for i in range(nz):
                 here = cluster + below + i * deep
                 show_row(
-                    n, clusters, count, row_at(position, begin + i * deep), row_at(band_scratch, pitch * i), row_at(new_rotation, here),
-                    row_at(frames, np.int64(FRAME) * here),
+                    n, clusters, count, row_at(position, begin + i * deep), row_at(band_scratch, pitch * i),
+                    row_at(new_rotation, here), row_at(frames, np.int64(FRAME) * here),
                 )  # fmt: skip
             return
         goals = GoalScan(centres, row_at(table, T_COUNT * nz), constants[V_SPACING], one, out)

@@ -146,7 +146,8 @@ def make_moments(compiler: Compiler, real: Any, turns: int) -> SimpleNamespace:
         for axis in range(3):
             end_row(
                 n, far, weight, mass, row_at(reference, axis * plane), row_at(x, axis * plane), row_at(added, axis * n),
-                row_at(added, (rows_before + axis) * n), row_at(sums, axis * pitch), row_at(sums, (rows_before + axis) * pitch),
+                row_at(added, (rows_before + axis) * n), row_at(sums, axis * pitch),
+                row_at(sums, (rows_before + axis) * pitch),
             )  # fmt: skip
         for other in range(3, rows_before):
             add_to(n, row_at(added, other * n), row_at(sums, other * pitch))
@@ -174,8 +175,9 @@ def make_goals(compiler: Compiler, real: Any, rest: int) -> SimpleNamespace:
     def add_goals(n, lever, count, goals, pitch, x, reference, plane, sums):
         for axis in range(3):
             add_goal_row(
-                n, lever, count, row_at(goals, axis * pitch), row_at(goals, (rows_before + axis) * pitch), row_at(x, axis * plane),
-                row_at(reference, axis * plane), row_at(sums, axis * n), row_at(sums, (rows_before + axis) * n),
+                n, lever, count, row_at(goals, axis * pitch), row_at(goals, (rows_before + axis) * pitch),
+                row_at(x, axis * plane), row_at(reference, axis * plane), row_at(sums, axis * n),
+                row_at(sums, (rows_before + axis) * n),
             )  # fmt: skip
         for other in range(3, rows_before):
             add_to(n, row_at(goals, other * pitch), row_at(sums, other * n))
@@ -195,8 +197,8 @@ def make_goals(compiler: Compiler, real: Any, rest: int) -> SimpleNamespace:
         for axis in range(3):
             end_goal_row(
                 n, lever, count, row_at(reference, axis * plane), row_at(x, axis * plane), row_at(added, axis * pitch),
-                row_at(added, (rows_before + axis) * pitch), row_at(sums, axis * pitch), row_at(sums, (rows_before + axis) * pitch),
-                row_at(out, axis * out_pitch),
+                row_at(added, (rows_before + axis) * pitch), row_at(sums, axis * pitch),
+                row_at(sums, (rows_before + axis) * pitch), row_at(out, axis * out_pitch),
             )  # fmt: skip
         for other in range(3, rows_before):
             end_other_row(n, row_at(sums, other * pitch), row_at(added, other * pitch), row_at(out, other * out_pitch))

@@ -137,15 +137,15 @@ def make_arrive(compiler: Compiler, real: Any, region: int, parts: frozenset[str
             down = rest_offset(real(i - other), row_table[T_CENTRE, other], rest)
             cluster = row_at(rows_scratch, (at_clusters + GOAL * (other % ring)) * stride)
             add_goals(
-                columns, stride, row_at(cluster, CLUSTER * stride), cluster, here, row_at(here, stride), table, down, displacements,
-                row_at(displacements, stride),
+                columns, stride, row_at(cluster, CLUSTER * stride), cluster, here, row_at(here, stride), table, down,
+                displacements, row_at(displacements, stride),
             )  # fmt: skip
         for axis in range(AXES):
             place = (axis * rows + i) * stride
             here_weights, out = row_at(weights, i * stride), row_at(after, place)
             move(
-                columns, row_at(here, axis * stride), row_at(displacements, axis * stride), here_weights, row_table[T_WEIGHT, i],
-                table, parameters, out,
+                columns, row_at(here, axis * stride), row_at(displacements, axis * stride), here_weights,
+                row_table[T_WEIGHT, i], table, parameters, out,
             )  # fmt: skip
             if ending:
                 new = row_at(after, place + AXES * rows * stride)

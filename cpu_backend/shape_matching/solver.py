@@ -110,8 +110,8 @@ class Bodies(ParticlesSimulation):
     def _advance(self, step: int, steps: int) -> None:
         method, variant = self.scene.method, (self.real, self.options.math, self.plan.parts)
         arrays = BodyArrays(
-            self._velocity, self._weights, self._material.steps, self._factors, self._particle_clusters, self._rotation, self._frames,
-            self._scratch, self._world,
+            self._velocity, self._weights, self._material.steps, self._factors, self._particle_clusters, self._rotation,
+            self._frames, self._scratch, self._world,
         )  # fmt: skip
         times, contacts = Steps(steps, step, method.substeps, method.iterations), self.contacts
         if self._apart:

@@ -49,8 +49,8 @@ def descent_arrays(vertex_descent: Descent, real: Any, damped: bool, spring_set:
     strains = np.zeros((count, descent.STRAINS), real)
     values = np.ascontiguousarray(vertex_descent.values, real)
     return DescentArrays(
-        vertex_descent.order, vertex_descent.starts, vertex_descent.offsets, vertex_descent.entries, vertex_descent.falls, vertex_descent.corners, values, strains,
-        spring_set.arrays(real),
+        vertex_descent.order, vertex_descent.starts, vertex_descent.offsets, vertex_descent.entries,
+        vertex_descent.falls, vertex_descent.corners, values, strains, spring_set.arrays(real),
     )  # fmt: skip
 
 
@@ -208,7 +208,8 @@ def make_descent_stages(real: Any, math: str, material: int, damped: bool, parts
     def descend(band, bands, first, last, position, inertial, arrays, parameters, arguments):
         many = last - first
         descend_some(
-            first + many * band // bands, first + many * (band + 1) // bands, position, inertial, arrays, parameters, arguments
+            first + many * band // bands, first + many * (band + 1) // bands, position, inertial, arrays, parameters,
+            arguments
         )  # fmt: skip
 
     return SimpleNamespace(**{one.__name__: compiler.banded(one) for one in (remember, start, descend)})

@@ -96,8 +96,8 @@ def make_coarse(compiler: Compiler, real: Any) -> SimpleNamespace:
         group, solution = groups.group[k], coarse.solution
         place = MODES * group
         y = (
-            solution[0, place], solution[0, place + 1], solution[0, place + 2], solution[0, place + 3], solution[0, place + 4],
-            solution[0, place + 5],
+            solution[0, place], solution[0, place + 1], solution[0, place + 2], solution[0, place + 3],
+            solution[0, place + 4], solution[0, place + 5],
         )  # fmt: skip
         return motion(arm_of(k, group, position, coarse.centres), y)
 

@@ -21,7 +21,8 @@ def _table(particles: int) -> int:
 
 
 def neighbour_bytes(particles: int, has_self_contact: bool, item: int) -> int:
-    """Return the device memory [bytes] for the neighbours of so many particles; `item`: bytes per scalar; `has_self_contact`: also
+    """Return the device memory [bytes] for the neighbours of so many particles; `item`: bytes per scalar;
+    `has_self_contact`: also
     within bodies."""
     return particles * (SIZE * item * (1 + has_self_contact) + 4 * (MAX_NEIGHBOURS + 6)) + 8 * (_table(particles) + 1)
 
@@ -69,8 +70,8 @@ class Neighbours:
         kernels.fill_buckets[flat](self._buckets, self._starts, self._counts, self._filled)
         kernels.arrange[flat](position, self._buckets, self._starts, self._filled, self._pairs[0], *ordered)
         kernels.find_neighbours[flat](
-            position, record, self._buckets, self._starts, *ordered, *self._pairs, self._rest, self.table, self.neighbour_counts,
-            self._lost,
+            position, record, self._buckets, self._starts, *ordered, *self._pairs, self._rest, self.table,
+            self.neighbour_counts, self._lost,
         )  # fmt: skip
 
     @property

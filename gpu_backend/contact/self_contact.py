@@ -150,8 +150,8 @@ class Contacts(HeldContacts):
         kernels.fill_buckets[self._of_cells](self._buckets, self._cursors, self._sorted)
         kernels.find_contacts[self._of_masses](
             before, predicted, self.record, self._boxes, self._keys, self._starts, self._counts, self._sorted,
-            self._largest, self.triangles, self.corners, self._normals, self.corner_weights, self.contact_counts, self._link_counts,
-            self._lost, *self._shape,
+            self._largest, self.triangles, self.corners, self._normals, self.corner_weights, self.contact_counts,
+            self._link_counts, self._lost, *self._shape,
         )  # fmt: skip
         self._link()
 

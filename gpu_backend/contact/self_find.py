@@ -241,10 +241,10 @@ def _make_find_contacts(real: Any, math: str) -> Any:
             reference = (rows // two) * columns + columns // two
             p, now = load_quad(before, k), load_quad(predicted, k)
             moved = now[0] - p[0], now[1] - p[1], now[2] - p[2]
-            contact_range = parameters.thickness + parameters.margin + relative(
+            radius = parameters.thickness + parameters.margin + relative(
                 p, now, load_quad(before, reference), load_quad(predicted, reference)
             )  # fmt: skip
-            search_radius, scale = min(contact_range + largest[0], parameters.reach), parameters.inverse_cell
+            search_radius, scale = min(radius + largest[0], parameters.reach), parameters.inverse_cell
             x, y, z = (
                 floor(scaled(p[0] - search_radius, scale)),
                 floor(scaled(p[1] - search_radius, scale)),
@@ -261,8 +261,8 @@ def _make_find_contacts(real: Any, math: str) -> Any:
                     if keys[q] == key:
                         low, high = load_quad(boxes, two * q), load_quad(boxes, two * q + one)
                         if not (
-                            p[0] < low[0] - contact_range or p[0] > high[0] + contact_range or p[1] < low[1] - contact_range or p[1] > high[1] + contact_range
-                            or p[2] < low[2] - contact_range or p[2] > high[2] + contact_range
+                            p[0] < low[0] - radius or p[0] > high[0] + radius or p[1] < low[1] - radius
+                            or p[1] > high[1] + radius or p[2] < low[2] - radius or p[2] > high[2] + radius
                         ):  # fmt: skip
                             for second in range(2):
                                 count = add_contact(

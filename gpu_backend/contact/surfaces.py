@@ -92,8 +92,8 @@ class SurfaceContacts(HeldContacts):
         self._neighbours.find(self._points, self._pairs)
         kernels.clear[self._of_masses](self.contact_counts, self._link_counts)
         kernels.find_contacts[self._of_vertices](
-            before, predicted, self._rest, self._body, self._vertices, self._neighbours.table, self._neighbours.neighbour_counts,
-            *self._surface, self.record, self._ratio, self.triangles, self.corners, self._normals, self.corner_weights, self.contact_counts,
-            self._link_counts, self._lost,
+            before, predicted, self._rest, self._body, self._vertices, self._neighbours.table,
+            self._neighbours.neighbour_counts, *self._surface, self.record, self._ratio, self.triangles, self.corners,
+            self._normals, self.corner_weights, self.contact_counts, self._link_counts, self._lost,
         )  # fmt: skip
         self._link()

@@ -20,7 +20,8 @@ from softlab.model.formulas.fluid import sweep
 
 
 def make_swept(real: Any, math: str, answers: SimpleNamespace) -> tuple[Any, Any]:
-    """Make `push_from_capsule`, `push_from_box` (before, px, py, pz, vx, vy, vz, slow, bodies, at, begin, end) -> (px, py, pz,
+    """Make `push_from_capsule`, `push_from_box` (before, px, py, pz, vx, vy, vz, slow, bodies, at, begin, end) -> (px,
+    py, pz,
     vx, vy, vz); `answers`: of gpu_backend/contact/colliders.py."""
     formulas, sums = device_formulas(colliders.make, real, math), device_formulas(cloth.make, real, math)
     sweeps, inline = device_formulas(sweep.make, real, math), inlined(math)

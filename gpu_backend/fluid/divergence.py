@@ -77,8 +77,8 @@ def make_targets(real: Any, math: str, parts: frozenset[str], repeats: frozenset
     axes, one = np.int32(WALL), np.int64(1)
 
     def survey(
-        position, velocity, record, table, neighbour_counts, constraints, gradients, targets, bodies, integers, counter, place,
-        substeps, substep,
+        position, velocity, record, table, neighbour_counts, constraints, gradients, targets, bodies, integers, counter,
+        place, substeps, substep,
     ):  # fmt: skip
         k, particles = np.int32(cuda.grid(1)), np.int32(neighbour_counts.size)
         if k < particles:

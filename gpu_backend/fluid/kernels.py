@@ -163,8 +163,8 @@ def _make_searching(
             )
 
     def prepare(
-        position, record, keys, numbers, begins, table, neighbour_counts, beyond, factors, multipliers, constraints, gradients, fluids,
-        bodies, integers, counter, place, substeps, substep, into,
+        position, record, keys, numbers, begins, table, neighbour_counts, beyond, factors, multipliers, constraints,
+        gradients, fluids, bodies, integers, counter, place, substeps, substep, into,
     ):  # fmt: skip
         k = np.int32(cuda.grid(1))
         particles, there = extent(neighbour_counts)
@@ -192,8 +192,8 @@ def _make_walking(real: Any, math: str, parts: frozenset[str], repeats: frozense
     sum_factor, sum_density = sums.sum_factor, sums.sum_density
 
     def factors(
-        position, record, table, neighbour_counts, factors_, multipliers, constraints, gradients, fluids, bodies, integers, counter,
-        place, substeps, substep,
+        position, record, table, neighbour_counts, factors_, multipliers, constraints, gradients, fluids, bodies,
+        integers, counter, place, substeps, substep,
     ):  # fmt: skip
         k = np.int32(cuda.grid(1))
         particles, there = extent(neighbour_counts)
@@ -206,8 +206,8 @@ def _make_walking(real: Any, math: str, parts: frozenset[str], repeats: frozense
             multipliers[k] = zero
 
     def density(
-        position, record, table, neighbour_counts, factors, multipliers, constraints, gradients, bodies, integers, counter, place,
-        substeps, substep,
+        position, record, table, neighbour_counts, factors, multipliers, constraints, gradients, bodies, integers,
+        counter, place, substeps, substep,
     ):  # fmt: skip
         k = np.int32(cuda.grid(1))
         particles, there = extent(neighbour_counts)
@@ -220,7 +220,8 @@ def _make_walking(real: Any, math: str, parts: frozenset[str], repeats: frozense
             position[SIZE * np.int64(k) + 3] = delta  # not read by any thread of this launch
 
     def correct(
-        before, position, record, table, neighbour_counts, gradients, fluids, bodies, integers, counter, place, substeps, substep, into,
+        before, position, record, table, neighbour_counts, gradients, fluids, bodies, integers, counter, place,
+        substeps, substep, into,
     ):  # fmt: skip
         k = np.int32(cuda.grid(1))
         particles, there = extent(neighbour_counts)

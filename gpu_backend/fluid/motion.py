@@ -176,8 +176,8 @@ def make_settle(real: Any, math: str, parts: frozenset[str], repeats: frozenset[
     ended, is_dragged, zero, extent = not parts & SMOOTHING, "drag" in parts, real(0), make_extent(parts)
 
     def settle(
-        before, predicted_velocity, position, record, table, neighbour_counts, multipliers, constraints, gradients, fluids, bodies, integers,
-        counter, place, substeps, substep, new_position, new_velocity,
+        before, predicted_velocity, position, record, table, neighbour_counts, multipliers, constraints, gradients,
+        fluids, bodies, integers, counter, place, substeps, substep, new_position, new_velocity,
     ):  # fmt: skip
         k = np.int32(cuda.grid(1))
         particles, there = extent(neighbour_counts)
@@ -196,8 +196,8 @@ def make_settle(real: Any, math: str, parts: frozenset[str], repeats: frozenset[
             store_quad(new_velocity, k, vx, vy, vz, zero)
 
     def update(
-        before, predicted_velocity, position, record, multipliers, fluids, bodies, integers, counter, place, substeps, substep,
-        new_position, new_velocity,
+        before, predicted_velocity, position, record, multipliers, fluids, bodies, integers, counter, place, substeps,
+        substep, new_position, new_velocity,
     ):  # fmt: skip
         k = np.int32(cuda.grid(1))
         if k < new_position.size // SIZE:

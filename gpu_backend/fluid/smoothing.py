@@ -157,7 +157,8 @@ def _make_smooth(real: Any, math: str, parts: frozenset[str], repeats: frozenset
                     s = slope(offset[3], parameters.inverse_support, parameters.gradient_scale)
                     length = load_quad(curls, j)[3]
                     rise = (
-                        rise_added(rise[0], s, offset[0], curl[3], length), rise_added(rise[1], s, offset[1], curl[3], length),
+                        rise_added(rise[0], s, offset[0], curl[3], length),
+                        rise_added(rise[1], s, offset[1], curl[3], length),
                         rise_added(rise[2], s, offset[2], curl[3], length),
                     )  # fmt: skip
             weight = fluids[here_row + F_WEIGHT]

@@ -195,8 +195,8 @@ def _make_solid_densities(real: Any, math: str, parts: frozenset[str]) -> tuple[
     keeps, zero, weight_field = "drag" in parts, real(0), np.int32(F_WEIGHT)
 
     def factors(
-        position, record, table, neighbour_counts, number, fluids, kinds, factors_, multipliers, constraints, gradients, rows, bodies,
-        integers, counter, place, substeps, substep,
+        position, record, table, neighbour_counts, number, fluids, kinds, factors_, multipliers, constraints, gradients,
+        rows, bodies, integers, counter, place, substeps, substep,
     ):  # fmt: skip
         k, particles = np.int32(cuda.grid(1)), np.int32(neighbour_counts.size)
         if k < particles:
@@ -214,8 +214,8 @@ def _make_solid_densities(real: Any, math: str, parts: frozenset[str]) -> tuple[
                 )
 
     def density_(
-        position, record, table, neighbour_counts, number, fluids, kinds, factors, multipliers, constraints, gradients, bodies,
-        integers, counter, place, substeps, substep,
+        position, record, table, neighbour_counts, number, fluids, kinds, factors, multipliers, constraints, gradients,
+        bodies, integers, counter, place, substeps, substep,
     ):  # fmt: skip
         k, particles = np.int32(cuda.grid(1)), np.int32(neighbour_counts.size)
         if k < particles:
@@ -245,8 +245,8 @@ def _make_solid_correction(real: Any, math: str, parts: frozenset[str]) -> Any:
     axes, weight_field = np.int32(WALL), np.int32(F_WEIGHT)
 
     def correct(
-        before, position, record, table, neighbour_counts, number, fluids, kinds, gradients, rows, bodies, integers, counter, place,
-        substeps, substep, shift, into,
+        before, position, record, table, neighbour_counts, number, fluids, kinds, gradients, rows, bodies, integers,
+        counter, place, substeps, substep, shift, into,
     ):  # fmt: skip
         k, particles = np.int32(cuda.grid(1)), np.int32(neighbour_counts.size)
         if k < particles:

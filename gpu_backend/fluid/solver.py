@@ -185,8 +185,8 @@ class Fluid(SubstepSimulation):
             a, b = b, a
         position, velocity = self.position[now], self.velocity[now]
         self.settling.settle[flat](
-            self.before, self.predicted_velocity, a, self.record, *self.lists, *self.relaxed[1:], self.fluids, *world, position,
-            self.predicted_velocity if self.smoothing else velocity,
+            self.before, self.predicted_velocity, a, self.record, *self.lists, *self.relaxed[1:], self.fluids, *world,
+            position, self.predicted_velocity if self.smoothing else velocity,
         )  # fmt: skip
         if self.smoothing:
             self.smooth(position, self.predicted_velocity, velocity)

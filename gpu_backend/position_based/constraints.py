@@ -101,7 +101,8 @@ def make_pair(real: Any, math: str, parts: frozenset[str], family: Family, colou
             ex, ey, ez = dx - (old_q[0] - old_p[0]), dy - (old_q[1] - old_p[1]), dz - (old_q[2] - old_p[2])
         reciprocal = reciprocal_between(p[3], q[3], constants_here)
         change, scale = change_of(
-            dx, dy, dz, ex, ey, ez, reciprocal, multiplier, constants_here.rest, constants_here.compliance, constants_here.damping
+            dx, dy, dz, ex, ey, ez, reciprocal, multiplier, constants_here.rest, constants_here.compliance,
+            constants_here.damping
         )  # fmt: skip
         wp, wq = one, one
         if has_pins or has_load:

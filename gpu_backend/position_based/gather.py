@@ -56,7 +56,8 @@ def _make_pulls(real: Any, math: str, parts: frozenset[str], axes: int) -> Any:
                 multiplier = multipliers[first + slot * step]
             reciprocal = reciprocal_of(p[3] + q[3], constants_here.stiffening, constants_here.compliance)
             change, scale = change_of(
-                dx, dy, dz, ex, ey, ez, reciprocal, multiplier, constants_here.rest, constants_here.compliance, constants[kind_index].damping
+                dx, dy, dz, ex, ey, ez, reciprocal, multiplier, constants_here.rest, constants_here.compliance,
+                constants[kind_index].damping
             )  # fmt: skip
             if has_compliance:
                 multipliers[first + slot * step] = multiplier + change

@@ -39,7 +39,8 @@ def make_give(real: Any, math: str, self_contact: bool, many: bool, scaled: bool
     )
 
     def give(
-        position, old, velocity, neighbour_counts, neighbours, record, body, kind, kinds, touching, travel, pressed, scales, impulses
+        position, old, velocity, neighbour_counts, neighbours, record, body, kind, kinds, touching, travel, pressed,
+        scales, impulses
     ):  # fmt: skip
         i = np.int32(cuda.grid(1))
         if i < neighbour_counts.size:

@@ -123,7 +123,8 @@ class Couples:
     launches = 2  # of `turn`
 
     def __init__(
-        self, clusters: Clusters, particle_order: np.ndarray, particles: int, parts: frozenset[str], real: Any, math: str, stream: Any
+        self, clusters: Clusters, particle_order: np.ndarray, particles: int, parts: frozenset[str], real: Any,
+        math: str, stream: Any
     ):  # fmt: skip
         self._blocks = max(1, -(-clusters.count // TOGETHER)), THREADS, stream
         self._flat = max(1, -(-particles // THREADS)), THREADS, stream

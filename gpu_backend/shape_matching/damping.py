@@ -74,9 +74,9 @@ def make_gather(real: Any, math: str) -> Any:
             cx, cy, cz, vx, vy, vz, ox, oy, oz = motion(
                 shared[base], shared[base + pitch], shared[base + 2 * pitch], shared[base + 3 * pitch],
                 shared[base + 4 * pitch], shared[base + 5 * pitch], shared[base + 6 * pitch], shared[base + 7 * pitch],
-                shared[base + 8 * pitch], shared[base + 9 * pitch], shared[base + 10 * pitch], shared[base + 11 * pitch],
-                shared[base + 12 * pitch], shared[base + 13 * pitch], shared[base + 14 * pitch], rest_offset[3], f[0], f[1], f[2],
-                g[0], g[1], g[2],
+                shared[base + 8 * pitch], shared[base + 9 * pitch], shared[base + 10 * pitch],
+                shared[base + 11 * pitch], shared[base + 12 * pitch], shared[base + 13 * pitch],
+                shared[base + 14 * pitch], rest_offset[3], f[0], f[1], f[2], g[0], g[1], g[2],
             )  # fmt: skip
             store_quad(motions, row, cx, cy, cz, zero)
             store_quad(motions, row + 1, vx, vy, vz, zero)
@@ -137,8 +137,8 @@ def make_damping_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleName
             store_quad(velocity, k, vx, vy, vz, zero)
 
     def finish(
-        before, position, velocity, particle_starts, particle_clusters, slowing, motions, record, bodies, integers, counter, place,
-        substeps, substep,
+        before, position, velocity, particle_starts, particle_clusters, slowing, motions, record, bodies, integers,
+        counter, place, substeps, substep,
     ):  # fmt: skip
         world = World(record[0], bodies, integers)
         k = np.int32(cuda.grid(1))

@@ -97,10 +97,11 @@ def make_bodies_clusters(real: Any, math: str) -> SimpleNamespace:
             first, q, k = load_quad(position, firsts[c]), load_quad(rotation, c), np.int32(moments * c)
             rest_offset, wx, wy, wz = load_quad(leans, c), sums[k], sums[k + 1], sums[k + 2]
             w, x, y, z = rotation_3d(
-                corrected(sums[k + 3], wx, rest_offset[0]), corrected(sums[k + 4], wx, rest_offset[1]), corrected(sums[k + 5], wx, rest_offset[2]),
-                corrected(sums[k + 6], wy, rest_offset[0]), corrected(sums[k + 7], wy, rest_offset[1]), corrected(sums[k + 8], wy, rest_offset[2]),
-                corrected(sums[k + 9], wz, rest_offset[0]), corrected(sums[k + 10], wz, rest_offset[1]), corrected(sums[k + 11], wz, rest_offset[2]),
-                q[0], q[1], q[2], q[3],
+                corrected(sums[k + 3], wx, rest_offset[0]), corrected(sums[k + 4], wx, rest_offset[1]),
+                corrected(sums[k + 5], wx, rest_offset[2]), corrected(sums[k + 6], wy, rest_offset[0]),
+                corrected(sums[k + 7], wy, rest_offset[1]), corrected(sums[k + 8], wy, rest_offset[2]),
+                corrected(sums[k + 9], wz, rest_offset[0]), corrected(sums[k + 10], wz, rest_offset[1]),
+                corrected(sums[k + 11], wz, rest_offset[2]), q[0], q[1], q[2], q[3],
             )  # fmt: skip
             store_quad(new_rotation, c, w, x, y, z)
             xx, xy, xz, yx, yy, yz, zx, zy, zz = matrix_of(w, x, y, z)
@@ -173,8 +174,8 @@ def make_bodies_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleNames
             store_quad(predicted, k, x, y, z, p[3])
 
     def finish(
-        before, position, velocity, particle_starts, particle_clusters, particle_members, frames, record, bodies, integers, counter, place,
-        substeps, substep,
+        before, position, velocity, particle_starts, particle_clusters, particle_members, frames, record, bodies,
+        integers, counter, place, substeps, substep,
     ):  # fmt: skip
         world = World(record[0], bodies, integers)
         k = np.int32(cuda.grid(1))

@@ -112,8 +112,8 @@ def make_visits(real: Any, math: str, material: int, damped: bool, parts: frozen
             store_quad(position, vertex, x, y, z, b[3])
 
     def descend(
-        position, inertial, order, offsets, entries, corners, values, strains, spring_offsets, sprung_entries, ends, numbers, before,
-        holds, first, stop, size, record, bodies, integers, counter, place, substeps, substep,
+        position, inertial, order, offsets, entries, corners, values, strains, spring_offsets, sprung_entries, ends,
+        numbers, before, holds, first, stop, size, record, bodies, integers, counter, place, substeps, substep,
     ):  # fmt: skip
         parameters = record[0]
         k, count = np.int32(first + cuda.grid(1)), np.int32(size)  # type: ignore[call-arg]

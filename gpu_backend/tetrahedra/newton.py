@@ -62,8 +62,8 @@ class TetrahedraNewton(DrivenSimulation):
         pairs = couplings(groups, rows)
         self._pins, spring_arrays = np.zeros(count if "motion" in self.plan.parts else 0, np.int32), self._springs
         self._tables = (
-            tetrahedra_set.tetrahedra, material_of(tetrahedra_set), *rows, *groups, *pairs, self._pins, spring_arrays.meets, spring_arrays.entries,
-            spring_arrays.corners,
+            tetrahedra_set.tetrahedra, material_of(tetrahedra_set), *rows, *groups, *pairs, self._pins,
+            spring_arrays.meets, spring_arrays.entries, spring_arrays.corners,
         )  # fmt: skip
         tetrahedra, blocks, size = len(tetrahedra_set.tetrahedra), len(rows.columns), len(groups.reach)
         parts = max(-(-max(count, tetrahedra) // SUMMED), groups.number)

@@ -274,8 +274,8 @@ def _make_mass(
                     publish(k, px, py, pz, ux, uy, uz, post)
             if not last:
                 after(
-                    shared, places, new, sides, active, sending, pin_bits, vx, vy, vz, np.int32(k + columns), columns, position,
-                    world, step, air, post, next_here, next_ups, next_window,
+                    shared, places, new, sides, active, sending, pin_bits, vx, vy, vz, np.int32(k + columns), columns,
+                    position, world, step, air, post, next_here, next_ups, next_window,
                 )  # fmt: skip
 
         return mass
