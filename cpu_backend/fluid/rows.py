@@ -43,10 +43,10 @@ def make_scratch(compiler: Compiler) -> SimpleNamespace:
         )  # fmt: skip
 
     @compiler.compiled
-    def vector_at(plane, capacity, base):
-        return row_at(plane, base), row_at(plane, capacity + base), row_at(plane, 2 * capacity + base)
+    def own(plane, room, base):
+        return row_at(plane, base), row_at(plane, room + base), row_at(plane, 2 * room + base)
 
-    return SimpleNamespace(sums_of=sums_of, numbers_of=numbers_of, vector_at=vector_at)
+    return SimpleNamespace(sums_of=sums_of, numbers_of=numbers_of, own=own)
 
 
 def make_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
@@ -63,19 +63,19 @@ def make_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNam
     row_of, zero = compiler.compiled(make_row_of(parts)), real(0)
 
     @compiler.row
-    def factors(relaxation, softness, fluid, fluids, gx, gy, gz, squares, wx, wy, wz, factor, multiplier):
+    def factors(relaxation, softness, fluid, fluids, gx, gy, gz, own, wx, wy, wz, factor, multiplier):
         for lane in range(LANES):
             weight = fluids[row_of(fluid, lane) + F_WEIGHT]
             x, y, z = zero, zero, zero
             if has_walls:
                 x, y, z = wx[lane], wy[lane], wz[lane]
-            factor[lane] = factor_of(relaxation, weight, gx[lane], gy[lane], gz[lane], squares[lane], x, y, z, softness)
+            factor[lane] = factor_of(relaxation, weight, gx[lane], gy[lane], gz[lane], own[lane], x, y, z, softness)
             multiplier[lane] = zero
 
     @compiler.row
-    def relax(lattice_sum, scale, total, wall_part, factor, multiplier, delta, error):
+    def relax(lattice_sum, scale, total, share, factor, multiplier, delta, error):
         for lane in range(LANES):
-            c = constraint(total[lane], lattice_sum, scale, wall_part[lane] if has_walls else zero)
+            c = constraint(total[lane], lattice_sum, scale, share[lane] if has_walls else zero)
             error[lane] = c
             delta[lane] = change_alone(factor[lane], c) if averaged else change(multiplier[lane], factor[lane], c)
             multiplier[lane] = multiplier[lane] + delta[lane]

@@ -100,7 +100,7 @@ class Steps(NamedTuple):
     iterations: int
 
 
-class ParticleClusters(NamedTuple):
+class Own(NamedTuple):
     """Clusters of each particle: first of each particle, clusters, rest offsets, factors."""
 
     starts: np.ndarray
@@ -116,7 +116,7 @@ class BodyArrays(NamedTuple):
     weights: np.ndarray
     clusters: ClusterArrays
     factors: np.ndarray
-    own: ParticleClusters
+    own: Own
     rotation: np.ndarray
     frames: np.ndarray
     scratch: np.ndarray

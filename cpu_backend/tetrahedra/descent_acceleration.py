@@ -17,13 +17,13 @@ def make_accelerate(compiler: Compiler, real: Any) -> Any:
     beyond, zero = chebyshev.make(real, compiler.compiled).beyond, real(0)
 
     @compiler.compiled
-    def accelerate(first, last, position, iterates, w):
+    def accelerate(first, last, position, ways, w):
         for k in range(first, last):
             if position[k, 3] > zero:
                 for axis in range(3):
-                    x = beyond(position[k, axis], iterates[1, k, axis], w)
-                    iterates[1, k, axis] = iterates[0, k, axis]
-                    iterates[0, k, axis] = x
+                    x = beyond(position[k, axis], ways[1, k, axis], w)
+                    ways[1, k, axis] = ways[0, k, axis]
+                    ways[0, k, axis] = x
                     position[k, axis] = x
 
     return accelerate
@@ -35,8 +35,8 @@ def make_accelerate_stage(real: Any, math: str) -> Any:
     compiler = Compiler(f"chebyshev_{np.dtype(real).name}_{math}", math)
     some = make_accelerate(compiler, real)
 
-    def accelerate(band, bands, position, iterates, w):
+    def accelerate(band, bands, position, ways, w):
         count = len(position)
-        some(count * band // bands, count * (band + 1) // bands, position, iterates, w)
+        some(count * band // bands, count * (band + 1) // bands, position, ways, w)
 
     return compiler.banded(accelerate)

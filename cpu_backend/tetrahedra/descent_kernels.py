@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
-from softlab.cpu_backend.core.progress import assigned
+from softlab.cpu_backend.core.progress import shares
 from softlab.cpu_backend.core.scratch import cloth_variant
 from softlab.cpu_backend.position_based.mesh_kernels import make_substep
 from softlab.cpu_backend.tetrahedra.descent_acceleration import make_accelerate
@@ -44,13 +44,13 @@ class DescentArrays(NamedTuple):
     springs: SpringArrays
 
 
-def descent_arrays(vertex_descent: Descent, real: Any, damped: bool, spring_set: Springs) -> DescentArrays:
-    count = len(vertex_descent.corners) if damped else 0
+def descent_arrays(found: Descent, real: Any, damped: bool, held: Springs) -> DescentArrays:
+    count = len(found.corners) if damped else 0
     strains = np.zeros((count, descent.STRAINS), real)
-    values = np.ascontiguousarray(vertex_descent.values, real)
+    values = np.ascontiguousarray(found.values, real)
     return DescentArrays(
-        vertex_descent.order, vertex_descent.starts, vertex_descent.offsets, vertex_descent.entries,
-        vertex_descent.falls, vertex_descent.corners, values, strains, spring_set.arrays(real),
+        found.order, found.starts, found.offsets, found.entries, found.falls, found.corners, values, strains,
+        held.arrays(real),
     )  # fmt: skip
 
 
@@ -66,10 +66,10 @@ def make_visits(real: Any, math: str, material: int, damped: bool, parts: frozen
     compiled = compiler.compiled
     formulas = descent.make(real, compiled, material, damped)
     element = compiler.inlined(formulas.element.py_func)
-    initial_strain, added, moved, coasted = formulas.initial_strain, formulas.added, formulas.moved, formulas.coasted
+    held, added, moved, coasted = formulas.initial_strain, formulas.added, formulas.moved, formulas.coasted
     pulled, zero, sprung = make_springs(compiler, real).pulled, real(0), bool(parts & PARTS)
     meeting = make_meeting(compiler, real, parts)
-    has_bodies, add_contact = meeting.has_bodies, meeting.add_contact
+    has_bodies, met = meeting.has_bodies, meeting.met
 
     @compiled
     def row(array, k):
@@ -91,9 +91,9 @@ def make_visits(real: Any, math: str, material: int, damped: bool, parts: frozen
     def remember(first, last, before, arrays):
         corners, values, strains = arrays.corners, arrays.values, arrays.strains
         for t in range(first, last):
-            strain = initial_strain(points_of(before, corners, t, t), values_of(values, t, t, t))
+            found = held(points_of(before, corners, t, t), values_of(values, t, t, t))
             for n in range(strains.shape[1]):
-                strains[t, n] = strain[n]
+                strains[t, n] = found[n]
 
     @compiled
     def start(first, last, before, velocity, inertial, position, arrays, parameters):
@@ -108,7 +108,7 @@ def make_visits(real: Any, math: str, material: int, damped: bool, parts: frozen
             position[vertex, 2] = z
 
     @compiled
-    def descend(first, last, position, inertial, arrays, parameters, arguments):
+    def descend(first, last, position, inertial, arrays, parameters, given):
         order, offsets, entries, corners = arrays.order, arrays.offsets, arrays.entries, arrays.corners
         values, strains = arrays.values, arrays.strains
         rate = parameters[RATE]
@@ -126,8 +126,8 @@ def make_visits(real: Any, math: str, material: int, damped: bool, parts: frozen
                 x, y, z, hard, _ = pulled(vertex, position, arrays.springs)
                 sums = added(sums, (x, y, z, hard, hard, hard, zero, zero, zero))
             if has_bodies:
-                number, before, holds, bodies, kinds = arguments
-                sums = add_contact(vertex, sums, position, (number, before, holds, parameters, bodies, kinds))
+                number, before, holds, bodies, kinds = given
+                sums = met(vertex, sums, position, (number, before, holds, parameters, bodies, kinds))
             x, y, z = moved(
                 row(position, vertex), row(inertial, vertex), position[vertex, 3], parameters[SCALE], sums
             )  # fmt: skip
@@ -144,10 +144,10 @@ def make_material(compiler: Compiler, visits: Sequence[SimpleNamespace], damped:
     `prepare(team, member, bands, before, velocity, inertial, position, descents, parameters)` and `sweep(team, member,
     bands, position, inertial, descents, parameters, given)`; `descents`: DescentArrays of each.
     """
-    sweeps = SimpleNamespace(prepare=None, sweep=None)
+    found = SimpleNamespace(prepare=None, sweep=None)
     for number in range(len(visits) - 1, -1, -1):
-        sweeps = _of_material(compiler, number, visits[number], sweeps, damped)
-    return sweeps
+        found = _of_material(compiler, number, visits[number], found, damped)
+    return found
 
 
 def _of_material(
@@ -162,27 +162,27 @@ def _of_material(
         arrays = descents[number]
         if damped:
             count = np.int64(arrays.corners.shape[0])
-            for part in assigned(team, member, bands):
+            for part in shares(team, member, bands):
                 remember(count * part // bands, count * (part + 1) // bands, before, arrays)
         free = np.int64(arrays.starts[arrays.starts.size - 1])
-        for part in assigned(team, member, bands):
+        for part in shares(team, member, bands):
             first, last = free * part // bands, free * (part + 1) // bands
             start(first, last, before, velocity, inertial, position, arrays, parameters)
         if has_others:
             prepare_others(team, member, bands, before, velocity, inertial, position, descents, parameters)
 
     @compiler.compiled
-    def sweep(team, member, bands, position, inertial, descents, parameters, arguments):
+    def sweep(team, member, bands, position, inertial, descents, parameters, given):
         arrays = descents[number]
         starts = arrays.starts
         for colour in range(starts.size - 1):
             begin, many = np.int64(starts[colour]), starts[colour + 1] - starts[colour]
             parts = bands if many >= ALONE else 1
-            for part in assigned(team, member, parts):
+            for part in shares(team, member, parts):
                 first, last = begin + many * part // parts, begin + many * (part + 1) // parts
-                descend(first, last, position, inertial, arrays, parameters, arguments)
+                descend(first, last, position, inertial, arrays, parameters, given)
         if has_others:
-            sweep_others(team, member, bands, position, inertial, descents, parameters, arguments)
+            sweep_others(team, member, bands, position, inertial, descents, parameters, given)
 
     return SimpleNamespace(prepare=prepare, sweep=sweep)
 
@@ -205,35 +205,34 @@ def make_descent_stages(real: Any, math: str, material: int, damped: bool, parts
             parameters,
         )  # fmt: skip
 
-    def descend(band, bands, first, last, position, inertial, arrays, parameters, arguments):
+    def descend(band, bands, first, last, position, inertial, arrays, parameters, given):
         many = last - first
         descend_some(
-            first + many * band // bands, first + many * (band + 1) // bands, position, inertial, arrays, parameters,
-            arguments
+            first + many * band // bands, first + many * (band + 1) // bands, position, inertial, arrays, parameters, given
         )  # fmt: skip
 
     return SimpleNamespace(**{one.__name__: compiler.banded(one) for one in (remember, start, descend)})
 
 
 @cache
-def make_descent_advance(real: Any, math: str, parts: frozenset[str], numbers: tuple[int, ...], damped: bool) -> Any:
+def make_descent_advance(real: Any, math: str, parts: frozenset[str], made: tuple[int, ...], damped: bool) -> Any:
     """Compile advance(bands, steps, step, substeps, iterations, position, velocity, before, inertial, parameters,
     integers, wind_lists, descents, holds, bodies, kinds, driven, ways, weights): many steps in one call.
 
-    `numbers`: the materials of the `descents`; `weights` (iterations,): of Chebyshev acceleration.
+    `made`: the materials of the `descents`; `weights` (iterations,): of Chebyshev acceleration.
     """
     compiler = Compiler(cloth_variant("descent", real, math, parts), math)
     whole = make_substep(compiler, real, parts)
     opening, closing = whole.opening, whole.closing
     all_materials = make_material(
-        compiler, [make_visits(real, math, one, damped, visited(parts)) for one in numbers], damped
+        compiler, [make_visits(real, math, one, damped, visited(parts)) for one in made], damped
     )
     prepare, sweep = all_materials.prepare, all_materials.sweep
     accelerate, accelerated = make_accelerate(compiler, real), CHEBYSHEV in parts
 
     def advance(
         team, member, bands, steps, step, substeps, iterations, position, velocity, before, inertial, parameters, integers,
-        wind_lists, descents, holds, bodies, kinds, driven, iterates, weights,
+        wind_lists, descents, holds, bodies, kinds, driven, ways, weights,
     ):  # fmt: skip
         count = len(position)
         for pass_number in range(steps * substeps):
@@ -244,13 +243,13 @@ def make_descent_advance(real: Any, math: str, parts: frozenset[str], numbers: t
                 bodies, driven,
             )  # fmt: skip
             prepare(team, member, bands, before, velocity, inertial, position, descents, parameters)
-            arguments = number, before, holds, bodies, kinds
+            given = number, before, holds, bodies, kinds
             for iteration in range(iterations):
-                sweep(team, member, bands, position, inertial, descents, parameters, arguments)
+                sweep(team, member, bands, position, inertial, descents, parameters, given)
                 if accelerated:
-                    for band in assigned(team, member, bands):
+                    for band in shares(team, member, bands):
                         first, last = count * band // bands, count * (band + 1) // bands
-                        accelerate(first, last, position, iterates, weights[iteration])
+                        accelerate(first, last, position, ways, weights[iteration])
             closing(team, member, bands, number, position, velocity, before, parameters, bodies, kinds, driven)
 
     return compiler.team(advance)

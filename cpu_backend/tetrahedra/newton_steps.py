@@ -14,7 +14,7 @@ import numpy as np
 
 from softlab.cpu_backend.contact.pins import make_drive
 from softlab.cpu_backend.core.compile import Compiler
-from softlab.cpu_backend.core.progress import assigned
+from softlab.cpu_backend.core.progress import shares
 from softlab.cpu_backend.core.scratch import cloth_variant
 from softlab.cpu_backend.position_based.mesh_kernels import make_begin, make_end
 from softlab.cpu_backend.tetrahedra.newton_arrays import Since
@@ -50,11 +50,11 @@ def make_substep_ends(
     ahead, staged, damped = stages.make(real, compiler.compiled), STAGED in parts, DAMPED in parts
 
     @compiler.compiled
-    def begin_stage(low, high, number, state, inputs, vectors):
+    def begin_stage(low, high, number, state, given, vectors):
         """Start a stage of a substep. The first one saves its velocities, and for dampers its positions, at its start
         and end; the second one starts from an extrapolation of the first one's end."""
         position, velocity, before = state
-        start, h = vectors.first_velocity, inputs.parameters.dt
+        start, h = vectors.first_velocity, given.parameters.dt
         for k in range(low, high):
             for axis in range(3):
                 if damped:
@@ -68,28 +68,26 @@ def make_substep_ends(
                     )
 
     @compiler.compiled
-    def drive_between(low, high, number, state, inputs):
+    def drive_between(low, high, number, state, given):
         """Move the pins among the particles `low` to before `high`."""
         position, velocity, _ = state
-        parameters, bodies, driven = inputs.parameters, inputs.bodies, inputs.driven
+        parameters, bodies, driven = given.parameters, given.bodies, given.driven
         for n in range(driven.size):
             if low <= driven[n] and driven[n] < high:
                 drive(n, n + 1, number, position, velocity, parameters, bodies, driven)
 
     @compiler.compiled
-    def begin_groups(first, last, frame, number, state, inputs, vectors):
+    def begin_groups(first, last, frame, number, state, given, vectors):
         position, velocity, before = state
         low, high = first * SUMMED, min(last * SUMMED, len(position))
         if staged:
-            begin_stage(low, high, number, state, inputs, vectors)
+            begin_stage(low, high, number, state, given, vectors)
         for k in range(low, high):
             for axis in range(position.shape[1]):
                 before[k, axis] = position[k, axis]
-        begin(
-            low, high, frame, number, before, velocity, position, inputs.parameters, inputs.integers, inputs.wind_lists
-        )
+        begin(low, high, frame, number, before, velocity, position, given.parameters, given.integers, given.wind_lists)
         if has_motion:
-            drive_between(low, high, number, state, inputs)
+            drive_between(low, high, number, state, given)
         target = vectors.target
         for k in range(low, high):
             for axis in range(3):
@@ -97,13 +95,13 @@ def make_substep_ends(
         put(first, last, position, before, before)
 
     @compiler.compiled
-    def finish_groups(first, last, number, state, inputs, matrix):
+    def finish_groups(first, last, number, state, given, matrix):
         position, velocity, before = state
-        parameters, bodies, kinds = inputs.parameters, inputs.bodies, inputs.kinds
+        parameters, bodies, kinds = given.parameters, given.bodies, given.kinds
         low, high = first * SUMMED, min(last * SUMMED, len(position))
         update_velocity(low, high, before, position, velocity, parameters)
         if has_motion:
-            drive_between(low, high, number, state, inputs)
+            drive_between(low, high, number, state, given)
         if has_bodies:
             pressed(low, high, number, position, velocity, before, matrix.stiffness, (parameters, bodies, kinds))
             collide(low, high, number, before, position, velocity, parameters, bodies, kinds)
@@ -122,7 +120,7 @@ def make_pass(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     level = make_coarse(compiler, real)
     solving = make_solving(compiler, real, of_rows.apply, level.corrected)
     moving = make_moving(compiler, real, parts, solving.dot, contact)
-    energies, blocks, assemble = elements.energies, elements.blocks, of_rows.assemble
+    look, blocks, assemble = elements.look, elements.blocks, of_rows.assemble
     start, product, update, direct = solving.start, solving.product, solving.update, solving.direct
     correct, centre, gather, restrict = solving.correct, level.centre, level.gather, level.restrict
     weigh, move, accept, put = moving.weigh, moving.move, moving.accept, moving.put
@@ -131,12 +129,12 @@ def make_pass(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     two_stages = DAMPED in parts and STAGED in parts
 
     @compiler.compiled
-    def matrix_pass(control, first, last, number, state, inputs, solver):
+    def matrix_pass(control, first, last, number, state, given, solver):
         rows, vectors, matrix, sums = solver.rows, solver.vectors, solver.matrix, solver.sums
         groups, coarse, kind = solver.groups, solver.coarse, control.next
         position, _, before = state
         if kind == passes.ROWS:
-            assemble(first, last, number, position, vectors.target, before, rows, matrix, inputs, sums)
+            assemble(first, last, number, position, vectors.target, before, rows, matrix, given, sums)
         elif kind == passes.SOLVE:
             start(first, last, before, vectors)
         elif kind == passes.PRODUCT:
@@ -159,32 +157,32 @@ def make_pass(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
         """Return the number of items that bands divide: groups, or SUMMED tetrahedra or particles each."""
         if kind in (passes.CENTRES, passes.COARSE, passes.RESTRICT):
             return np.int64(groups)
-        of_elements = kind in (passes.ENERGIES, passes.BLOCKS)
+        of_elements = kind in (passes.LOOK, passes.BLOCKS)
         return ((tetrahedra if of_elements else particles) + SUMMED - 1) // SUMMED
 
     @compiler.compiled
-    def since_of(number, before, inputs, vectors):
-        rate = inputs.parameters.newton_rate
+    def since_of(number, before, given, vectors):
+        rate = given.parameters.newton_rate
         if two_stages:
             return Since(rate, before, vectors.first_start, vectors.first_end, number % 2 == 1)
         return Since(rate, before, before, before, False)
 
     @compiler.compiled
-    def one_pass(control, band, bands, frame, number, state, inputs, solver):
+    def one_pass(control, band, bands, frame, number, state, given, solver):
         position, _, before = state
         elements, vectors, matrix, sums = solver.elements, solver.vectors, solver.matrix, solver.sums
         kind = control.next
         many = items_of(kind, len(elements.corners), len(position), len(solver.groups.starts) - 1)
         first, last = many * band // bands, many * (band + 1) // bands
         if kind == passes.BEGIN:
-            begin_groups(first, last, frame, number, state, inputs, vectors)
-        elif kind == passes.ENERGIES:
-            energies(first, last, position, since_of(number, before, inputs, vectors), elements, matrix.forces, sums)
+            begin_groups(first, last, frame, number, state, given, vectors)
+        elif kind == passes.LOOK:
+            look(first, last, position, since_of(number, before, given, vectors), elements, matrix.forces, sums)
         elif kind == passes.BLOCKS:
-            since = since_of(number, before, inputs, vectors)
+            since = since_of(number, before, given, vectors)
             blocks(first, last, position, since, elements, control.safe != 0, matrix.element_blocks)
         elif kind == passes.WEIGH:
-            weigh(first, last, number, position, before, inputs, solver)
+            weigh(first, last, number, position, before, given, solver)
         elif kind == passes.MOVE:
             move(first, last, control.share, position, before, vectors, sums)
         elif kind == passes.ACCEPT:
@@ -194,9 +192,9 @@ def make_pass(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
         elif kind == passes.AHEAD:
             put(first, last, position, before, vectors.target)
         elif kind == passes.FINISH:
-            finish_groups(first, last, number, state, inputs, matrix)
+            finish_groups(first, last, number, state, given, matrix)
         else:
-            matrix_pass(control, first, last, number, state, inputs, solver)
+            matrix_pass(control, first, last, number, state, given, solver)
 
     return one_pass
 
@@ -214,10 +212,10 @@ def make_newton_advance(real: Any, math: str, parts: frozenset[str]) -> Any:
 
     @compiler.compiled
     def total(sums, place, groups):
-        result = zero
+        found = zero
         for group in range(groups):
-            result = result + sums[place, group]
-        return result
+            found = found + sums[place, group]
+        return found
 
     band = make_band(compiler, real)
     factor, solve, one = band.factor, band.solve, real(1)
@@ -235,9 +233,9 @@ def make_newton_advance(real: Any, math: str, parts: frozenset[str]) -> Any:
     def go_on(c, iterations, floor, particles, solver, done):
         """Choose the next pass from the sums of the last one. `c`: the record of control_type."""
         kind, sums = c.next, solver.sums
-        groups = ((len(solver.elements.corners) if kind == passes.ENERGIES else particles) + SUMMED - 1) // SUMMED
+        groups = ((len(solver.elements.corners) if kind == passes.LOOK else particles) + SUMMED - 1) // SUMMED
         first = alone(kind, solver, total(sums, 0, groups))
-        second = total(sums, 1, groups) if kind == passes.ENERGIES else zero
+        second = total(sums, 1, groups) if kind == passes.LOOK else zero
         counts = passes.Counts(c.phase, c.safe, c.products, c.steps, c.halvings)
         values = passes.Values(
             c.energy, c.trial, c.noise, c.squared, c.enough, c.alpha, c.beta, c.share, c.slope, c.unsure
@@ -245,7 +243,7 @@ def make_newton_advance(real: Any, math: str, parts: frozenset[str]) -> Any:
         later, counts, values = after(kind, counts, values, first, second, iterations, floor)
         c.phase, c.safe, c.products, c.steps, c.halvings = counts
         c.energy, c.trial, c.noise, c.squared, c.enough, c.alpha, c.beta, c.share, c.slope, c.unsure = values
-        done[passes.EVALUATIONS] += kind == passes.ENERGIES
+        done[passes.LOOKS] += kind == passes.LOOK
         done[passes.MATRICES] += kind == passes.ROWS
         done[passes.PRODUCTS] += kind == passes.PRODUCT
         if kind == passes.FINISH:
@@ -255,15 +253,15 @@ def make_newton_advance(real: Any, math: str, parts: frozenset[str]) -> Any:
         c.next = later
 
     def advance(
-        team, member, bands, steps, step, solves, iterations, floor, state, inputs, solver, control, done
+        team, member, bands, steps, step, solves, iterations, floor, state, given, solver, control, done
     ):  # fmt: skip
         position, _, _ = state
         while control[0].solved < steps * solves:  # it only grows: a late member sees that all is done
-            for band in assigned(team, member, bands):
+            for band in shares(team, member, bands):
                 number = control[0].solved
                 frame, number = step + number // solves, step * solves + number
-                one_pass(control[0], band, bands, frame, number, state, inputs, solver)
-            for _ in assigned(team, member, 1):
+                one_pass(control[0], band, bands, frame, number, state, given, solver)
+            for _ in shares(team, member, 1):
                 go_on(control[0], iterations, floor, len(position), solver, done)
 
     return compiler.team(advance)

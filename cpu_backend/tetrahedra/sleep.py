@@ -23,13 +23,13 @@ def make_sleep_stages(real: Any, math: str) -> SimpleNamespace:
     compiler = Compiler(f"sleep_{np.dtype(real).name}_{math}", math)
     is_slow, zero = sleep.make(real, compiler.compiled).is_slow, real(0)
 
-    def find_slow(band, bands, velocity, earlier, slow, speed, parameters):
+    def look(band, bands, velocity, earlier, slow, speed, parameters):
         count = len(slow)
         for k in range(count * band // bands, count * (band + 1) // bands):
             v, w = (velocity[k, 0], velocity[k, 1], velocity[k, 2]), (earlier[k, 0], earlier[k, 1], earlier[k, 2])
             slow[k] = 1 if is_slow(v, w, speed, parameters.gravity, parameters.dt) else 0
 
-    def restore_resting(band, bands, before, position, velocity, earlier, slow, offsets, neighbours):
+    def keep(band, bands, before, position, velocity, earlier, slow, offsets, neighbours):
         count = len(slow)
         for k in range(count * band // bands, count * (band + 1) // bands):
             still = slow[k] == 1 and position[k, 3] > zero
@@ -40,4 +40,4 @@ def make_sleep_stages(real: Any, math: str) -> SimpleNamespace:
                     position[k, axis], velocity[k, axis] = before[k, axis], zero
                 earlier[k, axis] = velocity[k, axis]
 
-    return SimpleNamespace(find_slow=compiler.banded(find_slow), hold_still=compiler.banded(restore_resting))
+    return SimpleNamespace(look=compiler.banded(look), keep=compiler.banded(keep))

@@ -85,17 +85,17 @@ def make_pins(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
         )  # fmt: skip
 
     @inline
-    def pin(mark, p, step, halfway, world):
+    def hold(mark, p, step, half_way, world):
         parameters, bodies = world.parameters, world.colliders
         x, y, z, vx, vy, vz = p[0], p[1], p[2], zero, zero, zero
         if has_motion:
             if mark > still:
                 clock = parameters.dt, parameters.first_step, parameters.first_time
-                time = middle(step, *clock) if halfway else instant(step + one, *clock)
+                time = middle(step, *clock) if half_way else instant(step + one, *clock)
                 x, y, z, vx, vy, vz = follow(bodies, np.int32(mark), time)
         return x, y, z, vx, vy, vz
 
-    return SimpleNamespace(follow=follow, pin=pin)
+    return SimpleNamespace(follow=follow, hold=hold)
 
 
 @cache

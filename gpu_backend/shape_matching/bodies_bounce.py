@@ -20,7 +20,7 @@ from softlab.model.formulas.shape_matching import rebound
 
 
 @cache
-def make_give(real: Any, math: str, self_contact: bool, many: bool, scaled: bool) -> Any:
+def make_give(real: Any, math: str, own: bool, many: bool, scaled: bool) -> Any:
     """Compile give(position, old, velocity, found, neighbours, record, body, kind, kinds, touching, travel, pressed,
     scales, struck).
 
@@ -31,27 +31,21 @@ def make_give(real: Any, math: str, self_contact: bool, many: bool, scaled: bool
     split, moved, impulse_of, add = formulas.split, formulas.moved, formulas.impulse, formulas.impulse_added
     whole = device_formulas(rebound.make, real, math)
     factor_of, product, squared_impulse, wanted = whole.shared, whole.scaled, whole.squared, whole.wanted
-    lack_of, zero, one, most = (
-        make_lack(real, math, self_contact, many, True),
-        real(0),
-        real(1),
-        np.int32(MAX_NEIGHBOURS),
-    )
+    lack_of, zero, one, most = make_lack(real, math, own, many, True), real(0), real(1), np.int32(MAX_NEIGHBOURS)
 
     def give(
-        position, old, velocity, neighbour_counts, neighbours, record, body, kind, kinds, touching, travel, pressed,
-        scales, impulses
+        position, old, velocity, found, neighbours, record, body, kind, kinds, touching, travel, pressed, scales, struck
     ):  # fmt: skip
         i = np.int32(cuda.grid(1))
-        if i < neighbour_counts.size:
-            neighbour_count, particles = np.int32(min(neighbour_counts[i], most)), np.int64(neighbour_counts.size)
+        if i < found.size:
+            kept, particles = np.int32(min(found[i], most)), np.int64(found.size)
             x, y, z, weight, squares, contacts = zero, zero, zero, zero, zero, zero
-            if neighbour_count > 0:
+            if kept > 0:
                 v = load_quad(touching, i)
                 if v[3] > zero:
                     p, o = load_quad(position, i), load_quad(old, i)
                     weight = p[3]
-                    for s in range(neighbour_count):
+                    for s in range(kept):
                         j = neighbours[s * particles + i]
                         w = load_quad(touching, j)
                         by = pressed[s * particles + i]
@@ -59,19 +53,19 @@ def make_give(real: Any, math: str, self_contact: bool, many: bool, scaled: bool
                             i, j, p, o, v, w, position, old, record, body, kind, kinds, travel, by
                         )
                         if lack != zero:
-                            fraction = split(v[3], one, w[3], one)
+                            share = split(v[3], one, w[3], one)
                             if scaled:
                                 f, g = load_quad(scales, i), load_quad(scales, j)
                                 lack = product(
                                     lack, factor_of(record[H_RESTITUTION], f[0], f[1], f[2], g[0], g[1], g[2])
                                 )
-                            impulse = impulse_of(fraction, lack, max(by, zero), record[H_INVERSE_SUBSTEP])
-                            x, y, z = add(x, impulse, nx), add(y, impulse, ny), add(z, impulse, nz)
-                            squares, contacts = squared_impulse(squares, impulse), contacts + one
+                            given = impulse_of(share, lack, max(by, zero), record[H_INVERSE_SUBSTEP])
+                            x, y, z = add(x, given, nx), add(y, given, ny), add(z, given, nz)
+                            squares, contacts = squared_impulse(squares, given), contacts + one
             asked = wanted(weight, contacts, squares)
-            store_quad(impulses, i, moved(zero, weight, x), moved(zero, weight, y), moved(zero, weight, z), asked)
+            store_quad(struck, i, moved(zero, weight, x), moved(zero, weight, y), moved(zero, weight, z), asked)
 
-    name = variant_name(real, math, f"own{self_contact:d}", f"many{many:d}", f"scaled{scaled:d}")
+    name = variant_name(real, math, f"own{own:d}", f"many{many:d}", f"scaled{scaled:d}")
     return make_kernel(give, f"bodies_bounce_{name}", **kernel_options(math))
 
 
@@ -86,24 +80,24 @@ def make_bodies_bounce(real: Any, math: str) -> SimpleNamespace:
     rigid, joined, zero, one = formulas.rigid, formulas.joined, real(0), np.int32(1)
     unit = real(1)
 
-    def spread(particle_starts, particle_clusters, limits, motions, scales):
+    def spread(own_starts, own_clusters, limits, motions, scales):
         k = np.int32(cuda.grid(1))
         if k < scales.size // SIZE:
             most, asked, worth = unit, zero, zero
-            for n in range(particle_starts[k], particle_starts[k + one]):
-                if limits[particle_clusters[n]] != zero:
-                    o = load_quad(motions, np.int32(ROWS * particle_clusters[n]))
+            for n in range(own_starts[k], own_starts[k + one]):
+                if limits[own_clusters[n]] != zero:
+                    o = load_quad(motions, np.int32(ROWS * own_clusters[n]))
                     most, asked, worth = o[0], o[1], o[2]
             store_quad(scales, k, most, asked, worth, zero)
 
-    def join(position, velocity, impulses, particle_starts, particle_clusters, limits, motions):
+    def join(position, velocity, struck, own_starts, own_clusters, limits, motions):
         k = np.int32(cuda.grid(1))
         if k < position.size // SIZE:
-            p, v, q = load_quad(position, k), load_quad(velocity, k), load_quad(impulses, k)
+            p, v, q = load_quad(position, k), load_quad(velocity, k), load_quad(struck, k)
             a, b, c = q[0], q[1], q[2]
-            for n in range(particle_starts[k], particle_starts[k + one]):
-                if limits[particle_clusters[n]] != zero:
-                    row = np.int32(ROWS * particle_clusters[n])
+            for n in range(own_starts[k], own_starts[k + one]):
+                if limits[own_clusters[n]] != zero:
+                    row = np.int32(ROWS * own_clusters[n])
                     o, t, s = load_quad(motions, row), load_quad(motions, row + 1), load_quad(motions, row + 2)
                     dx, dy, dz = p[0] - o[0], p[1] - o[1], p[2] - o[2]
                     a = rigid(t[0], s[1], dz, s[2], dy)

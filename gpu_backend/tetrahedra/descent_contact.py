@@ -33,7 +33,7 @@ def make_meeting(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace
     zero, has_friction = real(0), "friction" in parts
 
     @inline
-    def add_contact(sums, b, p, holds, world, number):
+    def met(sums, b, p, holds, world, number):
         x, y, z, hard = within(b, p, holds, world, number)
         if (x != zero) | (y != zero) | (z != zero):
             xx, xy, xz, yy, yz, zz = outer(x, y, z, hard)
@@ -51,7 +51,7 @@ def make_meeting(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace
                 sums = added(sums, rubbed(v, (wx, wy, wz), n, u, t, hard, h))
         return sums
 
-    return SimpleNamespace(has_bodies=contact.has_bodies, add_contact=add_contact)
+    return SimpleNamespace(has_bodies=contact.has_bodies, met=met)
 
 
 @cache

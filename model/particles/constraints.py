@@ -93,7 +93,5 @@ class ConstraintSet:
 
 def coloured(kind: str, model: str, corners: np.ndarray, values: np.ndarray, particles: int) -> ConstraintSet:
     """Return the set of these constraints, sorted by colours."""
-    colouring = colour(corners, particles)
-    return ConstraintSet(
-        kind, model, np.ascontiguousarray(corners[colouring.order]), values[colouring.order], colouring.starts
-    )
+    found = colour(corners, particles)
+    return ConstraintSet(kind, model, np.ascontiguousarray(corners[found.order]), values[found.order], found.starts)

@@ -16,7 +16,7 @@ from numba import prange
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import row_at
 from softlab.cpu_backend.core.plain import SECONDS, SWITCH, TooLong, is_plain, plain_python
-from softlab.cpu_backend.core.progress import assigned, exchange, load_acquire, new_flags, new_team, store_release
+from softlab.cpu_backend.core.progress import exchange, load_acquire, new_flags, new_team, shares, store_release
 
 
 @pytest.fixture(autouse=True)
@@ -104,7 +104,7 @@ def test_nobody_waits_for_another() -> None:
         team = new_team(members)
         for member in prange(members):
             for phase in range(2):
-                for part in assigned(team, member, count):
+                for part in shares(team, member, count):
                     done[phase, part] += member + 1
 
     done = np.zeros((2, 3), np.int64)

@@ -79,7 +79,7 @@ def make_reads(real: Any, math: str, parts: frozenset[str], tile: Tile) -> Simpl
             store_pair(both, place + np.int32(r) * width, p.real, p.imag)
 
     @inline
-    def pin_bits_of(pinned, cell):
+    def held_bits(pinned, cell):
         i, j, rows, columns = cell.i, cell.j, cell.rows, cell.columns
         bits = np.int32(0)
         if has_pins:
@@ -90,7 +90,7 @@ def make_reads(real: Any, math: str, parts: frozenset[str], tile: Tile) -> Simpl
                         bits = bits | np.int32(1 << r)
         return bits
 
-    return SimpleNamespace(constants=reader(ON_TILES, inline), read=read, pin_bits_of=pin_bits_of)
+    return SimpleNamespace(constants=reader(ON_TILES, inline), read=read, held_bits=held_bits)
 
 
 def make_step(
@@ -108,10 +108,10 @@ def make_step(
     inline = inlined(math)
 
     @inline
-    def pin(both, old, new, vx, vy, pin_bits, place):
+    def hold(both, old, new, vx, vy, held, place):
         """Reset pinned masses to their old positions."""
         for r in range(strip):
-            if pin_bits & np.int32(1 << r):
+            if held & np.int32(1 << r):
                 here = place + np.int32(r) * width
                 p = load_pair(both, old + here)
                 vx[r], vy[r] = zero, zero
@@ -119,7 +119,7 @@ def make_step(
 
     @inline
     def step(
-        both, old, new, vx, vy, pin_bits, place, left, right, above, below, i, j, parameters, integers, number, rows,
+        both, old, new, vx, vy, held, place, left, right, above, below, i, j, parameters, integers, number, rows,
         columns,
     ):  # fmt: skip
         stiffness, rest = parameters.stiffness, parameters.stiffness_rest
@@ -163,7 +163,7 @@ def make_step(
             store_pair(both, new + here, px, py)
             p, q, left_p, right_p = q, next_q, next_left, next_right
         if has_pins:
-            if pin_bits != 0:
-                pin(both, old, new, vx, vy, pin_bits, place)
+            if held != 0:
+                hold(both, old, new, vx, vy, held, place)
 
     return step
